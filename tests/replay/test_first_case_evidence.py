@@ -68,7 +68,7 @@ def noisy(dive: RovDive, accel: float, gyro: float) -> tuple[Floats, Floats]:
 def tables(folder: Path, dive: RovDive, *, quarter: int = 0, yaw_deg: float = 0.0) -> dict[str, Path]:
     """A slow vehicle's log: cheap IMU with AHRS turned by quarters, DVL velocity turned by an angle, ranges, GPS."""
     Q = Rotation.from_euler("Z", 90.0 * quarter, degrees=True)
-    force, omega = (Q.inv().apply(x) for x in noisy(dive, 0.05, 0.002))
+    force, omega = (Q.inv().apply(x) for x in noisy(dive, 0.08, 0.002))
     times, platform = attitude(dive)
     roll, pitch, yaw = np.rad2deg((platform * Q).as_euler("ZYX")[:, ::-1]).T
     axes = "xyz"
@@ -115,7 +115,7 @@ def test_slope_of_turns_tells_the_unit(dive: RovDive, factor: float) -> None:
     assert found[1] > 0.9
 
 
-@pytest.mark.parametrize(("accel", "gyro"), [(0.01, 0.001), (0.05, 0.005), (0.1, 0.01)])
+@pytest.mark.parametrize(("accel", "gyro"), [(0.01, 0.001), (0.07, 0.005), (0.15, 0.01)])
 def test_noise_put_in_is_found(dive: RovDive, accel: float, gyro: float) -> None:
     """Each within a third of what was put in, the offsets within four of their sigmas, and the beams' tilt."""
     force, omega = noisy(dive, accel, gyro)
@@ -135,6 +135,17 @@ def test_noise_put_in_is_found(dive: RovDive, accel: float, gyro: float) -> None
     B = np.asarray(read_geometry(dive.geometry).geometry.directions_p)
     assert beam_noise(B, found.velocity_sd_mps) == pytest.approx(0.06, rel=0.1)
     assert np.rad2deg(tilt_of_noise(found.velocity_sd_mps)) == pytest.approx(25.0, abs=2.0)
+
+
+def test_jitter_of_the_pings_is_no_noise_of_the_accelerometers(dive: RovDive) -> None:
+    """Gravity times 20 ms is 0.2 m/s, which a difference of uneven pings must not leave."""
+    stamps, _ = velocities(dive)
+    late = stamps + ns(np.random.default_rng(6).uniform(0.0, 0.04, len(stamps)))
+    true = dive.at(np.asarray(late * 1e-9), dive.velocity)
+    found = ping_noise(Recorded(ns(dive.imu_s), dive.force, dive.omega, late, true))
+    assert found is not None
+    assert found.force_mps_rts < 0.01
+    assert found.velocity_sd_mps.max() < 0.005
 
 
 def test_a_steady_offset_is_no_wander(dive: RovDive) -> None:
@@ -180,7 +191,7 @@ def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) 
     assert errors.grade == "mti"
     assert errors.gyro_bias_deg_per_h == pytest.approx(2400.0, rel=0.1)
     assert errors.gyro_noise_deg_per_rt_h == pytest.approx(np.rad2deg(0.002) * 60.0, rel=0.33)
-    assert errors.accel_noise_mps_per_rt_h == pytest.approx(0.05 * 60.0, rel=0.33)
+    assert errors.accel_noise_mps_per_rt_h == pytest.approx(0.08 * 60.0, rel=0.33)
     runs = replay_case(case.with_overrides(methods=["tc", "dead_reckoning"])).runs
     rows = runs.filter(pl.col("pass") == "forward")
     tc = rows.filter(pl.col("method") == "tc").row(0, named=True)
@@ -257,4 +268,4 @@ def test_a_recorded_dive_untouched_ends_near_dgps(
     )
     tc, floor = (rows.filter(pl.col("method") == m).row(0, named=True) for m in ("tc", "dead_reckoning"))
     assert tc["position_final_m"] < 4.3
-    assert tc["position_rms_over_time_m"] < 1.25 * floor["position_rms_over_time_m"]
+    assert tc["position_rms_over_time_m"] < 1.05 * floor["position_rms_over_time_m"]

@@ -22,6 +22,8 @@ QUARTER_SD_RAD = np.deg2rad(20.0)
 """1 sigma of a yaw from which it does not tell quarter turns apart."""
 STIFF = {"rotation": 0.2, "gyro_bias": 1e-3, "scale": 1e-3}
 """1 sigma of a fit with poor accelerometers, whose noise would be taken for a scale: rad, rad/s, 1."""
+STIFF_SCALE = {"scale": 0.01}
+"""That of a DVL, where a calm dive does not tell it from the accelerometers' noise."""
 SIGMAS = 5.0
 OFF_QUARTER_RAD = np.deg2rad(10.0)
 LEAST_YAW_RAD = np.deg2rad(5.0)
@@ -43,13 +45,16 @@ def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: MountingYa
         track: yaw of the velocity by recorded positions; None without them.
     """
     if turned is None:
-        imu = _of_all_choices(dvl, imu)
+        imu, omega = _of_all_choices(dvl, imu), None
         dvl.match = fit(recorded(imu, dvl), LOOSE)
     else:
         before = imu.axes
         imu = _of_yaws(dvl, imu, yaw_by_accelerations(recorded(imu, dvl, turned.omega_p_radps)), track)
         omega = turned.omega_p_radps @ before @ imu.axes.T
         dvl.match = fit(recorded(imu, dvl, omega), LOOSE | (STIFF if turned.of_attitude else {}))
+    if dvl.match is not None and not dvl.match.plausible:
+        stiff = fit(recorded(imu, dvl, omega), LOOSE | STIFF_SCALE)
+        dvl.match = stiff if stiff is not None and stiff.plausible else dvl.match
     if dvl.match is None:
         dvl.questions.append("too few pings overlap the IMU's readings: clock and axes could not be compared")
     _refine_clock(dvl)

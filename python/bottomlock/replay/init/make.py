@@ -1,7 +1,7 @@
 """A first case: every stream of the given files, each guess with its reason, each unknown as a question."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +148,11 @@ def _compare(parts: Parts) -> None:
     known = turns(parts.imu, attitude, interval_s)
     parts.gyros = known.gyros
     parts.pings = ping_noise(recorded(parts.imu, dvl, known.omega_p_radps))
+    if known.of_attitude and known.gyros is not None and parts.pings is not None:
+        # The force is integrated with the gyros' rotation by a filter, too, so that their part in its error counts.
+        own = ping_noise(recorded(parts.imu, dvl, parts.imu.omega_p_radps - known.gyros.offset_radps))
+        felt = parts.pings.force_mps_rts if own is None else max(own.force_mps_rts, parts.pings.force_mps_rts)
+        parts.pings = replace(parts.pings, force_mps_rts=felt)
     set_noise(dvl, parts.pings)
 
 

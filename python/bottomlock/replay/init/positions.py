@@ -22,6 +22,8 @@ LEAST_SD_M = 1.0
 THROUGHOUT = 0.9
 """Part of the pings with a position near in time from which positions are there throughout."""
 SATELLITES = ("gps", "gnss", "navsat", "ublox")
+TRUTHS = ("ref", "gt", "truth", "ground", "slam", "telemetry", "ekf", "mocap", "qualisys", "vicon")
+"""Words in the names of files."""
 
 
 @dataclass(eq=False)
@@ -104,8 +106,8 @@ def guess_positions(
         ]
     third = place[3:] - 3.0 * place[2:-1] + 3.0 * place[1:-2] - place[:-3]
     scatter = float(np.max(sd_about_median(third, axis=0))) / np.sqrt(20.0) if len(third) > 8 else 0.0
-    steps = np.abs(np.diff(place, axis=0))
-    least = [float(x[x > 1e-3].min()) for x in steps.T if (x > 1e-3).any()]
+    steps = [np.diff(np.unique(place[:, k].round(3))) for k in range(2)]
+    least = [float(x.min()) for x in steps if x.size]
     gaps_s = np.diff(own) * 1e-9
     pings = dvl.time_ns + round(dvl.offset_s * 1e9)
     nearest = np.clip(np.searchsorted(own, pings), 1, len(own) - 1)
@@ -128,32 +130,22 @@ def guess_positions(
 
 def is_reference(found: Found, sources: int) -> bool:
     """Whether a position is what errors are measured against, by the name of its file or by what is beside it."""
-    name = found.table.path.stem.lower()
-    if any(word in name for word in SATELLITES):
+    if _named(found, SATELLITES):
         return False
-    words = (
-        "ref",
-        "gt",
-        "truth",
-        "ground",
-        "slam",
-        "telemetry",
-        "ekf",
-        "mocap",
-        "qualisys",
-        "vicon",
-        "usbl",
-        "lbl",
-    )
     beside = any(role.startswith(("ned", "v")) for role in found.extra)
-    return any(word in name for word in words) or beside or sources > 1
+    return _named(found, TRUTHS) or beside or sources > 1
+
+
+def _named(found: Found, words: tuple[str, ...]) -> bool:
+    name = found.table.path.stem.lower()
+    return any(word in name for word in words)
 
 
 def choose_positions(places: list[Found]) -> tuple[Found | None, Found | None]:
     """The reference and the GPS among recorded positions: positions that do not aid are the reference."""
-    reference = next((one for one in places if is_reference(one, len(places))), None)
-    gps = next((one for one in places if one is not reference), None)
-    return (gps, None) if reference is None else (reference, gps)
+    ordered = sorted(places, key=lambda one: (not _named(one, TRUTHS), not is_reference(one, len(places))))
+    satellites = [one for one in ordered[1:] if _named(one, SATELLITES)]
+    return (ordered[0] if ordered else None), (satellites[0] if satellites else None)
 
 
 def _rewritten(found: Found) -> dict[str, Any] | None:

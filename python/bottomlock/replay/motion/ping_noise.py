@@ -25,9 +25,12 @@ from bottomlock.statistics.robust import sd_about_median
 Floats = NDArray[np.float64]
 
 LAGS = (1, 2, 3, 4, 6, 8)
+LONGEST_S = 5.0
+"""Over longer intervals the Earth's rate, which is left out, tilts gravity by more than a good DVL's noise."""
 LEAST_DIFFERENCES = 40
-RESOLVED = 1.5
+RESOLVED = 2.0
 """Sigmas from which a random walk is told from the noise of the velocity."""
+OUTLIER = 4.0
 CLEAR = 0.5
 """Part that the accelerometers may have in the variance over one ping: beyond it the velocity's own is not clear."""
 EVEN = 0.25
@@ -63,9 +66,9 @@ def ping_noise(recorded: Recorded) -> PingNoise | None:
     turned = np.einsum("pij,pj->pi", at.C, recorded.velocity_p_mps[at.kept])
     y = turned - at.S
     interval_s = float(np.median(np.diff(recorded.time_ns))) * 1e-9
-    rows, target, counted = [], [], 0
+    rows, target, each, counted = [], [], [], 0
     for lag in LAGS:
-        if len(y) <= 2 * lag:
+        if len(y) <= 2 * lag or (lag > 2 and lag * interval_s > LONGEST_S):
             break
         first, middle, last = slice(0, -2 * lag), slice(lag, -lag), slice(2 * lag, None)
         even = at.segment[first] == at.segment[last]
@@ -73,14 +76,18 @@ def ping_noise(recorded: Recorded) -> PingNoise | None:
             even &= np.abs(at.time_s[other] - at.time_s[one] - lag * interval_s) < EVEN * interval_s
         if even.sum() < LEAST_DIFFERENCES:
             continue
-        bend = (y[last] - 2.0 * y[middle] + y[first])[even]
+        # Gravity is in the line: a jitter of 10 ms would leave 0.1 m/s, were the pings taken to be even.
+        whole = at.time_s[last] - at.time_s[first]
+        share = 2.0 * (at.time_s[middle] - at.time_s[first]) / np.maximum(whole, 1e-9)
+        bend = ((2.0 - share)[:, None] * y[first] - 2.0 * y[middle] + share[:, None] * y[last])[even]
         body = np.einsum("pji,pj->pi", at.C[middle][even], bend)
         counted = max(counted, int(even.sum()))
-        # A robust variance of n differences over a lag is known to about this part of itself (found by simulation).
-        spread = sd_about_median(body, axis=0) ** 2
+        # A variance of n differences over a lag is known to about this part of itself (by simulation).
+        spread = _variance(body)
         weight = 1.0 / (np.sqrt(lag / even.sum()) * max(float(spread.mean()), 1e-12))
         rows.append(weight * np.array([6.0, 2.0 * lag * interval_s]))
         target.append(weight * spread)
+        each.append(spread)
     if len(rows) < 2:
         return None
     third = turned[3:] - 3.0 * turned[2:-1] + 3.0 * turned[1:-2] - turned[:-3]
@@ -91,13 +98,25 @@ def ping_noise(recorded: Recorded) -> PingNoise | None:
     if even.sum() >= LEAST_DIFFERENCES:
         body = np.einsum("pji,pj->pi", at.C[1:-2][even], third[even])
         alone = sd_about_median(body, axis=0) / np.sqrt(20.0)
-    parts = np.stack([nnls(np.array(rows), np.array(target)[:, axis])[0] for axis in range(3)])
-    steep_sd = float(np.sqrt(np.linalg.inv(np.array(rows).T @ np.array(rows))[1, 1] / 3.0))
-    steep = float(parts[:, 1].mean())
+    A, b, spreads = np.array(rows), np.array(target), np.array(each)
+    parts = np.stack([nnls(A, b[:, axis])[0] for axis in range(3)])
+    # Without the bound at zero, which would make noise of any sign a walk.
+    steep = float(np.linalg.lstsq(A, b, rcond=None)[0][1].mean())
+    share = np.sqrt((spreads**2).sum(axis=1)).mean() / spreads.sum(axis=1).mean()
+    steep_sd = float(np.sqrt(np.linalg.inv(A.T @ A)[1, 1]) * share)
     clear = 2.0 * parts[:, 1] * interval_s < CLEAR * 6.0 * parts[:, 0]
     beside = np.where(clear | ~np.isfinite(alone), np.sqrt(parts[:, 0]), np.inf)
     sd = np.minimum(beside, alone)
     return PingNoise(sd, float(np.sqrt(steep)) if steep > RESOLVED * steep_sd else 0.0, counted, interval_s)
+
+
+def _variance(values: Floats) -> Floats:
+    """(3,) variance without outliers: twice as certain as one by the median."""
+    middle, sd = np.median(values, axis=0), sd_about_median(values, axis=0)
+    kept = np.abs(values - middle) <= OUTLIER * np.maximum(sd, 1e-12)
+    return np.asarray(
+        (np.where(kept, values - middle, 0.0) ** 2).sum(axis=0) / np.maximum(kept.sum(axis=0), 1)
+    )
 
 
 def tilt_of_noise(velocity_sd_mps: Floats) -> float:
