@@ -29,7 +29,7 @@ from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
-from bottomlock.statistics.replay import summary_table
+from bottomlock.statistics.replay import summary_table, track_table
 
 SCORED = (
     "error_median_mps",
@@ -257,9 +257,8 @@ def print_answer(answer: Mapping[str, Any]) -> None:
     first = (f"{answer['verdict']}: ", f"bold {_VERDICTS[answer['verdict']]}")
     parts: list[Any] = ["Can I trust this? ", first, (answer["sentence"], "bold")]
     parts += [f"\n   {line}" for line in answer["numbers"]]
-    parts.append(
-        f"\n   Change: {answer['change']} Track to take: {answer['method'] or 'none, until it is changed'}."
-    )
+    change = "" if answer["verdict"] == "yes" else f"Change: {answer['change']} "
+    parts.append(f"\n   {change}Track to take: {answer['method'] or 'none, until it is changed'}.")
     parts += [f"\n   {answer['vehicle']}"] if answer["vehicle"] else []
     console.print(Text.assemble(*parts), highlight=False)
 
@@ -299,13 +298,19 @@ def print_results(replayed: ReplayResult) -> None:
     for fault in manifest["imu_faults"]:
         console.print(fault, highlight=False)
     summary = summary_table(replayed.runs)
+    tracks = {
+        (row["what_if"], row["method"], row["pass"]): row
+        for row in track_table(replayed.samples).iter_rows(named=True)
+    }
     label = ", semi-synthetic" if manifest["semi_synthetic"] else ""
     for what_if, words in manifest["what_if"]:
-        against = ["end m", "% DT", "v m/s", "att deg"] if manifest["has_reference"] else []
+        against = (
+            ["end m", "% DT", "v m/s", "att deg"] if manifest["has_reference"] else ["north m", "east m"]
+        )
         table = narrow_table(
             f"{manifest['case']}, {what_if}{label}: {words}",
             ["method", "pass"],
-            [*against, "NIS", "of", "fixes", "rej %"],
+            [*against, "σ m", "NIS", "of", "fixes", "rej %"],
         )
         for row in summary.filter(pl.col("what_if") == what_if).iter_rows(named=True):
             numbers = [
@@ -314,10 +319,14 @@ def print_results(replayed: ReplayResult) -> None:
                 "velocity_rms_over_time_mps",
                 "attitude_rms_over_time_deg",
             ]
-            shown = [number(row[name]) for name in numbers] if manifest["has_reference"] else []
+            track = tracks[what_if, row["method"], row["pass"]]
+            shown = [number(row[name]) for name in numbers]
+            if not manifest["has_reference"]:
+                shown = [number(track["north_m"]), number(track["east_m"])]
+            sd = (track["sd_position_north_m"] ** 2 + track["sd_position_east_m"] ** 2) ** 0.5
             part = row["rejected_fraction"]
             table.add_row(
-                row["method"], row["pass"], *shown,
+                row["method"], row["pass"], *shown, number(sd),
                 number(row["nis_mean_over_fixes"]), number(row["nis_degrees_mean_over_fixes"]),
                 "–" if row["fixes"] is None else str(row["fixes"]), "-" if not row["fixes"] else f"{100.0 * part:.1f}",
             )  # fmt: skip

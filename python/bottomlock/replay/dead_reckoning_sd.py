@@ -105,6 +105,12 @@ def structure_function(
     return StructureFunction(np.array(apart), np.maximum.accumulate(np.array(change), axis=0), usual_s)
 
 
+def white_noise(velocity_p_mps: Floats) -> Floats:
+    """(3,) variance, m²/s², of what is white from one velocity (p, 3) to the next: half of D as its lag goes to 0."""
+    first, second = (np.mean((velocity_p_mps[k:] - velocity_p_mps[:-k]) ** 2, axis=0) for k in (1, 2))
+    return np.asarray(np.maximum(0.5 * np.minimum(2.0 * first - second, first), 0.0))
+
+
 def summed(steps: Floats) -> Floats:
     """(n + 1, ...) running sum of (n, ...) from zero."""
     return np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])

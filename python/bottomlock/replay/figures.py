@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.stats import chi2
@@ -44,7 +45,12 @@ def _left_title(figure: Figure, title: str) -> None:
 
 
 def map_figure(
-    samples: pl.DataFrame, path: pl.DataFrame | None, *, methods: Sequence[str], title: str
+    samples: pl.DataFrame,
+    path: pl.DataFrame | None,
+    *,
+    methods: Sequence[str],
+    title: str,
+    claims: Sequence[str] = (),
 ) -> Figure:
     """Plan view of the methods in one what-if case (first run), dotted where smoothed, and of the reference.
 
@@ -53,6 +59,7 @@ def map_figure(
         path: `tables.replay.PATH`, or None.
         methods: which to draw.
         title: text above the figure.
+        claims: methods whose 2 sigma of north and east are drawn as ellipses along the way.
     """
     first = samples.filter(pl.col("run") == samples["run"].min())
     with mpl.rc_context(STYLE):
@@ -73,6 +80,8 @@ def map_figure(
                 axes.plot(rows["east_m"], rows["north_m"], linewidth=width, alpha=alpha, **look)
                 if name == FORWARD:
                     ends[method] = (rows["east_m"].to_numpy(), rows["north_m"].to_numpy())
+                if name == FORWARD and method in claims:
+                    _ellipses(axes, rows, stroke(method).colour)
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.06)
         start = first.row(0, named=True)
@@ -94,6 +103,26 @@ def map_figure(
         label_ends(axes, [Line(group, *ends[group[0]]) for group in groups])
         _left_title(figure, title)
     return figure
+
+
+ELLIPSES = 4
+"""Along a track, the last of them at its end."""
+LARGEST = 3.0
+"""Extent of a track over which its ellipses are left away: they would hide what is drawn."""
+
+
+def _ellipses(axes: Axes, rows: pl.DataFrame, colour: str) -> None:
+    """2 sigma of north and east at places evenly spread over the time."""
+    place = rows.select("east_m", "north_m").to_numpy()
+    sd = rows.select("sd_position_east_m", "sd_position_north_m").to_numpy()
+    extent = max(float(np.ptp(place, axis=0).max()), 1.0)
+    for row in np.linspace(0, rows.height - 1, ELLIPSES + 1).round().astype(int)[1:]:
+        if not 0.0 < 2.0 * sd[row].max() < LARGEST * extent:
+            continue
+        width, height = 4.0 * sd[row]
+        axes.add_patch(
+            Ellipse(place[row], width, height, edgecolor=colour, facecolor="none", linewidth=0.9, alpha=0.8)
+        )
 
 
 def error_figure(
@@ -199,9 +228,18 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, 
 
 
 def nis_figure(
-    innovations: pl.DataFrame, start_ns: int, *, methods: Sequence[str], title: str, window: int = 30
+    innovations: pl.DataFrame,
+    start_ns: int,
+    *,
+    methods: Sequence[str],
+    title: str,
+    window: int = 30,
+    least_ratio: float = 1.0,
 ) -> Figure:
-    """NIS over its degrees of freedom, sliding mean over pings (first run), with the 95 % band of that mean."""
+    """NIS over its degrees of freedom, sliding mean over pings (first run), with the 95 % band of that mean.
+
+    `least_ratio` is what Gaussian noise as claimed leads to under the weights of heavy tails.
+    """
     first = innovations.filter(pl.col("run") == innovations["run"].min())
     lines: dict[str, Floats] = {}
     times: dict[str, Floats] = {}
@@ -224,7 +262,7 @@ def nis_figure(
             axes.text(0.5, 0.5, "too few fixes", transform=axes.transAxes, ha="center", color=FAINT)
             return figure
         low, high = chi2.ppf([0.025, 0.975], window * degrees) / (window * degrees)
-        axes.axhspan(float(low), float(high), color=FAINT, alpha=0.35, linewidth=0.0)
+        axes.axhspan(least_ratio * float(low), float(high), color=FAINT, alpha=0.35, linewidth=0.0)
         axes.set_yscale("log")
         every = np.concatenate(list(lines.values()))
         axes.set_ylim(max(min(float(every.min()), 0.5) / 1.4, 1e-4), max(float(every.max()), 2.0) * 1.4)

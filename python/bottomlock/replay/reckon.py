@@ -1,6 +1,7 @@
 """Dead reckoning along a case: whole velocities of its pings, its attitude stream, and the errors that both claim."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,10 +11,12 @@ from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.dead_reckoning import Begin, DepthAid, Velocities, dead_reckon
 from bottomlock.replay.dead_reckoning_sd import (
+    FEWEST,
     AttitudeErrors,
     StructureFunction,
     VelocityErrors,
     structure_function,
+    white_noise,
 )
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.robust_fix import solve_scaled
@@ -43,34 +46,55 @@ def whole_velocities(prepared: PreparedRun, valid: Flags) -> Velocities:
     return Velocities(times[whole], fixes.velocity_p_mps[whole], fixes.cov_m2ps2[whole])
 
 
-def recorded_change(prepared: PreparedRun) -> StructureFunction | None:
-    """How the vehicle's velocity changes with time, from all pings as recorded; None for too few whole ones."""
+@dataclass(frozen=True, eq=False)
+class FromLog:
+    """What the whole velocities of a log as recorded show: how they change with time, and their noise, m²/s², (3,)."""
+
+    change: StructureFunction
+    noise_var_m2ps2: Floats
+
+
+def measured(prepared: PreparedRun) -> FromLog | None:
+    """Change and noise of the velocity, from all pings as recorded; None for too few whole ones.
+
+    The noise is what is white from ping to ping, where that is more than the beams claim.
+    """
     whole = whole_velocities(prepared, prepared.streams.beams.valid[prepared.pings])
-    if not len(whole.time_ns):
+    if len(whole.time_ns) < FEWEST:
         return None
-    noise_var = np.median(np.diagonal(whole.cov_m2ps2, axis1=1, axis2=2), axis=0)
-    return structure_function(whole.time_ns, whole.velocity_p_mps, noise_var)
+    claimed = np.median(np.diagonal(whole.cov_m2ps2, axis1=1, axis2=2), axis=0)
+    noise_var = np.asarray(np.maximum(claimed, white_noise(whole.velocity_p_mps)))
+    change = structure_function(whole.time_ns, whole.velocity_p_mps, noise_var)
+    assert change is not None  # there are enough
+    return FromLog(change, noise_var)
+
+
+def _at_least(velocities: Velocities, noise_var_m2ps2: Floats) -> Velocities:
+    """The velocities with no less noise than the log shows."""
+    claimed = np.diagonal(velocities.cov_m2ps2, axis1=1, axis2=2)
+    more = np.maximum(noise_var_m2ps2 - claimed, 0.0)
+    return replace(velocities, cov_m2ps2=velocities.cov_m2ps2 + more[:, :, None] * np.eye(3))
 
 
 def reckon(
-    case: Case, prepared: PreparedRun, valid: Flags, change: StructureFunction | None
+    case: Case, prepared: PreparedRun, valid: Flags, log: FromLog | None
 ) -> Mapping[str, Floats] | None:
-    """States of dead reckoning under the names of the kernel's; None without an attitude or a measured `change`.
+    """States of dead reckoning under the names of the kernel's; None without an attitude or what the log shows.
 
     Args:
         case: the case.
         prepared: the run.
         valid: (E, B) which beams returned.
-        change: of `recorded_change`.
+        log: of `measured`.
     """
     attitudes, alignment = prepared.streams.attitudes, prepared.alignment
-    if case.attitude is None or attitudes is None or len(attitudes.time_ns) < 2 or change is None:
+    if case.attitude is None or attitudes is None or len(attitudes.time_ns) < 2 or log is None:
         return None
     dvl, instrument = prepared.model.dvl, prepared.streams.instrument
     B = np.asarray(instrument.geometry.directions_p)
     depths, depth = prepared.streams.depths, case.depth
     reckoned = dead_reckon(
-        whole_velocities(prepared, valid),
+        _at_least(whole_velocities(prepared, valid), log.noise_var_m2ps2),
         attitudes,
         Begin(
             alignment.time_ns,
@@ -81,7 +105,7 @@ def reckon(
         ),
         prepared.sample_time_ns,
         velocity_errors=VelocityErrors(
-            dvl.scale_factor_sd, np.asarray(dvl.beam_bias_sd_mps**2 * np.linalg.inv(B.T @ B)), change
+            dvl.scale_factor_sd, np.asarray(dvl.beam_bias_sd_mps**2 * np.linalg.inv(B.T @ B)), log.change
         ),
         attitude_errors=attitude_errors(case.attitude),
         lever_p_m=np.asarray(instrument.geometry.lever_arms_p_m).mean(axis=0),

@@ -13,17 +13,22 @@ from bottomlock.atomic_write import write_bytes, write_text
 from bottomlock.errors import DataError
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.models import Robust
 from bottomlock.pages.featured import featured
 from bottomlock.pages.render import render
 from bottomlock.records import DIGESTS, read_record, read_recorded_table
+from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
-from bottomlock.statistics.replay import summary_table
+from bottomlock.replay.findings.expected_nis import least_ratio
+from bottomlock.statistics.replay import summary_table, track_table
 from bottomlock.tables.replay import FORWARD, RECORDED, SMOOTHED
 
 BEAM_ROWS = ("tc", "sway_current", "consistent")
 """Methods whose innovations are of single beams; the first of them that was run is drawn."""
 FAR = 25.0
 """A method that goes this many times further from the start than the median method is left off the map."""
+FAR_OF_RECKONING = 5.0
+"""The same against dead reckoning, which does not run away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,8 +177,10 @@ def _of_methods(
     caption = f"Plan view{tail}"
     caption += "; broad grey: the reference" if tables.path is not None else ""
     caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
+    claims = _claiming(manifest, near)
+    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}" if claims else ""
     caption += f"; off the map: {', '.join(far)}" if far else ""
-    add("map", caption + ".", map_figure(samples, tables.path, methods=near, title=title))
+    add("map", caption + ".", map_figure(samples, tables.path, methods=near, title=title, claims=claims))
     for name in (FORWARD, SMOOTHED):
         if manifest["has_reference"] and (ensemble["pass"] == name).any():
             drawn = error_figure(ensemble, methods=methods, title=f"{title}, {name}", which=name)
@@ -181,9 +188,18 @@ def _of_methods(
                 f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
             )
             add(f"errors_{name}", caption, drawn)
+    robust = manifest.get("options", {}).get("robust")
+    ratio = least_ratio(None if robust is None else Robust(**robust))
     caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
-    add("nis", caption, nis_figure(innovations, start_ns, methods=methods, title=title))
+    add("nis", caption, nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=ratio))
     return found
+
+
+def _claiming(manifest: dict[str, Any], methods: list[str]) -> list[str]:
+    """Of these methods the one whose track is to be taken and dead reckoning, whose ellipses are drawn."""
+    taken = manifest.get("answer", {}).get("method") or "tc"
+    wanted = dict.fromkeys([taken if taken != DEAD_RECKONING else "tc", DEAD_RECKONING])
+    return [method for method in wanted if method in methods]
 
 
 def _near_and_far(samples: pl.DataFrame, methods: list[str]) -> tuple[list[str], list[str]]:
@@ -195,13 +211,14 @@ def _near_and_far(samples: pl.DataFrame, methods: list[str]) -> tuple[list[str],
     )
     reach = dict(end.iter_rows())
     usual = float(end["reach"].median())  # type: ignore[arg-type]
-    far = [method for method in methods if reach[method] > max(FAR * usual, 10.0)]
+    most = FAR_OF_RECKONING * reach[DEAD_RECKONING] if DEAD_RECKONING in reach else FAR * usual
+    far = [method for method in methods if reach[method] > max(most, 10.0)]
     return [method for method in methods if method not in far], far
 
 
 def _content(tables: ReplayTables) -> dict[str, Any]:
     manifest = tables.manifest
-    summary = summary_table(tables.runs)
+    summary, tracks = summary_table(tables.runs), track_table(tables.samples)
     best = {
         what_if: _best(summary.filter(pl.col("what_if") == what_if)) for what_if, _ in manifest["what_if"]
     }
@@ -217,6 +234,10 @@ def _content(tables: ReplayTables) -> dict[str, Any]:
             for what_if, row in best.items()
         },
         "best": best,
+        "tracks": {
+            what_if: list(tracks.filter(pl.col("what_if") == what_if).iter_rows(named=True))
+            for what_if, _ in manifest["what_if"]
+        },
         "calibration": []
         if tables.calibration is None
         else list(tables.calibration.filter(pl.col("prior_sd") > 0.0).iter_rows(named=True)),

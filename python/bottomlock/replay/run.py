@@ -26,9 +26,10 @@ from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.findings.answers import answers
 from bottomlock.replay.findings.attitude_checks import attitude_findings
 from bottomlock.replay.findings.diagnose import diagnose, findings_json
+from bottomlock.replay.findings.trust import Answer
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.reckon import reckon, recorded_change
+from bottomlock.replay.reckon import measured, reckon
 from bottomlock.replay.streams import Streams
 from bottomlock.statistics.replay import ensemble_table, runs_table
 from bottomlock.tables.replay import RECORDED
@@ -106,11 +107,11 @@ def replay_case(
     for run in range(run_count(case)):
         prepared = rerun.prepare(case, streams, run, residuals)
         alignments.append(prepared.alignment.sources)
-        change = recorded_change(prepared)
+        log = measured(prepared)
         start_ns = prepared.alignment.time_ns
         for name, what_if in [(RECORDED, None), *((what_if.name, what_if) for what_if in case.what_if)]:
             result = _flown(case, prepared, what_if, threads)
-            result = replace(result, reckoned=reckon(case, result.prepared, result.valid, change))
+            result = replace(result, reckoned=reckon(case, result.prepared, result.valid, log))
             parts["samples"].append(compare.samples_table(case, name, result))
             parts["innovations"].append(compare.innovations_table(case, name, result))
             parts["pings"].append(compare.pings_table(case, name, result))
@@ -143,7 +144,7 @@ def replay_case(
         | {
             "answer": diagnosis.answer.to_json(),
             "findings": findings_json(diagnosis.findings),
-            "answers": answers(prepared, first["samples"]),
+            "answers": answers(prepared, first["samples"], _told(case, diagnosis.answer)),
         },
         **tables,
     )
@@ -163,6 +164,12 @@ def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, thre
         if not causes:
             raise
         raise DataError(f"{error}. {causes[0].text} {causes[0].evidence} {causes[0].advice}") from error
+
+
+def _told(case: Case, answer: Answer) -> str:
+    """The filter whose track is told: the one to take, else the first of the case that stands for all."""
+    filters = case.replay.filters
+    return next(one for one in (answer.method, "tc", *filters) if one in filters)
 
 
 def _methods(case: Case, samples: pl.DataFrame) -> list[str]:

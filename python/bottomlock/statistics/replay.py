@@ -161,3 +161,21 @@ def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
 def forward(frame: pl.DataFrame) -> pl.DataFrame:
     """The rows of the forward pass."""
     return frame.filter(pl.col("pass") == FORWARD)
+
+
+def track_table(samples: pl.DataFrame) -> pl.DataFrame:
+    """A row per what-if case, method and pass of the first run: where its track ends, σ there, its way and mean speed.
+
+    The way is that of the horizontal positions at the times of the samples.
+    """
+    first = samples.filter(pl.col("run") == samples["run"].min())
+    step = (pl.col("north_m").diff() ** 2 + pl.col("east_m").diff() ** 2).sqrt()
+    seconds = (pl.col("time_ns").last() - pl.col("time_ns").first()) * 1e-9
+    keys = ["what_if", "method", "pass"]
+    table = first.group_by(keys, maintain_order=True).agg(
+        *(pl.col(f"{axis}_m").last() for axis in ("north", "east", "down")),
+        *(pl.col(f"sd_position_{axis}_m").last() for axis in ("north", "east", "down")),
+        step.sum().alias("way_m"),
+        seconds.alias("seconds"),
+    )
+    return table.with_columns((pl.col("way_m") / pl.col("seconds")).alias("speed_mps"))

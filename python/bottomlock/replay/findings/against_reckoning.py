@@ -72,9 +72,10 @@ class Agreement:
 
     def words(self) -> str:
         """The comparison in one sentence."""
+        alone = f" and {self.own_sigmas:.0f} times what dead reckoning claims" if self.lost else ""
         text = (
             f"{self.method} is at most {metres(self.apart_m)} from dead reckoning: {self.sigmas:.1f} times what both "
-            f"claim, of {LIMIT:.1f} that chance explains."
+            f"claim{alone}, of {LIMIT:.1f} that chance explains."
         )
         if self.rms_m is not None and self.reckoned_rms_m is not None:
             text += (

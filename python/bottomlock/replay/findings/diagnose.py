@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from bottomlock.replay.axes import to_angles
 from bottomlock.replay.case import Case
 from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.findings import checks
@@ -22,7 +23,14 @@ from bottomlock.replay.findings.motion_findings import motion_findings
 from bottomlock.replay.findings.sway import measured_sway
 from bottomlock.replay.findings.track_checks import Fit, fits, track_finding
 from bottomlock.replay.findings.trust import Answer, Evidence, answer_of, reference_words
-from bottomlock.replay.findings.verdict import ABSORBED, WRONG, innovations_of, no_fix, verdict_finding
+from bottomlock.replay.findings.verdict import (
+    ABSORBED,
+    WRONG,
+    Innovations,
+    innovations_of,
+    no_fix,
+    verdict_finding,
+)
 from bottomlock.replay.motion.closure import LEAST_PINGS
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.velocity import ping_velocity
@@ -67,19 +75,28 @@ def diagnose(
         agreed = ([] if own is None else [own]) + [one for one in agreed if one is not own]
         verdict, state = verdict_finding(seen, likeliest, own)
     further = [*_astray(agreed), *claims_findings(samples, methods)]
-    heading = samples.filter((pl.col("pass") == "forward") & (pl.col("method") == methods[0]))
     evidence = Evidence(
         verdict=verdict, state=state, causes=causes, further=further, seen=seen, closure=closure_words(prepared),
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
         reference="" if seen is None else reference_words(samples, seen.method),
-        sway=measured_sway(
-            case, prepared, heading["time_ns"].to_numpy(), np.deg2rad(heading["yaw_deg"].to_numpy())
-        ),
+        sway=measured_sway(case, prepared, *_heading(prepared, samples, seen)),
         methods=methods,
     )  # fmt: skip
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]
     return Diagnosis([verdict, *causes, *further], answer_of(evidence))
+
+
+def _heading(
+    prepared: PreparedRun, samples: pl.DataFrame, seen: Innovations | None
+) -> tuple[NDArray[np.int64], Floats]:
+    """Times and headings, rad: as recorded, else those of the method that stands for all."""
+    attitudes = prepared.streams.attitudes
+    if attitudes is not None:
+        return attitudes.time_ns, to_angles(attitudes.attitude)[:, 2]
+    method = samples["method"][0] if seen is None else seen.method
+    rows = samples.filter((pl.col("pass") == "forward") & (pl.col("method") == method))
+    return rows["time_ns"].to_numpy(), np.deg2rad(rows["yaw_deg"].to_numpy())
 
 
 def _astray(agreed: list[Agreement]) -> list[Finding]:

@@ -7,7 +7,7 @@ import numpy as np
 from bottomlock.replay.case import Case
 from bottomlock.replay.reckon import whole_velocities
 from bottomlock.replay.rerun import PreparedRun
-from bottomlock.replay.streams import Floats
+from bottomlock.replay.streams import Floats, Times
 
 FEWEST = 100
 """Complete pings from which the sway is known."""
@@ -20,8 +20,9 @@ class Sway:
     """Sway that is neither current, nor trim, nor a share of the yaw rate.
 
     Attributes:
-        rms_mps: its RMS, without the noise of the beams.
+        rms_mps: its RMS, without what is white from ping to ping.
         time_s: lag at which its autocorrelation is below 1/e.
+        white_mps: what is white from ping to ping: noise of the beams.
         surge_mps: RMS of the surge.
         current_mps: the mean current that the sway shows on different headings.
         assumed_mps, assumed_s: 1 sigma and time of the slip that `sway_current` assumes.
@@ -29,6 +30,7 @@ class Sway:
 
     rms_mps: float
     time_s: float
+    white_mps: float
     surge_mps: float
     current_mps: float
     assumed_mps: float
@@ -45,7 +47,8 @@ class Sway:
         assumed = f"sway_current assumes {self.assumed_mps:.2g} m/s for {self.assumed_s:.2g} s"
         if self.rms_mps == 0.0:
             return (
-                f"Complete pings show no sway of the vehicle's own; {surge}, {assumed}: it fits this vehicle."
+                f"Complete pings show no sway of the vehicle's own, only noise of {self.white_mps:.2g} m/s from "
+                f"ping to ping; {surge}, {assumed}: it fits this vehicle."
             )
         measured = (
             f"Sway of complete pings, without current and turns: {self.rms_mps:.2g} m/s RMS for {self.time_s:.2g} s; "
@@ -59,13 +62,13 @@ class Sway:
         )
 
 
-def measured_sway(case: Case, prepared: PreparedRun, time_ns: Floats, yaw_rad: Floats) -> Sway | None:
+def measured_sway(case: Case, prepared: PreparedRun, time_ns: Times, yaw_rad: Floats) -> Sway | None:
     """The sway of the pings that have every beam; None for too few of them.
 
     Args:
         case: the case.
         prepared: its first run.
-        time_ns, yaw_rad: (T,) heading of a method.
+        time_ns, yaw_rad: (T,) heading, recorded or of a method.
     """
     full = prepared.streams.beams.valid[prepared.pings]
     whole = whole_velocities(prepared, full & full.all(axis=1, keepdims=True))
@@ -88,6 +91,7 @@ def measured_sway(case: Case, prepared: PreparedRun, time_ns: Floats, yaw_rad: F
     return Sway(
         rms_mps=float(np.sqrt(var)),
         time_s=time_s,
+        white_mps=float(np.sqrt(max(float(np.mean(slip**2)) - var, 0.0))),
         surge_mps=float(np.sqrt(np.mean(surge**2))),
         current_mps=float(np.hypot(found[0], found[1])),
         assumed_mps=water.slip_sd_mps,
