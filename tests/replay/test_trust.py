@@ -18,7 +18,7 @@ from bottomlock.replay.figures import map_figure
 from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
 from bottomlock.replay.findings.expected_nis import least_ratio, weight
 from bottomlock.replay.findings.finding import Finding
-from bottomlock.replay.findings.sway import _own
+from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, answer_of
 from bottomlock.replay.findings.verdict import WRONG, Innovations, verdict_finding
 from bottomlock.replay.report import make_replay_report
@@ -104,7 +104,8 @@ def evidence(**changes: object) -> Evidence:
     verdict, state = verdict_finding(SEEN, None, NEAR)
     whole: dict[str, object] = {
         "verdict": verdict, "state": state, "causes": (), "further": (), "seen": SEEN, "closure": "",
-        "agreements": (NEAR,), "reckoned": True, "reference": "", "sway": None, "methods": ("tc", "sway_current"),
+        "agreements": (NEAR,), "reckoned": True, "reference": "", "sway": None,
+        "partial": 0.0, "methods": ("tc", "sway_current"),
     }  # fmt: skip
     return Evidence(**(whole | changes))  # type: ignore[arg-type]
 
@@ -145,6 +146,26 @@ def test_partly_for_a_doubt_and_where_nothing_confirms() -> None:
     alone = answer_of(evidence(agreements=(), reckoned=False))
     assert (alone.verdict, "nothing else confirms" in alone.sentence) == ("partly", True)
     assert answer_of(evidence(agreements=(), reckoned=False, reference="Reference: ...")).verdict == "yes"
+
+
+@pytest.mark.parametrize(
+    ("rms_mps", "partial", "method"),
+    [(0.01, 0.5, "sway_current"), (0.3, 0.5, "tc"), (0.01, 0.0, "tc")],
+)
+def test_the_method_fits_vehicle_and_beams(rms_mps: float, partial: float, method: str) -> None:
+    """An assumption on the sway is taken where pings lack beams and complete ones do not contradict it."""
+    sway = Sway(rms_mps, 20.0, 0.05, 1.0, 0.1, 0.02, 5.0)
+    answer = answer_of(evidence(sway=sway, partial=partial))
+    assert (answer.method, sway.fits) == (method, rms_mps < 0.04)
+    assert ("does not fit" in answer.vehicle) is not sway.fits
+
+
+def test_a_method_that_the_reference_beats_is_not_recommended() -> None:
+    """RMS of tc 9 m, of dead reckoning 3 m, within what tc claims: another method, or dead reckoning."""
+    beaten = Agreement("tc", 9.0, 1.0, 1.0, 9.0, 1.0, 9.0, 3.0)
+    good = Agreement("info", 1.0, 1.0, 1.0, 9.0, 1.0, 3.1, 3.0)
+    assert answer_of(evidence(agreements=(beaten, good), methods=("tc", "info"))).method == "info"
+    assert answer_of(evidence(agreements=(beaten,), methods=("tc",))).method == METHOD
 
 
 def test_low_nis_is_no_doubt() -> None:

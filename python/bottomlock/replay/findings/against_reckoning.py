@@ -64,9 +64,16 @@ class Agreement:
         return not self.leaves and self.own_sigmas > LIMIT and self.sd_m > LOST * self.reckoned_sd_m
 
     @property
+    def beaten(self) -> bool:
+        """Whether the reference prefers dead reckoning."""
+        if self.rms_m is None or self.reckoned_rms_m is None:
+            return False
+        return self.rms_m > WORSE * self.reckoned_rms_m
+
+    @property
     def worse(self) -> bool:
         """Whether the reference contradicts it, and dead reckoning less, by more than its own σ."""
-        if self.rms_m is None or self.reckoned_rms_m is None or self.rms_m <= WORSE * self.reckoned_rms_m:
+        if not self.beaten or self.rms_m is None or self.reckoned_rms_m is None:
             return False
         return float(np.sqrt(self.rms_m**2 - self.reckoned_rms_m**2)) > self.sd_m
 

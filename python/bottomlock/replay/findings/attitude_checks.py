@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.replay.case import Case
 from bottomlock.replay.dead_reckoning import attitude_between
 from bottomlock.replay.findings.finding import Finding
+from bottomlock.replay.motion.gyros import slope
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.replay.streams import Floats, Inertial, Times
@@ -49,36 +50,36 @@ def attitude_findings(case: Case, prepared: PreparedRun) -> list[Finding]:
     if case.attitude is None or turns is None:
         return []
     rotation = aligned(turns)
-    seen = rotation.apply(turns.attitude)
-    size = float(np.sum(turns.gyros**2) * np.sum(seen**2)) ** 0.5
-    correlation = float(np.sum(turns.gyros * seen)) / max(size, 1e-12)
-    if correlation < CORRELATED:
+    inertial, attitudes = prepared.streams.inertial, prepared.streams.attitudes
+    assert attitudes is not None  # there are turns of it
+    in_imu_axes = attitudes.attitude * rotation.inv()
+    seen = slope(inertial.time_ns, inertial.omega_p_radps, attitudes.time_ns, in_imu_axes)
+    if seen is None or seen[1] < CORRELATED:
         return []
-    slope = float(np.sum(turns.gyros * seen) / np.sum(seen**2))
-    found = [_unit(case, slope, correlation, turns), _mounting(turns, rotation, slope)]
+    found = [_unit(case, *seen, turns), _mounting(turns, rotation, seen[0])]
     return [one for one in found if one is not None]
 
 
-def _unit(case: Case, slope: float, correlation: float, turns: Turns) -> Finding | None:
-    factor = min(UNITS, key=lambda one: abs(np.log(abs(slope) / one)))
+def _unit(case: Case, ratio: float, correlation: float, turns: Turns) -> Finding | None:
+    factor = min(UNITS, key=lambda one: abs(np.log(abs(ratio) / one)))
     stated, right = UNITS[factor]
-    if abs(np.log(abs(slope) / factor)) > np.log(2.0) or case.readings.omega_unit != stated:
+    if abs(np.log(abs(ratio) / factor)) > np.log(2.0) or case.readings.omega_unit != stated:
         return None
     left = float(np.sum((turns.gyros / factor - turns.attitude) ** 2))
     misfit = float(np.sum((turns.gyros - turns.attitude) ** 2))
     return Finding(
         "gyro_unit", "fault", min(turns.gyros.size * misfit / max(left, 1e-12), 1e9),
         f"The unit of the angular rate is wrong: {right} taken for {stated}.",
-        f"Slope of the gyros over the turns of the recorded attitude: {slope:.3g} as stated, {slope / factor:.3g} with "
+        f"Slope of the gyros over the turns of the recorded attitude: {ratio:.3g} as stated, {ratio / factor:.3g} with "
         f"{right}, expected 1; correlation {correlation:.2f} over {len(turns.gyros)} intervals of {STEP_S:g} s.",
         f'Set imu.omega_unit = "{right}" (now "{stated}").', "imu.omega_unit",
     )  # fmt: skip
 
 
-def _mounting(turns: Turns, rotation: Rotation, slope: float) -> Finding | None:
+def _mounting(turns: Turns, rotation: Rotation, ratio: float) -> Finding | None:
     if rotation.magnitude() < TURNED_RAD:
         return None
-    parts = ((turns.gyros / slope, turns.attitude), (turns.down_imu, turns.down_attitude))
+    parts = ((turns.gyros / ratio, turns.attitude), (turns.down_imu, turns.down_attitude))
     before, after = (
         sum(float(np.sum((a - r.apply(b)) ** 2) / max(np.sum(a**2), 1e-12)) for a, b in parts)
         for r in (Rotation.identity(), rotation)

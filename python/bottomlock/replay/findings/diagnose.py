@@ -80,6 +80,7 @@ def diagnose(
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
         reference="" if seen is None else reference_words(samples, seen.method),
         sway=measured_sway(case, prepared, *_heading(prepared, samples, seen)),
+        partial=float(np.mean(prepared.streams.beams.valid[prepared.pings].sum(axis=1) < 3)),
         methods=methods,
     )  # fmt: skip
     if state == ABSORBED:

@@ -19,6 +19,9 @@ OF_FILTERS_ALONE = {
 }  # fmt: skip
 """Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
 
+PARTIAL = 0.1
+"""Part of the pings with fewer than three beams from which an assumption on the sway helps."""
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -59,6 +62,7 @@ class Evidence:
         reckoned: whether there is dead reckoning.
         reference: error of the method against the reference over its σ, in a sentence; "" without positions.
         sway: as measured.
+        partial: part of the pings with fewer than three beams.
         methods: filters of the case.
     """
 
@@ -72,6 +76,7 @@ class Evidence:
     reckoned: bool
     reference: str
     sway: Sway | None
+    partial: float
     methods: Sequence[str]
 
 
@@ -117,10 +122,13 @@ def _refuted(evidence: Evidence) -> bool:
 
 
 def recommended(evidence: Evidence) -> str:
-    """The filter that fits the vehicle, of those that stay with dead reckoning."""
-    astray = {one.method for one in evidence.agreements if one.leaves or one.lost}
-    sways = evidence.sway is not None and not evidence.sway.fits
-    order = ("tc", *TRUSTED) if sways or evidence.sway is None else ("sway_current", *TRUSTED)
+    """The filter that fits vehicle and beams, of those that neither leave dead reckoning nor are worse.
+
+    An assumption on the sway is worth its risk where pings lack beams, and where complete ones do not contradict it.
+    """
+    astray = {one.method for one in evidence.agreements if one.leaves or one.lost or one.beaten}
+    slender = evidence.sway is not None and evidence.sway.fits and evidence.partial > PARTIAL
+    order = ("sway_current", *TRUSTED) if slender else TRUSTED
     usable = [one for one in (*order, *evidence.methods) if one in evidence.methods and one not in astray]
     return usable[0] if usable else METHOD if evidence.reckoned else ""
 
