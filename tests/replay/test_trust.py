@@ -104,7 +104,7 @@ def evidence(**changes: object) -> Evidence:
     verdict, state = verdict_finding(SEEN, None, NEAR)
     whole: dict[str, object] = {
         "verdict": verdict, "state": state, "causes": (), "further": (), "seen": SEEN, "closure": "",
-        "agreements": (NEAR,), "reckoned": True, "reference": "", "sway": None,
+        "agreements": (NEAR,), "reckoned": True, "aided": False, "reference": "", "sway": None,
         "partial": 0.0, "methods": ("tc", "sway_current"),
     }  # fmt: skip
     return Evidence(**(whole | changes))  # type: ignore[arg-type]
@@ -161,11 +161,13 @@ def test_the_method_fits_vehicle_and_beams(rms_mps: float, partial: float, metho
 
 
 def test_a_method_that_the_reference_beats_is_not_recommended() -> None:
-    """RMS of tc 9 m, of dead reckoning 3 m, within what tc claims: another method, or dead reckoning."""
+    """RMS of tc 9 m, of dead reckoning 3 m, within what tc claims: another filter, or the attitude that is unused."""
     beaten = Agreement("tc", 9.0, 1.0, 1.0, 9.0, 1.0, 9.0, 3.0)
     good = Agreement("info", 1.0, 1.0, 1.0, 9.0, 1.0, 3.1, 3.0)
     assert answer_of(evidence(agreements=(beaten, good), methods=("tc", "info"))).method == "info"
-    assert answer_of(evidence(agreements=(beaten,), methods=("tc",))).method == METHOD
+    alone = answer_of(evidence(agreements=(beaten,), methods=("tc",)))
+    assert (alone.verdict, alone.method, "attitude.aids" in alone.change) == ("yes", "tc", True)
+    assert answer_of(evidence(agreements=(beaten,), methods=("tc",), aided=True)).change == "Nothing."
 
 
 def test_low_nis_is_no_doubt() -> None:

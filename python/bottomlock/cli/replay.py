@@ -24,6 +24,7 @@ from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
+from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
@@ -257,7 +258,7 @@ def print_answer(answer: Mapping[str, Any]) -> None:
     first = (f"{answer['verdict']}: ", f"bold {_VERDICTS[answer['verdict']]}")
     parts: list[Any] = ["Can I trust this? ", first, (answer["sentence"], "bold")]
     parts += [f"\n   {line}" for line in answer["numbers"]]
-    change = "" if answer["verdict"] == "yes" else f"Change: {answer['change']} "
+    change = "" if answer["change"] == NOTHING else f"Change: {answer['change']} "
     parts.append(f"\n   {change}Track to take: {answer['method'] or 'none, until it is changed'}.")
     parts += [f"\n   {answer['vehicle']}"] if answer["vehicle"] else []
     console.print(Text.assemble(*parts), highlight=False)

@@ -78,6 +78,7 @@ def diagnose(
     evidence = Evidence(
         verdict=verdict, state=state, causes=causes, further=further, seen=seen, closure=closure_words(prepared),
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
+        aided=case.attitude is not None and case.attitude.aids != "nothing",
         reference="" if seen is None else reference_words(samples, seen.method),
         sway=measured_sway(case, prepared, *_heading(prepared, samples, seen)),
         partial=float(np.mean(prepared.streams.beams.valid[prepared.pings].sum(axis=1) < 3)),

@@ -19,6 +19,7 @@ OF_FILTERS_ALONE = {
 }  # fmt: skip
 """Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
 
+NOTHING = "Nothing."
 PARTIAL = 0.1
 """Part of the pings with fewer than three beams from which an assumption on the sway helps."""
 
@@ -60,6 +61,7 @@ class Evidence:
         closure: what beams left out show, in a sentence; "" without redundant beams.
         agreements: of the trusted methods with dead reckoning.
         reckoned: whether there is dead reckoning.
+        aided: whether the recorded attitude aids the filters.
         reference: error of the method against the reference over its σ, in a sentence; "" without positions.
         sway: as measured.
         partial: part of the pings with fewer than three beams.
@@ -74,6 +76,7 @@ class Evidence:
     closure: str
     agreements: Sequence[Agreement]
     reckoned: bool
+    aided: bool
     reference: str
     sway: Sway | None
     partial: float
@@ -111,8 +114,18 @@ def answer_of(evidence: Evidence) -> Answer:
     ]
     return Answer(
         "yes", f"The beams fit the navigation, and {' and '.join(agree)} {'agree' if len(agree) > 1 else 'agrees'}.",
-        numbers, "Nothing.", method, vehicle,
+        numbers, _improvement(evidence), method, vehicle,
     )  # fmt: skip
+
+
+def _improvement(evidence: Evidence) -> str:
+    """What would be better in a replay that can be trusted."""
+    unused = evidence.reckoned and not evidence.aided
+    if unused and evidence.agreements and evidence.agreements[0].beaten:
+        return (
+            'Set attitude.aids = "heading" or "attitude": dead reckoning with it is nearer to the reference.'
+        )
+    return NOTHING
 
 
 def _refuted(evidence: Evidence) -> bool:
@@ -122,14 +135,17 @@ def _refuted(evidence: Evidence) -> bool:
 
 
 def recommended(evidence: Evidence) -> str:
-    """The filter that fits vehicle and beams, of those that neither leave dead reckoning nor are worse.
+    """The filter that fits vehicle and beams, of those that stay with dead reckoning.
 
     An assumption on the sway is worth its risk where pings lack beams, and where complete ones do not contradict it.
+    What the reference shows to be worse than dead reckoning comes last.
     """
-    astray = {one.method for one in evidence.agreements if one.leaves or one.lost or one.beaten}
+    astray = {one.method for one in evidence.agreements if one.leaves or one.lost}
+    beaten = {one.method for one in evidence.agreements if one.beaten}
     slender = evidence.sway is not None and evidence.sway.fits and evidence.partial > PARTIAL
     order = ("sway_current", *TRUSTED) if slender else TRUSTED
     usable = [one for one in (*order, *evidence.methods) if one in evidence.methods and one not in astray]
+    usable.sort(key=lambda one: one in beaten)
     return usable[0] if usable else METHOD if evidence.reckoned else ""
 
 
