@@ -72,6 +72,12 @@ class RobustDict(TypedDict):
     huber_threshold: float
 
 @type_check_only
+class MotionDict(TypedDict):
+    mean_sd_mps: list[float]
+    mean_time_s: float
+    change_sd_mps: list[float]
+    change_time_s: list[float]
+
 class DefaultOptionsDict(TypedDict):
     gate: Literal["joint", "per_row", "off"]
     gate_probability: float
@@ -85,6 +91,7 @@ class DefaultOptionsDict(TypedDict):
     information_port: Literal["axes", "full"]
     water: WaterDict
     calibration: CalibrationDict
+    motion: MotionDict
     speed_sd_mps: float
     speed_time_s: float
     robust: RobustDict
@@ -153,6 +160,10 @@ class CalibrationDict(TypedDict):
     clock_sd_s: float
 
 @type_check_only
+class SlowErrorDict(TypedDict):
+    error_rad: NDArray[np.float64]
+    sd_rad: NDArray[np.float64]
+
 class CalibrationStateDict(TypedDict):
     mounting_rad: NDArray[np.float64]
     clock_s: float
@@ -354,6 +365,8 @@ class ReplayDict(TypedDict):
     smoothed_dvl_scale: NotRequired[NDArray[np.float64]]
     smoothed_sd: NotRequired[NDArray[np.float64]]
     smoothed_covariance: NotRequired[NDArray[np.float64]]
+    attitude_error: NotRequired[NDArray[np.float64]]
+    attitude_error_sd: NotRequired[NDArray[np.float64]]
     calibration: NotRequired[NDArray[np.float64]]
     calibration_sd: NotRequired[NDArray[np.float64]]
     calibration_covariance: NotRequired[NDArray[np.float64]]
@@ -466,6 +479,8 @@ class Navigator:
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
+    def attitude_error(self) -> SlowErrorDict | None: ...
+    def heading_error(self) -> SlowErrorDict | None: ...
     def calibration(self) -> CalibrationStateDict | None: ...
     def save(self) -> bytes: ...
     @classmethod

@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 
 from bottomlock.kernel import DEFAULT_OPTIONS, EARTH_RATE_RADPS, KernelError, check_settings
 
+WALK_TIME_S = 300.0
+"""Correlation time of the slow error of an attitude reference where none is given, s: minutes, as of manoeuvres."""
 Vector = Sequence[float] | NDArray[np.float64]
 """Numbers of a fixed length; kept as a tuple."""
 
@@ -182,19 +184,31 @@ class DepthModel(Settings):
 
 @_settings
 class MagnetometerModel(Settings):
-    """Errors of a magnetometer and tilt sensor, 1 sigma."""
+    """Errors of an attitude reference (AHRS, magnetometer and tilt sensor), 1 sigma.
+
+    White noise of a reading; and the slow errors that the filter then estimates, 0 for none: a constant offset, and a
+    first-order walk with its correlation time.
+    """
 
     place: ClassVar[str] = "magnetometer"
     yaw_sd_rad: float
     roll_pitch_sd_rad: float
+    yaw_offset_sd_rad: float = 0.0
+    roll_pitch_offset_sd_rad: float = 0.0
+    yaw_walk_sd_rad: float = 0.0
+    roll_pitch_walk_sd_rad: float = 0.0
+    walk_time_s: float = WALK_TIME_S
 
 
 @_settings
 class HeadingModel(Settings):
-    """Error of a heading sensor, 1 sigma."""
+    """Error of a heading sensor, 1 sigma: white noise, and the slow errors as of `MagnetometerModel`."""
 
     place: ClassVar[str] = "heading"
     sd_rad: float
+    offset_sd_rad: float = 0.0
+    walk_sd_rad: float = 0.0
+    walk_time_s: float = WALK_TIME_S
 
 
 @_settings
@@ -267,6 +281,21 @@ class Calibration(Settings):
 
 
 @_settings
+class Motion(Settings):
+    """Prior of the velocity of a vehicle without usable accelerometers, 1 sigma; all zero is off (docs/no_imu.md).
+
+    Along forward, right and down of the platform, (3,) each: a mean, which hardly changes, and a first-order change
+    about it. An axis of which both are zero is free.
+    """
+
+    place: ClassVar[str] = "options.motion"
+    mean_sd_mps: Vector = tuple(DEFAULT_OPTIONS["motion"]["mean_sd_mps"])
+    mean_time_s: float = DEFAULT_OPTIONS["motion"]["mean_time_s"]
+    change_sd_mps: Vector = tuple(DEFAULT_OPTIONS["motion"]["change_sd_mps"])
+    change_time_s: Vector = tuple(DEFAULT_OPTIONS["motion"]["change_time_s"])
+
+
+@_settings
 class Robust(Settings):
     """Treatment of outliers among the beams (docs/robust.md).
 
@@ -314,6 +343,7 @@ class Options(Settings):
     acoustic_position_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["acoustic_position_lever_p_m"])
     water: Water = Water()
     calibration: Calibration = Calibration()
+    motion: Motion = Motion()
     robust: Robust | None = Robust()
 
 

@@ -19,7 +19,7 @@ impl SectionReader for OneSection<'_, '_> {
 }
 
 /// Checks settings by the kernel's rules: the section of a model by its name, "model", "options", "options.water",
-/// "options.calibration", "options.robust" or "initial_state".
+/// "options.calibration", "options.motion", "options.robust" or "initial_state".
 ///
 /// Raises KernelError, which names the key, the value and what was expected.
 #[pyfunction]
@@ -34,6 +34,7 @@ pub fn check_settings(place: &str, values: &Bound<'_, PyAny>) -> PyResult<()> {
             "initial" => Ok(settings::initial(keys)?.validate()),
             "options.water" => Ok(settings::water(keys)?.validate()),
             "options.calibration" => Ok(settings::calibration(keys)?.validate()),
+            "options.motion" => Ok(settings::motion(keys)?.validate()),
             "options.robust" => Ok(settings::robust(keys)?.validate()),
             _ => SensorModels::check(place, &OneSection(keys))
                 .unwrap_or_else(|| Err(invalid(format!("'{place}' are no settings of the kernel")))),

@@ -357,10 +357,11 @@ impl Navigator {
     fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let estimated = self.with(py, |inner| {
             let navigators = inner.navigators();
-            let covariance = navigators.selected().filter().current_covariance();
-            navigators.water().cloned().zip(covariance)
+            let filter = navigators.selected().filter();
+            let covariances = filter.current_covariance().zip(filter.water_covariance());
+            navigators.water().cloned().zip(covariances)
         })?;
-        let Some((block, current_covariance)) = estimated else {
+        let Some((block, (current_covariance, covariance))) = estimated else {
             return Ok(None);
         };
         let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
@@ -376,9 +377,27 @@ impl Navigator {
         out.set_item("sway_slip_sd_mps", slip_sd_mps[water::SWAY])?;
         out.set_item("heave_slip_sd_mps", slip_sd_mps[water::HEAVE])?;
         out.set_item("restarts", block.restarts())?;
-        let covariance = block.covariance().as_slice().to_vec();
+        let covariance = covariance.as_slice().to_vec();
         out.set_item("covariance", array(py, covariance, &[WATER, WATER])?)?;
         Ok(Some(out))
+    }
+
+    /// Estimated error of the attitude reference in roll, pitch and yaw, offset and walk together, after the last update; None
+    /// where `model.magnetometer` has no slow errors.
+    ///
+    /// error_rad (3,) and its 1 sigma, sd_rad (3,).
+    fn attitude_error<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let estimated = self.with(py, |inner| inner.navigators().selected().filter().attitude_error_rad())?;
+        estimated.map(|errors| slow_error(py, &errors)).transpose()
+    }
+
+    /// Estimated error of the heading sensor, offset and walk together, after the last update; None where `model.heading` has
+    /// no slow errors.
+    ///
+    /// error_rad (1,) and its 1 sigma, sd_rad (1,).
+    fn heading_error<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let estimated = self.with(py, |inner| inner.navigators().selected().filter().heading_error_rad())?;
+        estimated.map(|error| slow_error(py, &[error])).transpose()
     }
 
     /// Estimate of the DVL's mounting and clock after the last update; None where `options.calibration` is off.
@@ -400,4 +419,13 @@ impl Navigator {
         out.set_item("covariance", array(py, covariance, &[CALIBRATION, CALIBRATION])?)?;
         Ok(Some(out))
     }
+}
+
+/// Estimates with their standard deviations, rad.
+fn slow_error<'py>(py: Python<'py>, errors: &[(f64, f64)]) -> PyResult<Bound<'py, PyDict>> {
+    let (error_rad, sd_rad): (Vec<f64>, Vec<f64>) = errors.iter().copied().unzip();
+    let out = PyDict::new(py);
+    out.set_item("error_rad", array(py, error_rad, &[errors.len()])?)?;
+    out.set_item("sd_rad", array(py, sd_rad, &[errors.len()])?)?;
+    Ok(out)
 }

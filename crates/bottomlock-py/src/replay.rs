@@ -194,6 +194,7 @@ impl OwnedLog {
 ///     - unused, the number of rows of each stream before the start and after the end;
 ///     - with `smooth`: the estimates and sd again with the prefix `smoothed_`, and `smoother_bytes` (M,), the memory of each method's
 ///       backward pass;
+///     - where the attitude reference has slow errors: attitude_error and attitude_error_sd (M, T, 3), roll, pitch, yaw, rad;
 ///     - where `options.calibration` is on: calibration and calibration_sd (M, T, 4), the rotation of the DVL from its stated
 ///       mounting about forward, right and down (rad) and the time to add to its stamps (s), with `covariances` also
 ///       calibration_covariance (M, T, 4, 4); they are constants, so the last sample has what a smoother would give;
@@ -262,6 +263,7 @@ pub fn replay_log<'py>(
         out.set_item("smoother_bytes", array(py, bytes, &[methods.len()])?)?;
     }
     put_calibrations(&out, &replayed.tracks, covariances)?;
+    put_attitude_errors(&out, &replayed.tracks)?;
     put_pings(&out, &replayed.tracks, log.pings.len(), beams)?;
     if innovations || log.withheld.iter().any(|flags| !flags.is_empty()) {
         put_innovations(&out, &replayed.tracks)?;
@@ -351,6 +353,24 @@ fn put_series(
 }
 
 /// Mounting and clock of the DVL at each sample, methods × samples × 4, where they are estimated.
+/// The estimated error of the attitude reference, where every method has it.
+fn put_attitude_errors(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
+    let samples = tracks.first().map_or(0, |track| track.attitude_errors.len());
+    if samples == 0 || tracks.iter().any(|track| track.attitude_errors.len() != samples) {
+        return Ok(());
+    }
+    let each = || tracks.iter().flat_map(|track| track.attitude_errors.iter().flatten());
+    let shape = [tracks.len(), samples, 3];
+    out.set_item(
+        "attitude_error",
+        array(out.py(), each().map(|one| one.0).collect(), &shape)?,
+    )?;
+    out.set_item(
+        "attitude_error_sd",
+        array(out.py(), each().map(|one| one.1).collect(), &shape)?,
+    )
+}
+
 fn put_calibrations(out: &Bound<'_, PyDict>, tracks: &[Track], covariances: bool) -> PyResult<()> {
     let samples = tracks.first().map_or(0, |track| track.calibrations.len());
     if samples == 0 {

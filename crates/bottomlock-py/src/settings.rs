@@ -2,6 +2,7 @@
 
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::calibration::CalibrationPrior;
+use bottomlock::aiding::motion_prior::MotionPrior;
 use bottomlock::aiding::outliers::{Robust, Tail};
 use bottomlock::aiding::registry::{Levers, SectionReader, SensorKind, SensorModels};
 use bottomlock::aiding::sensor::{Numbers, Section};
@@ -73,6 +74,9 @@ impl Numbers for Keys<'_> {
     type Error = PyErr;
     fn number(&self, key: &'static str) -> PyResult<f64> {
         self.number(key)
+    }
+    fn number_or(&self, key: &'static str, otherwise: f64) -> PyResult<f64> {
+        self.number_or(key, otherwise)
     }
     fn triple(&self, key: &'static str) -> PyResult<[f64; 3]> {
         self.vector(key)
@@ -185,6 +189,11 @@ fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
         } else {
             default.calibration
         },
+        motion: if keys.has("motion")? {
+            keys.section("motion", motion)?
+        } else {
+            default.motion
+        },
         covariance_period_ns: keys.extract("covariance_period_ns", "an integer number of nanoseconds")?,
         sampling: sampling(&keys.text("imu_sampling")?)?,
         estimate_dvl: keys.extract("estimate_dvl", "True or False")?,
@@ -218,6 +227,16 @@ pub fn calibration(keys: &Keys<'_>) -> PyResult<CalibrationPrior> {
     Ok(CalibrationPrior {
         mounting_sd_rad: keys.vector("mounting_sd_rad")?,
         clock_sd_s: keys.number("clock_sd_s")?,
+    })
+}
+
+/// Prior of the vehicle's motion.
+pub fn motion(keys: &Keys<'_>) -> PyResult<MotionPrior> {
+    Ok(MotionPrior {
+        mean_sd_mps: keys.vector("mean_sd_mps")?,
+        mean_time_s: keys.number("mean_time_s")?,
+        change_sd_mps: keys.vector("change_sd_mps")?,
+        change_time_s: keys.vector("change_time_s")?,
     })
 }
 
@@ -300,6 +319,12 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     calibration.set_item("mounting_sd_rad", options.calibration.mounting_sd_rad)?;
     calibration.set_item("clock_sd_s", options.calibration.clock_sd_s)?;
     dict.set_item("calibration", calibration)?;
+    let motion = PyDict::new(py);
+    motion.set_item("mean_sd_mps", options.motion.mean_sd_mps)?;
+    motion.set_item("mean_time_s", options.motion.mean_time_s)?;
+    motion.set_item("change_sd_mps", options.motion.change_sd_mps)?;
+    motion.set_item("change_time_s", options.motion.change_time_s)?;
+    dict.set_item("motion", motion)?;
     dict.set_item("speed_sd_mps", options.speed_bound.sd_mps)?;
     dict.set_item("speed_time_s", options.speed_bound.time_s)?;
     imu_faults::put_limits(&dict, &options.imu_limits)?;

@@ -129,6 +129,7 @@ impl Model {
                 magnetometer: MagnetometerModel {
                     yaw_sd_rad: 0.1,
                     roll_pitch_sd_rad: 0.02,
+                    ..MagnetometerModel::default()
                 },
                 gps: GpsModel {
                     position_sd_m: [2.0; 3],

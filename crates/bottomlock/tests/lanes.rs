@@ -44,7 +44,7 @@ fn bits(filter: &Eskf) -> Vec<u64> {
     numbers.extend(state.attitude_t_p.to_quaternion_wxyz());
     numbers.extend(state.velocity_p_mps.to_array());
     if let Some(water) = filter.water() {
-        numbers.extend(water.estimate().iter().chain(water.covariance()));
+        numbers.extend(water.estimate().iter().chain(&filter.water_covariance().unwrap()));
     }
     numbers.into_iter().map(f64::to_bits).collect()
 }

@@ -243,7 +243,9 @@ proptest! {
         prop_assert!(method.navigator.state().validate().is_ok());
         prop_assert!(method.navigator.covariance().iter().all(|x| x.is_finite()));
         let water = method.navigator.water().unwrap();
-        prop_assert!(water.estimate().iter().chain(water.covariance().iter()).all(|x| x.is_finite()));
+        let filter = method.navigator.filter();
+        let covariance = filter.water_covariance().unwrap();
+        prop_assert!(water.estimate().iter().chain(covariance.iter()).all(|x| x.is_finite()));
         prop_assert!(water.variance().iter().all(|&x| x >= 0.0));
     }
 }

@@ -290,6 +290,22 @@ class Water(Section):
     slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False)] = _WATER["slip_epochs"]
 
 
+_MOTION = models.Motion().as_dict()
+
+
+class Motion(Section):
+    """Prior of the velocity of a vehicle without usable accelerometers, along forward, right and down, 1 sigma.
+
+    A mean, which hardly changes, and a first-order change about it; all zero, the default, is no prior
+    (docs/no_imu.md).
+    """
+
+    mean_sd_mps: tuple[NonNegative, NonNegative, NonNegative] = _MOTION["mean_sd_mps"]
+    mean_time_s: Positive = _MOTION["mean_time_s"]
+    change_sd_mps: tuple[NonNegative, NonNegative, NonNegative] = _MOTION["change_sd_mps"]
+    change_time_s: tuple[Positive, Positive, Positive] = _MOTION["change_time_s"]
+
+
 class Filter(Section):
     """Filter options; the defaults are the kernel's.
 
@@ -314,6 +330,7 @@ class Filter(Section):
     speed_sd_mps: NonNegative = DEFAULT_OPTIONS["speed_sd_mps"]
     speed_time_s: Positive = DEFAULT_OPTIONS["speed_time_s"]
     water: Water = Water()
+    motion: Motion = Motion()
 
     @property
     def states(self) -> int:

@@ -51,13 +51,19 @@ class Magnetometer(Section):
     """Magnetometer and tilt sensor as an attitude sensor: noise, and what declination and iron add to its yaw.
 
     `declination_deg` is the field's own, with inclination and strength; "wmm" takes all three from the World Magnetic
-    Model. `assumed_declination_deg` is what the compass corrects for, by default the true one.
+    Model. `assumed_declination_deg` is what the compass corrects for, by default the true one. Its slow errors, a
+    constant offset and a first-order walk drawn for each run, are states of the filter where they are not 0.
     """
 
     enabled: bool = True
     rate_hz: Positive = 0.5
     yaw_noise_deg: Positive = 5.72
     roll_pitch_noise_deg: Positive = 1.15
+    yaw_offset_sd_deg: NonNegative = 0.0
+    roll_pitch_offset_sd_deg: NonNegative = 0.0
+    yaw_walk_sd_deg: NonNegative = 0.0
+    roll_pitch_walk_sd_deg: NonNegative = 0.0
+    walk_time_s: Positive = models.WALK_TIME_S
     declination_deg: Annotated[float, Field(ge=-180, le=180)] | Literal["wmm"] = 0.0
     inclination_deg: Annotated[float, Field(gt=-90, lt=90)] = 49.0
     field_nt: Positive = 45_000.0
@@ -67,11 +73,14 @@ class Magnetometer(Section):
 
 
 class Heading(Section):
-    """Heading sensor, such as a gyrocompass: yaw alone."""
+    """Heading sensor, such as a gyrocompass: yaw alone; its slow errors as of the magnetometer."""
 
     enabled: bool = True
     rate_hz: Positive = 1.0
     noise_deg: Positive = 0.5
+    offset_sd_deg: NonNegative = 0.0
+    walk_sd_deg: NonNegative = 0.0
+    walk_time_s: Positive = models.WALK_TIME_S
 
 
 class Gps(Section):
@@ -153,9 +162,17 @@ MAGNETOMETER = Sensor(
     model=lambda compass, _: models.MagnetometerModel(
         yaw_sd_rad=units.rad_from_deg(compass.yaw_noise_deg),
         roll_pitch_sd_rad=units.rad_from_deg(compass.roll_pitch_noise_deg),
+        yaw_offset_sd_rad=units.rad_from_deg(compass.yaw_offset_sd_deg),
+        roll_pitch_offset_sd_rad=units.rad_from_deg(compass.roll_pitch_offset_sd_deg),
+        yaw_walk_sd_rad=units.rad_from_deg(compass.yaw_walk_sd_deg),
+        roll_pitch_walk_sd_rad=units.rad_from_deg(compass.roll_pitch_walk_sd_deg),
+        walk_time_s=compass.walk_time_s,
     ),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_attitude(
-        time_ns, drawn["magnetometer_attitude_t_p"][k], **model.as_dict()
+        time_ns,
+        drawn["magnetometer_attitude_t_p"][k],
+        yaw_sd_rad=model.yaw_sd_rad,
+        roll_pitch_sd_rad=model.roll_pitch_sd_rad,
     ),
 )
 HEADING = Sensor(
@@ -164,7 +181,12 @@ HEADING = Sensor(
     updates=("heading",),
     table="heading",
     columns={"heading_rad": ("heading_rad",)},
-    model=lambda gyrocompass, _: models.HeadingModel(sd_rad=units.rad_from_deg(gyrocompass.noise_deg)),
+    model=lambda gyrocompass, _: models.HeadingModel(
+        sd_rad=units.rad_from_deg(gyrocompass.noise_deg),
+        offset_sd_rad=units.rad_from_deg(gyrocompass.offset_sd_deg),
+        walk_sd_rad=units.rad_from_deg(gyrocompass.walk_sd_deg),
+        walk_time_s=gyrocompass.walk_time_s,
+    ),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_heading(
         time_ns, float(drawn["heading_rad"][k]), sd_rad=model.sd_rad
     ),

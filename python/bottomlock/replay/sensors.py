@@ -101,12 +101,26 @@ def _acoustic_position_model(stream: AcousticPositionStream | None) -> dict[str,
 
 
 def _attitude_model(stream: AttitudeStream | None) -> dict[str, Settings]:
-    yaw, tilt = (5.0, 1.0) if stream is None else (stream.yaw_sd_deg, stream.roll_pitch_sd_deg)
-    yaw_sd_rad = units.rad_from_deg(yaw)
-    return {
-        "magnetometer": MagnetometerModel(yaw_sd_rad=yaw_sd_rad, roll_pitch_sd_rad=units.rad_from_deg(tilt)),
-        "heading": HeadingModel(sd_rad=yaw_sd_rad),
+    if stream is None:
+        return {
+            "magnetometer": MagnetometerModel(
+                yaw_sd_rad=units.rad_from_deg(5.0), roll_pitch_sd_rad=units.rad_from_deg(1.0)
+            ),
+            "heading": HeadingModel(sd_rad=units.rad_from_deg(5.0)),
+        }
+    yaw = {
+        "sd_rad": units.rad_from_deg(stream.yaw_sd_deg),
+        "offset_sd_rad": units.rad_from_deg(stream.yaw_offset_sd_deg),
+        "walk_sd_rad": units.rad_from_deg(stream.yaw_walk_sd_deg),
     }
+    attitude = MagnetometerModel(
+        roll_pitch_sd_rad=units.rad_from_deg(stream.roll_pitch_sd_deg),
+        roll_pitch_offset_sd_rad=units.rad_from_deg(stream.roll_pitch_offset_sd_deg),
+        roll_pitch_walk_sd_rad=units.rad_from_deg(stream.roll_pitch_walk_sd_deg),
+        walk_time_s=stream.walk_time_s,
+        **{f"yaw_{key}": value for key, value in yaw.items()},
+    )
+    return {"magnetometer": attitude, "heading": HeadingModel(walk_time_s=stream.walk_time_s, **yaw)}
 
 
 def _gps_model(stream: GpsStream | None) -> dict[str, Settings]:

@@ -16,6 +16,7 @@ from bottomlock.config.scenario_sections import (
     Vector,
 )
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
+from bottomlock.models import WALK_TIME_S
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
@@ -183,6 +184,8 @@ class AttitudeStream(Stream):
 
     `aids` is what the filter uses: the attitude, the heading alone, or nothing (the alignment may still use it). The
     mounting angles rotate the sensor's axes to the platform's; `yaw_offset_deg` (a declination) is added to the yaw.
+    Of a reading's error `roll_pitch_sd_deg` and `yaw_sd_deg` are white noise, a constant offset and a first-order walk
+    last: the filter estimates these two where they are given.
     """
 
     roll: str
@@ -197,6 +200,11 @@ class AttitudeStream(Stream):
     aids: Literal["attitude", "heading", "nothing"] = "nothing"
     roll_pitch_sd_deg: Positive = 1.0
     yaw_sd_deg: Positive = 5.0
+    roll_pitch_offset_sd_deg: NonNegative = 0.0
+    yaw_offset_sd_deg: NonNegative = 0.0
+    roll_pitch_walk_sd_deg: NonNegative = 0.0
+    yaw_walk_sd_deg: NonNegative = 0.0
+    walk_time_s: Positive = WALK_TIME_S
 
 
 class MagnetometerStream(MountedStream):

@@ -1,10 +1,16 @@
-//! An attitude sensor: magnetometer and tilt sensor, by Euler angles with independent errors.
+//! An attitude reference: AHRS, or magnetometer and tilt sensor, by Euler angles with independent errors.
+//!
+//! Its errors are slow: mounting, iron and declination give an offset, and accelerations that are taken for tilt, or
+//! iron that changes with the heading, errors that last for minutes. From one reading to the next it scatters by little.
+//! The error of each angle is an offset, a first-order walk and white noise; the filter estimates the first two
+//! (`filter/gauss_markov.rs`) where they are not zero.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::aiding::declare::model_section;
+use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FurtherRows};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
+use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
@@ -13,12 +19,61 @@ use crate::random::Normals;
 use crate::state::NavState;
 
 model_section! {
-    /// Errors of the magnetometer used as an attitude sensor, 1 sigma.
+    /// Errors of the attitude reference, 1 sigma.
     pub struct MagnetometerModel in "magnetometer" {
-        /// Yaw, rad.
+        /// White noise of the yaw, rad.
         pub yaw_sd_rad: f64,
-        /// Roll and pitch, rad.
+        /// White noise of roll and pitch, rad.
         pub roll_pitch_sd_rad: f64,
+        /// Constant offset of the yaw, rad; 0 for none.
+        pub yaw_offset_sd_rad: SlowSd,
+        /// Constant offset of roll and pitch, rad; 0 for none.
+        pub roll_pitch_offset_sd_rad: SlowSd,
+        /// First-order walk of the yaw, rad; 0 for none.
+        pub yaw_walk_sd_rad: SlowSd,
+        /// First-order walk of roll and pitch, rad; 0 for none.
+        pub roll_pitch_walk_sd_rad: SlowSd,
+        /// Correlation time of the walks, s.
+        pub walk_time_s: WalkTime,
+    }
+}
+
+/// Slow error of one angle, 1 sigma.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SlowAngleModel {
+    /// Constant offset, rad.
+    pub(crate) offset_sd_rad: f64,
+    /// First-order walk, rad.
+    pub(crate) walk_sd_rad: f64,
+    /// Correlation time of the walk, s.
+    pub(crate) walk_time_s: f64,
+}
+
+impl SlowAngleModel {
+    /// A drawn error at a time, rad, of the streams of offset and walk.
+    pub(crate) fn draw(&self, offset: &mut Normals, walk: &mut Normals, time_ns: i64) -> f64 {
+        offset.gauss_markov(self.offset_sd_rad, f64::INFINITY, time_ns)
+            + walk.gauss_markov(self.walk_sd_rad, self.walk_time_s, time_ns)
+    }
+}
+
+impl MagnetometerModel {
+    /// Slow error of the roll, and of the pitch.
+    pub(crate) fn roll_pitch(&self) -> SlowAngleModel {
+        SlowAngleModel {
+            offset_sd_rad: self.roll_pitch_offset_sd_rad.0,
+            walk_sd_rad: self.roll_pitch_walk_sd_rad.0,
+            walk_time_s: self.walk_time_s.0,
+        }
+    }
+
+    /// Slow error of the yaw.
+    pub(crate) fn yaw(&self) -> SlowAngleModel {
+        SlowAngleModel {
+            offset_sd_rad: self.yaw_offset_sd_rad.0,
+            walk_sd_rad: self.yaw_walk_sd_rad.0,
+            walk_time_s: self.walk_time_s.0,
+        }
     }
 }
 
@@ -57,7 +112,8 @@ impl AidingSensor for AttitudeSample {
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "magnetometer",
         offset: Some("yaw_offset_rad"),
-        random: &[8],
+        // White noise, then offset and walk of each angle.
+        random: &[8, 15, 16, 17, 18, 19, 20],
         columns: &[Column::new("magnetometer_attitude_t_p", 4)],
     });
 
@@ -93,12 +149,18 @@ impl AidingSensor for AttitudeSample {
         ))
     }
 
-    /// With its yaw offset by declination and iron.
+    /// With its yaw offset by declination and iron, and its slow errors drawn per run.
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let model = scene.actual.magnetometer;
         let [roll, pitch, yaw] = scene.truth.attitude_t_p.to_euler_rad();
         let tilt = model.roll_pitch_sd_rad;
-        let error = random.first_mut()?.each(&[tilt, tilt, model.yaw_sd_rad]);
+        let [noise, slow @ ..] = random else { return None };
+        let mut error = noise.each(&[tilt, tilt, model.yaw_sd_rad]);
+        let angles = [model.roll_pitch(), model.roll_pitch(), model.yaw()];
+        for (k, (angle, streams)) in angles.iter().zip(slow.chunks_exact_mut(2)).enumerate() {
+            let [offset, walk] = streams else { return None };
+            error[k] += angle.draw(offset, walk, scene.time_ns);
+        }
         let quaternion =
             UnitQuaternion::from_euler_angles(roll + error.x, pitch + error.y, yaw + scene.offset + error.z);
         Some(Self::new(
@@ -144,5 +206,10 @@ pub fn attitude(
     let noise = axes * Matrix3::from_diagonal(&Vector3::new(tilt, tilt, yaw_sd_rad.powi(2))) * axes.transpose();
     let mut innovation = Innovation::vector(rho, &noise);
     innovation.put(ATTITUDE, &Matrix3::identity());
+    let mut rows = Box::new(FurtherRows::zeros());
+    for first in [FIRST_ATTITUDE_ERROR, FIRST_ATTITUDE_ERROR + 3] {
+        rows.fixed_view_mut::<3, 3>(0, first).copy_from(&axes);
+    }
+    innovation.by_further = Some(rows);
     innovation
 }

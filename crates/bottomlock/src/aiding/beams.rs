@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use crate::aiding::calibration::CalibrationRows;
 use crate::aiding::declare::model_section;
+use crate::aiding::further::FurtherRows;
 use crate::aiding::sensor::Fraction;
 use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS, Motion, RowJacobian};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample};
@@ -57,8 +57,8 @@ pub struct BeamTerms {
     pub jacobian: RowJacobian,
     /// Eq. 20: sensor noise and the gyro noise that all beams share through their lever arms.
     pub noise: BeamNoise,
-    /// Jacobian by mounting and clock, where they are unknown; what these add to the noise is left to the filter.
-    pub by_calibration: Option<Box<CalibrationRows>>,
+    /// Jacobian by the further states, where there are any; what these add to the noise is left to the filter.
+    pub by_further: Option<Box<FurtherRows>>,
 }
 
 /// Expected readings, Jacobian and noise of the beams (Eqs. 15, 20, 22; erratum E7).
@@ -77,7 +77,7 @@ pub fn beam_terms(motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSampl
         residual: SVector::zeros(),
         jacobian: RowJacobian::zeros(),
         noise: BeamNoise::zeros(),
-        by_calibration: None,
+        by_further: None,
     };
     let mut lever_rows = [Vector3::zeros(); MAX_ROWS];
     for beam in ping.valid.iter() {
@@ -112,8 +112,8 @@ pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
     let count = ping.valid.count();
     if ping.valid != BeamMask::all(count) {
         let mut picked = Innovation::picked((&terms.residual, &terms.jacobian, &terms.noise), ping.valid.iter());
-        picked.by_calibration = terms.by_calibration.as_ref().map(|rows| {
-            let mut in_order = Box::new(CalibrationRows::zeros());
+        picked.by_further = terms.by_further.as_ref().map(|rows| {
+            let mut in_order = Box::new(FurtherRows::zeros());
             (ping.valid.iter().enumerate()).for_each(|(to, beam)| in_order.set_row(to, &rows.row(beam)));
             in_order
         });
@@ -126,7 +126,7 @@ pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
         residual: terms.residual,
         jacobian: terms.jacobian,
         noise: terms.noise,
-        by_calibration: terms.by_calibration.clone(),
+        by_further: terms.by_further.clone(),
         ..Innovation::empty()
     }
 }
@@ -158,12 +158,12 @@ pub fn loosely_coupled(
     if let Some(p_xv) = exact_cross.filter(|_| plan.port == Port::Components) {
         correlate_with_prior(&mut innovation, geometry, plan, p_xv);
     }
-    if let Some(beams) = &terms.by_calibration {
+    if let Some(beams) = &terms.by_further {
         let unscale = 1.0 / (1.0 + state.dvl_scale_factor);
         let of_fix = plan.gain.fixed_columns::<MAX_ROWS>(0) * **beams * unscale;
-        let mut rows = Box::new(CalibrationRows::zeros());
+        let mut rows = Box::new(FurtherRows::zeros());
         (axes_of(plan).iter().enumerate()).for_each(|(row, axis)| rows.set_row(row, &(axis.transpose() * of_fix)));
-        innovation.by_calibration = Some(rows);
+        innovation.by_further = Some(rows);
     }
     innovation
 }

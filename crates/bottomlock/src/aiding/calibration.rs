@@ -16,8 +16,9 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
+use crate::aiding::Motion;
 use crate::aiding::beams::{BeamTerms, beam_terms};
-use crate::aiding::{MAX_ROWS, Motion};
+use crate::aiding::further::{FIRST_CALIBRATION, FurtherRows};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::{NavError, require_magnitude, require_non_negative};
 use crate::frames::{Platform, Rot, Vec3};
@@ -32,8 +33,6 @@ pub const CLOCK: usize = 3;
 pub type CalibrationVector = SVector<f64, CALIBRATION>;
 /// Their covariance.
 pub type CalibrationCovariance = SMatrix<f64, CALIBRATION, CALIBRATION>;
-/// Jacobian of up to [`MAX_ROWS`] rows with respect to them.
-pub type CalibrationRows = SMatrix<f64, MAX_ROWS, CALIBRATION>;
 
 /// Largest σ of a mounting angle, rad: the model is of first order in the error of an update.
 const LARGEST_MOUNTING_SD_RAD: f64 = 0.6;
@@ -148,17 +147,17 @@ pub fn calibrated_beam_terms(
     terms.jacobian += by_velocity * change.velocity_by_state * clock_s;
     let scale = 1.0 + state.dvl_scale_factor;
     let rate_tp = then.rate_tp();
-    let mut rows = Box::new(CalibrationRows::zeros());
+    let mut rows = Box::new(FurtherRows::zeros());
     for beam in ping.valid.iter() {
         let (direction, lever) = (geometry.direction_p(beam), geometry.lever_arm_p_m(beam));
         let at_transducer = state.velocity_p_mps.0 * scale + rate_tp.cross(lever);
         let changing = change.acceleration_p_mps2 * scale + change.angular_acceleration_p_radps2.cross(lever);
         let mut row = rows.row_mut(beam);
-        row.fixed_columns_mut::<3>(0)
+        row.fixed_columns_mut::<3>(FIRST_CALIBRATION)
             .copy_from(&direction.cross(&at_transducer).transpose());
-        row[CLOCK] = direction.dot(&changing);
+        row[FIRST_CALIBRATION + CLOCK] = direction.dot(&changing);
     }
-    terms.by_calibration = Some(rows);
+    terms.by_further = Some(rows);
     terms
 }
 

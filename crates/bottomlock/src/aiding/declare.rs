@@ -30,19 +30,21 @@ macro_rules! sensors {
             Heave,
             /// The bound on the speed.
             Speed,
+            /// The prior of the vehicle's motion.
+            Motion,
             $($(#[doc = concat!("`", $name, "`.")] $report,)+)+
         }
 
         impl Sensor {
             /// Number of report names.
-            pub const COUNT: usize = 4 + [$($(stringify!($report)),+),+].len();
+            pub const COUNT: usize = 5 + [$($(stringify!($report)),+),+].len();
 
             /// What it measures; `None` for an assumption.
             #[must_use]
             pub fn quantity(self) -> Option<Quantity> {
                 match self {
                     Self::Beams => Some(Quantity::Velocity),
-                    Self::Sway | Self::Heave | Self::Speed => None,
+                    Self::Sway | Self::Heave | Self::Speed | Self::Motion => None,
                     other => reports()
                         .find(|(_, report)| report.sensor == other)
                         .map(|(_, report)| report.quantity),
@@ -57,6 +59,7 @@ macro_rules! sensors {
                     Self::Sway => "sway",
                     Self::Heave => "heave",
                     Self::Speed => "speed",
+                    Self::Motion => "motion",
                     $($(Self::$report => $name,)+)+
                 }
             }

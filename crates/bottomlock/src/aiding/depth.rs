@@ -1,9 +1,10 @@
 //! A depth sensor: depth below the tangent plane's origin.
 //!
 //! Its reading has a bias that lasts for hours: tide, density and barometric pressure, and the sensor's own offset. The
-//! filter estimates it as a Gauss–Markov process (`filter/depth_bias.rs`), once there is a reading.
+//! filter estimates it as a Gauss–Markov process (`filter/gauss_markov.rs`).
 
 use crate::aiding::declare::model_section;
+use crate::aiding::further::{DEPTH_BIAS, FurtherRows};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, TimeConstant};
 use crate::aiding::{Innovation, Motion, TangentRows};
@@ -114,5 +115,8 @@ pub fn depth(state: &NavState, depth_m: f64, sd_m: f64, lever_p_m: &Vec3<Platfor
     innovation.jacobian[(0, ATTITUDE)] = lever_t.y;
     innovation.jacobian[(0, ATTITUDE + 1)] = -lever_t.x;
     innovation.noise[(0, 0)] = sd_m.powi(2);
+    let mut rows = Box::new(FurtherRows::zeros());
+    rows[(0, DEPTH_BIAS)] = 1.0;
+    innovation.by_further = Some(rows);
     innovation
 }

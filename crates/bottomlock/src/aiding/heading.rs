@@ -1,8 +1,11 @@
-//! A heading sensor, such as a gyrocompass: yaw alone.
+//! A heading sensor, such as a gyrocompass: yaw alone. Its slow errors are those of an attitude reference
+//! ([`crate::aiding::attitude`]).
 
+use crate::aiding::attitude::SlowAngleModel;
 use crate::aiding::declare::model_section;
+use crate::aiding::further::{FIRST_HEADING_ERROR, FurtherRows};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
+use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
@@ -13,8 +16,25 @@ use crate::state::NavState;
 model_section! {
     /// Errors of a heading sensor, 1 sigma.
     pub struct HeadingModel in "heading" (optional) {
-        /// Yaw, rad.
+        /// White noise, rad.
         pub sd_rad: f64,
+        /// Constant offset, rad; 0 for none.
+        pub offset_sd_rad: SlowSd,
+        /// First-order walk, rad; 0 for none.
+        pub walk_sd_rad: SlowSd,
+        /// Correlation time of the walk, s.
+        pub walk_time_s: WalkTime,
+    }
+}
+
+impl HeadingModel {
+    /// Its slow error.
+    pub(crate) fn yaw(&self) -> SlowAngleModel {
+        SlowAngleModel {
+            offset_sd_rad: self.offset_sd_rad.0,
+            walk_sd_rad: self.walk_sd_rad.0,
+            walk_time_s: self.walk_time_s.0,
+        }
     }
 }
 
@@ -43,7 +63,8 @@ impl AidingSensor for HeadingSample {
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "heading",
         offset: None,
-        random: &[14],
+        // White noise, offset, walk.
+        random: &[14, 21, 22],
         columns: Self::LOG,
     });
 
@@ -78,10 +99,13 @@ impl AidingSensor for HeadingSample {
     }
 
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
+        let [noise, offset, walk] = random else { return None };
+        let model = &scene.actual.heading;
+        let slow_rad = model.yaw().draw(offset, walk, scene.time_ns);
         let [_, _, yaw_rad] = scene.truth.attitude_t_p.to_euler_rad();
         Some(Self {
             time_ns: scene.time_ns,
-            yaw_rad: yaw_rad + scene.actual.heading.sd_rad * random.first_mut()?.one(),
+            yaw_rad: yaw_rad + slow_rad + model.sd_rad * noise.one(),
             sd_rad: scene.claimed.heading.sd_rad,
         })
     }
@@ -110,5 +134,8 @@ pub fn heading(state: &NavState, yaw_rad: f64, sd_rad: f64) -> Innovation {
     innovation.jacobian[(0, ATTITUDE + 1)] = yaw.sin() * pitch.tan();
     innovation.jacobian[(0, ATTITUDE + 2)] = 1.0;
     innovation.noise[(0, 0)] = sd_rad.powi(2);
+    let mut rows = Box::new(FurtherRows::zeros());
+    rows.fixed_view_mut::<1, 2>(0, FIRST_HEADING_ERROR).fill(1.0);
+    innovation.by_further = Some(rows);
     innovation
 }

@@ -4,8 +4,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::RowJacobian;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::calibration::CalibrationRows;
-use crate::aiding::water::WATER;
+use crate::aiding::further::FurtherRows;
 use crate::layout::DIM;
 
 /// A measurement in the form that the filter processes: z = H δx + n.
@@ -25,8 +24,8 @@ pub struct Innovation {
     pub cross: Option<Box<SMatrix<f64, DIM, MAX_ROWS>>>,
     /// Cause of the correlation, for the smoother.
     pub correlated_noise: Option<Box<CorrelatedNoise>>,
-    /// Jacobian by mounting and clock of the DVL, whose errors the filter has yet to add to the noise.
-    pub by_calibration: Option<Box<CalibrationRows>>,
+    /// Jacobian by the further states, whose errors the filter has yet to add to the noise.
+    pub by_further: Option<Box<FurtherRows>>,
     /// What the rows measure in the tangent frame.
     pub tangent_rows: TangentRows,
     /// True where the rows correct the position alone.
@@ -62,17 +61,13 @@ pub enum TangentRows {
     Yaw,
 }
 
-/// Noise that contains errors of the state: n = D δx + D_w δw + d b + D_c δc + independent.
+/// Noise that contains errors of the state: n = D δx + D_f δf + independent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelatedNoise {
     /// D.
     pub by_state: RowJacobian,
-    /// D_w, by the states of [`crate::aiding::water`].
-    pub by_water: SMatrix<f64, MAX_ROWS, WATER>,
-    /// d, by the bias of the depth sensor.
-    pub by_depth_bias: SVector<f64, MAX_ROWS>,
-    /// D_c, by mounting and clock of the DVL.
-    pub by_calibration: CalibrationRows,
+    /// D_f, by the states of [`crate::aiding::further`].
+    pub by_further: FurtherRows,
 }
 
 impl Default for CorrelatedNoise {
@@ -80,9 +75,7 @@ impl Default for CorrelatedNoise {
     fn default() -> Self {
         Self {
             by_state: RowJacobian::zeros(),
-            by_water: SMatrix::zeros(),
-            by_depth_bias: SVector::zeros(),
-            by_calibration: CalibrationRows::zeros(),
+            by_further: FurtherRows::zeros(),
         }
     }
 }
@@ -92,9 +85,7 @@ impl CorrelatedNoise {
     pub(crate) fn turned(&self, axes: &SMatrix<f64, MAX_ROWS, 3>) -> Box<Self> {
         Box::new(Self {
             by_state: axes * self.by_state.fixed_rows::<3>(0),
-            by_water: axes * self.by_water.fixed_rows::<3>(0),
-            by_depth_bias: axes * self.by_depth_bias.fixed_rows::<3>(0),
-            by_calibration: axes * self.by_calibration.fixed_rows::<3>(0),
+            by_further: axes * self.by_further.fixed_rows::<3>(0),
         })
     }
 }
@@ -109,7 +100,7 @@ impl Innovation {
             noise: SMatrix::zeros(),
             cross: None,
             correlated_noise: None,
-            by_calibration: None,
+            by_further: None,
             tangent_rows: TangentRows::None,
             corrects_position_alone: false,
             corrected_path: None,
@@ -169,15 +160,13 @@ impl Innovation {
                 .for_each(|(to, from)| selection[(to, from)] = 1.0);
             selection
         };
-        let by_calibration = self.by_calibration.as_deref();
-        out.by_calibration = by_calibration.map(|rows| Box::new(selection() * rows));
+        let by_further = self.by_further.as_deref();
+        out.by_further = by_further.map(|rows| Box::new(selection() * rows));
         out.correlated_noise = self.correlated_noise.as_ref().map(|noise| {
             let selection = selection();
             Box::new(CorrelatedNoise {
                 by_state: selection * noise.by_state,
-                by_water: selection * noise.by_water,
-                by_depth_bias: selection * noise.by_depth_bias,
-                by_calibration: selection * noise.by_calibration,
+                by_further: selection * noise.by_further,
             })
         });
         out

@@ -34,8 +34,12 @@ fn models() -> SensorModels {
         magnetometer: MagnetometerModel {
             roll_pitch_sd_rad: 0.01,
             yaw_sd_rad: 0.05,
+            ..MagnetometerModel::default()
         },
-        heading: HeadingModel { sd_rad: 0.03 },
+        heading: HeadingModel {
+            sd_rad: 0.03,
+            ..HeadingModel::default()
+        },
         gps: GpsModel {
             position_sd_m: [1.0, 2.0, 4.0],
             velocity_sd_mps: [0.1, 0.2, 0.3],

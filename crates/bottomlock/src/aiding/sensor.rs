@@ -153,6 +153,11 @@ pub trait Numbers {
     /// # Errors
     /// For a key that is not there or no number.
     fn number(&self, key: &'static str) -> Result<f64, Self::Error>;
+    /// The number of a key, or another one where the key is not there.
+    ///
+    /// # Errors
+    /// For a key that is no number.
+    fn number_or(&self, key: &'static str, otherwise: f64) -> Result<f64, Self::Error>;
     /// The three numbers of a key.
     ///
     /// # Errors
@@ -254,6 +259,38 @@ impl Field for TimeConstant {
     }
 }
 
+/// Standard deviation of a slow error, rad: 0 or more, and 0, which is none, where it is not given.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default, serde::Serialize, serde::Deserialize)]
+pub struct SlowSd(pub f64);
+
+impl Field for SlowSd {
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
+        numbers.number_or(key, 0.0).map(Self)
+    }
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        require_non_negative(name, self.0)
+    }
+}
+
+/// Correlation time of a slow error, s: more than 0, and five minutes where it is not given.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, serde::Serialize, serde::Deserialize)]
+pub struct WalkTime(pub f64);
+
+impl Default for WalkTime {
+    fn default() -> Self {
+        Self(300.0)
+    }
+}
+
+impl Field for WalkTime {
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
+        numbers.number_or(key, Self::default().0).map(Self)
+    }
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        require_positive(name, self.0)
+    }
+}
+
 /// A position: any finite numbers.
 impl Field for Vec3<Tangent> {
     fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
@@ -275,6 +312,9 @@ mod tests {
         fn number(&self, key: &'static str) -> Result<f64, ()> {
             if key == "number" { Ok(0.5) } else { Err(()) }
         }
+        fn number_or(&self, key: &'static str, otherwise: f64) -> Result<f64, ()> {
+            if key == "none" { Ok(otherwise) } else { self.number(key) }
+        }
         fn triple(&self, key: &'static str) -> Result<[f64; 3], ()> {
             if key == "triple" { Ok([1.0, 2.0, 3.0]) } else { Err(()) }
         }
@@ -289,6 +329,18 @@ mod tests {
         assert_eq!(<[f64; 3]>::read(&Keys, "triple"), Ok([1.0, 2.0, 3.0]));
         assert_eq!(Vec3::<Tangent>::read(&Keys, "triple"), Ok(Vec3::new(1.0, 2.0, 3.0)));
         assert_eq!(f64::read(&Keys, "none"), Err(()));
+        assert_eq!(
+            (SlowSd::read(&Keys, "number"), SlowSd::read(&Keys, "none")),
+            (Ok(SlowSd(0.5)), Ok(SlowSd(0.0)))
+        );
+        assert_eq!(
+            (WalkTime::read(&Keys, "number"), WalkTime::read(&Keys, "none")),
+            (Ok(WalkTime(0.5)), Ok(WalkTime(300.0)))
+        );
+        assert_eq!(
+            (SlowSd::read(&Keys, "triple"), WalkTime::read(&Keys, "triple")),
+            (Err(()), Err(()))
+        );
         assert_eq!(Vec3::<Tangent>::read(&Keys, "none"), Err(()));
     }
 
@@ -304,6 +356,8 @@ mod tests {
         assert_eq!(fractions, [true, true, false, false]);
         let times = [1e-9, 0.0, -1.0, f64::INFINITY].map(|value| TimeConstant(value).check("field").is_ok());
         assert_eq!(times, [true, false, false, false]);
+        assert!(SlowSd(0.0).check("field").is_ok() && SlowSd(-1e-9).check("field").is_err());
+        assert!(WalkTime(1.0).check("field").is_ok() && WalkTime(0.0).check("field").is_err());
         let places = [-7.0, f64::NAN].map(|value| Vec3::<Tangent>::new(0.0, 0.0, value).check("field").is_ok());
         assert_eq!(places, [true, false]);
         let text = Fraction(1.5).check("fraction").unwrap_err().to_string();

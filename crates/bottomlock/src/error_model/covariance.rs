@@ -74,7 +74,7 @@ pub trait CovarianceInterval<T: Lane>: Copy {
 
     /// Multiplies columns of 20 by Φ.
     #[inline(always)]
-    fn carry<const N: usize>(&self, columns: &mut [[T; DIM]; N], end: &Kinematics<T>, earth: &EarthTerms) {
+    fn carry(&self, columns: &mut [[T; DIM]], end: &Kinematics<T>, earth: &EarthTerms) {
         let phi = self.transition(end, earth);
         for column in columns {
             let image = phi.apply(column);

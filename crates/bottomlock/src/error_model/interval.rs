@@ -73,7 +73,7 @@ impl Interval {
     }
 
     /// Multiplies columns by the interval's Φ; the interval stays as it is, so this comes before [`Interval::propagate`].
-    pub fn carry<const N: usize>(&self, columns: &mut [[f64; DIM]; N], end: &Kinematics<f64>, earth: &EarthTerms) {
+    pub fn carry(&self, columns: &mut [[f64; DIM]], end: &Kinematics<f64>, earth: &EarthTerms) {
         if self.duration_s() <= 0.0 {
             return;
         }

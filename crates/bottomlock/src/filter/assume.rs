@@ -1,15 +1,15 @@
 //! Updates with the verdict of another filter's gate, and assumptions on the motion through the water.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use super::Eskf;
-use crate::aiding::MAX_ROWS;
+use crate::aiding::Innovation;
+use crate::aiding::further::{FIRST_WATER, FurtherRows};
 use crate::aiding::water::{WATER, WaterRow};
-use crate::aiding::{CorrelatedNoise, Innovation};
-use crate::error::{NavError, require_finite, require_finite_squares};
+use crate::error::NavError;
 use crate::filter::gate::{Gate, GateTable};
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
-use crate::layout::{DIM, VELOCITY};
+use crate::layout::VELOCITY;
 use crate::state::Covariance;
 
 /// Chi-squared quantile of three degrees at 1 − 1e-6: tested at every epoch, so it must not be exceeded by chance in a
@@ -84,9 +84,10 @@ impl Eskf {
         let Some(water) = &mut self.extensions.water else {
             return Ok(UpdateReport::empty(sensor, self.state.time_ns));
         };
-        water.begin_epoch(row);
-        // The water states count as noise that is correlated with the error state.
-        let (cross, variance, water_cross) = water.as_noise(row);
+        let uncertainty_m2ps2 = water.begin_epoch(row);
+        if let Some(further) = &mut self.extensions.further {
+            further.add_variance(FIRST_WATER + row.slip, uncertainty_m2ps2);
+        }
         let mut innovation = Innovation {
             rows: 1,
             degrees: 1,
@@ -94,19 +95,12 @@ impl Eskf {
         };
         innovation.residual[0] = row.residual;
         innovation.jacobian.set_row(0, &row.by_state.transpose());
-        innovation.noise[(0, 0)] = variance;
-        let mut columns = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
-        columns.set_column(0, &cross);
-        innovation.cross = Some(Box::new(columns));
-        let mut by_water = SMatrix::<f64, MAX_ROWS, WATER>::zeros();
-        by_water.set_row(0, &row.by_water.transpose());
-        innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
-            by_water,
-            ..CorrelatedNoise::default()
-        }));
-        require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
-        require_finite_squares("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
-        let report = self.fuse::<1>(&innovation, sensor, Some(&water_cross))?;
+        innovation.noise[(0, 0)] = row.variance;
+        let mut rows = Box::new(FurtherRows::zeros());
+        rows.fixed_view_mut::<1, WATER>(0, FIRST_WATER)
+            .copy_from(&row.by_water.transpose());
+        innovation.by_further = Some(rows);
+        let report = self.update(&innovation, sensor)?;
         if let Some(water) = &mut self.extensions.water {
             let normalised = learn.then_some(report.nis.min(report.threshold));
             water.end_epoch(row, report.covariance[(0, 0)], normalised);

@@ -1,4 +1,4 @@
-//! A filter's beams with mounting and clock as it estimates them.
+//! A filter's readings with the further states as it estimates them.
 
 use std::borrow::Cow;
 
@@ -6,6 +6,7 @@ use nalgebra::SMatrix;
 
 use super::Eskf;
 use crate::aiding::calibration::{Calibration, CalibrationCovariance, calibrated_beam_terms};
+use crate::aiding::further::FIRST_CALIBRATION;
 use crate::aiding::{self, BeamTerms, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error_model::Coefficients;
@@ -17,7 +18,7 @@ impl Eskf {
     #[must_use]
     pub fn calibration(&self) -> Option<(Calibration, CalibrationCovariance)> {
         let block = self.extensions.calibration.as_deref()?;
-        Some((*block.estimate(), *block.covariance()))
+        Some((*block.estimate(), self.extensions.covariance_of(FIRST_CALIBRATION)))
     }
 
     /// Brings the mean acceleration up to date before a ping, where the clock is unknown.
@@ -46,21 +47,29 @@ impl Eskf {
         }
     }
 
-    /// An innovation with what mounting and clock add to its noise; `None` for one that they have no part in.
-    pub(super) fn with_calibration_noise(&self, innovation: &Innovation) -> Option<Box<Innovation>> {
-        let rows = innovation.by_calibration.as_deref()?;
-        let mut whole = Box::new(innovation.clone());
-        whole.by_calibration = None;
-        if let Some(block) = self.extensions.calibration.as_deref() {
-            block.add_to(&mut whole, rows);
+    /// An innovation less the estimated slow errors of its sensor, with what the further states add to its noise; `None` for
+    /// one that they have no part in.
+    pub(super) fn with_further_noise(&self, innovation: &Innovation) -> Option<Box<Innovation>> {
+        let rows = innovation.by_further.as_deref()?;
+        let further = self.extensions.further();
+        if further
+            .states()
+            .all(|k| rows.column(k).iter().all(|&number| number == 0.0))
+        {
+            return None;
         }
+        let mut whole = Box::new(innovation.clone());
+        whole.by_further = None;
+        whole.residual -= rows * self.extensions.processes.estimate();
+        further.add_to(&mut whole, rows);
         Some(whole)
     }
 
-    /// Adds what mounting and clock add to S to the noise of a ping's beams, with the covariance as it stands.
-    pub(crate) fn add_calibration_to(&self, terms: &mut BeamTerms) {
-        if let (Some(block), Some(rows)) = (self.extensions.calibration.as_deref(), &terms.by_calibration) {
-            terms.noise += block.added_to_innovation(&terms.jacobian, rows);
+    /// Adds what the further states add to S to the noise of a ping's beams, with the covariance as it stands.
+    pub(crate) fn add_further_to(&self, terms: &mut BeamTerms) {
+        if let Some(rows) = &terms.by_further {
+            let further = self.extensions.further();
+            terms.noise += further.added_to_innovation(&terms.jacobian, rows);
         }
     }
 

@@ -3,11 +3,12 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::*;
-use crate::aiding::calibration::CLOCK;
+use crate::aiding::calibration::{CALIBRATION, CLOCK, CalibrationCovariance};
 use crate::aiding::depth::{DepthModel, depth};
+use crate::aiding::further::{FIRST_CALIBRATION, FIRST_WATER, FURTHER};
 use crate::aiding::sensor::TimeConstant;
-use crate::aiding::tightly_coupled;
-use crate::aiding::water::sway_row;
+use crate::aiding::water::{WATER, sway_row};
+use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
@@ -16,7 +17,7 @@ use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::filter::water_block::WaterBlock;
 use crate::frames::{Vec3, skew};
-use crate::layout::{ATTITUDE, GYRO_BIAS, POSITION, VELOCITY};
+use crate::layout::{GYRO_BIAS, VELOCITY};
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -57,21 +58,13 @@ fn block(filter: &Eskf) -> CalibrationBlock {
 
 /// The joint covariance of the error state, the bias of the depth sensor, mounting and clock, and the water states.
 fn joint(filter: &Eskf) -> DMatrix<f64> {
-    let (p, own, water) = (filter.covariance(), block(filter), filter.water().unwrap());
-    let bias = filter.extensions.depth_bias.as_deref();
-    let upper = |i: usize, j: usize| match (i, j) {
-        (i, j) if j < DIM => p[(i, j)],
-        (i, BIAS) if i < DIM => bias.map_or(0.0, |bias| bias.cross()[i]),
-        (_, BIAS) => bias.map_or(0.09, super::super::depth_bias::DepthBias::variance_m2),
-        (i, j) if i < DIM && j < WATER_AT => own.cross[(i, j - OWN)],
-        (BIAS, j) if j < WATER_AT => own.depth_bias[j - OWN],
-        (i, j) if j < WATER_AT => own.covariance[(i - OWN, j - OWN)],
-        (i, j) if i < DIM => water.cross()[(i, j - WATER_AT)],
-        (BIAS, j) => bias.map_or(0.0, |bias| bias.cross_with_water()[j - WATER_AT]),
-        (i, j) if i < WATER_AT => own.water[(j - WATER_AT, i - OWN)],
-        (i, j) => water.covariance()[(i - WATER_AT, j - WATER_AT)],
-    };
-    DMatrix::from_fn(ALL, ALL, |i, j| upper(i.min(j), i.max(j)))
+    filter.joint_covariance()
+}
+
+/// Covariance of the error state with mounting and clock.
+fn cross(filter: &Eskf) -> SMatrix<f64, DIM, CALIBRATION> {
+    let further = filter.extensions.further().cross();
+    further.fixed_columns::<CALIBRATION>(FIRST_CALIBRATION).into_owned()
 }
 
 fn ping(valid: BeamMask) -> BeamSample {
@@ -111,10 +104,10 @@ fn updates_are_the_textbook_updates_of_all_states() {
         let terms = filter.beam_terms(&geometry(), &ping(valid));
         let innovation = tightly_coupled(&terms, &ping(valid));
         let m = innovation.rows;
-        let rows = innovation.by_calibration.as_deref().unwrap();
+        let rows = innovation.by_further.as_deref().unwrap();
         let h = DMatrix::from_fn(m, ALL, |i, j| match j {
             j if j < DIM => innovation.jacobian[(i, j)],
-            j if (OWN..WATER_AT).contains(&j) => rows[(i, j - OWN)],
+            j if (OWN..WATER_AT).contains(&j) => rows[(i, FIRST_CALIBRATION + j - OWN)],
             _ => 0.0,
         });
         let r = innovation.noise.view((0, 0), (m, m)).into_owned();
@@ -144,7 +137,13 @@ fn updates_are_the_textbook_updates_of_all_states() {
         let water = *filter.water().unwrap().estimate();
         let assumed = filter.with_motion(|motion| sway_row(motion, &water));
         let mut begun = filter.clone();
-        begun.extensions.water.as_deref_mut().unwrap().begin_epoch(&assumed);
+        let added = begun.extensions.water.as_deref_mut().unwrap().begin_epoch(&assumed);
+        begun
+            .extensions
+            .further
+            .as_deref_mut()
+            .unwrap()
+            .add_variance(FIRST_WATER + assumed.slip, added);
         let h = DMatrix::from_fn(1, ALL, |_, j| match j {
             j if j < DIM => assumed.by_state[j],
             j if j >= WATER_AT => assumed.by_water[j - WATER_AT],
@@ -155,7 +154,8 @@ fn updates_are_the_textbook_updates_of_all_states() {
         filter.assume(&assumed, Sensor::Sway, false).unwrap();
         assert_close(&joint(&filter), &expected, 1e-9, "assumption");
     }
-    assert!(block(&filter).covariance[(CLOCK, CLOCK)] < PRIOR.clock_sd_s.powi(2));
+    let (_, covariance) = filter.calibration().unwrap();
+    assert!(covariance[(CLOCK, CLOCK)] < PRIOR.clock_sd_s.powi(2));
 }
 
 /// An unknown without prior deviation stays what it is, to the last bit.
@@ -195,7 +195,7 @@ fn begins_at_the_prior() {
     let sample = ping(BeamMask::all(4));
     let innovation = tightly_coupled(&filter.beam_terms(&geometry(), &sample), &sample);
     filter.update(&innovation, Sensor::Beams).unwrap();
-    assert!(block(&filter).cross.amax() > 0.0);
+    assert!(cross(&filter).amax() > 0.0);
     let covariance = filter.covariance();
     filter.set_covariance(&covariance).unwrap();
     let (estimate, covariance) = filter.calibration().unwrap();
@@ -227,30 +227,28 @@ fn correlated() -> Eskf {
 fn added_noise_is_that_of_the_joint_covariance() {
     let mut filter = correlated();
     filter.prepare_for_ping();
-    let block = block(&filter);
-    assert!(block.cross.amax() > 1e-6);
-    assert!(block.depth_bias.amax() > 0.0 && *block.cross_with_depth_bias() == block.depth_bias);
+    assert!(cross(&filter).amax() > 1e-6);
     let mut terms = filter.beam_terms(&geometry(), &ping(BeamMask::all(4)));
-    let rows = terms.by_calibration.clone().unwrap();
-    let p = filter.covariance();
-    let sized = |m: usize, from: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(MAX_ROWS, m, from);
-    let (h, c) = (
-        sized(DIM, &|i, j| terms.jacobian[(i, j)]),
-        sized(CALIBRATION, &|i, j| rows[(i, j)]),
-    );
-    let whole = DMatrix::from_fn(DIM + CALIBRATION, DIM + CALIBRATION, |i, j| match (i < DIM, j < DIM) {
+    let rows = terms.by_further.clone().unwrap();
+    let (p, further) = (filter.covariance(), filter.extensions.further().clone());
+    let whole = DMatrix::from_fn(DIM + FURTHER, DIM + FURTHER, |i, j| match (i < DIM, j < DIM) {
         (true, true) => p[(i, j)],
-        (true, false) => block.cross[(i, j - DIM)],
-        (false, true) => block.cross[(j, i - DIM)],
-        (false, false) => block.covariance[(i - DIM, j - DIM)],
+        (true, false) => further.cross()[(i, j - DIM)],
+        (false, true) => further.cross()[(j, i - DIM)],
+        (false, false) => further.covariance()[(i - DIM, j - DIM)],
     });
-    let both = DMatrix::from_fn(MAX_ROWS, DIM + CALIBRATION, |i, j| {
-        if j < DIM { h[(i, j)] } else { c[(i, j - DIM)] }
+    let both = DMatrix::from_fn(MAX_ROWS, DIM + FURTHER, |i, j| {
+        if j < DIM {
+            terms.jacobian[(i, j)]
+        } else {
+            rows[(i, j - DIM)]
+        }
     });
     let own = DMatrix::from_fn(DIM, DIM, |i, j| p[(i, j)]);
+    let h = DMatrix::from_fn(MAX_ROWS, DIM, |i, j| terms.jacobian[(i, j)]);
     let added = &both * &whole * both.transpose() - &h * own * h.transpose();
     let before = terms.noise;
-    filter.add_calibration_to(&mut terms);
+    filter.add_further_to(&mut terms);
     for i in 0..MAX_ROWS {
         for j in 0..MAX_ROWS {
             let got = terms.noise[(i, j)] - before[(i, j)];
@@ -264,55 +262,20 @@ fn added_noise_is_that_of_the_joint_covariance() {
 
     // n = D δx + C δc + independent: C δc adds D X Cᵀ, its transpose and C P_c Cᵀ to R, and X Cᵀ to E[δx nᵀ].
     let mut innovation = tightly_coupled(&terms, &ping(BeamMask::all(4)));
-    innovation.by_calibration = None;
+    innovation.by_further = None;
     let mut noise = CorrelatedNoise::default();
     noise
         .by_state
         .set_column(VELOCITY, &nalgebra::SVector::from_fn(|i, _| 0.3 + i as f64));
     innovation.correlated_noise = Some(Box::new(noise.clone()));
     let before = innovation.noise;
-    block.add_to(&mut innovation, &rows);
-    let x = block.cross * rows.transpose();
+    further.add_to(&mut innovation, &rows);
+    let x = further.cross() * rows.transpose();
     let half = noise.by_state * x;
-    let expected = rows.as_ref() * block.covariance * rows.transpose() + half + half.transpose();
+    let expected = rows.as_ref() * further.covariance() * rows.transpose() + half + half.transpose();
     assert!(half.amax() > 1e-6 && (innovation.noise - before - expected).amax() < 1e-12);
-    assert_eq!(**innovation.cross.as_ref().unwrap(), x);
-    assert_eq!(innovation.correlated_noise.unwrap().by_calibration, *rows);
-}
-
-/// New water states are independent; a move of the path takes the correlation of the position along.
-#[test]
-fn others_that_start_anew_or_move() {
-    let filter = correlated();
-    assert!(block(&filter).water.amax() > 0.0);
-    let anew = filter
-        .clone()
-        .with_water(Some(WaterBlock::new(&Options::default().water)));
-    assert_eq!(block(&anew).water.amax(), 0.0);
-
-    let mut moved = block(&filter);
-    let before = moved.clone();
-    let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
-    let turned = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 2.0);
-    moved.move_to_corrected_path(&crate::aiding::CorrectedPath {
-        by_position: Some(turned),
-        by_misalignment: by,
-        offset_t_m: Vector3::new(7.0, 8.0, 9.0),
-    });
-    for column in 0..CALIBRATION {
-        for axis in 0..3 {
-            let moved_by = |k: usize| {
-                turned[(axis, k)] * before.cross[(POSITION + k, column)]
-                    + by[(axis, k)] * before.cross[(ATTITUDE + k, column)]
-            };
-            let expected: f64 = (0..3).map(moved_by).sum();
-            assert!((moved.cross[(POSITION + axis, column)] - expected).abs() < 1e-15);
-        }
-    }
-    assert_eq!(
-        moved.cross.rows(ATTITUDE, DIM - ATTITUDE),
-        before.cross.rows(ATTITUDE, DIM - ATTITUDE)
-    );
+    assert!((**innovation.cross.as_ref().unwrap() - x).amax() < 1e-15);
+    assert_eq!(innovation.correlated_noise.unwrap().by_further, *rows);
 }
 
 /// A correction of the velocity is no acceleration.
@@ -363,12 +326,8 @@ fn change_of_the_velocity_by_the_states() {
 fn restored_numbers_are_checked() {
     let good = block(&correlated());
     assert_eq!(good.check_restored(3), Ok(()));
-    let faults: [fn(&mut CalibrationBlock); 7] = [
+    let faults: [fn(&mut CalibrationBlock); 3] = [
         |block| block.prior.clock_sd_s = -1.0,
-        |block| block.covariance[(1, 1)] = f64::NAN,
-        |block| block.cross[(3, 2)] = f64::INFINITY,
-        |block| block.depth_bias[0] = f64::NAN,
-        |block| block.water[(1, 1)] = f64::NAN,
         |block| block.change.acceleration_p_mps2.y = f64::NAN,
         |block| block.change.angular_acceleration_p_radps2.z = f64::NAN,
     ];

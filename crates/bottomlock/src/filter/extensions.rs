@@ -1,29 +1,30 @@
 //! Optional parts of a filter: further states and the tape for a smoother.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, SMatrix};
 
 use super::calibration::CalibrationBlock;
-use super::depth_bias::DepthBias;
+use super::further_states::{FurtherStates, NONE, Update};
+use super::gauss_markov::GaussMarkovStates;
+use super::options::Options;
 use super::tape::{Step, Tape, transition};
 use super::water_block::WaterBlock;
-use crate::aiding::CorrectedPath;
 use crate::aiding::calibration::CALIBRATION;
-use crate::aiding::water::{WATER, WaterVector};
+use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_WATER, FURTHER, FurtherVector};
+use crate::aiding::registry::SensorModels;
+use crate::aiding::water::WATER;
+use crate::aiding::{CorrectedPath, Innovation};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
 
-/// Index of the depth sensor's bias among all states of a tape; there is always one.
-pub(super) const DEPTH_BIAS: usize = DIM;
-/// First index of mounting and clock of the DVL among all states of a tape that has them; then come the water states.
-pub(super) const FIRST_CALIBRATION: usize = DIM + 1;
-
 /// Optional parts of a filter.
-#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub(super) struct Extensions {
-    /// The bias of the depth sensor, from the first depth on.
-    pub(super) depth_bias: Option<Box<DepthBias>>,
-    /// Mounting and clock of the DVL, from the start on.
+    /// Covariances of all states beside the 20, where there are any.
+    pub(super) further: Option<Box<FurtherStates>>,
+    /// Slow errors of sensors, and the motion.
+    pub(super) processes: Box<GaussMarkovStates>,
+    /// Mounting and clock of the DVL.
     pub(super) calibration: Option<Box<CalibrationBlock>>,
     /// States of the motion through the water.
     pub(super) water: Option<Box<WaterBlock>>,
@@ -33,27 +34,65 @@ pub(super) struct Extensions {
 }
 
 impl Extensions {
-    /// First index of the water states among all states of a tape that has them.
-    pub(super) fn first_water(&self) -> usize {
-        FIRST_CALIBRATION + if self.calibration.is_some() { CALIBRATION } else { 0 }
+    /// Slow errors of the sensors, the motion, and mounting and clock of the DVL, at their priors.
+    pub(super) fn new(models: &SensorModels, options: &Options, calibration: Option<CalibrationBlock>) -> Self {
+        let mut extensions = Self {
+            further: None,
+            processes: Box::new(GaussMarkovStates::new(models, &options.motion)),
+            calibration: calibration.map(Box::new),
+            water: None,
+            tape: None,
+        };
+        extensions.begin();
+        extensions
+    }
+
+    /// Begins all but the water states at their priors.
+    fn begin(&mut self) {
+        for block in self.processes.unknown() {
+            let variance = &self.processes.variance().as_slice()[block.clone()];
+            begun(&mut self.further).begin(block, variance);
+        }
+        if let Some(calibration) = &self.calibration {
+            let variance = calibration.prior_variance();
+            begun(&mut self.further).begin(FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR, variance.as_slice());
+        }
+    }
+
+    /// Begins all but the water states anew, at a state.
+    pub(super) fn restart(&mut self, kinematics: &Kinematics<f64>) {
+        self.processes.restart();
+        if let Some(calibration) = self.calibration.as_deref() {
+            self.calibration = calibration.restarted(kinematics).map(Box::new);
+        }
+        self.begin();
+    }
+
+    /// Begins the water states at their prior, or ends them.
+    pub(super) fn set_water(&mut self, water: Option<WaterBlock>) {
+        match (&water, &mut self.further) {
+            (Some(water), further) => begun(further).begin(FIRST_WATER..FURTHER, water.variance().as_slice()),
+            (None, Some(further)) => further.end(&(FIRST_WATER..FURTHER)),
+            (None, None) => {}
+        }
+        self.water = water.map(Box::new);
+    }
+
+    /// Covariances of all states beside the 20.
+    pub(super) fn further(&self) -> &FurtherStates {
+        self.further.as_deref().unwrap_or(&NONE)
     }
 
     /// Number of states of a tape.
     pub(super) fn states(&self) -> usize {
-        self.first_water() + if self.water.is_some() { WATER } else { 0 }
+        DIM + self.further().states().count()
     }
 
     /// Follows a move of the error state, δr ← A δr + B ρ.
     pub(super) fn move_to_corrected_path(&mut self, path: &CorrectedPath) {
         let states = self.states();
-        if let Some(bias) = &mut self.depth_bias {
-            bias.move_to_corrected_path(path);
-        }
-        if let Some(calibration) = &mut self.calibration {
-            calibration.move_to_corrected_path(path);
-        }
-        if let Some(water) = &mut self.water {
-            water.move_to_corrected_path(path);
+        if let Some(further) = &mut self.further {
+            further.move_to_corrected_path(path);
         }
         if let Some(tape) = &mut self.tape {
             let mut move_of_states = DMatrix::identity(states, states);
@@ -70,7 +109,17 @@ impl Extensions {
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.depth_bias.is_none() && self.calibration.is_none() && self.water.is_none() && self.tape.is_none()
+        self.further().is_empty() && self.tape.is_none()
+    }
+
+    /// Fraction of the error of each further state that is left after `duration_s`.
+    pub(super) fn left(&self, duration_s: f64) -> FurtherVector {
+        let mut left = self.processes.left(duration_s);
+        if let Some(water) = &self.water {
+            left.fixed_rows_mut::<WATER>(FIRST_WATER)
+                .copy_from(&water.decay(duration_s));
+        }
+        left
     }
 
     /// Records and propagates an interval of the error state that ends at `end`.
@@ -81,19 +130,62 @@ impl Extensions {
                 tape.push(Step::Transition(whole));
             }
         }
-        let water = self.water.as_deref();
-        let water_decay = || water.map_or_else(WaterVector::zeros, |water| water.decay(interval.duration_s()));
-        if let Some(calibration) = &mut self.calibration {
-            let bias = self.depth_bias.as_deref();
-            let bias_decay = bias.map_or(0.0, |bias| bias.decay(interval.duration_s()));
-            calibration.propagate(interval, end, earth, bias_decay, &water_decay());
+        if self.further.is_none() {
+            return;
         }
-        if let Some(bias) = &mut self.depth_bias {
-            let decay = water_decay();
-            bias.propagate(interval, end, earth, &decay);
+        let duration_s = interval.duration_s();
+        let left = self.left(duration_s);
+        let mut steady = *self.processes.variance();
+        self.processes.propagate(&left);
+        if let Some(calibration) = &mut self.calibration {
+            calibration.extend(duration_s, end);
         }
         if let Some(water) = &mut self.water {
-            water.propagate(interval, end, earth);
+            steady.fixed_rows_mut::<WATER>(FIRST_WATER).copy_from(water.variance());
+            water.propagate(duration_s, &left.fixed_rows::<WATER>(FIRST_WATER).into_owned());
+        }
+        if let Some(further) = &mut self.further {
+            further.propagate(interval, end, earth, &left, &steady);
         }
     }
+
+    /// Updates the further states with an update of the error state that corrects the yaw by `yaw_rad`; returns the gain,
+    /// transposed.
+    pub(super) fn update<const M: usize>(
+        &mut self,
+        update: &Update<'_, M>,
+        innovation: &Innovation,
+        yaw_rad: f64,
+    ) -> SMatrix<f64, M, FURTHER> {
+        let Some(further) = &mut self.further else {
+            return SMatrix::zeros();
+        };
+        let gain = further.update(update, innovation);
+        self.inject(yaw_rad, &(gain.transpose() * update.z));
+        gain
+    }
+
+    /// Adds an error of the further states to their estimates, with the yaw that is corrected.
+    fn inject(&mut self, yaw_rad: f64, error: &FurtherVector) {
+        self.processes.inject(error);
+        if let Some(calibration) = &mut self.calibration {
+            calibration.inject(&error.fixed_rows::<CALIBRATION>(FIRST_CALIBRATION).into_owned());
+        }
+        if let Some(water) = &mut self.water {
+            water.inject(yaw_rad, &error.fixed_rows::<WATER>(FIRST_WATER).into_owned());
+        }
+    }
+
+    /// Covariance of a block of further states.
+    pub(super) fn covariance_of<const N: usize>(&self, first: usize) -> SMatrix<f64, N, N> {
+        self.further()
+            .covariance()
+            .fixed_view::<N, N>(first, first)
+            .into_owned()
+    }
+}
+
+/// The further states, of which the first is to begin where there is none.
+fn begun(further: &mut Option<Box<FurtherStates>>) -> &mut FurtherStates {
+    further.get_or_insert_with(|| Box::new(FurtherStates::none()))
 }

@@ -47,7 +47,7 @@ fn bits(filter: &Eskf) -> Vec<u64> {
     numbers.extend(filter.covariance.iter());
     numbers.extend(filter.kinematics.to_array());
     if let Some(water) = filter.water() {
-        numbers.extend(water.estimate().iter().chain(water.covariance()));
+        numbers.extend(water.estimate().iter().chain(&filter.water_covariance().unwrap()));
     }
     numbers.into_iter().map(f64::to_bits).collect()
 }

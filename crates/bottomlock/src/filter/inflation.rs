@@ -24,7 +24,7 @@ use nalgebra::{SMatrix, Vector3};
 
 use super::Eskf;
 use crate::aiding::sensor::Quantity;
-use crate::aiding::{Innovation, MAX_ROWS, TangentRows};
+use crate::aiding::{Innovation, MAX_ROWS};
 use crate::error::{NavError, require_finite};
 use crate::filter::report::Sensor;
 use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION, VELOCITY};
@@ -146,14 +146,8 @@ impl Eskf {
         };
         self.propagate_covariance();
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
-        let mut innovation = innovation.clone();
-        if innovation.tangent_rows == TangentRows::Depth {
-            self.add_depth_bias(&mut innovation);
-        }
-        if let Some(whole) = self.with_calibration_noise(&innovation) {
-            innovation = *whole;
-        }
-        let innovation = &innovation;
+        let with_further_noise = self.with_further_noise(innovation);
+        let innovation = with_further_noise.as_deref().unwrap_or(innovation);
         let by_inertial = self.innovation_covariance(innovation, &states(0..DVL_BIAS));
         let mut whole = self.innovation_covariance(innovation, &states(0..DIM)) + innovation.noise;
         if let Some(cross) = &innovation.cross {

@@ -20,7 +20,6 @@
 use nalgebra::Matrix3;
 
 use super::Eskf;
-use super::depth_bias::DepthBias;
 use crate::aiding::{Innovation, TangentRows};
 use crate::error::NavError;
 use crate::filter::report::{Sensor, UpdateReport};
@@ -81,7 +80,6 @@ impl Eskf {
             }
             TangentRows::Position => self.linearise_at_corrected_path(&mut innovation),
             TangentRows::Depth => {
-                self.add_depth_bias(&mut innovation);
                 let product_m2ps2 = self.vertical_product_variance();
                 if product_m2ps2 > LINEAR_RANGE_MPS * LINEAR_RANGE_MPS {
                     let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
@@ -97,17 +95,6 @@ impl Eskf {
             self.covariance[DOWN] = before;
         }
         outcome
-    }
-
-    /// Takes the bias of the depth sensor into a depth's innovation; the first one begins its estimate.
-    pub(super) fn add_depth_bias(&mut self, innovation: &mut Innovation) {
-        let bias = &mut self.extensions.depth_bias;
-        if bias.is_none() {
-            *bias = DepthBias::new(&self.depth).map(Box::new);
-        }
-        if let Some(bias) = bias {
-            bias.add_to(innovation);
-        }
     }
 
     /// The error that an innovation of three rows explains by itself.

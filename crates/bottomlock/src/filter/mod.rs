@@ -6,10 +6,11 @@ mod calibrated;
 mod calibration;
 mod corrected_path;
 mod definite;
-mod depth_bias;
 mod extensions;
 pub mod filter_group;
+mod further_states;
 pub mod gate;
+mod gauss_markov;
 pub(crate) mod inflation;
 mod joseph;
 #[cfg(test)]
@@ -30,7 +31,7 @@ pub mod tape;
 mod update;
 pub mod water_block;
 
-use nalgebra::{Matrix2, SMatrix, Vector3};
+use nalgebra::{Matrix2, SMatrix, Vector2, Vector3};
 
 pub(crate) use self::bridge::{BridgeNoise, seconds_between};
 use self::calibration::CalibrationBlock;
@@ -41,7 +42,8 @@ use self::linear_range::Measured;
 use self::prediction::Settings;
 use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::depth::DepthModel;
+use crate::aiding::further::{DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_HEADING_ERROR, FIRST_WATER};
+use crate::aiding::water::{CURRENT, WaterCovariance};
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
@@ -50,7 +52,7 @@ use crate::filter::options::Options;
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::filter::water_block::WaterBlock;
 use crate::frames::{Rot, Vec3};
-use crate::layout::{DIM, VELOCITY};
+use crate::layout::{ATTITUDE, DIM, VELOCITY};
 use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
 use crate::model::Model;
 use crate::state::{Covariance, NavState};
@@ -74,7 +76,6 @@ pub struct Eskf {
     plausible: GateTable,
     inflate_after_rejections: u32,
     consecutive_rejections: ConsecutiveRejections,
-    depth: DepthModel,
     extensions: Extensions,
 }
 
@@ -110,33 +111,51 @@ impl Eskf {
             })?,
             inflate_after_rejections: options.inflate_after_rejections,
             consecutive_rejections: ConsecutiveRejections::default(),
-            depth: model.sensors.depth,
-            extensions: Extensions {
-                calibration: calibration.map(Box::new),
-                ..Extensions::default()
-            },
+            extensions: Extensions::new(&model.sensors, options, calibration),
         })
     }
 
     /// The same filter with water states, or without.
     #[must_use]
     pub fn with_water(mut self, water: Option<WaterBlock>) -> Self {
-        self.extensions.water = water.map(Box::new);
-        if let Some(bias) = &mut self.extensions.depth_bias {
-            bias.start_water();
-        }
-        if let Some(calibration) = &mut self.extensions.calibration {
-            calibration.start_water();
-        }
+        self.extensions.set_water(water);
         self
     }
 
-    /// Estimate and standard deviation of the depth sensor's bias, m; `None` before the first depth, or for a sensor
-    /// without bias.
+    /// Estimate and standard deviation of the depth sensor's bias, m; `None` for a sensor without bias.
     #[must_use]
     pub fn depth_bias_m(&self) -> Option<(f64, f64)> {
-        let bias = self.extensions.depth_bias.as_ref();
-        bias.map(|bias| (bias.estimate_m(), bias.variance_m2().sqrt()))
+        let has_bias = self.extensions.processes.variance()[DEPTH_BIAS] > 0.0;
+        has_bias.then(|| self.slow_error(&[DEPTH_BIAS]))
+    }
+
+    /// Estimated error of the attitude reference in roll, pitch and yaw, offset and walk together, with its standard deviation,
+    /// rad; `None` where it is not estimated.
+    #[must_use]
+    pub fn attitude_error_rad(&self) -> Option<[(f64, f64); 3]> {
+        let first = FIRST_ATTITUDE_ERROR;
+        let is_estimated = self.extensions.processes.unknown().any(|block| block.start == first);
+        is_estimated.then(|| std::array::from_fn(|axis| self.slow_error(&[first + axis, first + 3 + axis])))
+    }
+
+    /// Estimated error of the heading sensor, offset and walk together, with its standard deviation, rad; `None` where it is not
+    /// estimated.
+    #[must_use]
+    pub fn heading_error_rad(&self) -> Option<(f64, f64)> {
+        let first = FIRST_HEADING_ERROR;
+        let is_estimated = self.extensions.processes.unknown().any(|block| block.start == first);
+        is_estimated.then(|| self.slow_error(&[first, first + 1]))
+    }
+
+    /// Estimate and standard deviation of a sum of slow errors.
+    fn slow_error(&self, states: &[usize]) -> (f64, f64) {
+        let (estimate, covariance) = (
+            self.extensions.processes.estimate(),
+            self.extensions.further().covariance(),
+        );
+        let pairs = states.iter().flat_map(|&i| states.iter().map(move |&j| (i, j)));
+        let variance: f64 = pairs.map(|pair| covariance[pair]).sum();
+        (states.iter().map(|&k| estimate[k]).sum(), variance.max(0.0).sqrt())
     }
 
     /// The water states, at the time of the last update or propagation of the covariance.
@@ -149,7 +168,20 @@ impl Eskf {
     /// estimate is expressed; at the time of [`Eskf::water`].
     #[must_use]
     pub fn current_covariance(&self) -> Option<Matrix2<f64>> {
-        self.water().map(|water| water.current_covariance(&self.covariance))
+        let water = self.water()?.estimate();
+        // c − ĉ = ρ_D e_D × ĉ + δc, to first order.
+        let by_yaw = Vector2::new(-water[CURRENT + 1], water[CURRENT]);
+        let cross = self.extensions.further().cross();
+        let yaw_cross = by_yaw * cross.fixed_view::<1, 2>(ATTITUDE + 2, FIRST_WATER + CURRENT);
+        let own: Matrix2<f64> = self.extensions.covariance_of(FIRST_WATER + CURRENT);
+        let yaw_variance = self.covariance[(ATTITUDE + 2, ATTITUDE + 2)];
+        Some(own + by_yaw * yaw_variance * by_yaw.transpose() + yaw_cross + yaw_cross.transpose())
+    }
+
+    /// Covariance of the errors of the water states; `None` without them.
+    #[must_use]
+    pub fn water_covariance(&self) -> Option<WaterCovariance> {
+        self.water().map(|_| self.extensions.covariance_of(FIRST_WATER))
     }
 
     /// Replaces the covariance (20×20, symmetric, SI units, in the order of [`crate::layout`]).
@@ -168,10 +200,7 @@ impl Eskf {
         }
         require_positive_definite(&symmetric, self.state.time_ns)?;
         self.covariance = symmetric;
-        self.extensions.depth_bias = None;
-        if let Some(calibration) = self.extensions.calibration.as_deref() {
-            self.extensions.calibration = calibration.restarted(&self.kinematics).map(Box::new);
-        }
+        self.extensions.restart(&self.kinematics);
         self.interval = Interval::default();
         Ok(())
     }
@@ -241,7 +270,7 @@ impl Eskf {
     /// covariance that cannot be factorised.
     pub fn update(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
-        if let Some(whole) = self.with_calibration_noise(innovation) {
+        if let Some(whole) = self.with_further_noise(innovation) {
             return self.update(&whole, sensor);
         }
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
@@ -257,14 +286,14 @@ impl Eskf {
     fn fuse_rows(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
         match innovation.rows {
             0 => Ok(UpdateReport::empty(sensor, self.state.time_ns)),
-            1 => self.fuse::<1>(innovation, sensor, None),
-            2 => self.fuse::<2>(innovation, sensor, None),
-            3 => self.fuse::<3>(innovation, sensor, None),
-            4 => self.fuse::<4>(innovation, sensor, None),
-            5 => self.fuse::<5>(innovation, sensor, None),
-            6 => self.fuse::<6>(innovation, sensor, None),
-            7 => self.fuse::<7>(innovation, sensor, None),
-            _ => self.fuse::<MAX_ROWS>(innovation, sensor, None),
+            1 => self.fuse::<1>(innovation, sensor),
+            2 => self.fuse::<2>(innovation, sensor),
+            3 => self.fuse::<3>(innovation, sensor),
+            4 => self.fuse::<4>(innovation, sensor),
+            5 => self.fuse::<5>(innovation, sensor),
+            6 => self.fuse::<6>(innovation, sensor),
+            7 => self.fuse::<7>(innovation, sensor),
+            _ => self.fuse::<MAX_ROWS>(innovation, sensor),
         }
     }
 
@@ -281,7 +310,7 @@ impl Eskf {
         sensor: Sensor,
     ) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
-        if let Some(whole) = self.with_calibration_noise(innovation) {
+        if let Some(whole) = self.with_further_noise(innovation) {
             return self.update_correlated(&whole, rank, sensor);
         }
         let h = innovation.jacobian.fixed_rows::<3>(0).into_owned();

@@ -2,6 +2,7 @@
 
 use crate::aiding::InformationPort;
 use crate::aiding::calibration::CalibrationPrior;
+use crate::aiding::motion_prior::MotionPrior;
 use crate::aiding::outliers::Robust;
 use crate::aiding::registry::Levers;
 use crate::aiding::speed_bound::SpeedBound;
@@ -36,6 +37,8 @@ pub struct Options {
     pub calibration: CalibrationPrior,
     /// Bound on the speed, where the beams leave a direction unobserved beyond the linear range.
     pub speed_bound: SpeedBound,
+    /// Prior of the velocity of a vehicle without usable accelerometers; off where all of it is zero.
+    pub motion: MotionPrior,
     /// Detection of outliers among the beams.
     pub robust: Robust,
     /// Place of each sensor, platform frame, m.
@@ -58,6 +61,7 @@ impl Default for Options {
             water: WaterPrior::default(),
             calibration: CalibrationPrior::default(),
             speed_bound: SpeedBound::default(),
+            motion: MotionPrior::default(),
             robust: Robust::recommended(),
             levers: Levers::default(),
         }
@@ -89,6 +93,7 @@ impl Options {
         self.water.validate()?;
         self.calibration.validate()?;
         self.speed_bound.validate()?;
+        self.motion.validate()?;
         self.robust.validate()?;
         self.levers.validate()?;
         GateTable::new(self.gate).map(|_| ())
@@ -106,7 +111,7 @@ mod tests {
     fn every_part_is_checked() {
         assert_eq!(Options::default().validate(), Ok(()));
         type Fault = (&'static str, fn(&mut Options));
-        let faults: [Fault; 9] = [
+        let faults: [Fault; 10] = [
             ("covariance_period_ns", |options| options.covariance_period_ns = -1),
             ("inflate_after_rejections", |options| {
                 options.inflate_after_rejections = 1
@@ -117,6 +122,7 @@ mod tests {
             ("water.slip_epochs", |options| options.water.slip_epochs = 0.5),
             ("clock_sd_s", |options| options.calibration.clock_sd_s = -1.0),
             ("speed_sd_mps", |options| options.speed_bound.sd_mps = -1.0),
+            ("motion.mean_sd_mps", |options| options.motion.mean_sd_mps[2] = -1.0),
             ("robust.beam_gate", |options| options.robust.beam_gate = Some(2.0)),
             ("depth_lever_p_m", |options| {
                 options.levers = options.levers.with(SensorKind::Depth, Vec3::new(f64::NAN, 0.0, 0.0));

@@ -52,7 +52,9 @@ fn held(filter: &Eskf) -> Vec<u64> {
     numbers.extend([filter.last_step_s, filter.interval.duration_s()]);
     numbers.extend(filter.velocity().1.iter());
     if let Some(water) = filter.water() {
-        numbers.extend(water.estimate().iter().chain(water.covariance()).chain(water.cross()));
+        numbers.extend(water.estimate().iter());
+        let further = filter.extensions.further();
+        numbers.extend(further.covariance().iter().chain(further.cross()));
     }
     // Which of many NaN it is, is nobody's.
     let bits = |x: f64| if x.is_nan() { u64::MAX } else { x.to_bits() };
@@ -159,10 +161,10 @@ fn others_are_brought_up_to_date() {
         .assume(&assumed, crate::filter::report::Sensor::Sway, false)
         .unwrap();
     filter.predict_along(&samples).unwrap();
-    let before = *filter.water().unwrap().covariance();
+    let before = filter.water_covariance().unwrap();
     let last = samples[3].time_ns as f64 * 1e-9;
     filter.propagate_covariance();
-    let (after, prior) = (*filter.water().unwrap().covariance(), WaterPrior::default());
+    let (after, prior) = (filter.water_covariance().unwrap(), WaterPrior::default());
     let (left, variance) = (prior.decay(last), prior.variance());
     assert!(before[(5, 5)] != variance[5] || before[(0, 0)] != variance[0]);
     for k in 0..variance.len() {
@@ -170,5 +172,5 @@ fn others_are_brought_up_to_date() {
         assert!((after[(k, k)] - expected).abs() < 1e-15);
     }
     filter.propagate_covariance();
-    assert_eq!(*filter.water().unwrap().covariance(), after, "no time has passed");
+    assert_eq!(filter.water_covariance().unwrap(), after, "no time has passed");
 }

@@ -35,11 +35,9 @@ impl Eskf {
         densities
             .into_iter()
             .try_for_each(|(field, value)| require_non_negative(field, value))?;
-        crate::aiding::sensor::Section::validate(&self.depth)?;
         self.consecutive_rejections.check_restored(time_ns)?;
-        if let Some(bias) = &self.extensions.depth_bias {
-            bias.check_restored(time_ns)?;
-        }
+        self.extensions.further().check_restored(time_ns)?;
+        self.extensions.processes.check_restored(time_ns)?;
         if let Some(calibration) = &self.extensions.calibration {
             calibration.check_restored(time_ns)?;
         }

@@ -1,20 +1,18 @@
 //! The record of a filter for the smoother; recording does not change the filter's results.
 
-use nalgebra::{Cholesky, Const, DMatrix, DVector, SMatrix};
+use nalgebra::{DMatrix, DVector, SMatrix};
 
 use super::Eskf;
-use super::extensions::{DEPTH_BIAS, Extensions, FIRST_CALIBRATION};
-use super::update::FurtherGains;
+use super::extensions::Extensions;
+use super::further_states::Update;
 use crate::aiding::Innovation;
-use crate::aiding::calibration::CALIBRATION;
-use crate::aiding::water::WATER;
+use crate::aiding::further::FURTHER;
 use crate::error_model::Interval;
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
 use crate::state::{Covariance, NavState};
 
-/// One entry of a tape; matrices are over the 20 error states, the bias of the depth sensor, and, where
-/// they exist, mounting and clock of the DVL (four) and the motion through the water (six).
+/// One entry of a tape; matrices are over the 20 error states and the further states that the filter has.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Step {
     /// Φ since the previous entry.
@@ -97,110 +95,68 @@ impl Eskf {
         }
     }
 
-    /// Records an update; `water_gain` is the gain of the water states.
+    /// Records an update; `further_gain` is that of the further states, transposed.
     pub(super) fn record_update<const M: usize>(
         &mut self,
         innovation: &Innovation,
-        z: &SMatrix<f64, M, 1>,
-        factor: &Cholesky<f64, Const<M>>,
-        gain: &SMatrix<f64, DIM, M>,
-        further: &FurtherGains<M>,
+        update: &Update<'_, M>,
+        further_gain: &SMatrix<f64, M, FURTHER>,
     ) {
-        let (states, first_water) = (self.extensions.states(), self.extensions.first_water());
+        let states = self.extensions.states();
         let mut h = DMatrix::zeros(M, states);
-        let mut whole_gain = DMatrix::zeros(states, M);
+        let mut gain = DMatrix::zeros(states, M);
         h.view_mut((0, 0), (M, DIM))
             .copy_from(&innovation.jacobian.fixed_rows::<M>(0));
-        whole_gain.view_mut((0, 0), (DIM, M)).copy_from(gain);
-        if let Some(correlated_noise) = &innovation.correlated_noise {
+        gain.view_mut((0, 0), (DIM, M)).copy_from(update.gain);
+        if let Some(noise) = &innovation.correlated_noise {
             let mut own = h.view_mut((0, 0), (M, DIM));
-            own += correlated_noise.by_state.fixed_rows::<M>(0);
-            h.view_mut((0, DEPTH_BIAS), (M, 1))
-                .copy_from(&correlated_noise.by_depth_bias.fixed_rows::<M>(0));
-            if self.extensions.calibration.is_some() {
-                h.view_mut((0, FIRST_CALIBRATION), (M, CALIBRATION))
-                    .copy_from(&correlated_noise.by_calibration.fixed_rows::<M>(0));
-            }
-            if states > first_water {
-                h.view_mut((0, first_water), (M, WATER))
-                    .copy_from(&correlated_noise.by_water.fixed_rows::<M>(0));
+            own += noise.by_state.fixed_rows::<M>(0);
+            for (at, k) in (DIM..).zip(self.extensions.further().states()) {
+                h.column_mut(at)
+                    .copy_from(&noise.by_further.fixed_rows::<M>(0).column(k));
             }
         }
-        if let Some(gain) = &further.depth_bias {
-            whole_gain
-                .view_mut((DEPTH_BIAS, 0), (1, M))
-                .copy_from(&gain.transpose());
-        }
-        if let Some(gain) = &further.calibration {
-            whole_gain
-                .view_mut((FIRST_CALIBRATION, 0), (CALIBRATION, M))
-                .copy_from(&gain.transpose());
-        }
-        if let Some(gain) = &further.water {
-            whole_gain.view_mut((first_water, 0), (WATER, M)).copy_from(gain);
+        for (at, k) in (DIM..).zip(self.extensions.further().states()) {
+            gain.row_mut(at).copy_from(&further_gain.column(k).transpose());
         }
         // What corrects the position alone is no information on any other state.
         let informs = if innovation.corrects_position_alone { 0.0 } else { 1.0 };
-        let (weighted_innovation, weight) = (factor.solve(z) * informs, factor.inverse() * informs);
+        let (weighted_innovation, weight) = (
+            update.factor.solve(update.z) * informs,
+            update.factor.inverse() * informs,
+        );
         if let Some(tape) = &mut self.extensions.tape {
             tape.push(Step::Update {
                 weighted_innovation: DVector::from_column_slice(weighted_innovation.as_slice()),
                 weight: DMatrix::from_column_slice(M, M, weight.as_slice()),
                 h,
-                gain: whole_gain,
+                gain,
             });
         }
     }
 
     /// Covariance of all states, further states included, at the time of the state.
-    fn joint_covariance(&self) -> DMatrix<f64> {
+    pub(super) fn joint_covariance(&self) -> DMatrix<f64> {
         let mut extensions = Extensions {
-            tape: None,
-            depth_bias: self.extensions.depth_bias.clone(),
+            further: self.extensions.further.clone(),
+            processes: self.extensions.processes.clone(),
             calibration: self.extensions.calibration.clone(),
             water: self.extensions.water.clone(),
+            tape: None,
         };
         if self.interval.duration_s() > 0.0 {
             extensions.propagate(&self.interval, &self.kinematics, &self.settings.earth);
         }
-        let (states, first_water) = (extensions.states(), extensions.first_water());
-        let mut joint = DMatrix::zeros(states, states);
+        let further = extensions.further();
+        let mut joint = DMatrix::zeros(extensions.states(), extensions.states());
         joint.view_mut((0, 0), (DIM, DIM)).copy_from(&self.covariance());
-        if let Some(bias) = &extensions.depth_bias {
-            joint.view_mut((0, DEPTH_BIAS), (DIM, 1)).copy_from(bias.cross());
-            joint[(DEPTH_BIAS, DEPTH_BIAS)] = bias.variance_m2();
-            if extensions.water.is_some() {
-                let with_water = bias.cross_with_water().transpose();
-                joint
-                    .view_mut((DEPTH_BIAS, first_water), (1, WATER))
-                    .copy_from(&with_water);
-            }
-        }
-        if let Some(calibration) = &extensions.calibration {
+        for (column, k) in (DIM..).zip(further.states()) {
             joint
-                .view_mut((0, FIRST_CALIBRATION), (DIM, CALIBRATION))
-                .copy_from(calibration.cross());
-            joint
-                .view_mut((FIRST_CALIBRATION, FIRST_CALIBRATION), (CALIBRATION, CALIBRATION))
-                .copy_from(calibration.covariance());
-            if extensions.depth_bias.is_some() {
-                let with_bias = calibration.cross_with_depth_bias().transpose();
-                joint
-                    .view_mut((DEPTH_BIAS, FIRST_CALIBRATION), (1, CALIBRATION))
-                    .copy_from(&with_bias);
+                .view_mut((0, column), (DIM, 1))
+                .copy_from(&further.cross().column(k));
+            for (row, i) in (DIM..=column).zip(further.states()) {
+                joint[(row, column)] = further.covariance()[(i, k)];
             }
-            if extensions.water.is_some() {
-                let with_water = calibration.cross_with_water().transpose();
-                joint
-                    .view_mut((FIRST_CALIBRATION, first_water), (CALIBRATION, WATER))
-                    .copy_from(&with_water);
-            }
-        }
-        if let Some(water) = &extensions.water {
-            joint
-                .view_mut((first_water, first_water), (WATER, WATER))
-                .copy_from(water.covariance());
-            joint.view_mut((0, first_water), (DIM, WATER)).copy_from(water.cross());
         }
         joint.fill_lower_triangle_with_upper_triangle();
         joint
@@ -219,13 +175,9 @@ pub(super) fn transition(
     interval.carry(&mut phi.data.0, end, earth);
     let mut whole = DMatrix::identity(states, states);
     whole.view_mut((0, 0), (DIM, DIM)).copy_from(&phi);
-    if let Some(bias) = &extensions.depth_bias {
-        whole[(DEPTH_BIAS, DEPTH_BIAS)] = bias.decay(interval.duration_s());
-    }
-    if let Some(water) = &extensions.water {
-        let decay = water.decay(interval.duration_s());
-        let first = extensions.first_water();
-        (0..WATER).for_each(|k| whole[(first + k, first + k)] = decay[k]);
+    let left = extensions.left(interval.duration_s());
+    for (at, k) in (DIM..).zip(extensions.further().states()) {
+        whole[(at, at)] = left[k];
     }
     whole
 }

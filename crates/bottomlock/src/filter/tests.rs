@@ -119,11 +119,7 @@ fn the_causes_of_a_correlation_turn_with_its_rows() {
     noise
         .by_state
         .set_column(VELOCITY, &SVector::from_fn(|m, _| m as f64 + 1.0));
-    noise.by_water.set_column(1, &SVector::from_fn(|m, _| m as f64 + 2.0));
-    noise.by_depth_bias = SVector::from_fn(|m, _| m as f64 + 3.0);
-    noise
-        .by_calibration
-        .set_column(0, &SVector::from_fn(|m, _| m as f64 + 4.0));
+    noise.by_further.set_column(1, &SVector::from_fn(|m, _| m as f64 + 2.0));
     let mut axes = SMatrix::<f64, MAX_ROWS, 3>::zeros();
     axes.set_row(0, &nalgebra::RowVector3::new(0.0, 1.0, 0.0));
     axes.set_row(1, &nalgebra::RowVector3::new(1.0, 0.0, -1.0));
@@ -132,12 +128,7 @@ fn the_causes_of_a_correlation_turn_with_its_rows() {
         [turned.by_state[(0, VELOCITY)], turned.by_state[(1, VELOCITY)]],
         [2.0, -2.0]
     );
-    assert_eq!([turned.by_water[(0, 1)], turned.by_water[(1, 1)]], [3.0, -2.0]);
-    assert_eq!([turned.by_depth_bias[0], turned.by_depth_bias[1]], [4.0, -2.0]);
-    assert_eq!(
-        [turned.by_calibration[(0, 0)], turned.by_calibration[(1, 0)]],
-        [5.0, -2.0]
-    );
+    assert_eq!([turned.by_further[(0, 1)], turned.by_further[(1, 1)]], [3.0, -2.0]);
 }
 
 /// A covariance that is not symmetric beyond rounding, or has a negative variance, is refused and named; the filter keeps its

@@ -1,31 +1,25 @@
 //! One update: gate, correction of covariance and state, report.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SMatrix;
 
 use super::Eskf;
+use super::further_states::Update;
 use super::joseph::PredictedInnovation;
-use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::sensor::Quantity;
-use crate::aiding::water::WATER;
 use crate::aiding::{Innovation, TangentRows};
 use crate::error::NavError;
 use crate::error_model::Interval;
 use crate::filter::gate::Gate;
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
-use crate::filter::water_block::Update;
-use crate::layout::{DIM, block_name};
+use crate::layout::{ATTITUDE, DIM, block_name};
 use crate::state::ErrorVector;
 
 impl Eskf {
     /// Tests an innovation, corrects covariance and state, and reports.
-    ///
-    /// `water_cross` is the covariance of the water states with the noise, for an assumption on the motion through the
-    /// water.
     pub(super) fn fuse<const M: usize>(
         &mut self,
         innovation: &Innovation,
         sensor: Sensor,
-        water_cross: Option<&SMatrix<f64, WATER, M>>,
     ) -> Result<UpdateReport, NavError> {
         // Borrowed from here on, since it is large.
         let predicted = PredictedInnovation::<M>::of(&self.covariance, innovation);
@@ -51,7 +45,7 @@ impl Eskf {
             .correct(&mut self.covariance, innovation)
             .map_err(|indefinite| not_positive_definite(indefinite.negative, self.state.time_ns))?;
         if !self.extensions.is_empty() {
-            self.update_extensions(innovation, predicted, &correction.gain, water_cross);
+            self.update_extensions(innovation, predicted, &correction.gain);
         }
         if innovation.tangent_rows == TangentRows::None && sensor.quantity() == Some(Quantity::Velocity) {
             self.measured.velocity_ns = Some(self.state.time_ns);
@@ -105,45 +99,20 @@ impl Eskf {
         innovation: &Innovation,
         predicted: &PredictedInnovation<M>,
         gain: &SMatrix<f64, DIM, M>,
-        water_cross: Option<&SMatrix<f64, WATER, M>>,
     ) {
         let z = innovation.residual.fixed_rows::<M>(0).into_owned();
         let factor = predicted.cholesky();
         let update = Update {
             z: &z,
-            h: &innovation.jacobian.fixed_rows::<M>(0).into_owned(),
             s: &predicted.s,
             factor: &factor,
             cross_covariance: &predicted.cross_covariance,
             gain,
-            corrects_position_alone: innovation.corrects_position_alone,
         };
-        let mut water_cross = water_cross.copied().unwrap_or_else(SMatrix::zeros);
-        let mut bias_cross = None;
-        if let Some(bias) = &self.extensions.depth_bias {
-            water_cross += bias.water_cross::<M>(innovation);
-            bias_cross = Some(bias.innovation_cross::<M>(innovation));
-        }
-        let mut calibration_cross = None;
-        if let Some(calibration) = &self.extensions.calibration {
-            let (by_water, by_bias) = calibration.noise_cross::<M>(innovation);
-            water_cross += by_water;
-            bias_cross = bias_cross.map(|cross| cross + by_bias);
-            calibration_cross = Some(calibration.innovation_cross::<M>(innovation));
-        }
-        let mut gains = FurtherGains::default();
-        if let Some(water) = &mut self.extensions.water {
-            gains.water = Some(water.update(&update, &water_cross));
-        }
-        if let (Some(bias), Some(x)) = (&mut self.extensions.depth_bias, bias_cross) {
-            gains.depth_bias = Some(bias.update(&update, &x, gains.water.as_ref()));
-        }
-        if let (Some(calibration), Some(x)) = (&mut self.extensions.calibration, calibration_cross) {
-            let gain = calibration.update(&update, &x, gains.water.as_ref(), gains.depth_bias.as_ref());
-            gains.calibration = Some(gain);
-        }
+        let yaw_rad = (gain.row(ATTITUDE + 2) * z)[0];
+        let further_gain = self.extensions.update(&update, innovation, yaw_rad);
         if self.extensions.tape.is_some() {
-            self.record_update(innovation, &z, &factor, gain, &gains);
+            self.record_update(innovation, &update, &further_gain);
         }
     }
 
@@ -158,15 +127,6 @@ impl Eskf {
             calibration.begin_interval(&self.kinematics);
         }
     }
-}
-
-/// Gains of the further states, where they exist.
-#[derive(Default)]
-pub(super) struct FurtherGains<const M: usize> {
-    pub(super) depth_bias: Option<SVector<f64, M>>,
-    pub(super) water: Option<SMatrix<f64, WATER, M>>,
-    /// Transposed.
-    pub(super) calibration: Option<SMatrix<f64, M, CALIBRATION>>,
 }
 
 /// The error for an indefinite covariance, which names the block of a negative variance if there is one.

@@ -1,17 +1,18 @@
-//! The water block against a Kalman filter on all 26 states, and the estimation of slip variances.
+//! The water states against a Kalman filter on all 26 states, and the estimation of slip variances.
 
-use nalgebra::{DMatrix, DVector, Matrix3, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, SVector};
 
 use super::*;
 use crate::aiding::Innovation;
-use crate::aiding::water::sway_row;
+use crate::aiding::further::FIRST_WATER;
+use crate::aiding::water::{CURRENT, WATER, inject, sway_row};
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
 use crate::filter::level_turn::{advance, assert_close};
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::frames::Vec3;
-use crate::layout::POSITION;
+use crate::layout::{ATTITUDE, DIM};
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -35,13 +36,7 @@ fn filter() -> Eskf {
 }
 
 fn joint(filter: &Eskf) -> DMatrix<f64> {
-    let (p, block) = (filter.covariance(), filter.water().unwrap());
-    DMatrix::from_fn(ALL, ALL, |i, j| match (i < DIM, j < DIM) {
-        (true, true) => p[(i, j)],
-        (true, false) => block.cross[(i, j - DIM)],
-        (false, true) => block.cross[(j, i - DIM)],
-        (false, false) => block.covariance[(i - DIM, j - DIM)],
-    })
+    filter.joint_covariance()
 }
 
 fn row(filter: &Eskf) -> WaterRow {
@@ -106,7 +101,6 @@ fn covariance_of_the_current_has_the_error_of_the_heading() {
     }
     let block = filter.extensions.water.as_mut().unwrap();
     (block.estimate[CURRENT], block.estimate[CURRENT + 1]) = (0.2, -0.5);
-    block.cross[(ATTITUDE + 2, CURRENT + 1)] += 1e-4;
     let (p, estimate) = (joint(&filter), *filter.water().unwrap().estimate());
     let states = [ATTITUDE + 2, DIM + CURRENT, DIM + CURRENT + 1];
     let by_state = DMatrix::from_fn(2, 3, |i, j| {
@@ -141,20 +135,23 @@ fn water_states_decay() {
     advance(&mut filter, 100);
     let assumed = row(&filter);
     filter.assume(&assumed, Sensor::Sway, false).unwrap();
-    let before = filter.water().unwrap().clone();
+    let before = filter.extensions.further().clone();
     advance(&mut filter, 1);
-    let after = filter.water().unwrap();
+    filter.propagated_covariance();
+    let after = filter.extensions.further();
     let decay = options().water.decay(0.01);
     // Φ is the identity for biases; `carried_columns_are_dense_products` checks the other states.
     for i in crate::layout::ACCEL_BIAS..DIM {
         for k in 0..WATER {
-            assert!((after.cross[(i, k)] - before.cross[(i, k)] * decay[k]).abs() < 1e-18);
+            let at = (i, FIRST_WATER + k);
+            assert!((after.cross()[at] - before.cross()[at] * decay[k]).abs() < 1e-18);
         }
     }
     for k in 0..WATER {
         let variance = options().water.variance()[k];
-        let expected = before.covariance[(k, k)] * decay[k] * decay[k] + (1.0 - decay[k] * decay[k]) * variance;
-        assert!((after.covariance[(k, k)] / expected - 1.0).abs() < 1e-14);
+        let at = (FIRST_WATER + k, FIRST_WATER + k);
+        let expected = before.covariance()[at] * decay[k] * decay[k] + (1.0 - decay[k] * decay[k]) * variance;
+        assert!((after.covariance()[at] / expected - 1.0).abs() < 1e-14);
     }
 }
 
@@ -187,15 +184,13 @@ fn slip_variance_follows_informative_innovations() {
 fn restored_numbers_are_checked() {
     let good = WaterBlock::new(&WaterPrior::default());
     assert_eq!(good.check_restored(3), Ok(()));
-    let faults: [fn(&mut WaterBlock); 8] = [
+    let faults: [fn(&mut WaterBlock); 6] = [
         |block| block.prior.slip_time_s = 0.0,
         |block| block.estimate[0] = f64::NAN,
         |block| block.variance[5] = f64::NAN,
         |block| block.epochs[4] = f64::INFINITY,
         |block| block.since_s[4] = f64::NAN,
         |block| block.turning_mps[4] = f64::NAN,
-        |block| block.covariance[(2, 1)] = f64::NAN,
-        |block| block.cross[(3, 1)] = f64::NAN,
     ];
     for (number, change) in faults.into_iter().enumerate() {
         let mut bad = good.clone();
@@ -216,27 +211,6 @@ fn a_restart_forgets() {
         (1, 0, 2)
     );
     assert_eq!((anew.estimate(), anew.variance()), (fresh.estimate(), fresh.variance()));
-}
-
-/// A move of the path takes the correlation of the position along.
-#[test]
-fn moves_with_the_path() {
-    let mut block = WaterBlock::new(&WaterPrior::default());
-    block.cross = SMatrix::from_fn(|i, j| (i as f64 + 2.0 * j as f64 + 1.0) * 1e-3);
-    let before = block.cross;
-    let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
-    let turned = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 2.0);
-    block.move_to_corrected_path(&crate::aiding::CorrectedPath {
-        by_position: Some(turned),
-        by_misalignment: by,
-        offset_t_m: Vector3::new(7.0, 8.0, 9.0),
-    });
-    let expected = turned * before.fixed_rows::<3>(POSITION) + by * before.fixed_rows::<3>(ATTITUDE);
-    assert!((block.cross.fixed_rows::<3>(POSITION) - expected).amax() < 1e-15);
-    assert_eq!(
-        block.cross.rows(ATTITUDE, DIM - ATTITUDE),
-        before.rows(ATTITUDE, DIM - ATTITUDE)
-    );
 }
 
 /// Estimates decay with their correlation times.

@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
+use crate::aiding::motion_prior::EPOCH_NS;
 use crate::aiding::{InformationPort, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
@@ -59,6 +60,8 @@ pub struct Navigator {
     last_ns: [Option<i64>; STREAMS],
     /// Time of the last ping that the filters have taken; `last_ns` also has those that wait.
     last_ping_ns: Option<i64>,
+    /// Time of the last epoch of the prior of the motion.
+    last_motion_ns: Option<i64>,
     /// Beams that were accepted at least once.
     confirmed: BeamMask,
 }
@@ -87,6 +90,7 @@ impl Navigator {
             waiting: VecDeque::new(),
             last_ns: [None; STREAMS],
             last_ping_ns: None,
+            last_motion_ns: None,
             confirmed: BeamMask::NONE,
         })
     }
@@ -247,6 +251,22 @@ impl Navigator {
                 }
             }
         }
+        self.keep_to_motion(event.time_ns(), report)
+    }
+
+    /// Applies the prior of the vehicle's motion to every filter, at the first event of an epoch.
+    fn keep_to_motion(&mut self, time_ns: i64, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+        let prior = self.options.motion;
+        let is_due = |last_ns: i64| time_ns - last_ns >= EPOCH_NS;
+        if prior.is_off() || !self.last_motion_ns.is_none_or(is_due) {
+            return Ok(());
+        }
+        self.last_motion_ns = Some(time_ns);
+        report(
+            &self
+                .filters
+                .update(Sensor::Motion, |filter| prior.innovation(&filter.state()))?,
+        );
         Ok(())
     }
 

@@ -99,7 +99,7 @@ impl Navigator {
         let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
         let covariance = filter.propagated_covariance();
         let mut terms = filter.beam_terms(geometry, ping);
-        filter.add_calibration_to(&mut terms);
+        filter.add_further_to(&mut terms);
         let screened = outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping)?;
         Ok((screened.ping, Some(screened.weight)))
     }

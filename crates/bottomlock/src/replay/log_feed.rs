@@ -90,7 +90,9 @@ impl MethodReplay {
     fn record(&mut self, keep_covariance: bool) {
         let (state, covariance) = (self.navigators.state(), self.navigators.covariance());
         self.track.filtered.push(state, &covariance, keep_covariance);
-        let calibration = self.navigators.selected().filter().calibration();
+        let filter = self.navigators.selected().filter();
+        self.track.attitude_errors.extend(filter.attitude_error_rad());
+        let calibration = filter.calibration();
         let numbers = calibration.map(|(estimate, covariance)| (estimate.numbers(), covariance));
         self.track.calibrations.extend(numbers);
         if let Some(filters) = self.navigators.filters() {

@@ -102,6 +102,9 @@ pub struct Track {
     /// Estimates of the DVL's mounting and clock at each sample, as numbers, with their covariance; empty where they are
     /// taken as stated. They are constants, so those of the last sample are the smoothed ones of every sample.
     pub calibrations: Vec<(CalibrationVector, CalibrationCovariance)>,
+    /// Estimated error of the attitude reference in roll, pitch and yaw with its standard deviation, rad, at each sample; empty where
+    /// it is not estimated.
+    pub attitude_errors: Vec<[(f64, f64); 3]>,
     /// Bytes that the smoother's tape took.
     pub tape_bytes: usize,
 }

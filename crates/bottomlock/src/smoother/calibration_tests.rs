@@ -13,7 +13,7 @@ use crate::navigator::{Method, NavigatorSet};
 use crate::replay::replay;
 use crate::replay::tests::steady_turn;
 
-const OWN: usize = DIM + 1;
+const OWN: usize = DIM;
 
 fn options() -> Options {
     Options {

@@ -1,0 +1,69 @@
+//! Layout of the states beside the 20 of the error state, and the rows that a sensor fills for them.
+//!
+//! A state beside the 20 is a parameter of a sensor or of the vehicle: its error belongs to the noise of the measurements that
+//! contain it, n = D_f δf + white noise. A sensor states D_f; what follows from it is the filter's
+//! (`filter/further_states.rs`). A further block is its name, its range and its number here.
+
+use std::ops::Range;
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::aiding::MAX_ROWS;
+use crate::aiding::calibration::CALIBRATION;
+use crate::aiding::water::WATER;
+
+/// Number of states of the error of an attitude reference: offset of roll, pitch and yaw, then their first-order walks.
+pub const ATTITUDE_ERROR: usize = 6;
+/// Number of states of the error of a heading sensor: offset, then first-order walk.
+pub const HEADING_ERROR: usize = 2;
+
+/// Number of states of the motion of the vehicle.
+pub const MOTION: usize = 6;
+
+/// Index of the bias of the depth sensor, m.
+pub const DEPTH_BIAS: usize = 0;
+/// First index of mounting and clock of the DVL ([`crate::aiding::calibration`]).
+pub const FIRST_CALIBRATION: usize = DEPTH_BIAS + 1;
+/// First index of the error of the attitude reference, rad ([`crate::aiding::attitude`]).
+pub const FIRST_ATTITUDE_ERROR: usize = FIRST_CALIBRATION + CALIBRATION;
+/// First index of the error of the heading sensor, rad ([`crate::aiding::heading`]).
+pub const FIRST_HEADING_ERROR: usize = FIRST_ATTITUDE_ERROR + ATTITUDE_ERROR;
+/// First index of the motion of the vehicle: mean of surge, sway and heave, then their changes, m/s
+/// ([`crate::aiding::motion_prior`]).
+pub const FIRST_MOTION: usize = FIRST_HEADING_ERROR + HEADING_ERROR;
+/// First index of the motion through the water ([`crate::aiding::water`]); last, since a filter may begin or end it while it
+/// runs, and the states of a smoother's tape then keep their places.
+pub const FIRST_WATER: usize = FIRST_MOTION + MOTION;
+/// Number of further states.
+pub const FURTHER: usize = FIRST_WATER + WATER;
+
+/// Name and range of each block, in order.
+pub const FURTHER_BLOCKS: [(&str, Range<usize>); 6] = [
+    ("depth_bias_m", DEPTH_BIAS..FIRST_CALIBRATION),
+    ("dvl_mounting_and_clock", FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR),
+    ("attitude_error_rad", FIRST_ATTITUDE_ERROR..FIRST_HEADING_ERROR),
+    ("heading_error_rad", FIRST_HEADING_ERROR..FIRST_MOTION),
+    ("motion_p_mps", FIRST_MOTION..FIRST_WATER),
+    ("water", FIRST_WATER..FURTHER),
+];
+
+/// One number for each further state.
+pub type FurtherVector = SVector<f64, FURTHER>;
+/// Jacobian of up to [`MAX_ROWS`] rows with respect to the further states.
+pub type FurtherRows = SMatrix<f64, MAX_ROWS, FURTHER>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The blocks cover the further states without gap or overlap, the water last.
+    #[test]
+    fn blocks_tile_the_further_states() {
+        let mut next = 0;
+        for (_, range) in FURTHER_BLOCKS {
+            assert_eq!(range.start, next);
+            next = range.end;
+        }
+        assert_eq!((next, FURTHER_BLOCKS[5].1.start), (FURTHER, FIRST_WATER));
+    }
+}

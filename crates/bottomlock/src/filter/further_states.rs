@@ -1,0 +1,246 @@
+//! All states beside the 20 of the error state: one covariance, and one covariance with the error state.
+//!
+//! In an update they count as noise that is correlated with the error state, n = D_x δx + D_f δf + white noise, so the
+//! arithmetic of the 20 states is that of any update. With X the covariance of δx and δf, C that of δf, and z = H δx + n,
+//!
+//! ```text
+//! R  += D_f C D_fᵀ + D_x X D_fᵀ + (D_x X D_fᵀ)ᵀ,   E[δx nᵀ] += X D_fᵀ
+//! E[δf zᵀ] = Xᵀ (H + D_x)ᵀ + C D_fᵀ,               K_f = E[δf zᵀ] S⁻¹
+//! ```
+//!
+//! Each is a constant or a first-order Gauss–Markov process, so that the transition is diagonal. What an estimate is
+//! and how a correction is added to it belongs to its block.
+
+use std::ops::Range;
+
+use nalgebra::{ArrayStorage, Cholesky, Const, SMatrix, SVector};
+
+use crate::aiding::further::{FURTHER, FURTHER_BLOCKS, FurtherRows, FurtherVector};
+use crate::aiding::{CorrectedPath, CorrelatedNoise, Innovation, MAX_ROWS};
+use crate::error::{NavError, require_finite_squares};
+use crate::error_model::Interval;
+use crate::layout::DIM;
+use crate::mechanisation::{EarthTerms, Kinematics};
+
+/// Covariances of the further states that a filter has.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct FurtherStates {
+    /// Their blocks, in order.
+    blocks: Vec<Range<usize>>,
+    /// C.
+    covariance: SMatrix<f64, FURTHER, FURTHER>,
+    /// X = E[δx δfᵀ].
+    cross: SMatrix<f64, DIM, FURTHER>,
+}
+
+/// Matrices of the error state's update.
+pub(super) struct Update<'a, const M: usize> {
+    /// Innovation.
+    pub(super) z: &'a SMatrix<f64, M, 1>,
+    /// Innovation covariance.
+    pub(super) s: &'a SMatrix<f64, M, M>,
+    /// Cholesky factor of the innovation covariance.
+    pub(super) factor: &'a Cholesky<f64, Const<M>>,
+    /// E[δx zᵀ].
+    pub(super) cross_covariance: &'a SMatrix<f64, DIM, M>,
+    /// Gain K = E[δx zᵀ] S⁻¹.
+    pub(super) gain: &'a SMatrix<f64, DIM, M>,
+}
+
+/// No further state.
+pub(super) static NONE: FurtherStates = FurtherStates::none();
+
+impl FurtherStates {
+    /// No further state.
+    pub(super) const fn none() -> Self {
+        Self {
+            blocks: Vec::new(),
+            covariance: SMatrix::from_array_storage(ArrayStorage([[0.0; FURTHER]; FURTHER])),
+            cross: SMatrix::from_array_storage(ArrayStorage([[0.0; DIM]; FURTHER])),
+        }
+    }
+
+    /// Begins a block, or begins it anew: independent of all others, with these variances.
+    pub(super) fn begin(&mut self, block: Range<usize>, variance: &[f64]) {
+        self.end(&block);
+        for (k, variance) in block.clone().zip(variance) {
+            self.covariance[(k, k)] = *variance;
+        }
+        self.blocks.push(block);
+        self.blocks.sort_by_key(|block| block.start);
+    }
+
+    /// Ends a block, if there is one.
+    pub(super) fn end(&mut self, block: &Range<usize>) {
+        self.blocks.retain(|other| other != block);
+        for k in block.clone() {
+            self.cross.column_mut(k).fill(0.0);
+            self.covariance.column_mut(k).fill(0.0);
+            self.covariance.row_mut(k).fill(0.0);
+        }
+    }
+
+    /// Returns true if there is none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.blocks.is_empty()
+    }
+
+    /// The states that there are, in order.
+    pub(super) fn states(&self) -> impl Iterator<Item = usize> + Clone + '_ {
+        self.blocks.iter().cloned().flatten()
+    }
+
+    /// C.
+    pub(super) fn covariance(&self) -> &SMatrix<f64, FURTHER, FURTHER> {
+        &self.covariance
+    }
+
+    /// X = E[δx δfᵀ].
+    pub(super) fn cross(&self) -> &SMatrix<f64, DIM, FURTHER> {
+        &self.cross
+    }
+
+    /// Adds to the variance of a state.
+    pub(super) fn add_variance(&mut self, state: usize, variance: f64) {
+        self.covariance[(state, state)] += variance;
+    }
+
+    /// Adds what the further states add to the noise of rows with the Jacobian D_f.
+    pub(super) fn add_to(&self, innovation: &mut Innovation, rows: &FurtherRows) {
+        let (x, own) = self.by_rows(rows);
+        innovation.noise += own;
+        let noise = innovation
+            .correlated_noise
+            .get_or_insert_with(|| Box::new(CorrelatedNoise::default()));
+        let half = noise.by_state * x;
+        innovation.noise += half + half.transpose();
+        noise.by_further += rows;
+        *innovation
+            .cross
+            .get_or_insert_with(|| Box::new(SMatrix::zeros()))
+            .as_mut() += x;
+    }
+
+    /// H E[δx nᵀ] and its transpose, and the covariance of n = D_f δf: what they add to S.
+    pub(super) fn added_to_innovation(
+        &self,
+        jacobian: &SMatrix<f64, MAX_ROWS, DIM>,
+        rows: &FurtherRows,
+    ) -> SMatrix<f64, MAX_ROWS, MAX_ROWS> {
+        let (x, own) = self.by_rows(rows);
+        let half = jacobian * x;
+        own + half + half.transpose()
+    }
+
+    /// X D_fᵀ and D_f C D_fᵀ.
+    fn by_rows(&self, rows: &FurtherRows) -> (SMatrix<f64, DIM, MAX_ROWS>, SMatrix<f64, MAX_ROWS, MAX_ROWS>) {
+        let (mut x, mut own) = (SMatrix::zeros(), SMatrix::zeros());
+        for k in self.states().filter(|&k| rows.column(k).amax() > 0.0) {
+            let column = rows.column(k);
+            x += self.cross.column(k) * column.transpose();
+            let mut with_others = SVector::<f64, MAX_ROWS>::zeros();
+            for j in self.states() {
+                with_others += rows.column(j) * self.covariance[(j, k)];
+            }
+            own += with_others * column.transpose();
+        }
+        (x, (own + own.transpose()) * 0.5)
+    }
+
+    /// Propagates over an interval of the error state that ends at `end`: each state keeps the fraction `left` of its error,
+    /// and its variance tends to `steady`.
+    pub(super) fn propagate(
+        &mut self,
+        interval: &Interval,
+        end: &Kinematics<f64>,
+        earth: &EarthTerms,
+        left: &FurtherVector,
+        steady: &FurtherVector,
+    ) {
+        for block in &self.blocks {
+            interval.carry(&mut self.cross.data.0[block.clone()], end, earth);
+        }
+        let states: Vec<usize> = self.states().collect();
+        for &k in &states {
+            self.cross.column_mut(k).scale_mut(left[k]);
+            for &i in &states {
+                self.covariance[(i, k)] *= left[i] * left[k];
+            }
+            self.covariance[(k, k)] += (1.0 - left[k] * left[k]) * steady[k];
+        }
+    }
+
+    /// Updates with an update of the error state; returns the gain, transposed, which is zero for a state that is none.
+    ///
+    /// What corrects the position alone leaves the further states.
+    pub(super) fn update<const M: usize>(
+        &mut self,
+        update: &Update<'_, M>,
+        innovation: &Innovation,
+    ) -> SMatrix<f64, M, FURTHER> {
+        let noise = innovation.correlated_noise.as_deref();
+        let mut h = innovation.jacobian.fixed_rows::<M>(0).into_owned();
+        if let Some(noise) = noise {
+            h += noise.by_state.fixed_rows::<M>(0);
+        }
+        let (mut x, mut gain, mut s_gain) = (
+            SMatrix::<f64, M, FURTHER>::zeros(),
+            SMatrix::<f64, M, FURTHER>::zeros(),
+            SMatrix::<f64, M, FURTHER>::zeros(),
+        );
+        let states: Vec<usize> = self.states().collect();
+        for &k in &states {
+            let mut own = h * self.cross.column(k);
+            if let Some(noise) = noise {
+                for &j in &states {
+                    own += noise.by_further.fixed_rows::<M>(0).column(j) * self.covariance[(j, k)];
+                }
+            }
+            x.set_column(k, &own);
+            if !innovation.corrects_position_alone {
+                let solved = update.factor.solve(&own);
+                s_gain.set_column(k, &(update.s * solved));
+                gain.set_column(k, &solved);
+            }
+        }
+        // Joseph's form in S: an error of a gain enters squared.
+        for &k in &states {
+            let change = update.gain * (s_gain.column(k) - x.column(k)) - update.cross_covariance * gain.column(k);
+            let mut cross = self.cross.column_mut(k);
+            cross += change;
+            for &i in states.iter().take_while(|&&i| i <= k) {
+                let half = |a: usize, b: usize| gain.column(a).dot(&(s_gain.column(b) * 0.5 - x.column(b)));
+                self.covariance[(i, k)] += half(i, k) + half(k, i);
+                self.covariance[(k, i)] = self.covariance[(i, k)];
+            }
+        }
+        gain
+    }
+
+    /// Follows a move of the error state, δr ← A δr + B ρ.
+    pub(super) fn move_to_corrected_path(&mut self, path: &CorrectedPath) {
+        path.move_rows(&mut self.cross);
+    }
+
+    /// Checks states that were read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError`] that names the number.
+    pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+        let known = |block: &Range<usize>| FURTHER_BLOCKS.iter().any(|(_, range)| range == block);
+        let rising = self.blocks.windows(2).all(|pair| pair[0].end <= pair[1].start);
+        if !(rising && self.blocks.iter().all(known)) {
+            return Err(NavError::OutOfRange {
+                field: "blocks of further states",
+                value: self.blocks.len() as f64,
+                expected: "each at most once, in order",
+            });
+        }
+        require_finite_squares("covariance of further states", time_ns, self.covariance.as_slice())?;
+        require_finite_squares("covariance of further states", time_ns, self.cross.as_slice())
+    }
+}
+
+#[cfg(test)]
+#[path = "further_states_tests.rs"]
+mod tests;

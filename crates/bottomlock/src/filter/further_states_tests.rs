@@ -1,0 +1,307 @@
+//! The further states of every block against a Kalman filter on all states.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+use super::*;
+use crate::aiding::attitude::{MagnetometerModel, attitude};
+use crate::aiding::calibration::CalibrationPrior;
+use crate::aiding::depth::{DepthModel, depth};
+use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_WATER};
+use crate::aiding::heading::{HeadingModel, heading};
+use crate::aiding::motion_prior::MotionPrior;
+use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime};
+use crate::aiding::tightly_coupled;
+use crate::aiding::water::sway_row;
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
+use crate::filter::Eskf;
+use crate::filter::gate::Gate;
+use crate::filter::level_turn::{advance, assert_close};
+use crate::filter::options::Options;
+use crate::filter::report::Sensor;
+use crate::filter::water_block::WaterBlock;
+use crate::frames::{Rot, Tangent, Vec3};
+use crate::layout::{ATTITUDE, POSITION, VELOCITY};
+use crate::model::Model;
+use crate::state::NavState;
+
+const ALL: usize = DIM + FURTHER;
+const MOTION: MotionPrior = MotionPrior {
+    mean_sd_mps: [1.0, 0.2, 0.1],
+    mean_time_s: 5000.0,
+    change_sd_mps: [0.1, 0.05, 0.03],
+    change_time_s: [40.0, 20.0, 10.0],
+};
+
+/// A filter that has every further state.
+fn filter() -> Eskf {
+    let mut model = Model::table_2();
+    model.sensors.depth = DepthModel {
+        sd_m: 0.02,
+        bias_sd_m: 0.3,
+        bias_time_s: TimeConstant(100.0),
+    };
+    model.sensors.magnetometer = MagnetometerModel {
+        yaw_offset_sd_rad: SlowSd(0.03),
+        roll_pitch_offset_sd_rad: SlowSd(0.01),
+        yaw_walk_sd_rad: SlowSd(0.02),
+        roll_pitch_walk_sd_rad: SlowSd(0.005),
+        walk_time_s: WalkTime(60.0),
+        ..model.sensors.magnetometer
+    };
+    model.sensors.heading = HeadingModel {
+        sd_rad: 0.01,
+        offset_sd_rad: SlowSd(0.02),
+        walk_sd_rad: SlowSd(0.01),
+        walk_time_s: WalkTime(200.0),
+    };
+    // Within the linear range.
+    model.initial.attitude_sd_rad = [1e-3; 3];
+    let options = Options {
+        gate: Gate::Off,
+        covariance_period_ns: 0,
+        calibration: CalibrationPrior {
+            mounting_sd_rad: [0.02, 0.03, 0.05],
+            clock_sd_s: 0.1,
+        },
+        motion: MOTION,
+        ..Options::default()
+    };
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.1, -0.05);
+    Eskf::new(state, &model, &options)
+        .unwrap()
+        .with_water(Some(WaterBlock::new(&options.water)))
+}
+
+fn ping(valid: BeamMask) -> BeamSample {
+    BeamSample {
+        time_ns: 0,
+        velocity_mps: [0.6, -0.3, -0.4, 0.5, 0.0, 0.0, 0.0, 0.0],
+        sd_mps: [0.01; 8],
+        valid,
+    }
+}
+
+fn beams(filter: &mut Eskf, valid: BeamMask) -> Innovation {
+    filter.prepare_for_ping();
+    let geometry = BeamGeometry::janus(Janus::X, 0.5)
+        .unwrap()
+        .with_lever_arms(&[Vec3::new(1.0, 0.2, 0.3); 4])
+        .unwrap();
+    tightly_coupled(&filter.beam_terms(&geometry, &ping(valid)), &ping(valid))
+}
+
+/// An attitude that is off by a few hundredths of a radian.
+fn attitude_reading(filter: &Eskf) -> Innovation {
+    let off = Rot::<Tangent, Tangent>::exp(Vector3::new(0.01, -0.02, 0.03));
+    attitude(&filter.state(), &(off * filter.state().attitude_t_p), 0.004, 0.01)
+}
+
+/// Readings of every sensor by turns.
+fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
+    let valid = [
+        BeamMask::all(4),
+        [0, 2].into_iter().collect(),
+        [3].into_iter().collect(),
+    ][round];
+    let lever = Vec3::from_array([0.4, 0.1, -0.2]);
+    vec![
+        (beams(filter, valid), Sensor::Beams),
+        (depth(&filter.state(), 0.3, 0.02, &lever), Sensor::Depth),
+        (attitude_reading(filter), Sensor::Attitude),
+        (heading(&filter.state(), 0.07, 0.01), Sensor::Heading),
+        (MOTION.innovation(&filter.state()), Sensor::Motion),
+    ]
+}
+
+/// Covariance after the textbook's update of all states, and the error that it estimates; `estimate` is that of the
+/// slow errors, which the residual still contains.
+fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) -> (DMatrix<f64>, DVector<f64>) {
+    let (m, rows) = (innovation.rows, innovation.by_further.as_deref().unwrap());
+    let h = DMatrix::from_fn(m, ALL, |i, j| {
+        if j < DIM {
+            innovation.jacobian[(i, j)]
+        } else {
+            rows[(i, j - DIM)]
+        }
+    });
+    let r = innovation.noise.view((0, 0), (m, m)).into_owned();
+    let z = (innovation.residual - rows * estimate).rows(0, m).into_owned();
+    let gain = p * h.transpose() * (&h * p * h.transpose() + r).try_inverse().unwrap();
+    (p - &gain * h * p, gain * z)
+}
+
+/// Pings of four, two and one beam, depths, attitudes, headings and assumptions by turns: covariance of all states and
+/// estimates of the slow errors are the textbook's.
+#[test]
+fn updates_are_the_textbook_updates_of_all_states() {
+    let mut filter = filter();
+    for round in 0..3 {
+        for kind in 0..5 {
+            advance(&mut filter, 30);
+            let (innovation, sensor) = readings(&mut filter, round).swap_remove(kind);
+            let (p, before) = (filter.joint_covariance(), *filter.extensions.processes.estimate());
+            let (expected, error) = updated(&p, &innovation, &before);
+            filter.update(&innovation, sensor).unwrap();
+            assert_close(&filter.joint_covariance(), &expected, 1e-9, sensor.name());
+            for k in super::super::gauss_markov::BLOCKS.into_iter().flatten() {
+                let after = filter.extensions.processes.estimate()[k];
+                assert!((after - before[k] - error[DIM + k]).abs() < 1e-10, "{k}");
+            }
+        }
+        let water = *filter.water().unwrap().estimate();
+        let assumed = filter.with_motion(|motion| sway_row(motion, &water));
+        let mut begun = filter.clone();
+        let added = begun.extensions.water.as_deref_mut().unwrap().begin_epoch(&assumed);
+        begun
+            .extensions
+            .further
+            .as_deref_mut()
+            .unwrap()
+            .add_variance(FIRST_WATER + assumed.slip, added);
+        let p = begun.joint_covariance();
+        let h = DVector::from_fn(ALL, |i, _| match i {
+            i if i < DIM => assumed.by_state[i],
+            i if i >= DIM + FIRST_WATER => assumed.by_water[i - DIM - FIRST_WATER],
+            _ => 0.0,
+        });
+        let column = &p * &h;
+        let expected = &p - &column * column.transpose() / (h.dot(&column) + assumed.variance);
+        filter.assume(&assumed, Sensor::Sway, false).unwrap();
+        assert_close(&filter.joint_covariance(), &expected, 1e-9, "assumption");
+    }
+    assert!(filter.extensions.further().covariance()[(FIRST_ATTITUDE_ERROR, FIRST_WATER)] != 0.0);
+}
+
+/// Over an interval with all states correlated: Φ P Φᵀ + Q of all states, with the transition that the tape records.
+#[test]
+fn propagation_is_that_of_all_states() {
+    let mut filter = filter();
+    for kind in 0..5 {
+        let (innovation, sensor) = readings(&mut filter, 0).swap_remove(kind);
+        filter.update(&innovation, sensor).unwrap();
+        advance(&mut filter, 1);
+    }
+    let before = filter.joint_covariance();
+    filter.begin_tape();
+    advance(&mut filter, 50);
+    filter.propagated_covariance();
+    let tape = filter.take_tape().unwrap();
+    let [crate::filter::tape::Step::Transition(phi)] = tape.steps.as_slice() else {
+        panic!("one transition");
+    };
+    let after = filter.joint_covariance();
+    let carried = phi * &before * phi.transpose();
+    let steady = filter.extensions.processes.variance();
+    for k in 0..FIRST_WATER {
+        let left = phi[(DIM + k, DIM + k)];
+        for i in (0..FIRST_WATER).filter(|&i| i != k) {
+            let gap = after[(DIM + i, DIM + k)] - carried[(DIM + i, DIM + k)];
+            assert!(gap.abs() < 1e-13, "{i} {k}");
+        }
+        let expected = carried[(DIM + k, DIM + k)] + (1.0 - left * left) * steady[k];
+        assert!((after[(DIM + k, DIM + k)] - expected).abs() < 1e-13, "{k}");
+        for i in 0..DIM {
+            assert!((after[(i, DIM + k)] - carried[(i, DIM + k)]).abs() < 1e-12, "{i} {k}");
+        }
+    }
+}
+
+/// What a position alone corrects leaves the further states: Joseph's form of that gain.
+#[test]
+fn a_position_alone_leaves_the_further_states() {
+    let mut filter = filter();
+    let mut wide = filter.covariance();
+    (VELOCITY..VELOCITY + 3).for_each(|k| wide[(k, k)] = 1e4);
+    filter.set_covariance(&wide).unwrap();
+    advance(&mut filter, 10);
+    assert!(filter.is_beyond_linear_range());
+    let innovation = depth(&filter.state(), 0.7, 0.02, &Vec3::zeros());
+    filter.update(&innovation, Sensor::Depth).unwrap();
+    let (estimate_m, sd_m) = filter.depth_bias_m().unwrap();
+    assert!(estimate_m == 0.0 && (sd_m - 0.3).abs() < 1e-12);
+    // The position has followed the reading, and its error is now minus that of the bias.
+    let cross = filter.extensions.further().cross()[(POSITION + 2, 0)];
+    assert!((cross / 0.09 + 1.0).abs() < 0.05);
+}
+
+/// A block that begins, or begins anew, is independent of all others; one that ends is gone.
+#[test]
+fn blocks_begin_and_end() {
+    let mut further = FurtherStates::none();
+    assert!(further.is_empty());
+    further.begin(3..5, &[2.0, 3.0]);
+    further.begin(0..1, &[1.0]);
+    assert_eq!(further.states().collect::<Vec<_>>(), [0, 3, 4]);
+    further.covariance[(0, 4)] = 0.5;
+    further.cross[(7, 4)] = 0.5;
+    further.begin(3..5, &[4.0, 5.0]);
+    assert_eq!(
+        further.covariance.diagonal().rows(0, 5),
+        DVector::from_vec(vec![1.0, 0.0, 0.0, 4.0, 5.0])
+    );
+    assert_eq!((further.covariance[(0, 4)], further.cross.amax()), (0.0, 0.0));
+    further.end(&(3..5));
+    assert_eq!(further.states().collect::<Vec<_>>(), [0]);
+    assert_eq!(further.covariance.amax(), 1.0);
+}
+
+/// Water states that start anew in a running filter are independent, and all others keep their correlations.
+#[test]
+fn water_states_start_anew() {
+    let mut filter = filter();
+    for kind in 0..5 {
+        let (innovation, sensor) = readings(&mut filter, 0).swap_remove(kind);
+        filter.update(&innovation, sensor).unwrap();
+    }
+    let before = filter.joint_covariance();
+    let anew = filter.with_water(Some(WaterBlock::new(&Options::default().water)));
+    let after = anew.joint_covariance();
+    let kept = DIM + FIRST_WATER;
+    assert_eq!(after.view((0, 0), (kept, kept)), before.view((0, 0), (kept, kept)));
+    assert_eq!(after.view((0, kept), (kept, FURTHER - FIRST_WATER)).amax(), 0.0);
+    assert_eq!(anew.with_water(None).joint_covariance().nrows(), kept);
+}
+
+/// A move of the path takes the correlation of the position along.
+#[test]
+fn moves_with_the_path() {
+    let mut further = FurtherStates::none();
+    further.begin(0..1, &[1.0]);
+    further.cross = SMatrix::from_fn(|i, j| (i as f64 + 2.0 * j as f64 + 1.0) * 1e-3);
+    let before = further.cross;
+    let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
+    let turned = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 2.0);
+    further.move_to_corrected_path(&CorrectedPath {
+        by_position: Some(turned),
+        by_misalignment: by,
+        offset_t_m: Vector3::new(7.0, 8.0, 9.0),
+    });
+    let expected = turned * before.fixed_rows::<3>(POSITION) + by * before.fixed_rows::<3>(ATTITUDE);
+    assert!((further.cross.fixed_rows::<3>(POSITION) - expected).amax() < 1e-15);
+    assert_eq!(
+        further.cross.rows(ATTITUDE, DIM - ATTITUDE),
+        before.rows(ATTITUDE, DIM - ATTITUDE)
+    );
+}
+
+/// Numbers and blocks from bytes are those that a filter can have, or named.
+#[test]
+fn restored_numbers_are_checked() {
+    let mut good = FurtherStates::none();
+    good.begin(FURTHER_BLOCKS[0].1.clone(), &[1.0]);
+    good.begin(FURTHER_BLOCKS[2].1.clone(), &[1.0; 6]);
+    assert_eq!(good.check_restored(3), Ok(()));
+    let faults: [fn(&mut FurtherStates); 5] = [
+        |further| further.covariance[(2, 1)] = f64::NAN,
+        |further| further.cross[(3, 1)] = f64::INFINITY,
+        |further| further.blocks.push(FURTHER..FURTHER + 9),
+        |further| further.blocks.push(0..1),
+        |further| further.blocks[0] = 0..2,
+    ];
+    for (number, change) in faults.into_iter().enumerate() {
+        let mut bad = good.clone();
+        change(&mut bad);
+        assert!(bad.check_restored(3).is_err(), "{number}");
+    }
+}

@@ -1,0 +1,123 @@
+//! Constants and first-order Gauss–Markov processes as states beside the error state, added to a reading as they are.
+//!
+//! Most are slow errors of sensors. Readings that scatter by little may all be wrong by much: a depth is known to centimetres
+//! from one reading to the next, but tide, density and the sensor's own offset move all of them by decimetres; the yaw of a
+//! magnetic attitude reference scatters by a tenth of a degree about a value that iron and declination move by degrees. Taken
+//! for white noise such an error is averaged away in the covariance, and not in the world. The others are mean and change of
+//! a vehicle's velocity ([`crate::aiding::motion_prior`]). With standard deviation and correlation time (none for a constant)
+//! each is estimated:
+//!
+//! ```text
+//! z = reading − expected reading − D_f f̂ = H δx + D_f δf + white noise
+//! ```
+
+use crate::aiding::attitude::SlowAngleModel;
+use crate::aiding::further::{
+    DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_WATER, FurtherVector,
+};
+use crate::aiding::motion_prior::MotionPrior;
+use crate::aiding::registry::SensorModels;
+use crate::error::{NavError, require_finite};
+use std::ops::Range;
+
+/// Blocks of such states.
+pub(super) const BLOCKS: [Range<usize>; 4] = [
+    DEPTH_BIAS..FIRST_CALIBRATION,
+    FIRST_ATTITUDE_ERROR..FIRST_HEADING_ERROR,
+    FIRST_HEADING_ERROR..FIRST_MOTION,
+    FIRST_MOTION..FIRST_WATER,
+];
+
+/// Their estimates with what is known of them beforehand.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct GaussMarkovStates {
+    /// Variance at the start and in the long run.
+    variance: FurtherVector,
+    /// Inverse of the correlation time, 1/s; 0 for a constant.
+    rate_per_s: FurtherVector,
+    estimate: FurtherVector,
+}
+
+impl GaussMarkovStates {
+    /// The slow errors of the sensors of a model, and the motion.
+    pub(super) fn new(models: &SensorModels, motion: &MotionPrior) -> Self {
+        let (mut variance, mut rate_per_s) = (FurtherVector::zeros(), FurtherVector::zeros());
+        variance[DEPTH_BIAS] = models.depth.bias_sd_m.powi(2);
+        rate_per_s[DEPTH_BIAS] = 1.0 / models.depth.bias_time_s.0;
+        let attitude = &models.magnetometer;
+        let axes = [attitude.roll_pitch(), attitude.roll_pitch(), attitude.yaw()];
+        let mut put = |first: usize, axes: &[SlowAngleModel]| {
+            for (k, axis) in axes.iter().enumerate() {
+                variance[first + k] = axis.offset_sd_rad.powi(2);
+                variance[first + axes.len() + k] = axis.walk_sd_rad.powi(2);
+                rate_per_s[first + axes.len() + k] = 1.0 / axis.walk_time_s;
+            }
+        };
+        put(FIRST_ATTITUDE_ERROR, &axes);
+        put(FIRST_HEADING_ERROR, &[models.heading.yaw()]);
+        for axis in 0..3 {
+            let (mean, change) = (FIRST_MOTION + axis, FIRST_MOTION + 3 + axis);
+            variance[mean] = motion.mean_sd_mps[axis].powi(2);
+            rate_per_s[mean] = 1.0 / motion.mean_time_s;
+            variance[change] = motion.change_sd_mps[axis].powi(2);
+            rate_per_s[change] = 1.0 / motion.change_time_s[axis];
+        }
+        Self {
+            variance,
+            rate_per_s,
+            estimate: FurtherVector::zeros(),
+        }
+    }
+
+    /// Variance of each state at the start and in the long run; zero for one that is none.
+    pub(super) fn variance(&self) -> &FurtherVector {
+        &self.variance
+    }
+
+    /// The blocks of which something is unknown.
+    pub(super) fn unknown(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let is_unknown = |block: &Range<usize>| block.clone().any(|k| self.variance[k] > 0.0);
+        BLOCKS.into_iter().filter(is_unknown)
+    }
+
+    /// The estimates; zero for a state that is none of them.
+    pub(super) fn estimate(&self) -> &FurtherVector {
+        &self.estimate
+    }
+
+    /// Forgets the estimates.
+    pub(super) fn restart(&mut self) {
+        self.estimate = FurtherVector::zeros();
+    }
+
+    /// Fraction of each error that is left after `duration_s`.
+    pub(super) fn left(&self, duration_s: f64) -> FurtherVector {
+        self.rate_per_s.map(|rate| (-duration_s * rate).exp())
+    }
+
+    /// Propagates the estimates.
+    pub(super) fn propagate(&mut self, left: &FurtherVector) {
+        self.estimate.component_mul_assign(left);
+    }
+
+    /// Adds an error to the estimates.
+    pub(super) fn inject(&mut self, error: &FurtherVector) {
+        for k in BLOCKS.into_iter().flatten() {
+            self.estimate[k] += error[k];
+        }
+    }
+
+    /// Checks numbers that were read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`].
+    pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+        [&self.variance, &self.rate_per_s, &self.estimate]
+            .into_iter()
+            .try_for_each(|numbers| require_finite("slow errors and motion", time_ns, numbers.as_slice()))
+    }
+}
+
+#[cfg(test)]
+#[path = "gauss_markov_tests.rs"]
+mod tests;
