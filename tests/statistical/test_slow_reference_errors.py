@@ -1,0 +1,81 @@
+"""Slow errors of attitude reference and heading: a filter that expects them stays consistent, one that does not is not."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bottomlock
+from bottomlock.kernel import Method
+from bottomlock.models import HeadingModel, MagnetometerModel
+from bottomlock.statistics.chi_squared import mean_band
+from tests.analytic import analytic_simulation
+from tests.statistical import ensembles
+
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+
+RUNS = 60
+METHODS: tuple[Method, ...] = ("tc", "sway_current")
+DEGREE = np.pi / 180.0
+ATTITUDE = MagnetometerModel(
+    yaw_sd_rad=0.5 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE, yaw_offset_sd_rad=2.0 * DEGREE,
+    roll_pitch_offset_sd_rad=0.5 * DEGREE, yaw_walk_sd_rad=1.0 * DEGREE, roll_pitch_walk_sd_rad=0.3 * DEGREE,
+    walk_time_s=60.0,
+)  # fmt: skip
+WHITE_ATTITUDE = MagnetometerModel(yaw_sd_rad=0.5 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE)
+HEADING = HeadingModel(
+    sd_rad=0.1 * DEGREE, offset_sd_rad=0.5 * DEGREE, walk_sd_rad=0.3 * DEGREE, walk_time_s=100.0
+)
+WHITE_HEADING = HeadingModel(sd_rad=0.1 * DEGREE)
+
+
+@lru_cache(maxsize=4)
+def flown(sensor: str, *, expected: bool) -> dict[str, Any]:
+    """Runs on the figure of eight with beams 1 and 2 and one sensor, whether or not the filter expects its slow errors."""
+    simulation = analytic_simulation("figure_eight")
+    scenario, truth = simulation.scenario, simulation.truth()
+    schedule: Any = bottomlock.measurement_schedule(simulation, truth)
+    schedule["beam_valid"] = np.tile([True, True, False, False], (len(schedule["dvl_time_ns"]), 1))
+    name, slow, white = {
+        "magnetometer": ("yaw_offset_rad", ATTITUDE, WHITE_ATTITUDE),
+        "heading": (None, HEADING, WHITE_HEADING),
+    }[sensor]
+    schedule[f"{sensor}_time_ns"] = schedule["dvl_time_ns"]
+    if name is not None:
+        schedule[name] = np.zeros(len(schedule["dvl_time_ns"]))
+    schedule["sample_time_ns"] = schedule["sample_time_ns"][49::50]
+    model = scenario.kernel_model(simulation.gravity_mps2).replace(**{sensor: slow})
+    assumed = model.replace(**{sensor: slow if expected else white})
+    options = scenario.kernel_options().replace(gate="off")
+    arrays: Any = truth.kernel_arrays()
+    return dict(
+        bottomlock.run_batch(
+            simulation.geometry, arrays, model, assumed, options, schedule, METHODS,
+            seed=ensembles.SEED, trajectory_key=47, first_run=0, runs=RUNS, threads=1,
+        )
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("sensor", ["magnetometer", "heading"])
+def test_a_filter_that_expects_them_is_consistent(sensor: str) -> None:
+    """NEES of velocity and attitude and of the whole state, at every sample time; the false-alarm rate is 1 %."""
+    batch = flown(sensor, expected=True)
+    samples = batch["nees"].shape[2]
+    each = 1.0 - 0.01 / (2 * samples * len(METHODS))
+    for quantity, degrees in (("nees_velocity_attitude", 6.0), ("nees", 20.0)):
+        _, high = mean_band(degrees, RUNS, each)
+        means = batch[quantity].mean(axis=0)
+        assert (means < high).all(), (quantity, means)
+
+
+@pytest.mark.parametrize("sensor", ["magnetometer", "heading"])
+def test_a_filter_that_takes_them_for_white_is_overconfident_in_yaw(sensor: str) -> None:
+    """It averages away in its covariance what does not average away in the world."""
+    for expected in (True, False):
+        batch = flown(sensor, expected=expected)
+        yaw = batch["error"][:, :, -1, 5] / batch["sd"][:, :, -1, 5]
+        over = np.sqrt((yaw**2).mean(axis=0))
+        assert (over < 1.4).all() if expected else (over > 3.0).all(), over
