@@ -78,6 +78,7 @@ class MotionDict(TypedDict):
     change_sd_mps: list[float]
     change_time_s: list[float]
 
+@type_check_only
 class DefaultOptionsDict(TypedDict):
     gate: Literal["joint", "per_row", "off"]
     gate_probability: float
@@ -164,6 +165,7 @@ class SlowErrorDict(TypedDict):
     error_rad: NDArray[np.float64]
     sd_rad: NDArray[np.float64]
 
+@type_check_only
 class CalibrationStateDict(TypedDict):
     mounting_rad: NDArray[np.float64]
     clock_s: float
