@@ -1,4 +1,4 @@
-"""Slow errors of attitude reference and heading: a filter that expects them stays consistent, one that does not is not."""
+"""Slow errors of references: a filter that expects them stays consistent, one that does not is overconfident."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WHITE_HEADING = HeadingModel(sd_rad=0.1 * DEGREE)
 
 @lru_cache(maxsize=4)
 def flown(sensor: str, *, expected: bool) -> dict[str, Any]:
-    """Runs on the figure of eight with beams 1 and 2 and one sensor, whether or not the filter expects its slow errors."""
+    """Runs on the figure of eight with beams 1 and 2 and one sensor, its slow errors expected or not."""
     simulation = analytic_simulation("figure_eight")
     scenario, truth = simulation.scenario, simulation.truth()
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
