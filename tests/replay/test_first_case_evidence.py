@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,9 +14,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.config.instrument_grades import grade_of
 from bottomlock.io.beams import read_geometry, read_instrument_file
+from bottomlock.plant.surroundings import MagneticField
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.geodesy import Place, geodetic_from_tangent
+from bottomlock.replay.init import declination
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.gyros import match_gyros, slope
@@ -269,3 +273,54 @@ def test_a_recorded_dive_untouched_ends_near_dgps(
     tc, floor = (rows.filter(pl.col("method") == m).row(0, named=True) for m in ("tc", "dead_reckoning"))
     assert tc["position_final_m"] < 4.3
     assert tc["position_rms_over_time_m"] < 1.05 * floor["position_rms_over_time_m"]
+
+
+def test_a_grade_gives_the_slow_errors_of_the_attitude(dive: RovDive, tmp_path: Path) -> None:
+    case, _ = made(tmp_path, tables(tmp_path, dive))
+    assert case.attitude is not None
+    own = grade_of("attitude", "mti_ahrs").keys
+    assert case.attitude.grade == "mti_ahrs"
+    assert case.attitude.yaw_walk_sd_deg == own["yaw_walk_sd_deg"]
+    assert case.attitude.roll_pitch_sd_deg == own["roll_pitch_sd_deg"]
+    path = tmp_path / "case.toml"
+    text = path.read_text(encoding="utf-8").replace(
+        'grade = "mti_ahrs"', 'grade = "magnetic"\nyaw_offset_sd_deg = 7.0', 1
+    )
+    path.write_text(text, encoding="utf-8")
+    other = load_case(path).attitude
+    assert other is not None
+    assert other.yaw_offset_sd_deg == 7.0
+    assert other.yaw_walk_sd_deg == grade_of("attitude", "magnetic").keys["yaw_walk_sd_deg"]
+
+
+def test_declination_turns_a_magnetic_yaw(
+    dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A compass that reads 8 deg too little in a declination of 8 deg is no yaw of the DVL."""
+    asked = []
+
+    def model(latitude_rad: float, longitude_rad: float, year: float) -> MagneticField:
+        asked.append((latitude_rad, longitude_rad, year))
+        return MagneticField(np.deg2rad(8.0), 1.0, 48_000.0)
+
+    monkeypatch.setattr(declination, "world_magnetic_model", model)
+    files = tables(tmp_path, dive)
+    ahrs = pl.read_csv(files["ahrs"]).with_columns(pl.col("yaw") - 8.0)
+    ahrs.write_csv(files["ahrs"])
+    case, text = made(tmp_path, files)
+    assert case.attitude is not None
+    assert case.attitude.yaw_offset_deg == pytest.approx(8.0)
+    assert "yaw_offset_deg = 8.0\n" in text
+    assert "# ? declination at the first position" in text
+    assert asked[0] == pytest.approx((np.deg2rad(45.0), 0.1, 2023.87), abs=0.01)
+    row = replay_case(case.with_overrides(methods=["tc"])).runs.row(0, named=True)
+    assert row["position_final_percent"] < 2.0
+
+
+def test_a_missing_model_is_named(dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The package that would tell the declination stands in the question; the case needs none to run."""
+    monkeypatch.setitem(sys.modules, "pygeomag", None)
+    case, text = made(tmp_path, tables(tmp_path, dive))
+    assert case.attitude is not None
+    assert case.attitude.yaw_offset_deg == 0.0
+    assert "bottomlock[magnetic]" in " ".join(text.replace("#", "").split())

@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
+from bottomlock.config.instrument_grades import filled_from_grade
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import (
     Finite,
@@ -185,9 +186,11 @@ class AttitudeStream(Stream):
     `aids` is what the filter uses: the attitude, the heading alone, or nothing (the alignment may still use it). The
     mounting angles rotate the sensor's axes to the platform's; `yaw_offset_deg` (a declination) is added to the yaw.
     Of a reading's error `roll_pitch_sd_deg` and `yaw_sd_deg` are white noise, a constant offset and a first-order walk
-    last: the filter estimates these two where they are given.
+    last: the filter estimates these two where they are given. `grade` names a packaged instrument, which gives those
+    of these keys that are left out.
     """
 
+    grade: str | None = None
     roll: str
     pitch: str
     yaw: str
@@ -205,6 +208,11 @@ class AttitudeStream(Stream):
     roll_pitch_walk_sd_deg: NonNegative = 0.0
     yaw_walk_sd_deg: NonNegative = 0.0
     walk_time_s: Positive = WALK_TIME_S
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
+        return filled_from_grade("attitude", content, handler)
 
 
 class MagnetometerStream(MountedStream):

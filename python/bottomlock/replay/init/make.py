@@ -11,6 +11,7 @@ from bottomlock.errors import DataError
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
 from bottomlock.replay.init.axes_part import set_axes, track_yaw
+from bottomlock.replay.init.declination import set_declination
 from bottomlock.replay.init.dvl_part import (
     ENOUGH_PINGS,
     DvlPart,
@@ -118,6 +119,8 @@ def choose(sources: Sources) -> Parts:
         parts.gps = guess_positions(gps, imu, dvl, attitude)
     if reference is not None:
         parts.reference = guess_positions(reference, imu, dvl, attitude)
+    if not parts.attitude_of_reference:
+        set_declination(attitude, parts.reference or parts.gps)
     if len(dvl.time_ns) > ENOUGH_PINGS:
         _compare(parts)
     else:
@@ -144,7 +147,10 @@ def _compare(parts: Parts) -> None:
     track = None if parts.attitude_of_reference else track_yaw(dvl, attitude, parts.reference)
     parts.imu = set_axes(dvl, parts.imu, turned, track)
     if attitude is not None:
-        attitude = parts.attitude = guess_attitude(attitude.found, parts.imu, dvl)
+        again = guess_attitude(attitude.found, parts.imu, dvl)
+        if again is not None:
+            again.declination_rad, again.declination_why = attitude.declination_rad, attitude.declination_why
+        attitude = parts.attitude = again
     known = turns(parts.imu, attitude, interval_s)
     parts.gyros = known.gyros
     parts.pings = ping_noise(recorded(parts.imu, dvl, known.omega_p_radps))

@@ -1,6 +1,6 @@
 """Attitude and depth of a first case."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,8 @@ class AttitudePart:
     unit: Guess
     match: AttitudeMatch | None
     offset: Offset
-    questions: list[str] = field(default_factory=list)
+    declination_rad: float = 0.0
+    declination_why: str = ""
 
     @property
     def quarters(self) -> int:
@@ -79,7 +80,9 @@ class AttitudePart:
         before = np.concatenate([[np.iinfo(np.int64).min], np.maximum.accumulate(times)[:-1]])
         good = np.isfinite(self.rpy_rad).all(axis=1) & (times > before)
         mounting = np.array([0.0, 0.0, 0.5 * np.pi * self.quarters])
-        attitude = platform_attitude(from_angles(*self.rpy_rad[good].T), self.frame.value, mounting, 0.0)
+        attitude = platform_attitude(
+            from_angles(*self.rpy_rad[good].T), self.frame.value, mounting, self.declination_rad
+        )
         return times[good] + round(self.offset.seconds * 1e9), attitude
 
     @property

@@ -272,7 +272,15 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
         "aids", "attitude", 'is it a reference of its own? "heading" uses its yaw alone, "nothing" the gyros alone',
         known=False,
     )  # fmt: skip
-    section.ask("is the yaw magnetic? Then yaw_offset_deg is the declination")
+    if attitude.declination_rad:
+        section.put(
+            "yaw_offset_deg",
+            round(float(np.rad2deg(attitude.declination_rad)), 2),
+            attitude.declination_why,
+            known=False,
+        )
+    else:
+        section.ask(attitude.declination_why)
     put_attitude_noise(section, parts)
     return [section]
 

@@ -1,0 +1,41 @@
+"""Declination at the place and time of a first case, by the World Magnetic Model where its package is installed."""
+
+import math
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant.surroundings import world_magnetic_model
+from bottomlock.replay.init.other_parts import AttitudePart
+from bottomlock.replay.init.positions import PositionPart
+
+YEAR_S = 365.2425 * 86_400.0
+
+
+def set_declination(attitude: AttitudePart | None, positions: PositionPart | None) -> None:
+    """Adds the declination to the yaw of an attitude, which the case asks about; or notes why it is not known.
+
+    Args:
+        attitude: as guessed; its yaw is taken to be magnetic.
+        positions: any recorded positions, for the place.
+    """
+    if attitude is None:
+        return
+    times = attitude.found.times
+    if (
+        positions is None
+        or not math.isfinite(positions.latitude_rad)
+        or not times.epoch
+        or times.time_ns is None
+    ):
+        attitude.declination_why = "is the yaw magnetic? Then yaw_offset_deg is the declination"
+        return
+    year = 1970.0 + float(times.time_ns[0]) * 1e-9 / YEAR_S
+    try:
+        field = world_magnetic_model(positions.latitude_rad, positions.longitude_rad, year)
+    except ScenarioError as error:
+        reason = str(error).removeprefix("magnetometer: ")
+        attitude.declination_why = (
+            f"is the yaw magnetic? Then yaw_offset_deg is the declination. Not found: {reason}"
+        )
+        return
+    attitude.declination_rad = field.declination_rad
+    attitude.declination_why = f"declination at the first position in {year:.1f} by the World Magnetic Model; 0 where the yaw is true"
