@@ -38,4 +38,4 @@ def set_declination(attitude: AttitudePart | None, positions: PositionPart | Non
         )
         return
     attitude.declination_rad = field.declination_rad
-    attitude.declination_why = f"declination at the first position in {year:.1f} by the World Magnetic Model; 0 where the yaw is true"
+    attitude.declination_why = f"declination of {year:.1f} (World Magnetic Model); 0 where the yaw is true"
