@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock.bench import dead_reckoning
 from bottomlock.bench.mission import Estimates, Mission
 from bottomlock.errors import DataError
 from bottomlock.kernel import METHODS, Navigator, replay_log
 from bottomlock.models import InitialState
+from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 
 Estimator = Callable[[Mission], Estimates]
 
@@ -130,12 +132,13 @@ def estimator(name: str) -> tuple[str, Estimator]:
     """
     if name in METHODS:
         return name, partial(estimate, method=name)
+    if name == DEAD_RECKONING:
+        return name, dead_reckoning.estimate
     label, _, place = name.rpartition("=")
     module, _, function = place.partition(":")
     if not function:
-        raise DataError(
-            f"'{name}' is no method (known: {', '.join(METHODS)}), nor a rival, expected NAME=MODULE:FUNCTION"
-        )
+        known = ", ".join((*METHODS, DEAD_RECKONING))
+        raise DataError(f"'{name}' is no method (known: {known}), nor a rival, expected NAME=MODULE:FUNCTION")
     try:
         found = getattr(importlib.import_module(module), function)
     except (ImportError, AttributeError) as error:

@@ -22,6 +22,7 @@ from bottomlock.campaign.engine import check_engine
 from bottomlock.errors import DataError, EngineError, ScenarioError
 from bottomlock.kernel import METHODS
 from bottomlock.records import read_record, read_recorded_table, record_of, write_recorded_table
+from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.tables.versions import bit_versions
 
 PARTS = "missions"
@@ -196,7 +197,7 @@ def part_path(out: Path, method: str, spec: MissionSpec) -> Path:
 def key_of(name: str, call: Estimator, data_digest: str) -> str:
     """What estimates depend on: the mission's data, versions and build, and of a rival all sources in its folder."""
     source = "".join(f"{library} {version}\0" for library, version in bit_versions().items())
-    if name not in METHODS:
+    if name not in (*METHODS, DEAD_RECKONING):
         folder = Path(inspect.getfile(call)).parent
         source += "".join(path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py")))
     return hashlib.sha256(f"{name}\0{data_digest}\0{source}".encode()).hexdigest()

@@ -133,7 +133,8 @@ def run(
     methods: Annotated[
         str | None,
         Parameter(
-            alias="-m", help=f"Our methods, separated by commas; all by default: {', '.join(METHODS)}."
+            alias="-m",
+            help=f"Our methods, separated by commas; by default {', '.join(METHODS)}. And dead_reckoning.",
         ),
     ] = None,
     rival: Annotated[

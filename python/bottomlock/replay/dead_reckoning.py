@@ -86,6 +86,7 @@ def dead_reckon(
     velocity_errors: VelocityErrors,
     attitude_errors: AttitudeErrors,
     lever_p_m: Floats | None = None,
+    omega_p_radps: Floats | None = None,
     depth: DepthAid | None = None,
 ) -> Reckoned:
     """Position, velocity and attitude at `sample_ns` (T,), which rises from the start on.
@@ -98,6 +99,7 @@ def dead_reckon(
         velocity_errors: beyond the noise of a ping.
         attitude_errors: of the recorded attitude.
         lever_p_m: (3,) of the DVL from the IMU.
+        omega_p_radps: (T, 3) rates at `sample_ns`, for the velocity at a lever arm; of the attitude by default.
         depth: gives the vertical position; the velocity does without it.
     """
     lever = np.zeros(3) if lever_p_m is None else np.asarray(lever_p_m, dtype=np.float64)
@@ -127,10 +129,11 @@ def dead_reckon(
     latest = np.searchsorted(since_ns, sample_ns, side="right") - 1
     held_s = np.asarray((sample_ns - since_ns[latest]) * 1e-9, dtype=np.float64)
     velocity_cov = np.asarray(cov[latest] + velocity_errors.of_velocity(values[latest], held_s))
+    rate = _rate(attitude_at, attitudes, sample_ns) if omega_p_radps is None else omega_p_radps
     return Reckoned(
         position_t_m=position,
         position_cov_m2=position_cov,
-        velocity_p_mps=values[latest] - np.cross(_rate(attitude_at, attitudes, sample_ns), lever),
+        velocity_p_mps=values[latest] - np.cross(rate, lever),
         velocity_cov_m2ps2=velocity_cov,
         attitude=attitude,
         attitude_sd_rad=attitude_errors.sd_rad,
