@@ -21,6 +21,7 @@ from bottomlock.replay.dead_reckoning_sd import (
     VelocityErrors,
     structure_function,
 )
+from bottomlock.replay.reckon import attitude_errors
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.streams import Attitudes, Depths
 from tests.replay.mistaken_case import write_case
@@ -200,3 +201,25 @@ def test_without_an_attitude_it_is_left_out(dive: RovDive, tmp_path: Path) -> No
     text = path.read_text(encoding="utf-8")
     path.write_text(text[: text.index("[attitude]")] + text[text.index("[reference]") :], encoding="utf-8")
     assert replay_case(load_case(path)).manifest["methods"] == ["lc", "tc"]
+
+
+def test_the_claims_of_the_attitude_are_taken_apart(dive: RovDive, tmp_path: Path) -> None:
+    """A 1 sigma alone lasts; beside an offset or a walk it is white. Level and yaw are apart."""
+    path = write_case(dive, tmp_path)
+    stream = load_case(path).attitude
+    assert stream is not None
+    alone = attitude_errors(stream)
+    assert np.rad2deg(alone.offset_sd_rad) == pytest.approx([1.0, 1.0, 1.0])
+    assert (list(alone.white_sd_rad), list(alone.walk_sd_rad)) == ([0.0] * 3, [0.0] * 3)
+    text = path.read_text(encoding="utf-8").replace(
+        "yaw_sd_deg = 1.0",
+        "yaw_sd_deg = 0.5\nyaw_offset_sd_deg = 3.0\nyaw_walk_sd_deg = 2.0\nwalk_time_s = 90.0",
+    )
+    path.write_text(text, encoding="utf-8")
+    stream = load_case(path).attitude
+    assert stream is not None
+    apart = attitude_errors(stream)
+    assert np.rad2deg(apart.offset_sd_rad) == pytest.approx([1.0, 1.0, 3.0])
+    assert np.rad2deg(apart.walk_sd_rad) == pytest.approx([0.0, 0.0, 2.0])
+    assert np.rad2deg(apart.white_sd_rad) == pytest.approx([0.0, 0.0, 0.5])
+    assert apart.walk_time_s == 90.0

@@ -127,6 +127,23 @@ def reckon(
 
 
 def attitude_errors(stream: AttitudeStream) -> AttitudeErrors:
-    """What a case claims of its attitude: errors of an attitude reference last, so its 1 sigma is that of an offset."""
-    level, yaw = np.deg2rad([stream.roll_pitch_sd_deg, stream.yaw_sd_deg])
-    return AttitudeErrors(offset_sd_rad=(level, level, yaw))
+    """What a case claims of its attitude: offset, walk and white noise; a 1 sigma alone is that of an offset.
+
+    Errors of an attitude reference last. As white noise they would leave nothing of themselves on a way of minutes.
+    """
+
+    def axes(level_deg: float, yaw_deg: float) -> tuple[float, float, float]:
+        level, yaw = np.deg2rad([level_deg, yaw_deg])
+        return level, level, yaw
+
+    single = axes(stream.roll_pitch_sd_deg, stream.yaw_sd_deg)
+    offset = axes(stream.roll_pitch_offset_sd_deg, stream.yaw_offset_sd_deg)
+    walk = axes(stream.roll_pitch_walk_sd_deg, stream.yaw_walk_sd_deg)
+    # Level and yaw are claimed apart: one may have its slow part stated and the other not.
+    slow = [o > 0.0 or w > 0.0 for o, w in zip(offset, walk, strict=True)]
+    return AttitudeErrors(
+        offset_sd_rad=[o if known else s for o, s, known in zip(offset, single, slow, strict=True)],
+        walk_sd_rad=walk,
+        white_sd_rad=[s if known else 0.0 for s, known in zip(single, slow, strict=True)],
+        walk_time_s=stream.walk_time_s,
+    )
