@@ -36,6 +36,7 @@ COMMANDS = {
     "consistency": ("consistency", "Test the consistency of NEES and NIS for every method and set of beams."),
     "sensor-law": ("sensor_law", "Test that a further sensor never makes an estimate worse."),
     "replay": ("replay", "Navigate a recorded dive again, also with fewer beams."),
+    "tune": ("tune", "Find the noise of a recorded dive from the recording itself, without a reference."),
     "score": ("replay", "Leave beams out of recorded pings and measure the error of each method."),
     "audit": ("audit", "Audit a DVL log: beam directions, order, signs, defects, mounting."),
     "bench": ("bench", "PartialDVL-Bench: make missions, run methods, check and score submissions."),

@@ -23,6 +23,7 @@ EXAMPLES = {
     "consistency": ("consistency straight -o out/consistency -n 100 -m tc,nsv",),
     "sensor-law": ("sensor-law -o out/law",),
     "replay": ("replay case.toml -o out/dive",),
+    "tune": ("tune case.toml", "tune case.toml -o tuned.toml --fraction 0.4"),
     "score": ("score beams.parquet --geometry waterlinked_a50",),
     "audit": ("audit beams.parquet -o out/audit --geometry waterlinked_a50",),
     "bench": (

@@ -246,7 +246,7 @@ def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa:
     return log
 
 
-def _kernel_start(alignment: Alignment) -> InitialState:
+def kernel_start(alignment: Alignment) -> InitialState:
     """The initial state as the kernel takes it, with zero biases."""
     return InitialState(
         time_ns=int(alignment.time_ns),
@@ -291,7 +291,7 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
     valid = beams.valid[prepared.pings]
     if what_if is not None:
         valid = valid & returned(case, prepared, what_if)
-    start = _kernel_start(prepared.alignment)
+    start = kernel_start(prepared.alignment)
     log = kernel_log(case, prepared, valid)
 
     def filtered(methods: Sequence[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict

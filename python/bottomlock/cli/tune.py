@@ -1,0 +1,163 @@
+"""The command `bottomlock tune`: the noise of a recorded dive from the recording itself."""
+
+import math
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich import progress as bars
+from rich.text import Text
+
+from bottomlock.cli.console import console, errors, late_bar, narrow_table
+from bottomlock.cli.parameters import Threads, check_threads
+from bottomlock.errors import EXIT_INTERRUPTED, ScenarioError
+from bottomlock.replay.case import load_case
+from bottomlock.replay.tune.judge import SUM_S, Judged, Term
+from bottomlock.replay.tune.result import record_of, require_free, unfinished, write_tuned, write_unfinished
+from bottomlock.replay.tune.run import Progress, Tuned, TunedParameter, tune_case
+
+
+def tune(
+    case: Path,
+    *,
+    out: Annotated[
+        Path | None,
+        Parameter(alias="-o", help="The tuned case, beside the case; CASE_tuned.toml by default."),
+    ] = None,
+    fraction: Annotated[
+        float, Parameter(help="Part of the recording, from its start, to estimate on; the rest judges.")
+    ] = 0.5,
+    threads: Threads = 0,
+    force: Annotated[
+        bool, Parameter(negative="", help="Replace a tuned case that is there already.")
+    ] = False,
+) -> None:
+    """Find the noise that a recorded dive has, by likelihood and without a reference.
+
+    Parameters
+    ----------
+    case
+        The case of a replay: a TOML file.
+    """
+    if case.suffix.lower() != ".toml":
+        raise ScenarioError(
+            f"{case}: not a case file (TOML); bottomlock replay --init {case} ... writes one from logs"
+        )
+    check_threads(threads)
+    target = case.with_name(f"{case.stem}_tuned.toml") if out is None else out
+    require_free(case, target, force=force)
+    loaded = load_case(case)
+    resume = unfinished(target, loaded)
+    if resume:
+        console.print(f"going on from {record_of(target)}", highlight=False, soft_wrap=True)
+    columns = (bars.TextColumn("tuning"), bars.TextColumn("{task.description}"), bars.TimeElapsedColumn())
+    last = Progress(0, 0, {})
+    try:
+        with late_bar(bars.Progress(*columns, console=errors)) as bar:
+            task = bar.add_task("", total=None)
+
+            def report(now: Progress) -> None:
+                nonlocal last
+                bar.start()
+                if now.iteration != last.iteration:
+                    write_unfinished(target, loaded, now.values)
+                last = now
+                rate = now.passes / max(bar.tasks[0].elapsed or 0.0, 1e-3)
+                bar.update(
+                    task, description=f"iteration {now.iteration}, {now.passes} passes, {rate:.0f} a second"
+                )
+
+            tuned = tune_case(loaded, fraction=fraction, threads=threads, progress=report, resume=resume)
+    except KeyboardInterrupt:
+        errors.print(f"interrupted; the same command goes on from {record_of(target)}")
+        sys.exit(EXIT_INTERRUPTED)
+    write_tuned(case, tuned, target, force=force)
+    print_tuned(tuned)
+    console.print(
+        f"{tuned.wall_s:.1f} s, {tuned.passes} passes; wrote {target} and {record_of(target)}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def print_tuned(tuned: Tuned) -> None:
+    """What was found, and what the rest of the recording says of it."""
+    table = narrow_table(
+        f"{tuned.case.name}: estimated on the first {tuned.fraction:.0%}",
+        ["setting"],
+        ["old", "new", "± 1σ", "gain"],
+    )
+    for one in tuned.parameters:
+        table.add_row(*_row(one))
+    console.print(table)
+    table = narrow_table(
+        "on the rest: error/σ and mean log-likelihood a row",
+        ["measurement"],
+        ["after", "number", "error/σ old", "new", "log-lik. old", "new"],
+    )
+    for old, new in _pairs(tuned):
+        term = new or old
+        assert term is not None
+        after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
+        table.add_row(term.sensor, after, str(term.count), *(_of(one, "error_over_sd") for one in (old, new)),
+                      *(_of(one, "score") for one in (old, new)))  # fmt: skip
+    console.print(table)
+    for words in sentences(tuned):
+        console.print(words, highlight=False, soft_wrap=True)
+
+
+def _row(one: TunedParameter) -> tuple[str | Text, ...]:
+    old = f"{one.old:.3g}" if one.old > 0.0 else "–"
+    if not one.is_determined:
+        return one.words, old, Text("not determined", style="dim"), "–", "–"
+    return one.words, old, f"{one.value:.3g}", f"{one.sd:.2g}", f"{one.gain:.3g}"
+
+
+def _pairs(tuned: Tuned) -> list[tuple[Term | None, Term | None]]:
+    by_term = [
+        {(term.sensor, term.horizon_s): term for term in _terms(judged)} for judged in (tuned.old, tuned.new)
+    ]
+    keys = sorted({*by_term[0], *by_term[1]})
+    return [(by_term[0].get(key), by_term[1].get(key)) for key in keys]
+
+
+def _terms(judged: Judged | None) -> tuple[Term, ...]:
+    return () if judged is None else judged.terms
+
+
+def _of(term: Term | None, name: str) -> str:
+    if term is None:
+        return "–"
+    value = getattr(term, name)
+    return f"{-value if name == 'score' else value:.2f}"
+
+
+def sentences(tuned: Tuned) -> list[str]:
+    """The verdict, a sentence a line."""
+    lines = []
+    for name, judged in (("old", tuned.old), ("new", tuned.new)):
+        if judged is None:
+            lines.append(f"{name} values: the filter ends in an error")
+            continue
+        words = [
+            f"innovations of the beams correlate by {judged.autocorrelation:.2f} with their neighbours (0 if white)",
+            f"mean square of their sums over {SUM_S:g} s {judged.sums:.2f} (1 if white)",
+        ]
+        if math.isfinite(judged.left_out):
+            words.append(f"beams left out for a minute: error/σ {judged.left_out:.2f}")
+        lines.append(f"{name} values: " + "; ".join(words))
+    outliers, beams = tuned.outliers
+    lines.append(f"{outliers} of {beams} beam readings left out as outliers, of old and new alike")
+    if not tuned.has_settled:
+        lines.append("the search did not come to an end: tune the tuned case again")
+    gain = f"log-likelihood gain on the rest {tuned.gain:.1f} ± {tuned.gain_sd:.1f}"
+    if not any(one.is_determined for one in tuned.parameters):
+        lines.append("the recording determines none of the settings: the old values are kept")
+    elif tuned.is_better:
+        lines.append(f"{gain}: the new values are better and were written")
+    else:
+        lines.append(
+            f"{gain}: the new values are not better there by more than chance; the old ones are kept"
+        )
+    return lines

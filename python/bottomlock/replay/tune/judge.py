@@ -1,0 +1,133 @@
+"""A candidate judged where it was not estimated: scores, errors over claimed σ, whiteness, beams left out."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bottomlock.replay.streams import Floats
+from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion
+from bottomlock.replay.tune.likelihood import white_residuals
+from bottomlock.replay.tune.passes import Group, Pass, Readings, as_recorded
+
+SUM_S = 30.0
+"""Span of the sums of innovations that are tested for whiteness."""
+LOST_S = 60.0
+"""Time for which a beam is left out, and the share of a cycle after which the next one is."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A sensor and a horizon: innovations, rows, mean score a row, and error over claimed σ."""
+
+    sensor: str
+    horizon_s: float
+    count: int
+    score: float
+    error_over_sd: float
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the held-out part says of a candidate.
+
+    Attributes:
+        terms: by sensor and horizon.
+        autocorrelation: of neighbouring whitened innovations of the beams; 0 if they are white.
+        sums: mean square of their normalised sums over `SUM_S`; 1 if they are white.
+        left_out: error over claimed σ of a beam that was left out for up to a minute; NaN without a beam to spare.
+    """
+
+    terms: tuple[Term, ...]
+    autocorrelation: float
+    sums: float
+    left_out: float
+
+
+def judged(candidate: Candidate, left_out: Sequence[Group], horizons_s: Sequence[float]) -> Judged | None:
+    """The judgement of a candidate; None where its filter ended in an error."""
+    scored = candidate.scores
+    if scored is None:
+        return None
+    terms = []
+    for (sensor, horizon), of in scored.terms.items():
+        rows = int(scored.rows[of].sum())
+        terms.append(
+            Term(
+                sensor,
+                0.0 if horizon == 0 else horizons_s[horizon - 1],
+                int(of.sum()),
+                float(scored.value[of].sum() / rows),
+                float(np.sqrt(scored.nis[of].sum() / rows)),
+            )
+        )
+    steps = [group for group in candidate.groups if group.sensor == "beams" and not group.horizon.any()]
+    most = max(steps, key=lambda group: len(group.time_ns), default=None)
+    autocorrelation, sums = (np.nan, np.nan) if most is None else _whiteness(most)
+    return Judged(tuple(terms), autocorrelation, sums, _error_over_sd(left_out))
+
+
+def _whiteness(group: Group) -> tuple[float, float]:
+    """Correlation of neighbours, and the mean square of normalised sums over a span of time."""
+    white = white_residuals(group)
+    if len(white) < 3:
+        return np.nan, np.nan
+    neighbours = float((white[1:] * white[:-1]).mean() / (white**2).mean())
+    block = ((group.time_ns - group.time_ns[0]) * 1e-9 // SUM_S).astype(np.intp)
+    counts = np.bincount(block)
+    sums = np.stack([np.bincount(block, column) for column in white.T], axis=1)
+    full = counts >= max(2, int(0.5 * np.median(counts)))
+    return neighbours, float((sums[full] ** 2 / counts[full, None]).mean())
+
+
+def _error_over_sd(groups: Sequence[Group]) -> float:
+    squares = [white_residuals(group).ravel() ** 2 for group in groups]
+    return float(np.sqrt(np.concatenate(squares).mean())) if squares else np.nan
+
+
+def beams_left_out(log: Mapping[str, Any], readings: Readings = as_recorded) -> Pass | None:
+    """A pass in which one beam after the other is lost for a minute, and predicted; None with fewer than three beams.
+
+    The lost beam is predicted a nanosecond after the others were used, at every tenth ping.
+    """
+    valid = log["beam_valid"]
+    beams = valid.shape[1]
+    if beams < 3:
+        return None
+    since_s = (log["dvl_time_ns"] - log["dvl_time_ns"][0]) * 1e-9
+    turn = (since_s // (1.5 * LOST_S)).astype(np.intp) % beams
+    is_lost = (since_s % (1.5 * LOST_S) < LOST_S)[:, None] & (np.arange(beams) == turn[:, None])
+    predicted = np.flatnonzero((is_lost & valid).any(axis=1) & (np.arange(len(valid)) % 10 == 9))
+    if not predicted.size:
+        return None
+    order = np.argsort(np.concatenate([np.arange(len(valid)), predicted + 0.5]), kind="stable")
+    twice = np.concatenate([np.arange(len(valid)), predicted])[order]
+    is_predicted = np.concatenate([np.zeros(len(valid), dtype=bool), np.ones(len(predicted), dtype=bool)])[
+        order
+    ]
+    time_ns = log["dvl_time_ns"][twice] + is_predicted
+    pings = {
+        "dvl_time_ns": time_ns,
+        "beam_velocity_mps": log["beam_velocity_mps"][twice],
+        "beam_sd_mps": log["beam_sd_mps"][twice],
+        "beam_valid": valid[twice] & (is_lost[twice] == is_predicted[:, None]),
+        "dvl_withheld": is_predicted,
+    }
+    pings["beam_velocity_mps"] = np.where(pings["beam_valid"], pings["beam_velocity_mps"], np.nan)
+    pings |= readings(valid & ~is_lost)
+    return Pass(dict(log) | pings, time_ns[is_predicted], np.zeros(len(predicted), dtype=np.intp))
+
+
+def gain_of(criterion: Criterion, old: Candidate, new: Candidate, block_s: float) -> tuple[float, float]:
+    """Gain of the composite log-likelihood and its 1 sigma, from blocks of the recording.
+
+    A filter that ended in an error has lost.
+    """
+    if old.scores is None or new.scores is None:
+        return (WORST if old.scores is None else -WORST), 0.0
+    gain: Floats = criterion.weights * (old.scores.value - new.scores.value)
+    block = ((new.scores.time_ns - new.scores.time_ns.min()) * 1e-9 // block_s).astype(np.intp)
+    sums = np.bincount(block, gain)
+    sd = float(np.sqrt(len(sums)) * sums.std(ddof=1)) if len(sums) > 1 else float("nan")
+    return float(gain.sum()), sd

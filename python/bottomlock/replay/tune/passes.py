@@ -1,0 +1,151 @@
+"""The passes over a recording that a candidate is scored on: all measurements used, and outages of the beams."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.kernel import BeamGeometry, replay_log
+from bottomlock.models import InitialState, Model, Options
+from bottomlock.replay.streams import Flags, Floats, Times
+
+HORIZONS_S = (10.0, 30.0, 100.0)
+"""Times after the last beams used at which the beams are predicted."""
+RECOVERY_S = 30.0
+"""Time with beams between two outages."""
+PHASES = 3
+"""Passes with outages; each has them a part of a cycle later than the one before."""
+OUTAGES = 4
+"""Fewest outages of a horizon in a pass; with fewer the horizon is left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """A log, and which of its innovations are scored.
+
+    Attributes:
+        log: as the kernel takes it, with the flags of withheld pings.
+        scored_ns, horizon: times (n,) of the withheld pings that are scored, and the horizon of each, from 1; None
+            where every innovation is scored at horizon 0, the one step.
+    """
+
+    log: Mapping[str, Any]
+    scored_ns: Times | None
+    horizon: NDArray[np.intp] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Innovations (n, k), their covariances (n, k, k), times (n,) and horizons (n,), of as many rows each."""
+
+    sensor: str
+    residual: Floats
+    covariance: Floats
+    time_ns: Times
+    horizon: NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What a candidate changes: model and options of the filter, and the factor on the noise of the beams."""
+
+    model: Model
+    options: Options
+    beam_sd_factor: float = 1.0
+
+
+def horizons_of(duration_s: float, horizons_s: Sequence[float] = HORIZONS_S) -> tuple[float, ...]:
+    """The horizons for which a log is long enough: so many outages of each."""
+    return tuple(
+        horizon for horizon in horizons_s if duration_s >= OUTAGES * (horizon + min(horizon, RECOVERY_S))
+    )
+
+
+Readings = Callable[[Flags], Mapping[str, Floats]]
+"""Inertial readings of a log, which may be made of the beams (n, B) that the filter knows."""
+
+
+def as_recorded(_: Flags) -> Mapping[str, Floats]:
+    """Those of an IMU: they stay as they are in the log."""
+    return {}
+
+
+def passes_of(
+    log: Mapping[str, Any], horizons_s: Sequence[float], readings: Readings = as_recorded
+) -> list[Pass]:
+    """The pass with all measurements, and those with outages of the beams as long as the longest horizon."""
+    plain = Pass(log, None, None)
+    if not horizons_s:
+        return [plain]
+    return [plain, *(_with_outages(log, horizons_s, phase / PHASES, readings) for phase in range(PHASES))]
+
+
+def _with_outages(
+    log: Mapping[str, Any], horizons_s: Sequence[float], phase: float, readings: Readings
+) -> Pass:
+    """Outages of the beams as long as the longest horizon; the first ping at or after each horizon is predicted."""
+    time_ns: Times = log["dvl_time_ns"]
+    cycle_s = horizons_s[-1] + min(horizons_s[-1], RECOVERY_S)
+    start_s = (time_ns - log["imu_time_ns"][0]) * 1e-9 - phase * cycle_s - RECOVERY_S
+    into_s = np.where(start_s < 0.0, np.inf, start_s % cycle_s)
+    outage = np.floor(start_s / cycle_s)
+    any_beam = np.any(log["beam_valid"], axis=1)
+    # With the ping that ends the longest horizon the beams are used again.
+    kept = ~(into_s < horizons_s[-1])
+    withheld = np.zeros(len(time_ns), dtype=bool)
+    horizon = np.zeros(len(time_ns), dtype=np.intp)
+    for place, at_s in enumerate(horizons_s, start=1):
+        after = np.flatnonzero((start_s >= 0.0) & any_beam & (into_s >= at_s))
+        _, first = np.unique(outage[after], return_index=True)
+        rows = after[first]
+        rows = rows[(into_s[rows] - at_s) < 0.5 * at_s]
+        withheld[rows], horizon[rows] = True, place
+    rows = np.flatnonzero(kept | withheld)
+    pings = {
+        key: log[key][rows] for key in ("dvl_time_ns", "beam_velocity_mps", "beam_valid", "beam_sd_mps")
+    } | {"dvl_withheld": withheld[rows]}
+    pings |= readings(log["beam_valid"] & (kept & ~withheld)[:, None])
+    scored = np.flatnonzero(withheld)
+    return Pass(dict(log) | pings, time_ns[scored], horizon[scored])
+
+
+def fly(
+    one: Pass, geometry: BeamGeometry, inputs: Inputs, start: InitialState, *, from_ns: int = 0
+) -> list[Group]:
+    """The scored innovations of a candidate along a pass, from a time on.
+
+    Raises:
+        KernelError: where the filter ends in an error.
+    """
+    log: Any = dict(one.log)
+    if inputs.beam_sd_factor != 1.0:
+        log["beam_sd_mps"] = log["beam_sd_mps"] * inputs.beam_sd_factor
+    result = replay_log(
+        geometry, inputs.model, inputs.options, ["tc"], log, start,
+        sample_time_ns=log["imu_time_ns"][-1:], innovations=one.scored_ns is None,
+    )  # fmt: skip
+    groups = []
+    for sensor, records in result["innovations"][0].items():
+        horizon = np.zeros(len(records["time_ns"]), dtype=np.intp)
+        chosen = records["time_ns"] >= from_ns
+        if one.scored_ns is not None:
+            if sensor != "beams":
+                continue
+            assert one.horizon is not None
+            chosen &= records["withheld"]
+            place = np.searchsorted(one.scored_ns, records["time_ns"]).clip(max=len(one.scored_ns) - 1)
+            horizon = one.horizon[place]
+        for rows in np.unique(records["rows"][chosen]):
+            of = chosen & (records["rows"] == rows)
+            groups.append(
+                Group(
+                    sensor,
+                    records["residual"][of, :rows],
+                    records["covariance"][of, :rows, :rows],
+                    records["time_ns"][of],
+                    horizon[of],
+                )
+            )
+    return groups

@@ -1,0 +1,54 @@
+"""`bottomlock tune` of a vehicle without inertial readings: no outage may know the pings that it withholds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from bottomlock.replay.case import load_case
+from bottomlock.replay.tune.passes import horizons_of, passes_of
+from bottomlock.replay.tune.recording import read_recording
+from bottomlock.replay.tune.run import tune_case
+from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, dive, write_case
+
+
+def without_imu(folder: Path, seconds: float) -> Path:
+    """The case of a simulated dive whose attitudes alone were recorded."""
+    path = write_case(folder, dive(7, seconds=seconds, attitude_hz=10.0))
+    text = path.read_text(encoding="utf-8")
+    start, end = text.index("[imu]"), text.index("[dvl]")
+    text = text[:start] + '[imu]\nsource = "attitude"\n\n' + text[end:]
+    path.write_text(text.replace('aids = "attitude"', 'aids = "nothing"'), encoding="utf-8")
+    return path
+
+
+def test_withheld_pings_are_in_no_reading(tmp_path: Path) -> None:
+    """A velocity that is withheld may be anything: the readings made for the pass with outages stay the same."""
+    recording = read_recording(load_case(without_imu(tmp_path, 200.0)))
+    log = recording.log
+    spoilt = read_recording(load_case(tmp_path / "case.toml"))
+    horizons = horizons_of(200.0)
+    one = passes_of(log, horizons, recording.readings)[1]
+    lost = np.ones(len(log["dvl_time_ns"]), dtype=bool)
+    used = np.isin(log["dvl_time_ns"], one.log["dvl_time_ns"][~one.log["dvl_withheld"]])
+    lost[used] = False
+    assert lost.sum() > 50
+    rows = spoilt.prepared.pings
+    spoilt.prepared.streams.beams.velocity_mps[rows][lost] += 5.0
+    again = passes_of(spoilt.log, horizons, spoilt.readings)[1]
+    np.testing.assert_array_equal(one.log["force_p_mps2"], again.log["force_p_mps2"])
+    assert not np.array_equal(one.log["force_p_mps2"], log["force_p_mps2"])
+
+
+def test_accelerations_are_tuned(tmp_path: Path) -> None:
+    """The noise of the accelerations is a setting, which begins at what the pings show, and no bias is there."""
+    tuned = tune_case(without_imu(tmp_path, 500.0))
+    keys = [one.key for one in tuned.parameters]
+    assert keys[:3] == [ACCEL_KEY, ACCEL_KEY.replace("accel", "gyro").replace("mps", "deg"), BEAM_KEY]
+    assert not any("bias_walk" in key for key in keys if key.startswith("imu."))
+    assert tuned.parameters[0].old > 0.1
+    assert tuned.new is not None
+    outages = [term for term in tuned.new.terms if term.horizon_s > 0.0]
+    assert outages
+    assert all(0.4 < term.error_over_sd < 2.0 for term in outages)

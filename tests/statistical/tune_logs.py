@@ -1,0 +1,291 @@
+"""Logs with known noise for the tests of `bottomlock tune`: arrays as the kernel takes them, and case folders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
+from bottomlock.models import (
+    DepthModel,
+    DvlModel,
+    Environment,
+    GpsModel,
+    HeadingModel,
+    ImuModel,
+    InitialModel,
+    InitialState,
+    MagnetometerModel,
+    Model,
+)
+
+GRAVITY, LATITUDE_RAD = 9.8, 0.7
+TILT_RAD = np.deg2rad(30.0)
+
+AUTOPILOT: dict[str, float] = {
+    "accel_noise": 2e-3, "gyro_noise": 2e-4, "accel_walk": 2e-5, "gyro_walk": 2e-6, "accel_bias": 2e-2,
+    "gyro_bias": 2e-4, "beam_noise": 0.02, "beam_bias": 0.003, "scale": 0.003, "tilt": 0.01, "yaw": 0.02,
+}  # fmt: skip
+"""1 sigma in SI: noise per √s, walks per √s, biases."""
+TACTICAL: dict[str, float] = AUTOPILOT | {
+    "accel_noise": 3e-4, "gyro_noise": 2e-5, "accel_walk": 2e-6, "gyro_walk": 1e-7, "accel_bias": 3e-3,
+    "gyro_bias": 5e-6, "beam_noise": 0.008, "tilt": 0.003, "yaw": 0.01,
+}  # fmt: skip
+COARSE: dict[str, float] = AUTOPILOT | {
+    "accel_noise": 2e-2, "gyro_noise": 2e-3, "accel_walk": 1e-4, "gyro_walk": 1e-5, "beam_noise": 0.06, "tilt": 0.02,
+    "yaw": 0.04,
+}  # fmt: skip
+KINDS = (AUTOPILOT, TACTICAL, COARSE)
+
+
+@dataclass(frozen=True, eq=False)
+class Dive:
+    """A simulated dive: the log, the model that made it, the start, and the truth at the inertial readings."""
+
+    geometry: BeamGeometry
+    log: dict[str, Any]
+    noise: Mapping[str, float]
+    start: InitialState
+    position_t_m: NDArray[np.float64]
+    attitude: Rotation
+
+
+def walk(rng: np.random.Generator, count: int, width: int, sd: float, step_s: float) -> NDArray[np.float64]:
+    """A random walk of `sd` per √s, (count, width)."""
+    return np.cumsum(rng.normal(0.0, sd * np.sqrt(step_s), (count, width)), axis=0)
+
+
+def lasting(
+    rng: np.random.Generator, count: int, width: int, sd: float, time_s: float, step_s: float
+) -> NDArray[np.float64]:
+    """A first-order Gauss-Markov process, (count, width)."""
+    keep = np.exp(-step_s / time_s)
+    draws = rng.normal(0.0, sd * np.sqrt(1.0 - keep**2), (count, width))
+    draws[0] = rng.normal(0.0, sd, width)
+    for k in range(1, count):
+        draws[k] += keep * draws[k - 1]
+    return draws
+
+
+def dive(
+    seed: int,
+    noise: Mapping[str, float] = AUTOPILOT,
+    *,
+    seconds: float = 420.0,
+    rate_hz: float = 20.0,
+    ping_hz: float = 2.0,
+    attitude_hz: float = 2.0,
+    vibration: tuple[float, float] | None = None,
+    gyro_scale: float = 1.0,
+) -> Dive:
+    """A vehicle that turns and changes its speed.
+
+    Args:
+        seed: of everything random.
+        noise: 1 sigma of the errors.
+        seconds, rate_hz, ping_hz, attitude_hz: length, and rates of the sensors.
+        vibration: 1 sigma (m/s²) and time (s) of an error of the accelerometers that no model has.
+        gyro_scale: of the gyros, which no model has either.
+    """
+    rng = np.random.default_rng(seed)
+    step_s = 1.0 / rate_hz
+    t = np.arange(int(seconds * rate_hz) + 1) * step_s
+    count = len(t)
+    phase = rng.uniform(0.0, 2.0 * np.pi, 7)
+    yaw = 0.8 * np.sin(2 * np.pi * t / 140 + phase[0]) + 1.2 * np.sin(2 * np.pi * t / 370 + phase[1])
+    rpy = np.stack(
+        [0.03 * np.sin(2 * np.pi * t / 7 + phase[2]), 0.04 * np.sin(2 * np.pi * t / 11 + phase[3]), yaw],
+        axis=1,
+    )
+    attitude = Rotation.from_euler("ZYX", rpy[:, ::-1])
+    velocity_p = np.stack(
+        [
+            0.7 + 0.2 * np.sin(2 * np.pi * t / 50 + phase[4]),
+            0.15 * np.sin(2 * np.pi * t / 23 + phase[5]),
+            0.05 * np.sin(2 * np.pi * t / 31 + phase[6]),
+        ],
+        axis=1,
+    )
+    velocity_t = attitude.apply(velocity_p)
+    # Readings are means over the step that they end.
+    turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / step_s
+    middle = attitude[:-1] * Rotation.from_rotvec(turned * step_s / 2)
+    earth = EARTH_RATE_RADPS * np.array([np.cos(LATITUDE_RAD), 0.0, -np.sin(LATITUDE_RAD)])
+    coriolis = 2.0 * np.cross(earth, velocity_t[1:])
+    force = middle.inv().apply(np.diff(velocity_t, axis=0) / step_s + coriolis - [0.0, 0.0, GRAVITY])
+    rate = turned + middle.inv().apply(np.tile(earth, (count - 1, 1)))
+    force, rate = np.vstack([force[:1], force]), np.vstack([rate[:1], rate]) * gyro_scale
+    force += rng.normal(0.0, noise["accel_bias"], 3) + walk(rng, count, 3, noise["accel_walk"], step_s)
+    rate += rng.normal(0.0, noise["gyro_bias"], 3) + walk(rng, count, 3, noise["gyro_walk"], step_s)
+    force += rng.normal(0.0, noise["accel_noise"] / np.sqrt(step_s), (count, 3))
+    rate += rng.normal(0.0, noise["gyro_noise"] / np.sqrt(step_s), (count, 3))
+    if vibration is not None:
+        force += lasting(rng, count, 3, *vibration, step_s)
+    geometry = BeamGeometry.janus(TILT_RAD)
+    pings = np.arange(int(rate_hz / ping_hz), count, int(rate_hz / ping_hz))
+    beams = velocity_p[pings] @ geometry.directions_p.T * (1.0 + rng.normal(0.0, noise["scale"]))
+    beams += rng.normal(0.0, noise["beam_bias"], 4) + rng.normal(0.0, noise["beam_noise"], beams.shape)
+    sensed = np.arange(int(rate_hz / attitude_hz), count, int(rate_hz / attitude_hz))
+    scatter = np.array([noise["tilt"], noise["tilt"], noise["yaw"]])
+    time_ns = np.round(t * 1e9).astype(np.int64)
+    log = {
+        "imu_time_ns": time_ns,
+        "force_p_mps2": force,
+        "omega_p_radps": rate,
+        "dvl_time_ns": time_ns[pings],
+        "beam_velocity_mps": beams,
+        "beam_valid": np.ones(beams.shape, dtype=bool),
+        "beam_sd_mps": np.full(beams.shape, noise["beam_noise"]),
+        "attitude_time_ns": time_ns[sensed],
+        "attitude_rpy_rad": rpy[sensed] + rng.normal(0.0, 1.0, (len(sensed), 3)) * scatter,
+    }
+    initial = model(noise).initial
+    start = InitialState(
+        time_ns=0,
+        position_t_m=(0.0, 0.0, 0.0),
+        attitude_t_p=(
+            Rotation.from_rotvec(rng.normal(0.0, 1.0, 3) * initial.attitude_sd_rad) * attitude[0]
+        ).as_quat(scalar_first=True),
+        velocity_p_mps=velocity_p[0] + rng.normal(0.0, 1.0, 3) * initial.velocity_sd_mps,
+    )
+    position = np.cumsum(velocity_t, axis=0) * step_s
+    return Dive(geometry, log, dict(noise), start, position, attitude)
+
+
+def model(noise: Mapping[str, float]) -> Model:
+    """The kernel's model of such noise."""
+    return Model(
+        environment=Environment(latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY),
+        imu=ImuModel(
+            accel_noise_mps_rts=noise["accel_noise"],
+            gyro_noise_rad_rts=noise["gyro_noise"],
+            accel_bias_sd_mps2=noise["accel_bias"],
+            gyro_bias_sd_radps=noise["gyro_bias"],
+            accel_bias_walk_mps2_rts=noise["accel_walk"],
+            gyro_bias_walk_radps_rts=noise["gyro_walk"],
+        ),
+        initial=InitialModel(
+            position_sd_m=(1e-3,) * 3, attitude_sd_rad=(0.02,) * 3, velocity_sd_mps=(0.05,) * 3
+        ),
+        dvl=DvlModel(
+            beam_noise_sd_mps=noise["beam_noise"],
+            beam_bias_sd_mps=noise["beam_bias"],
+            beam_bias_walk_mps_rts=0.0,
+            scale_factor_sd=noise["scale"],
+            scale_factor_walk_rts=0.0,
+        ),
+        depth=DepthModel(sd_m=1.0, bias_sd_m=0.0, bias_time_s=1.0),
+        magnetometer=MagnetometerModel(yaw_sd_rad=noise["yaw"], roll_pitch_sd_rad=noise["tilt"]),
+        heading=HeadingModel(sd_rad=noise["yaw"]),
+        gps=GpsModel(position_sd_m=(1.0,) * 3, velocity_sd_mps=(1.0,) * 3),
+    )
+
+
+CASE = """# a dive whose noise is known
+name = "known"
+
+[origin]
+latitude_deg = {latitude_deg}
+gravity = 9.8
+
+[imu]
+file = "imu.parquet"
+clock = {{ column = "time_ns", unit = "ns" }}
+force = ["fx", "fy", "fz"]
+omega = ["wx", "wy", "wz"]
+sampling = "averaged"
+
+[imu.errors]
+accel_bias_mg = {accel_bias_mg}
+gyro_bias_deg_per_h = {gyro_bias_deg_per_h}
+accel_noise_mps_per_rt_h = {accel_noise}  # guessed
+gyro_noise_deg_per_rt_h = {gyro_noise}  # guessed
+
+[dvl]
+file = "beams.parquet"
+geometry = "dvl.toml"
+beam_noise_mps = {beam_noise}
+
+[dvl.errors]
+beam_bias_mps = {beam_bias}
+beam_bias_walk_mps_per_rt_s = 0.0
+scale_factor_percent = {scale_percent}
+scale_factor_walk_percent_per_rt_s = 0.0
+
+[attitude]
+file = "attitude.parquet"
+clock = {{ column = "time_ns", unit = "ns" }}
+roll = "roll"
+pitch = "pitch"
+yaw = "yaw"
+aids = "attitude"
+roll_pitch_sd_deg = {tilt_deg}
+yaw_sd_deg = {yaw_deg}
+
+[start]
+at_s = 2.0
+level = "attitude"
+heading = "attitude"
+position_sd_m = [0.0, 0.0, 0.0]
+velocity = "beams"
+
+[replay]
+methods = ["tc"]
+smooth = false
+"""
+ACCEL_KEY, GYRO_KEY = "imu.errors.accel_noise_mps_per_rt_h", "imu.errors.gyro_noise_deg_per_rt_h"
+BEAM_KEY = "dvl.beam_noise_mps"
+
+
+def case_values(noise: Mapping[str, float]) -> dict[str, float]:
+    """The keys of a case for the noise of inertial readings and beams."""
+    return {
+        ACCEL_KEY: noise["accel_noise"] * 60.0,
+        GYRO_KEY: float(np.rad2deg(noise["gyro_noise"]) * 60.0),
+        BEAM_KEY: noise["beam_noise"],
+    }
+
+
+def write_case(folder: Path, dived: Dive, factors: Mapping[str, float] | None = None) -> Path:
+    """The dive as a case folder, whose noise is wrong by factors by their keys."""
+    log, noise = dived.log, dived.noise
+    values = {key: value * (factors or {}).get(key, 1.0) for key, value in case_values(noise).items()}
+    columns = {"fx": log["force_p_mps2"], "wx": log["omega_p_radps"]}
+    imu = {"time_ns": log["imu_time_ns"]} | {
+        f"{name[0]}{axis}": array[:, k] for name, array in columns.items() for k, axis in enumerate("xyz")
+    }
+    pl.DataFrame(imu).write_parquet(folder / "imu.parquet")
+    beams = {"time_ns": log["dvl_time_ns"]}
+    for k in range(log["beam_valid"].shape[1]):
+        beams |= {
+            f"beam{k + 1}_mps": log["beam_velocity_mps"][:, k],
+            f"beam{k + 1}_valid": log["beam_valid"][:, k],
+        }
+    pl.DataFrame(beams).write_parquet(folder / "beams.parquet")
+    angles = dict(zip(("roll", "pitch", "yaw"), log["attitude_rpy_rad"].T, strict=True))
+    pl.DataFrame({"time_ns": log["attitude_time_ns"]} | angles).write_parquet(folder / "attitude.parquet")
+    (folder / "dvl.toml").write_text(
+        f'configuration = "x"\ntilt_deg = 30.0\nbeam_noise_mps = {noise["beam_noise"]}\n', encoding="utf-8"
+    )
+    text = CASE.format(
+        latitude_deg=np.rad2deg(LATITUDE_RAD),
+        accel_bias_mg=noise["accel_bias"] / 9.80665e-3,
+        gyro_bias_deg_per_h=np.rad2deg(noise["gyro_bias"]) * 3600.0,
+        accel_noise=values[ACCEL_KEY],
+        gyro_noise=values[GYRO_KEY],
+        beam_noise=values[BEAM_KEY],
+        beam_bias=noise["beam_bias"],
+        scale_percent=100.0 * noise["scale"],
+        tilt_deg=np.rad2deg(noise["tilt"]),
+        yaw_deg=np.rad2deg(noise["yaw"]),
+    )
+    path = folder / "case.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
