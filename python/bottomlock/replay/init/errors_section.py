@@ -1,13 +1,14 @@
 """The errors of the IMU in a first case: a packaged grade that covers the log, and what the log says beyond it."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
 from bottomlock.config.instrument_grades import Grade, grades
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.guess import round_up, white_noise
-from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.text import Section
 from bottomlock.replay.motion.gyros import GyroMatch
 from bottomlock.replay.motion.ping_noise import PingNoise
@@ -15,6 +16,9 @@ from bottomlock.replay.motion.ping_noise import PingNoise
 PER_HOUR = 3600.0
 PER_RT_HOUR = 60.0
 LEAST_BIAS_DEG_PER_H = 1.0
+EARTH_DEG_PER_H = 15.04
+TOLD = 3.0
+"""Sigmas from which an offset is one."""
 LEAST_BIAS_MG, MOST_BIAS_MG = 1.0, 50.0
 
 
@@ -26,16 +30,11 @@ class _Found:
     why: str
 
 
-def put_errors(imu: ImuPart, dvl: DvlPart, gyros: GyroMatch | None, pings: PingNoise | None) -> Section:
-    """The section `[imu.errors]`.
-
-    Args:
-        imu, dvl: as guessed.
-        gyros: against an attitude; None without one.
-        pings: the velocity against the accelerometers; None with too few pings.
-    """
+def put_errors(parts: Parts) -> Section:
+    """The section `[imu.errors]`."""
+    imu, dvl = parts.imu, parts.dvl
     section = Section("imu.errors")
-    found = _evidence(dvl, gyros, pings)
+    found = _evidence(dvl, parts.gyros, parts.pings, latitude_known=isfinite(parts.latitude_rad))
     floor = {
         "gyro_noise_deg_per_rt_h": float(np.rad2deg(white_noise(imu.time_ns, imu.omega_s_radps)))
         * PER_RT_HOUR,
@@ -87,7 +86,9 @@ def nearest_grade(covers: dict[str, float]) -> Grade:
     return by_bias[-1]
 
 
-def _evidence(dvl: DvlPart, gyros: GyroMatch | None, pings: PingNoise | None) -> dict[str, _Found]:
+def _evidence(
+    dvl: DvlPart, gyros: GyroMatch | None, pings: PingNoise | None, *, latitude_known: bool
+) -> dict[str, _Found]:
     """What the log says, by key of the case."""
     found: dict[str, _Found] = {}
     match = dvl.match if dvl.match is not None and dvl.match.plausible else None
@@ -98,22 +99,26 @@ def _evidence(dvl: DvlPart, gyros: GyroMatch | None, pings: PingNoise | None) ->
     if gyros is not None:
         offsets = np.rad2deg(gyros.offset_radps) * PER_HOUR
         sd = float(np.rad2deg(gyros.offset_sd_radps).max()) * PER_HOUR
-        value = max(float(np.abs(offsets).max()), 2.0 * sd, LEAST_BIAS_DEG_PER_H)
+        # Without a latitude the Earth's rate is in them.
+        most = float(np.abs(offsets).max()) - (0.0 if latitude_known else EARTH_DEG_PER_H)
         axes = ", ".join(f"{x:.3g}" for x in offsets)
-        found["gyro_bias_deg_per_h"] = _Found(
-            float(f"{1.05 * value:.2g}"),
-            f"the gyros are {axes} deg/h (± {sd:.2g}) off the recorded attitude's turns",
-        )
-        found["gyro_noise_deg_per_rt_h"] = _Found(
-            float(np.rad2deg(gyros.noise_rad_rts)) * PER_RT_HOUR,
-            f"over {gyros.lag_s:.2g} s the integrated gyros part from the attitude so, scale and low rate included",
-        )
+        if most > TOLD * sd:
+            found["gyro_bias_deg_per_h"] = _Found(
+                float(f"{1.05 * max(most, LEAST_BIAS_DEG_PER_H):.2g}"),
+                f"the gyros are {axes} deg/h (± {sd:.2g}) off the recorded attitude's turns",
+            )
+        if gyros.noise_rad_rts > 0.0:
+            found["gyro_noise_deg_per_rt_h"] = _Found(
+                float(np.rad2deg(gyros.noise_rad_rts)) * PER_RT_HOUR,
+                f"over up to {gyros.lag_s:.2g} s the integrated gyros part from the attitude so, scale and low rate "
+                "included",
+            )
         wander = float(np.rad2deg(gyros.wander_radps_rts))
         if wander > 0.0:
             found["gyro_bias_walk_deg_per_s_per_rt_s"] = _Found(
                 wander, "their offset from the attitude wanders so much between the segments of the dive"
             )
-    elif match is not None:
+    if match is not None and "gyro_bias_deg_per_h" not in found:
         off = float(np.rad2deg(np.abs(match.part("gyro_bias")[:2]).max()) * PER_HOUR)
         sd = float(np.rad2deg(match.part_sd("gyro_bias")[:2].max()) * PER_HOUR)
         found["gyro_bias_deg_per_h"] = _Found(

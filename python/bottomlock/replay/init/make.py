@@ -143,7 +143,7 @@ def _compare(parts: Parts) -> None:
     dvl, attitude = parts.dvl, parts.attitude
     interval_s = float(np.median(np.diff(dvl.time_ns))) * 1e-9
     confirmed = attitude is not None and attitude.match is not None and attitude.match.least > CONFIRMED
-    turned = turns(parts.imu, attitude, interval_s) if confirmed else None
+    turned = turns(parts.imu, attitude, interval_s, parts.latitude_rad) if confirmed else None
     track = None if parts.attitude_of_reference else track_yaw(dvl, attitude, parts.reference)
     parts.imu = set_axes(dvl, parts.imu, turned, track)
     if attitude is not None:
@@ -151,7 +151,7 @@ def _compare(parts: Parts) -> None:
         if again is not None:
             again.declination_rad, again.declination_why = attitude.declination_rad, attitude.declination_why
         attitude = parts.attitude = again
-    known = turns(parts.imu, attitude, interval_s)
+    known = turns(parts.imu, attitude, interval_s, parts.latitude_rad)
     parts.gyros = known.gyros
     parts.pings = ping_noise(recorded(parts.imu, dvl, known.omega_p_radps))
     if known.of_attitude and known.gyros is not None and parts.pings is not None:

@@ -15,6 +15,7 @@ from bottomlock.replay.motion.gyros import GyroMatch, attitude_at, match_gyros, 
 
 Floats = NDArray[np.float64]
 
+EARTH_RADPS = 7.292115e-5
 SURE = 0.7
 """Correlation of one-second turns from which their slope tells the unit of the gyros."""
 NEAR = 2.0
@@ -58,13 +59,26 @@ def unit_by_attitude(imu: ImuPart, attitude: AttitudePart | None) -> Guess | Non
     )
 
 
-def turns(imu: ImuPart, attitude: AttitudePart | None, interval_s: float) -> Turns:
-    """Rates of turn: of the gyros less their offset, or of the attitude where the gyros are poor."""
+def turns(
+    imu: ImuPart, attitude: AttitudePart | None, interval_s: float, latitude_rad: float = float("nan")
+) -> Turns:
+    """Rates of turn: of the gyros less their offset, or of the attitude where the gyros are poor.
+
+    Args:
+        imu, attitude: as guessed.
+        interval_s: between pings.
+        latitude_rad: for the Earth's rate, which is in the gyros; NaN where it is not known.
+    """
     plain = Turns(None, imu.omega_p_radps)
     if attitude is None or attitude.match is None or not attitude.match.clear:
         return plain
     times, platform = attitude.platform()
-    gyros = match_gyros(imu.time_ns, imu.omega_p_radps, times, platform, interval_s)
+    omega = imu.omega_p_radps
+    if np.isfinite(latitude_rad) and len(times):
+        earth = EARTH_RADPS * np.array([np.cos(latitude_rad), 0.0, -np.sin(latitude_rad)])
+        nearest = np.clip(np.searchsorted(times, imu.time_ns), 0, len(times) - 1)
+        omega = omega - platform.inv().apply(earth)[nearest]
+    gyros = match_gyros(imu.time_ns, omega, times, platform, interval_s)
     if gyros is None:
         return plain
     if gyros.noise_rad_rts > POOR_RAD_RTS:

@@ -1,6 +1,7 @@
 """The streams that a first case uses."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
@@ -31,6 +32,12 @@ class Parts:
     unused: list[Found]
     gyros: GyroMatch | None = None
     pings: PingNoise | None = None
+
+    @property
+    def latitude_rad(self) -> float:
+        """Latitude of the first recorded position; NaN without one on the Earth."""
+        known = [one.latitude_rad for one in (self.reference, self.gps) if one is not None]
+        return next((latitude for latitude in known if isfinite(latitude)), float("nan"))
 
     @property
     def attitude_of_reference(self) -> bool:

@@ -46,7 +46,7 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
             head,
             _origin(parts),
             imu,
-            put_errors(parts.imu, parts.dvl, parts.gyros, parts.pings),
+            put_errors(parts),
             dvl,
             *others,
             start,

@@ -19,7 +19,16 @@ Integers = NDArray[np.int64]
 SLOPE_S = 1.0
 """Increments over which the slope is taken: longer than jitter of the stamps, shorter than a wander of the offset."""
 LONGEST_STEP_S = 0.5
-"""An attitude that is recorded less often does not resolve the turns of a small vehicle."""
+"""An attitude that is recorded less often does not resolve the turns of a small vehicle, and is not interpolated."""
+SLOWEST_STEP_S = 5.0
+"""An attitude that is recorded less often than this is not compared with gyros at all."""
+COVERED = 0.7
+LEAST_PAIRS = 20
+OUTLIER = 4.0
+RESOLVED = 2.0
+"""Sigmas from which a random walk is told from the noise of the attitude."""
+ROBUST = 1.7
+"""How many times less certain a variance by the median is."""
 LEAST_SEGMENTS = 4
 PARTS, SHORTEST_S = 8, 4.0
 """A short recording is cut into about so many segments, none shorter than so many seconds."""
@@ -37,9 +46,10 @@ class GyroMatch:
     Attributes:
         offset_radps, offset_sd_radps: (3,) mean difference, gyros minus attitude, and its 1 sigma.
         wander_radps_rts: random walk of the offset, RMS over the axes, rad/s/√s.
-        noise_rad_rts: random walk of the integrated gyros, RMS over the axes, rad/√s.
+        noise_rad_rts: random walk of the integrated gyros, RMS over the axes, rad/√s; 0 where the noise of the
+            attitude hides it.
         axes_rad_rts: (3,) the same of each axis.
-        lag_s: the interval at which the noise was found.
+        lag_s: the longest interval at which the noise was found.
     """
 
     offset_radps: Floats
@@ -81,24 +91,25 @@ def slope(
         time_ns, omega_p: (n,), (n, 3) gyros in platform axes, in any unit: in rad/s the slope is 1.
         attitude_time_ns, attitude: (m,) of the platform, on the clock of the gyros.
     """
-    found = attitude_at(attitude_time_ns, attitude, time_ns)
-    if found is None:
+    inside = (attitude_time_ns >= time_ns[0]) & (attitude_time_ns <= time_ns[-1])
+    if inside.sum() < 10:
         return None
-    own, known = found
-    steps_s = np.diff(time_ns) * 1e-9
-    every = max(1, round(SLOPE_S / float(np.median(steps_s))))
+    steps_ns = np.diff(attitude_time_ns[inside])
+    rows = np.flatnonzero(inside)[:: max(1, round(SLOPE_S * 1e9 / float(np.median(steps_ns))))]
+    times, own = attitude_time_ns[rows], attitude[rows]
     turned = np.vstack(
-        [np.zeros(3), np.cumsum(0.5 * (omega_p[1:] + omega_p[:-1]) * steps_s[:, None], axis=0)]
+        [
+            np.zeros(3),
+            np.cumsum(0.5 * (omega_p[1:] + omega_p[:-1]) * (np.diff(time_ns) * 1e-9)[:, None], axis=0),
+        ]
     )
-    first = np.arange(0, len(time_ns) - every, every)
-    last = first + every
-    unknown = np.concatenate([[0], np.cumsum(~known)])
-    good = (unknown[last + 1] == unknown[first]) & (time_ns[last] - time_ns[first] < 2e9 * SLOPE_S + 1)
-    first, last = first[good], last[good]
-    if len(first) < 10:
+    origin = int(time_ns[0])
+    seconds, at_s = (time_ns - origin) * 1e-9, (times - origin) * 1e-9
+    integral = np.stack([np.interp(at_s, seconds, column) for column in turned.T], axis=1)
+    good = np.diff(times) <= SLOWEST_STEP_S * 1e9
+    if good.sum() < 10:
         return None
-    a = (own[first].inv() * own[last]).as_rotvec()
-    b = turned[last] - turned[first]
+    a, b = (own[:-1].inv() * own[1:]).as_rotvec()[good], np.diff(integral, axis=0)[good]
     a, b = a - np.median(a, axis=0), b - np.median(b, axis=0)
     weight = np.ones(len(a))
     value = 0.0
@@ -118,7 +129,7 @@ def match_gyros(
     attitude: Rotation,
     interval_s: float,
 ) -> GyroMatch | None:
-    """Offset, wander and noise of gyros; None with too few whole segments of both.
+    """Offset, wander and noise of gyros, at the times of an attitude; None with too few segments that have both.
 
     Args:
         time_ns, omega_p_radps: (n,), (n, 3), platform axes.
@@ -130,44 +141,125 @@ def match_gyros(
     if segments is None:
         return None
     s, m = segments.time_ns.shape
-    found = attitude_at(attitude_time_ns, attitude, segments.time_ns.ravel())
-    if found is None:
+    flat = segments.time_ns.ravel()
+    index = np.clip(np.searchsorted(flat, attitude_time_ns, side="right") - 1, 0, s * m - 1)
+    segment, after_s = index // m, (attitude_time_ns - flat[index]) * 1e-9
+    imu_step_s = float(np.median(np.diff(segments.time_ns[0]))) * 1e-9
+    kept = (after_s >= 0.0) & (after_s <= 2.0 * imu_step_s)
+    kept &= _whole(segment, attitude_time_ns, kept, s, length_s)[segment]
+    if len(np.unique(segment[kept])) < LEAST_SEGMENTS:
         return None
-    known = found[1].reshape(s, m).all(axis=1)
-    if known.sum() < LEAST_SEGMENTS:
-        return None
-    own = found[0].as_matrix().reshape(s, m, 3, 3)[known]
-    times = (segments.time_ns[known] - segments.time_ns[known][:, :1]) * 1e-9
-    C, J = segments.rotation[known], segments.rotation_integral_s[known]
-    # Gyros minus attitude, in the axes at the segment's beginning, where the offset adds ∫C dt times itself.
-    beginning = np.swapaxes(own[:, :1], 2, 3)
-    apart = Rotation.from_matrix((np.swapaxes(beginning @ own, 2, 3) @ C).reshape(-1, 3, 3))
-    angle = np.einsum("smij,smj->smi", C, apart.as_rotvec().reshape(*C.shape[:2], 3))
-    offsets = np.linalg.solve(J[:, -1], angle[:, -1][:, :, None])[:, :, 0]
-    offset = np.median(offsets, axis=0)
-    scatter = sd_about_median(offsets, axis=0)
-    left = angle - np.einsum("smij,sj->smi", J, offsets)
+    times, segment, index, after_s = attitude_time_ns[kept], segment[kept], index[kept], after_s[kept]
+    omega = segments.omega_p_radps.reshape(-1, 3)[index]
+    C = segments.rotation.reshape(-1, 3, 3)[index]
+    J = segments.rotation_integral_s.reshape(-1, 3, 3)[index] + C * after_s[:, None, None]
+    C = C @ Rotation.from_rotvec(omega * after_s[:, None]).as_matrix()
+    own = attitude[kept].as_matrix()
+    # Gyros minus attitude since the segment's first attitude, in its axes, where an offset adds ∫C dt times itself.
+    _, first, part = np.unique(segment, return_index=True, return_inverse=True)
+    since = np.swapaxes(C[first], 1, 2)[part]
+    C, J = since @ C, since @ (J - J[first][part])
+    own = np.swapaxes(own[first], 1, 2)[part] @ own
+    apart = Rotation.from_matrix(np.swapaxes(own, 1, 2) @ C).as_rotvec()
+    angle = np.einsum("pij,pj->pi", C, apart)
+    offsets = _slopes(J, angle, part)
+    left = angle - np.einsum("pij,pj->pi", J, offsets[part])
+    offset, scatter = np.median(offsets, axis=0), sd_about_median(offsets, axis=0)
+    density, lag_s = _noise(times, part, C, left, interval_s)
+    means = segments.omega_p_radps.mean(axis=1)[segment[first]]
+    apart_s = float(np.median(np.diff(times[first]))) * 1e-9
+    return GyroMatch(
+        offset, scatter / np.sqrt(len(offsets)), _wander(offsets, means, apart_s),
+        float(np.sqrt(np.mean(density**2))), density, lag_s,
+    )  # fmt: skip
 
-    step_s = float(np.median(np.diff(times, axis=1)))
-    lags = sorted({max(1, round(k * interval_s / step_s)) for k in LAGS if k * interval_s <= LONGEST_LAG_S})
-    lags = [lag for lag in lags if lag <= m // 3] or [1]
-    densities = []
-    for lag in lags:
-        moved = np.einsum("smji,smj->smi", C[:, :-lag], left[:, lag:] - left[:, :-lag]).reshape(-1, 3)
-        densities.append(sd_about_median(moved, axis=0) / np.sqrt(lag * step_s))
-    size = [float(np.sqrt(np.mean(one**2))) for one in densities]
-    worst = int(np.argmax(size))
+
+def _whole(
+    segment: Integers, time_ns: Integers, kept: NDArray[np.bool_], count: int, length_s: float
+) -> NDArray[np.bool_]:
+    """Segments that attitudes cover from near the beginning to near the end, without a gap."""
+    whole = np.zeros(count, dtype=bool)
+    for one in np.unique(segment[kept]):
+        times = time_ns[kept & (segment == one)]
+        spans = len(times) >= 3 and (times[-1] - times[0]) * 1e-9 > COVERED * length_s
+        whole[one] = spans and float(np.diff(times).max()) * 1e-9 <= SLOWEST_STEP_S
+    return whole
+
+
+def _slopes(J: Floats, angle: Floats, part: Integers) -> Floats:
+    """(s, 3) offsets of segments by least squares of the angles on the integrals, each from its own mean."""
+    counts = np.bincount(part)
+
+    def centred(values: Floats) -> Floats:
+        flat = values.reshape(len(values), -1)
+        sums = np.stack([np.bincount(part, column) for column in flat.T], axis=1)
+        return (flat - (sums / counts[:, None])[part]).reshape(values.shape)
+
+    A, y = centred(J), centred(angle)
+    normal, right = np.einsum("pji,pjk->pik", A, A), np.einsum("pji,pj->pi", A, y)
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    return np.asarray(
+        np.linalg.solve(np.add.reduceat(normal, starts), np.add.reduceat(right, starts)[:, :, None])[:, :, 0]
+    )
+
+
+def _noise(
+    time_ns: Integers, part: Integers, C: Floats, left: Floats, interval_s: float
+) -> tuple[Floats, float]:
+    """(3,) random walk of what is left, and the longest interval that it was found at, s.
+
+    The variance over an interval is that of the attitude's own white noise, twice, and the walk's, which grows with it.
+    """
+    step_s = float(np.median(np.diff(time_ns))) * 1e-9
+    wanted = {max(1, round(k * interval_s / step_s)) for k in LAGS if k * interval_s <= LONGEST_LAG_S}
+    found = []
+    for lag in sorted(wanted | {1, 2, 3} if len(wanted) < 3 else wanted):
+        if len(time_ns) <= lag:
+            continue
+        took_s = (time_ns[lag:] - time_ns[:-lag]) * 1e-9
+        good = (part[lag:] == part[:-lag]) & (np.abs(took_s - lag * step_s) < 0.5 * step_s * lag)
+        if good.sum() >= LEAST_PAIRS:
+            moved = np.einsum("pji,pj->pi", C[:-lag], left[lag:] - left[:-lag])[good]
+            found.append((lag, moved))
+    return _walk(found, step_s), max((lag for lag, _ in found), default=1) * step_s
+
+
+def _walk(differences: list[tuple[int, Floats]], step_s: float) -> Floats:
+    """(3,) random walk by the growth of the variance with the lag; 0 where it does not stand out.
+
+    Args:
+        differences: lags, in steps, and (n, 3) differences over each.
+        step_s: length of a step.
+    """
+    if len(differences) < 2:
+        return np.zeros(3)
+    rows, target, each = [], [], []
+    for lag, moved in differences:
+        spread = sd_about_median(moved, axis=0) ** 2
+        weight = 1.0 / (ROBUST * np.sqrt(lag / len(moved)) * max(float(spread.mean()), 1e-20))
+        rows.append(weight * np.array([1.0, lag * step_s]))
+        target.append(weight * spread)
+        each.append(spread)
+    A, spreads = np.array(rows), np.array(each)
+    steep = np.linalg.lstsq(A, np.array(target), rcond=None)[0][1]
+    share = np.sqrt((spreads**2).sum(axis=1)).mean() / max(float(spreads.sum(axis=1).mean()), 1e-30)
+    sd = float(np.sqrt(np.linalg.inv(A.T @ A)[1, 1]) * share)
+    return np.sqrt(np.maximum(steep, 0.0)) if float(steep.mean()) > RESOLVED * sd else np.zeros(3)
+
+
+def _wander(offsets: Floats, rates: Floats, apart_s: float) -> float:
+    """Random walk of the offsets of segments, RMS over the axes, rad/s/√s."""
     # What follows the rate of turn is a scale factor, which does not wander.
-    rate = segments.omega_p_radps[known].mean(axis=1)
-    turning = (rate - rate.mean(axis=0)) * (len(rate) >= LEAST_FOR_SCALE)
+    turning = (rates - rates.mean(axis=0)) * (len(rates) >= LEAST_FOR_SCALE)
     follows = (turning * offsets).sum(axis=0) / np.maximum((turning**2).sum(axis=0), 1e-30)
     steady = offsets - turning * follows
-    # A walk grows with time; errors of one segment, those of the attitude among them, do not.
-    far = max(2, len(steady) // 3)
-    near_sd, far_sd = (sd_about_median(steady[k:] - steady[:-k], axis=0) for k in (1, far))
-    apart_s = (far - 1) * float(np.median(np.diff(segments.time_ns[known][:, 0]))) * 1e-9
-    wander = np.maximum(far_sd**2 - near_sd**2, 0.0) / apart_s
-    return GyroMatch(
-        offset, scatter / np.sqrt(len(offsets)), float(np.sqrt(np.mean(wander))), size[worst], densities[worst],
-        lags[worst] * step_s,
-    )  # fmt: skip
+    # Of errors of single segments half the mean square of successive differences is the variance (von Neumann 1941);
+    # a walk of n steps q has a variance of n q²/6 beyond it.
+    count = len(steady)
+    middle, sd = np.median(steady, axis=0), sd_about_median(steady, axis=0)
+    kept = np.clip(steady - middle, -OUTLIER * sd, OUTLIER * sd)
+    variance = kept.var(axis=0, ddof=1)
+    alone = 0.5 * (np.diff(kept, axis=0) ** 2).mean(axis=0)
+    stands_out = alone < (1.0 - RESOLVED / np.sqrt(count)) * variance
+    walked = np.where(stands_out, 6.0 * (variance - alone) / (count * apart_s), 0.0)
+    return float(np.sqrt(np.mean(walked)))
