@@ -170,7 +170,7 @@ def _level(inputs: _AlignmentInputs) -> tuple[float, float, float, str]:
         angles, source = _recorded_angles(inputs)
         stream = inputs.case.attitude
         assert stream is not None  # validated in Case
-        return float(angles[0]), float(angles[1]), float(np.deg2rad(stream.roll_pitch_sd_deg)), source
+        return float(angles[0]), float(angles[1]), float(np.deg2rad(stream.start_roll_pitch_sd_deg)), source
     force = mean_over(inputs.window.force_p_mps2, "imu", inputs.case.start.window_s)
     roll, pitch = level_from_force(force.value)
     sd = float(np.hypot(inputs.imu.accel_bias_sd_mps2, force.sd.max())) / inputs.gravity_mps2
@@ -188,7 +188,7 @@ def _heading(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float
         angles, source = _recorded_angles(inputs)
         stream = inputs.case.attitude
         assert stream is not None  # validated in Case
-        return float(angles[2]), float(np.deg2rad(stream.yaw_sd_deg)), source
+        return float(angles[2]), float(np.deg2rad(stream.start_yaw_sd_deg)), source
     if start.heading == "magnetometer":
         return _magnetic(inputs, roll, pitch)
     if start.heading == "gps_course":

@@ -1,5 +1,6 @@
 """Sections of a case file that map the columns of a log: quantity, unit, axes and clock."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -24,6 +25,9 @@ Axes = tuple[Axis, Axis, Axis]
 ColumnTriple = tuple[str, str, str]
 
 ANGLE_UNITS = ("rad", "deg")
+START_FACTOR = 3.0
+"""1 sigma of a start over that of the reading it is from, where readings with the same slow error follow. The slow
+error then counts twice by a tenth of its variance, and not by half."""
 UNCHANGED_AXES: Axes = ("x", "y", "z")
 
 
@@ -213,6 +217,23 @@ class AttitudeStream(Stream):
     @classmethod
     def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
         return filled_from_grade("attitude", content, handler)
+
+    @property
+    def start_roll_pitch_sd_deg(self) -> float:
+        """1 sigma of roll and pitch at a start from a reading, deg."""
+        slow = math.hypot(self.roll_pitch_offset_sd_deg, self.roll_pitch_walk_sd_deg)
+        return self._start_sd_deg(self.roll_pitch_sd_deg, slow, aided=self.aids == "attitude")
+
+    @property
+    def start_yaw_sd_deg(self) -> float:
+        """1 sigma of the yaw at a start from a reading, deg."""
+        slow = math.hypot(self.yaw_offset_sd_deg, self.yaw_walk_sd_deg)
+        return self._start_sd_deg(self.yaw_sd_deg, slow, aided=self.aids != "nothing")
+
+    def _start_sd_deg(self, white_deg: float, slow_deg: float, *, aided: bool) -> float:
+        # The readings that follow have the slow error that the start has, and the filter takes the two for independent.
+        repeated = START_FACTOR if aided and slow_deg > 0.0 else 1.0
+        return repeated * math.hypot(white_deg, slow_deg)
 
 
 class MagnetometerStream(MountedStream):
