@@ -16,7 +16,8 @@ from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console, errors, late_bar, narrow_table
 from bottomlock.cli.parameters import Robust, Threads, check_threads, split
-from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
+from bottomlock.cli.tune import tune as tune_command
+from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.io.calibrated_file import require_new
 from bottomlock.pages.numbers import number
@@ -25,13 +26,16 @@ from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
 from bottomlock.replay.findings.trust import NOTHING
-from bottomlock.replay.init.make import make_case
+from bottomlock.replay.init.make import Made, make_case
 from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
+from bottomlock.replay.tune.passes import horizons_of
 from bottomlock.statistics.replay import summary_table, track_table
 
+FIRST_PART = 0.5
+"""Part of a recording that is tuned on, the command's own default."""
 SCORED = (
     "error_median_mps",
     "error_p95_mps",
@@ -54,6 +58,10 @@ def replay(
         bool,
         Parameter(negative="", help="Write a commented case from logs, tables and bags; every FILE is one."),
     ] = False,
+    tune: Annotated[
+        bool,
+        Parameter(help="With --init: end with `bottomlock tune`, where the log is long enough."),
+    ] = True,
     methods: Annotated[
         str | None, Parameter(help="Aiding methods, separated by commas; the case's own by default.")
     ] = None,
@@ -83,7 +91,9 @@ def replay(
         With --init: the log of a DVL, and tables or bags with IMU, depth, attitude, positions.
     """
     if init:
-        _init(files, Path("case.toml") if out is None else out, force=force)
+        made = _init(files, Path("case.toml") if out is None else out, force=force)
+        if tune:
+            _tune(made, threads=threads, force=force)
         return
     if len(files) != 1:
         raise ScenarioError(
@@ -134,7 +144,7 @@ def replay(
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
 
 
-def _init(files: Sequence[Path], out: Path, *, force: bool) -> None:
+def _init(files: Sequence[Path], out: Path, *, force: bool) -> Made:
     """Writes a first case and says what it is made of."""
     if out.suffix.lower() != ".toml":
         raise OutputError(f"{out}: expected a name that ends in .toml, the case to write")
@@ -148,6 +158,17 @@ def _init(files: Sequence[Path], out: Path, *, force: bool) -> None:
         soft_wrap=True,
     )
     console.print(f"now: bottomlock replay {out} --out {out.stem}_replay", highlight=False, soft_wrap=True)
+    return made
+
+
+def _tune(made: Made, *, threads: int, force: bool) -> None:
+    """Tunes a first case, in a case beside it; of a log that cannot be tuned the first case stands alone."""
+    if not horizons_of(FIRST_PART * made.duration_s):
+        return
+    try:
+        tune_command(made.case, threads=threads, force=force)
+    except BottomlockError as error:
+        console.print(f"not tuned: {error}", highlight=False, soft_wrap=True)
 
 
 def score(

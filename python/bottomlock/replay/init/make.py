@@ -35,13 +35,21 @@ CONFIRMED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A case as written: its path, the tables written beside it, what the files hold, and how many questions it has."""
+    """A case as written.
+
+    Attributes:
+        case, written: its path, and the tables written beside it.
+        words: what the files hold.
+        guesses, questions: their numbers.
+        duration_s: of the part with pings and inertial readings.
+    """
 
     case: Path
     written: list[Path]
     words: list[str]
     guesses: int
     questions: int
+    duration_s: float
 
 
 def make_case(files: Sequence[Path], out: Path, *, force: bool = False) -> Made:
@@ -66,7 +74,7 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False) -> Made:
     lines = text.splitlines()
     return Made(
         out, target.written, sources.words, sum("# guessed:" in line for line in lines),
-        sum("# ?" in line for line in lines),
+        sum("# ?" in line for line in lines), parts.duration_s,
     )  # fmt: skip
 
 
