@@ -3,7 +3,7 @@
 TABLES is the folder that `tools/recorded_dives.py` writes. All beams are hidden in windows of so many seconds, and the
 displacement of each method over the window is compared with that of the hidden velocities, turned by the same attitude.
 Errors of attitude, scale and position are common to both and are left out of what the filter claims. Prints medians,
-90th percentiles and RMS of the horizontal error, and error/sigma, for each recording, window and method; `held` is the
+90th percentiles and RMS of the horizontal error, and RMS error over RMS sigma, for each recording, window and method; `held` is the
 last velocity held along the vehicle's axes.
 """
 
@@ -167,28 +167,22 @@ def _window(streams: Streams, samples: pl.DataFrame, begin_ns: int, end_ns: int)
         place = frame.select("north_m", "east_m").to_numpy()[ends]
         sd = frame.select("sd_position_north_m", "sd_position_east_m").to_numpy()[ends]
         error = place[1] - place[0] - truth[:2]
-        variance = np.maximum(sd[1] ** 2 - sd[0] ** 2, 1e-6)
-        found.append(
-            {
-                "method": method,
-                "error_m": float(np.hypot(*error)),
-                "square": float((error**2 / variance).mean()),
-            }
-        )
+        claimed = float((sd[1] ** 2 - sd[0] ** 2).sum())
+        found.append({"method": method, "error_m": float(np.hypot(*error)), "claimed_m2": claimed})
     if truth is None:
         return []
     way = held_displacement(streams, int(time_ns[ends[0]]), int(time_ns[ends[1]]))
-    return [*found, {"method": "held", "error_m": float(np.hypot(*(way - truth)[:2])), "square": None}]
+    return [*found, {"method": "held", "error_m": float(np.hypot(*(way - truth)[:2])), "claimed_m2": None}]
 
 
 def summary(rows: pl.DataFrame) -> pl.DataFrame:
-    """A row for each method: number of windows, errors, and the RMS of error/sigma."""
+    """A row for each method: number of windows, errors, and RMS error over RMS sigma."""
     return rows.group_by("method", maintain_order=True).agg(
         windows=pl.len(),
         median_m=pl.col("error_m").median(),
         p90_m=pl.col("error_m").quantile(0.9),
         rms_m=(pl.col("error_m") ** 2).mean().sqrt(),
-        error_over_sigma=pl.col("square").mean().sqrt(),
+        error_over_sigma=((pl.col("error_m") ** 2).sum() / pl.col("claimed_m2").sum()).sqrt(),
     )
 
 

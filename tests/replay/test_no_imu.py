@@ -149,7 +149,8 @@ def test_no_finding_compares_the_dvl_with_itself(replayed: ReplayResult) -> None
 def test_the_page_says_what_was_made(replayed: ReplayResult) -> None:
     notes = " ".join(replayed.manifest["notes"])
     assert "readings made from 2400 attitudes" in notes
-    assert "accelerations of the vehicle of" in notes
+    assert "the vehicle's motion by" in notes
+    assert "filter.motion mean_sd_mps" in notes
 
 
 def test_hidden_beams_are_not_held(case: Case) -> None:
@@ -199,3 +200,28 @@ def test_a_slow_attitude_is_divided(tmp_path: Path) -> None:
     path = write(rov_dive(5, seconds=120.0, lively=0.3), tmp_path, attitude_hz=0.5)
     found = row(replay_case(load_case(path)), RECORDED, "tc")
     assert found["position_rms_over_time_m"] < 0.03 * found["distance_m"]
+
+
+def test_the_motion_is_the_prior_of_the_filter(case: Case) -> None:
+    """Measured on the pings: the speed as the mean of each axis, its changes; and five times their noise beside it."""
+    streams = read_streams(case)
+    motion = streams.vehicle_motion
+    assert motion is not None
+    prepared = rerun.prepare(case, streams, 0)
+    prior = prepared.options.motion
+    assert prior.change_sd_mps == tuple(motion.fluctuation_sd_mps)
+    assert 0.4 < prior.mean_sd_mps[0] == prior.mean_sd_mps[2] < 0.8
+    assert prepared.model.imu.accel_noise_mps_rts == pytest.approx(5.0 * motion.accel_noise_mps_per_rt_s)
+
+
+def test_a_stated_motion_counts(tmp_path: Path) -> None:
+    """Also that there is none; then, and with a stated noise, no ping is needed for it."""
+    stated = "[imu.errors]\naccel_noise_mps_per_rt_h = 6.0\n[filter.motion]\nchange_sd_mps = [0.0, 0.0, 0.0]\n[dvl]"
+    path = write(rov_dive(5, seconds=30.0), tmp_path)
+    path.write_text(CASE.replace("[dvl]", stated, 1), encoding="utf-8")
+    case = load_case(path)
+    streams = read_streams(case)
+    assert streams.vehicle_motion is None
+    prepared = rerun.prepare(case, streams, 0)
+    assert prepared.options.motion.change_sd_mps == (0.0, 0.0, 0.0)
+    assert prepared.model.imu.accel_noise_mps_rts == pytest.approx(0.1)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from bottomlock import units
 from bottomlock.attitude_motion import divided, held, inertial_readings
 from bottomlock.errors import DataError
 from bottomlock.replay.case import Case
@@ -80,14 +79,26 @@ def with_persistence(case: Case, streams: Streams, valid: Flags) -> Inertial:
 
 
 def with_vehicle_motion(case: Case, streams: Streams) -> Streams:
-    """The streams with the vehicle's motion as its pings show it, where that is the noise of the filter.
+    """The streams with the vehicle's motion as its pings show it, where that is the prior or the noise of the filter.
 
     Raises:
-        DataError: for too few complete pings.
+        DataError: for too few complete pings where the case does not state the noise of the accelerations.
     """
-    if not isinstance(case.imu, ImuFromAttitude) or case.imu.errors.accel_noise_mps_per_rt_h is not None:
+    if not isinstance(case.imu, ImuFromAttitude):
         return streams
-    motion = vehicle_motion(*complete_pings(streams, streams.beams))
-    per_rt_h = units.per_rt_h_from_per_rt_s(motion.accel_noise_mps_per_rt_s)
-    note = f"imu: accelerations of the vehicle of {per_rt_h:.3g} m/s/sqrt(h), measured on {motion.pings} complete pings"
+    states_noise = case.imu.errors.accel_noise_mps_per_rt_h is not None
+    if states_noise and "motion" in case.filter.model_fields_set:
+        return streams
+    try:
+        motion = vehicle_motion(*complete_pings(streams, streams.beams))
+    except DataError as error:
+        if states_noise:
+            return replace(streams, notes=(*streams.notes, f"imu: no prior of the velocity: {error}"))
+        raise
+    prior = motion.prior
+    parts = (
+        f"{key} = [{', '.join(f'{value:.3g}' for value in getattr(prior, key))}]"
+        for key in ("mean_sd_mps", "change_sd_mps", "change_time_s")
+    )
+    note = f"imu: the vehicle's motion by {motion.pings} complete pings, as a prior: filter.motion {'; '.join(parts)}"
     return replace(streams, vehicle_motion=motion, notes=(*streams.notes, note))

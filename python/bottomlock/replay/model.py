@@ -13,7 +13,10 @@ from bottomlock.models import DvlModel, Environment, ImuModel, InitialModel, Mod
 from bottomlock.replay.case import Case
 from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.stream_sections import ImuFromAttitude
-from bottomlock.replay.streams import Streams
+from bottomlock.replay.streams import Streams, VehicleMotion
+
+BEYOND_PRIOR = 5.0
+"""White noise of the accelerations over that of the prior's changes: what both say counts for a twenty-fifth."""
 
 
 def imu_model(case: Case, streams: Streams | None = None) -> ImuModel:
@@ -36,7 +39,7 @@ def _motion_model(imu: ImuFromAttitude, case: Case, streams: Streams | None) -> 
     """Noise of a motion made from attitudes: of the vehicle's accelerations, and of the reference's changing error."""
     assert case.attitude is not None  # validated in Case
     motion = None if streams is None else streams.vehicle_motion
-    accel = 0.0 if motion is None else motion.accel_noise_mps_per_rt_s
+    accel = 0.0 if motion is None else BEYOND_PRIOR * motion.accel_noise_mps_per_rt_s
     # The error of the reference changes by its own size in an hour.
     gyro = units.rad_from_deg(units.per_rt_s_from_per_rt_h(case.attitude.yaw_sd_deg))
     return imu.errors.kernel_model(accel, gyro)
@@ -82,9 +85,17 @@ def _dvl_model(case: Case, instrument: Instrument) -> DvlModel:
     return own.replace(scale_factor_sd=sd)
 
 
-def kernel_options(case: Case, instrument: Instrument) -> Options:
-    """Filter options, as the kernel takes them; the DVL's file has a part in the prior of its calibration."""
+def kernel_options(case: Case, instrument: Instrument, motion: VehicleMotion | None = None) -> Options:
+    """Filter options, as the kernel takes them; the DVL's file has a part in the prior of its calibration.
+
+    Args:
+        case: the case.
+        instrument: the DVL.
+        motion: the prior of the velocity where the case gives none, as measured.
+    """
     options = case.filter.kernel_options() | {"robust": case.robust.kernel_options()}
+    if motion is not None and "motion" not in case.filter.model_fields_set:
+        options["motion"] = motion.prior
     options |= case.imu.limits.kernel_options()
     options["max_imu_gap_s"] = max(case.imu.limits.max_gap_s, case.imu.bridge_gaps_s)
     for sensor in SENSORS:

@@ -113,7 +113,7 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
         streams=streams,
         alignment=alignment,
         model=kernel_model(case, streams, imu, initial, gravity),
-        options=kernel_options(case, streams.instrument),
+        options=kernel_options(case, streams.instrument, streams.vehicle_motion),
         sample_time_ns=samples,
         rows=rows,
     )

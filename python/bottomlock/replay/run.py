@@ -222,7 +222,7 @@ def manifest_of(
         "case": case.name,
         "description": case.description,
         "configuration": case.model_dump(mode="json"),
-        "options": kernel_options(case, streams.instrument).as_dict(),
+        "options": kernel_options(case, streams.instrument, streams.vehicle_motion).as_dict(),
         "files": {name: {"name": path.name, "sha256": _sha256(path)} for name, path in case.files().items()},
         "threads": threads,
         "wall_time_s": round(wall_s, 3),

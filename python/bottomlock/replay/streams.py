@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.io.beams import Instrument
+from bottomlock.models import Motion
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.geodesy import Place
 
@@ -102,6 +103,20 @@ class VehicleMotion:
     white_sd_mps: Floats
     mean_mps: Floats
     pings: int
+
+    @property
+    def prior(self) -> Motion:
+        """What a filter is told of the velocity: a mean of the size of the speed, and the fluctuation about it.
+
+        The mean of each axis may be as large as the speed: a mean that was seen to be small, told as such, would be the
+        pings once more, and correct the biases of the DVL by them.
+        """
+        speed = float(np.sqrt((self.mean_mps**2 + self.fluctuation_sd_mps**2).sum()))
+        return Motion(
+            mean_sd_mps=(speed, speed, speed),
+            change_sd_mps=tuple(self.fluctuation_sd_mps.tolist()),
+            change_time_s=tuple(self.fluctuation_time_s.tolist()),
+        )
 
     @property
     def accel_noise_mps_per_rt_s(self) -> float:

@@ -22,6 +22,10 @@ use crate::state::NavState;
 const ROW_SD_MPS: f64 = 1e-3;
 /// Shortest time between two epochs, ns.
 pub(crate) const EPOCH_NS: i64 = 500_000_000;
+/// Time after a ping that determines the whole velocity from which on epochs follow, ns.
+pub(crate) const LOST_NS: i64 = 2_000_000_000;
+/// Time in which one of such pings is an epoch, ns.
+pub(crate) const LEARNING_NS: i64 = 20_000_000_000;
 
 /// Prior of the velocity along the platform's axes, 1 sigma; an axis of which both deviations are zero is free.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]

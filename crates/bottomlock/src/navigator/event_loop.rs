@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
-use crate::aiding::motion_prior::EPOCH_NS;
+use crate::aiding::motion_prior::{EPOCH_NS, LEARNING_NS, LOST_NS};
 use crate::aiding::{InformationPort, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
@@ -60,8 +60,8 @@ pub struct Navigator {
     last_ns: [Option<i64>; STREAMS],
     /// Time of the last ping that the filters have taken; `last_ns` also has those that wait.
     last_ping_ns: Option<i64>,
-    /// Time of the last epoch of the prior of the motion.
-    last_motion_ns: Option<i64>,
+    /// Time from which on the next epoch of the prior of the motion is due.
+    next_motion_ns: Option<i64>,
     /// Beams that were accepted at least once.
     confirmed: BeamMask,
 }
@@ -90,7 +90,7 @@ impl Navigator {
             waiting: VecDeque::new(),
             last_ns: [None; STREAMS],
             last_ping_ns: None,
-            last_motion_ns: None,
+            next_motion_ns: None,
             confirmed: BeamMask::NONE,
         })
     }
@@ -228,7 +228,7 @@ impl Navigator {
             self.filters.note_interval(interval_s);
         }
         self.last_imu = Some(*sample);
-        Ok(())
+        self.keep_to_motion(sample.time_ns, report)
     }
 
     fn aid(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
@@ -239,9 +239,13 @@ impl Navigator {
             Event::Beams(ping) => {
                 let used = self.aid_with_ping(ping, report)?;
                 self.bound_speed(ping.time_ns, report)?;
-                self.last_ping_ns = Some(ping.time_ns);
-                let full_lock = self.water().is_some() && self.geometry.rank_of(used) == 3;
+                let before_ns = self.last_ping_ns.replace(ping.time_ns);
+                let is_whole = self.geometry.rank_of(used) == 3;
+                let full_lock = self.water().is_some() && is_whole;
                 self.filters.assume(full_lock, &mut *report)?;
+                if is_whole {
+                    return self.learn_motion(ping.time_ns, before_ns, report);
+                }
             }
             Event::Aiding(measurement) => {
                 for sensor in measurement.reports() {
@@ -254,19 +258,35 @@ impl Navigator {
         self.keep_to_motion(event.time_ns(), report)
     }
 
-    /// Applies the prior of the vehicle's motion to every filter, at the first event of an epoch.
+    /// Applies the prior of the vehicle's motion to every filter where an epoch is due.
     fn keep_to_motion(&mut self, time_ns: i64, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         let prior = self.options.motion;
-        let is_due = |last_ns: i64| time_ns - last_ns >= EPOCH_NS;
-        if prior.is_off() || !self.last_motion_ns.is_none_or(is_due) {
+        if prior.is_off() || self.next_motion_ns.is_some_and(|next_ns| time_ns < next_ns) {
             return Ok(());
         }
-        self.last_motion_ns = Some(time_ns);
+        self.next_motion_ns = Some(time_ns + EPOCH_NS);
         report(
             &self
                 .filters
                 .update(Sensor::Motion, |filter| prior.innovation(&filter.state()))?,
         );
+        Ok(())
+    }
+
+    /// Learns the vehicle's motion from a ping that determines the whole velocity, now and then; the ping before it was taken at
+    /// `before_ns`. The velocity is that of the pings then, whose noise every row would carry into the position.
+    fn learn_motion(
+        &mut self,
+        time_ns: i64,
+        before_ns: Option<i64>,
+        report: &mut impl FnMut(&UpdateReport),
+    ) -> Result<(), NavError> {
+        let part = |time_ns: i64| time_ns.div_euclid(LEARNING_NS);
+        if before_ns.is_none_or(|before_ns| part(before_ns) != part(time_ns)) {
+            self.next_motion_ns = None;
+            self.keep_to_motion(time_ns, report)?;
+        }
+        self.next_motion_ns = Some(time_ns + LOST_NS);
         Ok(())
     }
 
