@@ -2,9 +2,9 @@
 
 TABLES is the folder that `tools/recorded_dives.py` writes. All beams are hidden in windows of so many seconds, and the
 displacement of each method over the window is compared with that of the hidden velocities, turned by the same attitude.
-Errors of attitude, scale and position are common to both and are left out of what the filter claims. Prints medians,
-90th percentiles and RMS of the horizontal error, and RMS error over RMS sigma, for each recording, window and method; `held` is the
-last velocity held along the vehicle's axes.
+Errors of attitude, scale and position are common to both and are left out of what the filter claims. Prints for each
+recording, window and method the median, the 90th percentile and the RMS of the horizontal error, and RMS error over RMS
+sigma; `held` is the last velocity held along the vehicle's axes.
 """
 
 import argparse

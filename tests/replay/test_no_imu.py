@@ -14,10 +14,13 @@ from bottomlock.errors import DataError
 from bottomlock.replay import rerun
 from bottomlock.replay.attitude_inertial import complete_pings, with_persistence
 from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.tables.replay import RECORDED
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
+from tools.recorded_dives import stpere
 
 CASE = """
 name = "no_imu"
@@ -225,3 +228,52 @@ def test_a_stated_motion_counts(tmp_path: Path) -> None:
     prepared = rerun.prepare(case, streams, 0)
     assert prepared.options.motion.change_sd_mps == (0.0, 0.0, 0.0)
     assert prepared.model.imu.accel_noise_mps_rts == pytest.approx(0.1)
+
+
+def test_a_first_case_without_an_imu(tmp_path: Path) -> None:
+    """Attitude, velocity and depth in CSV files: the case that is written runs as it is."""
+    dive = rov_dive(5)
+    t, rpy = dive.imu_s[::5], np.rad2deg(dive.rpy[::5])
+    ahrs = write_csv(
+        tmp_path / "ahrs.csv", {"time": t, "roll": rpy[:, 0], "pitch": rpy[:, 1], "yaw": rpy[:, 2]}
+    )
+    depth = write_csv(tmp_path / "depth.csv", {"time": t, "depth": dive.position[::5, 2]})
+    noise = 0.01 * np.random.default_rng(1).normal(size=(len(dive.ping_s), 3))
+    velocity = dive.at(dive.ping_s, dive.velocity) + noise
+    dvl = write_csv(
+        tmp_path / "dvl.csv", {"time": dive.ping_s} | dict(zip(("vx", "vy", "vz"), velocity.T, strict=True))
+    )
+    made = make_case([ahrs, depth, dvl], tmp_path / "case.toml")
+    case = load_case(made.case)
+    assert isinstance(case.imu, ImuFromAttitude)
+    assert case.attitude is not None
+    assert case.attitude.aids == "nothing"
+    assert "is the yaw clockwise" in made.case.read_text(encoding="utf-8")
+    last = replay_case(case).samples.filter(pl.col("method") == "tc").row(-1, named=True)
+    moved = dive.position[-1] - dive.position[0]
+    assert np.hypot(last["north_m"] - moved[0], last["east_m"] - moved[1]) < 0.02 * last_way(dive)
+    with pytest.raises(
+        DataError, match=r"no file holds specific force and angular rate .* or an attitude with times"
+    ):
+        make_case([depth, dvl], tmp_path / "other.toml")
+
+
+def last_way(dive: RovDive) -> float:
+    """Length of the way, m."""
+    return float(np.linalg.norm(np.diff(dive.position, axis=0), axis=1).sum())
+
+
+@pytest.mark.recordings
+def test_the_recorded_auv(tmp_path: Path, recordings: Path) -> None:
+    """St Pere without its gyros, as `--init` writes it: end within 1.5 % of the way and RMS near dead reckoning's."""
+    if not (recordings / "stpere_ictineu").is_dir():
+        pytest.skip("no recording of St Pere")
+    stpere(recordings, tmp_path)
+    files = [tmp_path / f"{name}.csv" for name in ("ahrs", "dvl", "gps")]
+    replayed = replay_case(load_case(make_case(files, tmp_path / "case.toml").case))
+    runs = {
+        one["method"]: one for one in replayed.runs.filter(pl.col("pass") == "forward").iter_rows(named=True)
+    }
+    assert runs["tc"]["position_final_m"] < 6.5
+    assert runs["tc"]["position_rms_over_time_m"] < 1.25 * runs["dead_reckoning"]["position_rms_over_time_m"]
+    assert runs["tc"]["position_normalised_rms_over_time"] < 1.4

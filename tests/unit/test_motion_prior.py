@@ -53,7 +53,7 @@ def velocity_sd(of: bottomlock.Navigator) -> float:
 
 
 def test_whole_pings_are_learnt_from_now_and_then() -> None:
-    """One epoch in twenty seconds while pings determine the velocity, and from two seconds after the last of them on."""
+    """One epoch in twenty seconds while pings determine the velocity; more from two seconds after the last of them."""
     flown = navigator(PRIOR)
     learnt = [time for time in fly(flown, 0, 100, 4) if time > 1.0]
     assert learnt == pytest.approx([20.0, 40.0, 60.0, 80.0, 100.0])

@@ -41,7 +41,7 @@ def _motion_model(imu: ImuFromAttitude, case: Case, streams: Streams | None) -> 
     motion = None if streams is None else streams.vehicle_motion
     accel = 0.0 if motion is None else BEYOND_PRIOR * motion.accel_noise_mps_per_rt_s
     # The error of the reference changes by its own size in an hour.
-    gyro = units.rad_from_deg(units.per_rt_s_from_per_rt_h(case.attitude.yaw_sd_deg))
+    gyro = units.rad_from_deg(units.per_rt_s_from_per_rt_h(case.attitude.start_yaw_sd_deg))
     return imu.errors.kernel_model(accel, gyro)
 
 

@@ -42,6 +42,7 @@ class ImuPart:
         axes: (3, 3) from sensor to platform axes, and why.
         rate_hz: of the readings.
         even_hz: rate of a clock whose stamps are not used as times; None for the stamps.
+        made: whether they are made from an attitude, since no file holds any.
         notes: remarks for the case.
     """
 
@@ -60,6 +61,7 @@ class ImuPart:
     even_hz: float | None = None
     unordered: int = 0
     handed: bool = False
+    made: bool = False
     notes: tuple[str, ...] = field(default=())
 
     @property

@@ -21,8 +21,10 @@ from bottomlock.replay.init.dvl_part import (
     set_noise,
 )
 from bottomlock.replay.init.files import Files
-from bottomlock.replay.init.imu_part import guess_imu
+from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.imu_part import ImuPart, guess_imu
 from bottomlock.replay.init.moved import recorded, turns, unit_by_attitude
+from bottomlock.replay.init.no_imu import imu_of_attitude, noise_of_pings
 from bottomlock.replay.init.other_parts import guess_attitude, guess_depth
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import choose_positions, guess_positions
@@ -61,7 +63,7 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False) -> Made:
         force: overwrite files.
 
     Raises:
-        DataError: for files without an IMU or a DVL, or one that cannot be read.
+        DataError: for files without an IMU and an attitude, or without a DVL, or one that cannot be read.
         OutputError: where a file exists already or cannot be written.
     """
     target = Files(out, force)
@@ -82,22 +84,17 @@ def choose(sources: Sources) -> Parts:
     """The streams of a case, with clocks and axes.
 
     Raises:
-        DataError: where there is no IMU or no DVL.
+        DataError: where there is neither an IMU nor an attitude, or no DVL.
     """
-    imus = sources.of("imu")
-    if not imus:
-        raise DataError(
-            f"no file holds specific force and angular rate ({_held(sources)}); a replay needs both: name the "
-            "table of the IMU, "
-            "with columns such as ax, ay, az, wx, wy, wz"
-        )
+    own = [one for one in sources.of("attitude") if one.times.time_ns is not None]
+    made = _made(sources, own)
     velocities = [one for one in sources.of("velocity") if one.times.time_ns is not None]
     if sources.recording is None and not velocities:
         raise DataError(
             f"no file holds a DVL ({_held(sources)}): name its log, or a table with columns such as vx, vy, vz"
         )
     velocities.sort(key=lambda one: "dvl" not in one.table.path.stem.lower())
-    found_imu = max(imus, key=lambda one: one.table.frame.height)
+    found_imu = made.found if made else max(sources.of("imu"), key=lambda one: one.table.frame.height)
     if sources.recording is not None and sources.recording.table.beams:
         dvl = dvl_of_recording(sources.recording)
     elif sources.recording is not None:
@@ -108,14 +105,15 @@ def choose(sources: Sources) -> Parts:
     else:
         dvl = dvl_of_velocity(velocities[0])
     duration_s = _duration_s(sources, dvl)
-    imu = guess_imu(found_imu, duration_s)
+    imu = guess_imu(found_imu, duration_s) if made is None else made
     set_clock(dvl, imu)
     places = [one for one in sources.of("geodetic", "local") if one.times.time_ns is not None]
     reference, gps = choose_positions(places)
-    own = [one for one in sources.of("attitude") if one.times.time_ns is not None]
     own.sort(key=lambda one: reference is not None and one.table is reference.table)
+    if made is not None:
+        own = [made.found]
     attitude = guess_attitude(own[0], imu, dvl) if own else None
-    unit = unit_by_attitude(imu, attitude)
+    unit = None if imu.made else unit_by_attitude(imu, attitude)
     if unit is not None:
         imu = guess_imu(found_imu, duration_s, unit)
         attitude = guess_attitude(own[0], imu, dvl)
@@ -129,7 +127,10 @@ def choose(sources: Sources) -> Parts:
         parts.reference = guess_positions(reference, imu, dvl, attitude)
     if not parts.attitude_of_reference:
         set_declination(attitude, parts.reference or parts.gps)
-    if len(dvl.time_ns) > ENOUGH_PINGS:
+    if imu.made:
+        set_noise(dvl, noise_of_pings(dvl))
+        dvl.questions.append("no inertial readings: are clock and axes of the DVL those of the attitude?")
+    elif len(dvl.time_ns) > ENOUGH_PINGS:
         _compare(parts)
     else:
         dvl.questions.append(
@@ -144,6 +145,19 @@ def choose(sources: Sources) -> Parts:
     }  # fmt: skip
     parts.unused = [one for one in sources.streams if id(one) not in used]
     return parts
+
+
+def _made(sources: Sources, attitudes: list[Found]) -> ImuPart | None:
+    """An IMU made from an attitude, where no file holds one; None where one does."""
+    if sources.of("imu"):
+        return None
+    made = imu_of_attitude(attitudes)
+    if made is None:
+        raise DataError(
+            f"no file holds specific force and angular rate ({_held(sources)}); a replay needs both, or an attitude "
+            "with times: name the table of the IMU, with columns such as ax, ay, az, wx, wy, wz"
+        )
+    return made
 
 
 def _compare(parts: Parts) -> None:

@@ -11,6 +11,7 @@ from bottomlock.replay.init.errors_section import put_errors
 from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.guess import round_up
 from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.no_imu import put_source
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.init.sources import Sources
@@ -25,7 +26,7 @@ HEAD = (
 
 def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     """The text of a case; tables that a replay cannot read as they are, are written beside it."""
-    imu = _imu(parts.imu, files)
+    imu = put_source(parts.imu) if parts.imu.made else _imu(parts.imu, files)
     dvl = _dvl(parts.dvl, sources, files)
     others = [
         *_depth(parts, files), *_attitude(parts, files), *_gps(parts, files), *_reference(parts, files),
@@ -46,7 +47,7 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
             head,
             _origin(parts),
             imu,
-            put_errors(parts),
+            *([] if parts.imu.made else [put_errors(parts)]),
             dvl,
             *others,
             start,
@@ -253,7 +254,15 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
         section.put(part, names[part])
     section.put("unit", attitude.unit.value, attitude.unit.why, known=attitude.unit.known)
     frame = attitude.frame
-    section.put("frame", frame.value, frame.why, known=frame.known)
+    if parts.imu.made:
+        section.put(
+            "frame",
+            "ned_frd",
+            "no gyros tell it: is the yaw clockwise, and nose up positive?",
+            known=False,
+        )
+    else:
+        section.put("frame", frame.value, frame.why, known=frame.known)
     if attitude.quarters:
         section.put(
             "mounting_yaw_deg",
@@ -268,10 +277,11 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
             "aids", "nothing", 'its frames or its clock are not known: "attitude" uses it', known=False
         )
         return [section]
-    section.put(
-        "aids", "attitude", 'is it a reference of its own? "heading" uses its yaw alone, "nothing" the gyros alone',
-        known=False,
-    )  # fmt: skip
+    if not parts.imu.made:
+        section.put(
+            "aids", "attitude", 'is it a reference of its own? "heading" uses its yaw alone, "nothing" the gyros alone',
+            known=False,
+        )  # fmt: skip
     if attitude.declination_rad:
         section.put(
             "yaw_offset_deg",

@@ -1,0 +1,79 @@
+"""A first case of a vehicle without inertial readings: they are made from its attitude."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bottomlock.attitude_motion import inertial_readings
+from bottomlock.errors import DataError
+from bottomlock.replay.axes import from_angles
+from bottomlock.replay.init.dvl_part import DvlPart
+from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.guess import Guess, angle_unit, round_up
+from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.text import Section
+from bottomlock.replay.motion.ping_noise import PingNoise
+from bottomlock.replay.vehicle_motion import vehicle_motion
+
+FEWEST = 50
+"""Attitudes that make a motion."""
+
+
+def imu_of_attitude(attitudes: list[Found]) -> ImuPart | None:
+    """Turns of the attitude with the most rows, in place of an IMU for the guesses of other streams; None for too few.
+
+    The frames of the angles are taken to be north-east-down and forward-starboard-down: there are no gyros that tell.
+    """
+    if not attitudes:
+        return None
+    found = max(attitudes, key=lambda one: one.table.frame.height)
+    times = found.times.time_ns
+    assert times is not None  # the caller's choice
+    if "q0" in found.columns:
+        values = found.values("q0", "q1", "q2", "q3")
+        whole = np.isfinite(values).all(axis=1) & (np.linalg.norm(values, axis=1) > 0.5)
+    else:
+        values = found.values("roll", "pitch", "yaw")
+        whole = np.isfinite(values).all(axis=1)
+    rises = np.concatenate([[True], times[1:] > np.maximum.accumulate(times)[:-1]])
+    rows = np.flatnonzero(whole & rises)
+    if len(rows) < FEWEST:
+        return None
+    time_ns, values = times[rows], values[rows]
+    if "q0" in found.columns:
+        attitude = Rotation.from_quat(np.roll(values, -1, axis=1))
+    else:
+        unit = angle_unit(values, found.units.get("yaw", ""))
+        attitude = from_angles(*(values * (np.pi / 180.0 if unit.value == "deg" else 1.0)).T)
+    still = np.zeros((len(rows), 3))
+    readings = inertial_readings(time_ns, attitude, still, latitude_rad=0.0)
+    return ImuPart(
+        found=found, time_ns=time_ns, rows=rows, force_s_mps2=still, omega_s_radps=readings.omega_p_radps,
+        force=Guess("m/s2", ""), omega=Guess("rad/s", ""), increments=False, axes=np.eye(3), axes_why="",
+        axes_known=True, rate_hz=1e9 / float(np.median(np.diff(time_ns))), made=True,
+    )  # fmt: skip
+
+
+def put_source(imu: ImuPart) -> Section:
+    """The section [imu] of such a case."""
+    section = Section("imu")
+    section.put("source", "attitude", "no file holds specific force and angular rate (docs/no_imu.md)")
+    steps_s = np.diff(imu.time_ns) * 1e-9
+    longest = float(steps_s.max())
+    if longest > 3.0 * float(np.median(steps_s)):
+        section.put(
+            "bridge_gaps_s", round_up(longest),
+            f"the longest step of the attitude is {longest:.3g} s, bridged by a turn at a constant rate: does the "
+            "vehicle move then?",
+            known=False,
+        )  # fmt: skip
+    return section
+
+
+def noise_of_pings(dvl: DvlPart) -> PingNoise | None:
+    """Noise of a velocity by its changes alone, those of the vehicle left out; None for too few pings."""
+    try:
+        motion = vehicle_motion(dvl.time_ns, dvl.velocity_p_mps)
+    except DataError:
+        return None
+    interval_s = float(np.median(np.diff(dvl.time_ns))) * 1e-9
+    return PingNoise(motion.white_sd_mps, 0.0, motion.pings, interval_s)
