@@ -24,12 +24,16 @@ HEAD = (
 )
 
 
+LONG_TERM_PERCENT, LONG_TERM_MPS = 0.5, 0.002
+"""Errors of a DVL that last: the caution of what data sheets state."""
+
+
 def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     """The text of a case; tables that a replay cannot read as they are, are written beside it."""
     imu = put_source(parts.imu) if parts.imu.made else _imu(parts.imu, files)
     dvl = _dvl(parts.dvl, sources, files)
     others = [
-        *_depth(parts, files), *_attitude(parts, files), *_gps(parts, files), *_reference(parts, files),
+        _dvl_errors(), *_depth(parts, files), *_attitude(parts, files), *_gps(parts, files), *_reference(parts, files),
     ]  # fmt: skip
     head = Section("", [HEAD[0].format(case=files.case.name), HEAD[1]])
     for words in sources.words:
@@ -179,6 +183,14 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
         section.put("beam_noise_mps", *dvl.noise)
     for question in [*dvl.questions, *_departures(dvl)]:
         section.ask(question)
+    return section
+
+
+def _dvl_errors() -> Section:
+    section = Section("dvl.errors")
+    sheets = "of data sheets, which state 0.1 to 1 % and 1 to 2 mm/s over long times (Workhorse Navigator, A50); yours?"
+    section.put("scale_factor_percent", LONG_TERM_PERCENT, sheets, known=False)
+    section.put("beam_bias_mps", LONG_TERM_MPS)
     return section
 
 
