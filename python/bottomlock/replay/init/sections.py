@@ -11,6 +11,7 @@ from bottomlock.replay.init.errors_section import put_errors
 from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.guess import round_up
 from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.motion_section import motion_section
 from bottomlock.replay.init.no_imu import put_source
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart
@@ -55,6 +56,7 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
             dvl,
             *others,
             start,
+            *motion_section(parts),
             replay,
         ]
     )
