@@ -85,7 +85,8 @@ def test_predictions_come_true_on_the_rest(folder: Path) -> None:
     for term in record["new"]["terms"]:
         assert 0.7 < term["error_over_sd"] < 1.4, term
     assert {(term["sensor"], term["horizon_s"]) for term in record["new"]["terms"]} == {
-        ("attitude", 0.0), ("beams", 0.0), ("beams", 10.0), ("beams", 30.0)
+        ("attitude", 0.0), ("beams", 0.0), ("beams", 10.0), ("beams", 30.0),
+        ("beam left out", 60.0),
     }  # fmt: skip
     assert abs(record["new"]["autocorrelation"]) < 0.1 < abs(record["old"]["autocorrelation"])
     assert 0.7 < record["new"]["left_out"] < 1.4

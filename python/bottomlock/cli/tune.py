@@ -1,6 +1,5 @@
 """The command `bottomlock tune`: the noise of a recorded dive from the recording itself."""
 
-import math
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +13,7 @@ from bottomlock.cli.parameters import Threads, check_threads
 from bottomlock.errors import EXIT_INTERRUPTED, ScenarioError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.judge import SUM_S, Judged, Term
+from bottomlock.replay.tune.passes import LEFT_OUT
 from bottomlock.replay.tune.result import record_of, require_free, unfinished, write_tuned, write_unfinished
 from bottomlock.replay.tune.run import Progress, Tuned, TunedParameter, tune_case
 
@@ -100,6 +100,8 @@ def print_tuned(tuned: Tuned) -> None:
         term = new or old
         assert term is not None
         after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
+        if term.sensor == LEFT_OUT:
+            after = f"up to {after}"
         table.add_row(term.sensor, after, str(term.count), *(_of(one, "error_over_sd") for one in (old, new)),
                       *(_of(one, "score") for one in (old, new)))  # fmt: skip
     console.print(table)
@@ -144,8 +146,6 @@ def sentences(tuned: Tuned) -> list[str]:
             f"innovations of the beams correlate by {judged.autocorrelation:.2f} with their neighbours (0 if white)",
             f"mean square of their sums over {SUM_S:g} s {judged.sums:.2f} (1 if white)",
         ]
-        if math.isfinite(judged.left_out):
-            words.append(f"beams left out for a minute: error/σ {judged.left_out:.2f}")
         lines.append(f"{name} values: " + "; ".join(words))
     outliers, beams = tuned.outliers
     lines.append(f"{outliers} of {beams} beam readings left out as outliers, of old and new alike")

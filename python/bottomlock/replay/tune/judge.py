@@ -1,20 +1,17 @@
 """A candidate judged where it was not estimated: scores, errors over claimed σ, whiteness, beams left out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from bottomlock.replay.streams import Floats
 from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion
 from bottomlock.replay.tune.likelihood import white_residuals
-from bottomlock.replay.tune.passes import Group, Pass, Readings, as_recorded
+from bottomlock.replay.tune.passes import LEFT_OUT, LOST_S, Group
 
 SUM_S = 30.0
 """Span of the sums of innovations that are tested for whiteness."""
-LOST_S = 60.0
-"""Time for which a beam is left out, and the share of a cycle after which the next one is."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class Judged:
     left_out: float
 
 
-def judged(candidate: Candidate, left_out: Sequence[Group], horizons_s: Sequence[float]) -> Judged | None:
+def judged(candidate: Candidate, horizons_s: Sequence[float]) -> Judged | None:
     """The judgement of a candidate; None where its filter ended in an error."""
     scored = candidate.scores
     if scored is None:
@@ -56,7 +53,7 @@ def judged(candidate: Candidate, left_out: Sequence[Group], horizons_s: Sequence
         terms.append(
             Term(
                 sensor,
-                0.0 if horizon == 0 else horizons_s[horizon - 1],
+                LOST_S if sensor == LEFT_OUT else (0.0, *horizons_s)[horizon],
                 int(of.sum()),
                 float(scored.value[of].sum() / rows),
                 float(np.sqrt(scored.nis[of].sum() / rows)),
@@ -65,7 +62,8 @@ def judged(candidate: Candidate, left_out: Sequence[Group], horizons_s: Sequence
     steps = [group for group in candidate.groups if group.sensor == "beams" and not group.horizon.any()]
     most = max(steps, key=lambda group: len(group.time_ns), default=None)
     autocorrelation, sums = (np.nan, np.nan) if most is None else _whiteness(most)
-    return Judged(tuple(terms), autocorrelation, sums, _error_over_sd(left_out))
+    left_out = [term.error_over_sd for term in terms if term.sensor == LEFT_OUT]
+    return Judged(tuple(terms), autocorrelation, sums, left_out[0] if left_out else np.nan)
 
 
 def _whiteness(group: Group) -> tuple[float, float]:
@@ -79,44 +77,6 @@ def _whiteness(group: Group) -> tuple[float, float]:
     sums = np.stack([np.bincount(block, column) for column in white.T], axis=1)
     full = counts >= max(2, int(0.5 * np.median(counts)))
     return neighbours, float((sums[full] ** 2 / counts[full, None]).mean())
-
-
-def _error_over_sd(groups: Sequence[Group]) -> float:
-    squares = [white_residuals(group).ravel() ** 2 for group in groups]
-    return float(np.sqrt(np.concatenate(squares).mean())) if squares else np.nan
-
-
-def beams_left_out(log: Mapping[str, Any], readings: Readings = as_recorded) -> Pass | None:
-    """A pass in which one beam after the other is lost for a minute, and predicted; None with fewer than three beams.
-
-    The lost beam is predicted a nanosecond after the others were used, at every tenth ping.
-    """
-    valid = log["beam_valid"]
-    beams = valid.shape[1]
-    if beams < 3:
-        return None
-    since_s = (log["dvl_time_ns"] - log["dvl_time_ns"][0]) * 1e-9
-    turn = (since_s // (1.5 * LOST_S)).astype(np.intp) % beams
-    is_lost = (since_s % (1.5 * LOST_S) < LOST_S)[:, None] & (np.arange(beams) == turn[:, None])
-    predicted = np.flatnonzero((is_lost & valid).any(axis=1) & (np.arange(len(valid)) % 10 == 9))
-    if not predicted.size:
-        return None
-    order = np.argsort(np.concatenate([np.arange(len(valid)), predicted + 0.5]), kind="stable")
-    twice = np.concatenate([np.arange(len(valid)), predicted])[order]
-    is_predicted = np.concatenate([np.zeros(len(valid), dtype=bool), np.ones(len(predicted), dtype=bool)])[
-        order
-    ]
-    time_ns = log["dvl_time_ns"][twice] + is_predicted
-    pings = {
-        "dvl_time_ns": time_ns,
-        "beam_velocity_mps": log["beam_velocity_mps"][twice],
-        "beam_sd_mps": log["beam_sd_mps"][twice],
-        "beam_valid": valid[twice] & (is_lost[twice] == is_predicted[:, None]),
-        "dvl_withheld": is_predicted,
-    }
-    pings["beam_velocity_mps"] = np.where(pings["beam_valid"], pings["beam_velocity_mps"], np.nan)
-    pings |= readings(valid & ~is_lost)
-    return Pass(dict(log) | pings, time_ns[is_predicted], np.zeros(len(predicted), dtype=np.intp))
 
 
 def gain_of(criterion: Criterion, old: Candidate, new: Candidate, block_s: float) -> tuple[float, float]:

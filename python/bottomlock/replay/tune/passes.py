@@ -21,6 +21,14 @@ OUTAGES = 4
 """Fewest outages of a horizon in a pass; with fewer the horizon is left out."""
 
 
+LEFT_OUT = "beam left out"
+"""Name of the predictions of a beam that is lost while the others are used."""
+LOST_S = 60.0
+"""Time for which a beam is left out."""
+EACH_S = 10.0
+"""Time between two predictions of it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Pass:
     """A log, and which of its innovations are scored.
@@ -29,11 +37,13 @@ class Pass:
         log: as the kernel takes it, with the flags of withheld pings.
         scored_ns, horizon: times (n,) of the withheld pings that are scored, and the horizon of each, from 1; None
             where every innovation is scored at horizon 0, the one step.
+        name: of its predictions.
     """
 
     log: Mapping[str, Any]
     scored_ns: Times | None
     horizon: NDArray[np.intp] | None
+    name: str = "beams"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +85,13 @@ def as_recorded(_: Flags) -> Mapping[str, Floats]:
 def passes_of(
     log: Mapping[str, Any], horizons_s: Sequence[float], readings: Readings = as_recorded
 ) -> list[Pass]:
-    """The pass with all measurements, and those with outages of the beams as long as the longest horizon."""
+    """The pass with all measurements, those with outages as long as the longest horizon, one without single beams."""
     plain = Pass(log, None, None)
     if not horizons_s:
         return [plain]
-    return [plain, *(_with_outages(log, horizons_s, phase / PHASES, readings) for phase in range(PHASES))]
+    outages = [_with_outages(log, horizons_s, phase / PHASES, readings) for phase in range(PHASES)]
+    left_out = beams_left_out(log, readings)
+    return [plain, *outages, *([] if left_out is None else [left_out])]
 
 
 def _with_outages(
@@ -109,6 +121,42 @@ def _with_outages(
     pings |= readings(log["beam_valid"] & (kept & ~withheld)[:, None])
     scored = np.flatnonzero(withheld)
     return Pass(dict(log) | pings, time_ns[scored], horizon[scored])
+
+
+def beams_left_out(log: Mapping[str, Any], readings: Readings = as_recorded) -> Pass | None:
+    """The pass in which one beam after the other is lost for a minute, and predicted; None with fewer than three beams.
+
+    The lost beam is predicted a nanosecond after the others were used.
+    """
+    valid = log["beam_valid"]
+    beams = valid.shape[1]
+    if beams < 3:
+        return None
+    since_s = (log["dvl_time_ns"] - log["dvl_time_ns"][0]) * 1e-9
+    cycle_s = LOST_S + RECOVERY_S
+    turn = (since_s // cycle_s).astype(np.intp) % beams
+    into_s = since_s % cycle_s
+    is_lost = (into_s < LOST_S)[:, None] & (np.arange(beams) == turn[:, None])
+    # The last ping of each span with the lost beam.
+    known = np.flatnonzero((is_lost & valid).any(axis=1))
+    span = (since_s[known] // cycle_s) * cycle_s + into_s[known] // EACH_S
+    predicted = known[np.append(span[1:] != span[:-1], True)] if known.size else known
+    if not predicted.size:
+        return None
+    order = np.argsort(np.concatenate([np.arange(len(valid)), predicted + 0.5]), kind="stable")
+    twice = np.concatenate([np.arange(len(valid)), predicted])[order]
+    is_second = (np.arange(len(valid) + len(predicted)) >= len(valid))[order]
+    time_ns = log["dvl_time_ns"][twice] + is_second
+    left = valid[twice] & (is_lost[twice] == is_second[:, None])
+    pings = {
+        "dvl_time_ns": time_ns,
+        "beam_velocity_mps": np.where(left, log["beam_velocity_mps"][twice], np.nan),
+        "beam_sd_mps": log["beam_sd_mps"][twice],
+        "beam_valid": left,
+        "dvl_withheld": is_second,
+    }
+    pings |= readings(valid & ~is_lost)
+    return Pass(dict(log) | pings, time_ns[is_second], np.ones(len(predicted), dtype=np.intp), LEFT_OUT)
 
 
 def fly(
@@ -141,7 +189,7 @@ def fly(
             of = chosen & (records["rows"] == rows)
             groups.append(
                 Group(
-                    sensor,
+                    sensor if one.scored_ns is None else one.name,
                     records["residual"][of, :rows],
                     records["covariance"][of, :rows, :rows],
                     records["time_ns"][of],

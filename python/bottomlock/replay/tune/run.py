@@ -14,10 +14,10 @@ import numpy as np
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.streams import Flags, Floats
-from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion
-from bottomlock.replay.tune.judge import Judged, beams_left_out, gain_of, judged
+from bottomlock.replay.tune.criterion import Candidate, Criterion
+from bottomlock.replay.tune.judge import Judged, gain_of, judged
 from bottomlock.replay.tune.parameters import FACTOR, Parameter, logs_of
-from bottomlock.replay.tune.passes import RECOVERY_S, fly, horizons_of, passes_of
+from bottomlock.replay.tune.passes import RECOVERY_S, horizons_of, passes_of
 from bottomlock.replay.tune.recording import LOOSE, Recording, cut, read_recording, without_outliers
 from bottomlock.replay.tune.search import Found, search
 from bottomlock.replay.tune.uncertainty import Uncertainty, uncertainty
@@ -265,15 +265,10 @@ class _Session:
     ) -> tuple[Judged | None, Judged | None, float, float]:
         """Both judgements on the rest of the recording, and the gain there with its 1 sigma."""
         criterion = self._criterion(replace(recording, parameters=()), recording.log, self.split_ns)
-        spare = beams_left_out(recording.log, recording.readings)
         both = []
         for values in ({}, new):
             criterion.inputs = lambda _, values=values: recording.inputs_of(values)  # type: ignore[misc]
             candidate = criterion.candidates([np.zeros(0)])[0]
-            groups = []
-            if spare is not None and candidate.value < WORST:
-                inputs = recording.inputs_of(values)
-                groups = fly(spare, recording.geometry, inputs, recording.start, from_ns=self.split_ns)
-            both.append((candidate, judged(candidate, groups, self.horizons_s)))
+            both.append((candidate, judged(candidate, self.horizons_s)))
         (old, old_judged), (now, new_judged) = both
         return old_judged, new_judged, *gain_of(criterion, old, now, self.block_s)
