@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bottomlock.replay.run import replay_case
+from tools.recorded_dive_tables import DEAD_RECKONING, METHODS, horizontal, stpere_case, stpere_table
 from tools.recorded_runs import WORLDS, section_case
 from tools.recorded_tables import ONE_CASE, ONE_SECTION, one_draw
 from tools.score_recorded import PAGE, marked, same_numbers
@@ -27,6 +28,30 @@ def test_page_is_of_this_code(recordings: Path, tmp_path: Path) -> None:
             ).runs
     page = marked(PAGE.read_text(encoding="utf-8"), "one")[2]
     assert same_numbers(page.strip(), one_draw(runs).strip())
+
+
+@pytest.mark.recordings
+def test_dives_as_their_users_hold_them(recordings: Path, tmp_path: Path) -> None:
+    """St Pere through `--init` and `replay`: the page's table, and what must hold of it."""
+    if not (recordings / "stpere_ictineu").is_dir():
+        pytest.skip(f"no recording {recordings / 'stpere_ictineu'}")
+    result = replay_case(stpere_case(recordings, tmp_path))
+    page = marked(PAGE.read_text(encoding="utf-8"), "stpere")[2]
+    assert same_numbers(page.strip(), stpere_table(result).strip())
+    assert result.manifest["answer"]["verdict"] == "yes"
+    scores = {
+        (row["what_if"], row["method"]): row for row in horizontal(result.samples).iter_rows(named=True)
+    }
+    floor = scores["recorded", DEAD_RECKONING]
+    whole = scores["recorded", "tc"]
+    assert whole["rms_m"] < 1.05 * floor["rms_m"]
+    assert whole["end_m"] < 4.3
+    for what_if in ("beam_3_lost", "beams_2_and_3_lost", "no_bottom_for_300_s"):
+        for method in METHODS:
+            assert scores[what_if, method]["rms_m"] < scores[what_if, DEAD_RECKONING]["rms_m"], (
+                what_if,
+                method,
+            )
 
 
 @pytest.mark.parametrize(
