@@ -3,13 +3,18 @@
 Used by a replay and live alike. The derivation is in docs/no_imu.md.
 """
 
-from typing import Any, NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 from bottomlock.kernel import EARTH_RATE_RADPS
+from bottomlock.later import transform
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -52,7 +57,7 @@ def divided(
     times = np.concatenate([inner, time_ns[-1:]])
     # Seconds from the first: whole nanoseconds of a Unix time do not fit a float.
     own_s, all_s = (time_ns - time_ns[0]) * 1e-9, (times - time_ns[0]) * 1e-9
-    return times, Slerp(own_s, attitude)(all_s)
+    return times, transform.Slerp(own_s, attitude)(all_s)
 
 
 def inertial_readings(
@@ -74,12 +79,12 @@ def inertial_readings(
     dt_s = (np.diff(time_ns) * 1e-9)[:, None]
     earth_t = EARTH_RATE_RADPS * np.array([np.cos(latitude_rad), 0.0, -np.sin(latitude_rad)])
     before, after = attitude[:-1], attitude[1:]
-    omega = (before.inv() * Rotation.from_rotvec(earth_t * dt_s) * after).as_rotvec() / dt_s
+    omega = (before.inv() * transform.Rotation.from_rotvec(earth_t * dt_s) * after).as_rotvec() / dt_s
     turn = (before.inv() * after).as_rotvec()
     angle = np.linalg.norm(turn, axis=1, keepdims=True)
     # The trapezium of R f over the step is R₂v − R₁v for f = (2/Δt) tan(θ/2) u × v.
     swing = np.where(angle > 1e-9, 2.0 * np.tan(0.5 * angle) / np.maximum(angle, 1e-9), 1.0) * turn / dt_s
-    coriolis = 2.0 * (before * Rotation.from_rotvec(0.5 * turn)).inv().apply(earth_t)
+    coriolis = 2.0 * (before * transform.Rotation.from_rotvec(0.5 * turn)).inv().apply(earth_t)
     force = np.cross(swing + coriolis, held_velocity_p_mps[1:])
     return Readings(np.concatenate([omega[:1], omega]), np.concatenate([force[:1], force]))
 
@@ -124,14 +129,14 @@ class MotionFromAttitude:
             time_ns: later than the one before.
             attitude_t_p: (4,) quaternion, scalar first, platform to tangent.
         """
-        now = Rotation.from_quat(np.roll(np.asarray(attitude_t_p, dtype=np.float64), -1))
+        now = transform.Rotation.from_quat(np.roll(np.asarray(attitude_t_p, dtype=np.float64), -1))
         last, self._last = self._last, (time_ns, now)
         if last is None:
             none = np.zeros((0, 3))
             return {"time_ns": np.zeros(0, dtype=np.int64), "omega_p_radps": none, "force_p_mps2": none}
         times, attitude = divided(
             np.array([last[0], time_ns]),
-            Rotation.concatenate([last[1], now]),
+            transform.Rotation.concatenate([last[1], now]),
             longest_interval_s=self._longest_interval_s,
         )
         velocity = np.tile(self._velocity, (len(times), 1))

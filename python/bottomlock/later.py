@@ -1,7 +1,8 @@
 """Modules that are imported at their first use: what starts in a second must not load what only tables need.
 
 Polars takes a quarter of the start of `bottomlock live`, which reads no table. A module that needs it at times says
-`from bottomlock.later import pl` in place of `import polars as pl`, and leaves its annotations unevaluated.
+`from bottomlock.later import pl` in place of `import polars as pl`, and leaves its annotations unevaluated. So with the
+rotations of scipy, which only a vehicle without inertial readings needs live.
 """
 
 import importlib
@@ -9,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import polars as pl
+    from scipy.spatial import transform
 
-__all__ = ["pl"]
+__all__ = ["pl", "transform"]
 
 
 class _Later:
@@ -29,3 +31,4 @@ class _Later:
 
 if not TYPE_CHECKING:
     pl = _Later("polars")
+    transform = _Later("scipy.spatial.transform")
