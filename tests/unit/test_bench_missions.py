@@ -149,7 +149,7 @@ def test_the_true_current_is_that_of_the_water() -> None:
 def test_bottomlock_replay_reads_a_mission() -> None:
     spec = short_specs()[0]
     case = load_case(made() / "train" / spec.name / "case.toml").with_overrides(methods=["tc"])
-    assert replay_case(case).runs.height == 1
+    assert replay_case(case).runs["method"].to_list() == ["tc", "dead_reckoning"]
 
 
 def test_a_changed_mission_is_refused(tmp_path: Path) -> None:

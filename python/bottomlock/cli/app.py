@@ -43,7 +43,10 @@ COMMANDS = {
     "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
     "convert": ("convert", "Convert a recorded DVL log to a beam table."),
     "geometries": ("geometries", "List the packaged DVL geometries, with a picture of the beams."),
-    "grades": ("grades", "List the packaged grades of IMUs and attitude references, with sources."),
+    "grades": (
+        "grades",
+        "List the packaged grades of IMUs and attitude references, with their errors and sources.",
+    ),
     "live": ("live", "Navigate live: from DVL, IMU and depth to the ports of an autopilot."),
     "completion": ("completion", "Print the completion of the command for a shell."),
     "live-demo": ("live_demo", "Show live navigation without hardware: instruments, live, MAVLink listener."),

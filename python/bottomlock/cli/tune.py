@@ -33,7 +33,7 @@ def tune(
         bool, Parameter(negative="", help="Replace a tuned case that is there already.")
     ] = False,
 ) -> None:
-    """Find the noise that a recorded dive has, by likelihood and without a reference.
+    """Find the noise of a recorded dive from the recording itself, without a reference.
 
     Parameters
     ----------

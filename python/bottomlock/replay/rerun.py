@@ -19,7 +19,7 @@ from bottomlock.replay.case import Case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.sensors import SENSORS
-from bottomlock.replay.stream_sections import ImuStream
+from bottomlock.replay.stream_sections import ImuFromAttitude, ImuStream
 from bottomlock.replay.streams import Flags, Floats, Inertial, Streams, Times
 from bottomlock.replay.what_if import beams_returned, read_beam_recording
 
@@ -191,12 +191,17 @@ def _with_good_readings(case: Case, streams: Streams, imu: ImuModel) -> Streams:
     if not good.size:
         raise DataError(
             f"{case.motion_file}: every inertial reading is rejected, the first since {rejected['reason'][0]}: check "
-            "its units and imu.limits"
+            f"{_units_of(case)} and imu.limits"
         )
     return replace(
         streams,
         inertial=Inertial(inertial.time_ns[good], inertial.force_p_mps2[good], inertial.omega_p_radps[good]),
     )
+
+
+def _units_of(case: Case) -> str:
+    """The keys that state the units of the inertial readings, or of what they are made of."""
+    return "attitude.unit" if isinstance(case.imu, ImuFromAttitude) else "imu.force_unit, imu.omega_unit"
 
 
 def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, Times]:

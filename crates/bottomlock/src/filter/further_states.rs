@@ -24,6 +24,7 @@ use crate::mechanisation::{EarthTerms, Kinematics};
 
 /// Covariances of the further states that a filter has.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(into = "Saved", try_from = "Saved")]
 pub(super) struct FurtherStates {
     /// Their blocks, in order.
     blocks: Vec<Range<usize>>,
@@ -31,6 +32,53 @@ pub(super) struct FurtherStates {
     covariance: SMatrix<f64, FURTHER, FURTHER>,
     /// X = E[δx δfᵀ].
     cross: SMatrix<f64, DIM, FURTHER>,
+}
+
+/// The same as saved: the numbers of the states that there are.
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
+struct Saved {
+    blocks: Vec<Range<usize>>,
+    covariance: Vec<f64>,
+    cross: Vec<f64>,
+}
+
+impl From<FurtherStates> for Saved {
+    fn from(further: FurtherStates) -> Self {
+        let states: Vec<usize> = further.states().collect();
+        let pairs = states.iter().flat_map(|&k| states.iter().map(move |&i| (i, k)));
+        Self {
+            covariance: pairs.map(|pair| further.covariance[pair]).collect(),
+            cross: states
+                .iter()
+                .flat_map(|&k| further.cross.column(k).into_owned().data.0[0])
+                .collect(),
+            blocks: further.blocks,
+        }
+    }
+}
+
+impl TryFrom<Saved> for FurtherStates {
+    type Error = String;
+    fn try_from(saved: Saved) -> Result<Self, String> {
+        let states: Vec<usize> = saved.blocks.iter().cloned().flatten().take(FURTHER + 1).collect();
+        let count = states.len();
+        let fits = saved.covariance.len() == count * count && saved.cross.len() == DIM * count;
+        if !(fits && states.iter().all(|&k| k < FURTHER)) {
+            return Err("numbers of further states that do not fit their blocks".to_owned());
+        }
+        let mut further = Self::none();
+        for (column, &k) in states.iter().enumerate() {
+            for (row, &i) in states.iter().enumerate() {
+                further.covariance[(i, k)] = saved.covariance[column * count + row];
+            }
+            further
+                .cross
+                .column_mut(k)
+                .copy_from_slice(&saved.cross[column * DIM..(column + 1) * DIM]);
+        }
+        further.blocks = saved.blocks;
+        Ok(further)
+    }
 }
 
 /// Matrices of the error state's update.

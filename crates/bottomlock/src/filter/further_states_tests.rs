@@ -263,6 +263,28 @@ fn water_states_start_anew() {
     assert_eq!(anew.with_water(None).joint_covariance().nrows(), kept);
 }
 
+/// Saved are the numbers of the states that there are; those that do not fit their blocks are refused.
+#[test]
+fn saved_states_are_those_that_there_are() {
+    let mut filter = filter();
+    let (innovation, sensor) = readings(&mut filter, 0).swap_remove(0);
+    filter.update(&innovation, sensor).unwrap();
+    let further = filter.with_water(None).extensions.further().clone();
+    let saved = Saved::from(further.clone());
+    assert_eq!(saved.cross.len(), FIRST_WATER * DIM);
+    assert_eq!(FurtherStates::try_from(saved.clone()), Ok(further));
+    let faults: [fn(&mut Saved); 3] = [
+        |saved| saved.blocks = vec![0..usize::MAX],
+        |saved| drop(saved.cross.pop()),
+        |saved| saved.covariance.push(0.0),
+    ];
+    for (number, change) in faults.into_iter().enumerate() {
+        let mut bad = saved.clone();
+        change(&mut bad);
+        assert!(FurtherStates::try_from(bad).is_err(), "{number}");
+    }
+}
+
 /// A move of the path takes the correlation of the position along.
 #[test]
 fn moves_with_the_path() {

@@ -30,10 +30,10 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Gradients (n, P) of the weighted scores, expected informations (n, P, P) without weights, and both of all."""
+    """Gradients (n, P) of the weighted scores, expected Fisher matrices (n, P, P) without weights, and both of all."""
 
     gradients: Floats
-    informations: Floats
+    fisher_matrices: Floats
     gradient: Floats
     information: Floats
 

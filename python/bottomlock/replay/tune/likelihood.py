@@ -86,7 +86,7 @@ class Derivatives:
 
 def derivatives(groups: Sequence[Group], stepped: Sequence[Sequence[Group]], step: Floats) -> Derivatives:
     """Derivatives of the scores by parameters, from the innovations of candidates a step away in one parameter each."""
-    gradients, informations = [], []
+    gradients, fisher_matrices = [], []
     for k, group in enumerate(groups):
         inverse = np.linalg.inv(group.covariance)
         rows = group.residual.shape[1]
@@ -100,8 +100,8 @@ def derivatives(groups: Sequence[Group], stepped: Sequence[Sequence[Group]], ste
         relative = np.einsum("nij,pnjk->pnik", inverse, ds)
         fit = np.einsum("ni,pni->np", scaled, dz) - 0.5 * np.einsum("ni,pnij,nj->np", scaled, ds, scaled)
         gradients.append(weight[:, None] * fit + 0.5 * np.einsum("pnii->np", relative))
-        informations.append(
+        fisher_matrices.append(
             np.einsum("pni,nij,qnj->npq", dz, inverse, dz)
             + 0.5 * np.einsum("pnij,qnji->npq", relative, relative)
         )
-    return Derivatives(np.concatenate(gradients), np.concatenate(informations))
+    return Derivatives(np.concatenate(gradients), np.concatenate(fisher_matrices))

@@ -35,7 +35,7 @@ def uncertainty(criterion: Criterion, found: Found, block_s: float) -> Uncertain
     assert scored is not None
     weight = criterion.weights
     own = (
-        found.slopes.informations
+        found.slopes.fisher_matrices
         * (weight * np.where(scored.horizon > 0, OVERLAP, 1.0) * weight)[:, None, None]
     )
     prior = np.diag(criterion.prior_sd**-2)
