@@ -58,9 +58,17 @@ impl Eskf {
         {
             return None;
         }
-        let mut whole = Box::new(innovation.clone());
-        whole.by_further = None;
-        whole.residual -= rows * self.extensions.processes.estimate();
+        let mut whole = Box::new(Innovation {
+            by_further: None,
+            cross: innovation.cross.clone(),
+            correlated_noise: innovation.correlated_noise.clone(),
+            corrected_path: innovation.corrected_path.clone(),
+            ..*innovation
+        });
+        let estimate = self.extensions.processes.estimate();
+        for k in further.states().filter(|&k| estimate[k] != 0.0) {
+            whole.residual.axpy(-estimate[k], &rows.column(k), 1.0);
+        }
         further.add_to(&mut whole, rows);
         Some(whole)
     }

@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{ArrayStorage, Cholesky, Const, SMatrix, SVector};
+use nalgebra::{ArrayStorage, Cholesky, Const, SMatrix};
 
 use crate::aiding::further::{FURTHER, FURTHER_BLOCKS, FurtherRows, FurtherVector};
 use crate::aiding::{CorrectedPath, CorrelatedNoise, Innovation, MAX_ROWS};
@@ -155,14 +155,18 @@ impl FurtherStates {
 
     /// Adds what the further states add to the noise of rows with the Jacobian D_f.
     pub(super) fn add_to(&self, innovation: &mut Innovation, rows: &FurtherRows) {
-        let (x, own) = self.by_rows(rows);
+        let (x, own) = self.by_rows(rows, innovation.rows);
         innovation.noise += own;
-        let noise = innovation
-            .correlated_noise
-            .get_or_insert_with(|| Box::new(CorrelatedNoise::default()));
-        let half = noise.by_state * x;
-        innovation.noise += half + half.transpose();
-        noise.by_further += rows;
+        if let Some(noise) = &mut innovation.correlated_noise {
+            let half = noise.by_state * x;
+            innovation.noise += half + half.transpose();
+            noise.by_further += rows;
+        } else {
+            innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
+                by_further: *rows,
+                ..CorrelatedNoise::default()
+            }));
+        }
         *innovation
             .cross
             .get_or_insert_with(|| Box::new(SMatrix::zeros()))
@@ -175,24 +179,34 @@ impl FurtherStates {
         jacobian: &SMatrix<f64, MAX_ROWS, DIM>,
         rows: &FurtherRows,
     ) -> SMatrix<f64, MAX_ROWS, MAX_ROWS> {
-        let (x, own) = self.by_rows(rows);
+        let (x, own) = self.by_rows(rows, MAX_ROWS);
         let half = jacobian * x;
         own + half + half.transpose()
     }
 
-    /// X D_fᵀ and D_f C D_fᵀ.
-    fn by_rows(&self, rows: &FurtherRows) -> (SMatrix<f64, DIM, MAX_ROWS>, SMatrix<f64, MAX_ROWS, MAX_ROWS>) {
-        let (mut x, mut own) = (SMatrix::zeros(), SMatrix::zeros());
-        for k in self.states().filter(|&k| rows.column(k).amax() > 0.0) {
-            let column = rows.column(k);
-            x += self.cross.column(k) * column.transpose();
-            let mut with_others = SVector::<f64, MAX_ROWS>::zeros();
-            for j in self.states() {
-                with_others += rows.column(j) * self.covariance[(j, k)];
+    /// X D_fᵀ and D_f C D_fᵀ of the first rows of D_f.
+    fn by_rows(
+        &self,
+        rows: &FurtherRows,
+        count: usize,
+    ) -> (SMatrix<f64, DIM, MAX_ROWS>, SMatrix<f64, MAX_ROWS, MAX_ROWS>) {
+        let mut x = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
+        let mut own = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
+        for row in 0..count {
+            let mut with_states = FurtherVector::zeros();
+            for k in self.states().filter(|&k| rows[(row, k)] != 0.0) {
+                x.column_mut(row).axpy(rows[(row, k)], &self.cross.column(k), 1.0);
+                for j in self.states() {
+                    with_states[j] += rows[(row, k)] * self.covariance[(j, k)];
+                }
             }
-            own += with_others * column.transpose();
+            for other in row..count {
+                let product = self.states().map(|j| rows[(other, j)] * with_states[j]).sum();
+                own[(row, other)] = product;
+                own[(other, row)] = product;
+            }
         }
-        (x, (own + own.transpose()) * 0.5)
+        (x, own)
     }
 
     /// Propagates over an interval of the error state that ends at `end`: each state keeps the fraction `left` of its error,

@@ -90,9 +90,13 @@ impl GaussMarkovStates {
         self.estimate = FurtherVector::zeros();
     }
 
-    /// Fraction of each error that is left after `duration_s`.
+    /// Fraction of each error that is left after `duration_s`; 1 for a state that is none.
     pub(super) fn left(&self, duration_s: f64) -> FurtherVector {
-        self.rate_per_s.map(|rate| (-duration_s * rate).exp())
+        let mut left = FurtherVector::repeat(1.0);
+        for k in self.unknown().flatten() {
+            left[k] = (-duration_s * self.rate_per_s[k]).exp();
+        }
+        left
     }
 
     /// Propagates the estimates.
