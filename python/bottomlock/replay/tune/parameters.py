@@ -115,6 +115,9 @@ def _applies(case: Case, key: str) -> bool:
             axis for axis in aided if any(value_of(case, f"attitude.{axis}_{kind}_sd_deg") for kind in kinds)
         ]
         return any(axis in key for axis in slow)
+    if key == _ACCEL_NOISE and isinstance(case.imu, ImuFromAttitude):
+        # How the velocity changes is the prior of the motion, measured on the pings; this is what is left beside it.
+        return False
     return not key.startswith("dvl.errors.") or case.filter.estimate_dvl
 
 
