@@ -26,6 +26,7 @@ DEAD_RECKONING = "dead_reckoning"
 OUTAGES_S = (60.0, 300.0)
 OUTAGE_FROM_S = 600.0
 WINDOWS_S = (60.0, 300.0)
+PINGS = (1, 4, 16, 64, 128)
 
 
 def stpere_case(data: Path, folder: Path) -> Case:
@@ -78,6 +79,17 @@ def stpere_table(result: ReplayResult) -> str:
     return table(("Beams", *(code(method) for method in methods)), rows)
 
 
+def noise_table(folder: Path) -> str:
+    """Allan deviation of the level and vertical velocity of the pings times the root of their number, m/s."""
+    pings = pl.read_csv(folder / "stpere" / "dvl.csv").drop_nulls().select("vy", "vz")
+    rows = []
+    for count in PINGS:
+        means = pings.group_by(pl.int_range(pl.len()) // count, maintain_order=True).mean()
+        deviation = means.select((pl.col("vy", "vz").diff() ** 2).mean().sqrt() * (count / 2.0) ** 0.5).row(0)
+        rows.append((str(count), *(number(value, 2) for value in deviation)))
+    return table(("Pings averaged", "sway", "heave"), rows)
+
+
 def glider_table(data: Path, folder: Path) -> str:
     """Hidden bottom: median and 90th percentile of the horizontal error, error over sigma, by window and method."""
     tables = folder / "glider"
@@ -109,6 +121,7 @@ def dive_tables(data: Path) -> dict[str, str]:
         folder = Path(name)
         return {
             "stpere": stpere_table(replay_case(stpere_case(data, folder))),
+            "stpere-noise": noise_table(folder),
             "glider": glider_table(data, folder),
         }
 
