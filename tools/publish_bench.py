@@ -2,6 +2,7 @@
 
     python tools/publish_bench.py page/leaderboard.parquet               # our methods on all missions
     python tools/publish_bench.py page/leaderboard.parquet --rivals      # all entries on the test split
+    python tools/publish_bench.py page/leaderboard.parquet --heading     # our methods on the missions of version 1.1
 
 replaces what stands between the two marks of the table.
 """
@@ -21,7 +22,9 @@ from bottomlock.bench.leaderboard import OVERALL
 from bottomlock.bench.tasks import CURRENT, NAVIGATION, RANKED, RECOVERY
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "bench.md"
-OURS, RIVALS = "<!-- our methods: tools/publish_bench.py -->\n", "<!-- rivals: tools/publish_bench.py -->\n"
+OURS, RIVALS, HEADING = (
+    f"<!-- {what}: tools/publish_bench.py -->\n" for what in ("our methods", "rivals", "version 1.1")
+)
 LAST = "<!-- end -->\n"
 OTHERS = ("velocity NEES a component", "drift, % DT", "sway RMS, m/s")
 
@@ -69,9 +72,11 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("leaderboard", type=Path)
-    parser.add_argument("--rivals", action="store_true", help="the table with the rivals")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--rivals", action="store_true", help="the table with the rivals")
+    which.add_argument("--heading", action="store_true", help="the table of version 1.1")
     words = parser.parse_args()
-    first = RIVALS if words.rivals else OURS
+    first = RIVALS if words.rivals else HEADING if words.heading else OURS
     before, rest = PAGE.read_text(encoding="utf-8").split(first)
     _, after = rest.split(LAST, maxsplit=1)
     write_text(PAGE, before + first + table(pl.read_parquet(words.leaderboard)) + LAST + after)

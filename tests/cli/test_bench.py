@@ -140,4 +140,18 @@ def test_list_and_absent_missions(tmp_path: Path) -> None:
     assert "validation" in command("bench", "list").stdout
     absent = command("bench", "run", "--data", tmp_path, "--out", tmp_path / "run")
     assert absent.returncode == 2
-    assert "holds none of these missions" in absent.stderr
+    assert "holds none of these missions of version 1;" in absent.stderr
+
+
+def test_a_later_version_is_made_on_request(tmp_path: Path) -> None:
+    name = "tauv-mems-magnetic-flat-steady-janus30-fish-gaussian-zigzag-250s"
+    out = tmp_path / "data"
+    words = ("--out", out, "--split", "validation", "--missions", name)
+    done = command("bench", "make", "--version", "1.1", *words)
+    assert done.returncode == 0, done.stderr
+    assert "all digests are the published ones" in done.stdout
+    run = ("bench", "run", "--data", out, "--out", tmp_path / "run", "--methods", "tc,dead_reckoning")
+    assert "of version 1;" in command(*run).stderr
+    assert "2 of 2 run" in command(*run, "--version", "1.1").stdout
+    refused = command("bench", "run", "--data", out, "--out", tmp_path / "run", "--version", "3")
+    assert "no version is called '3' (known: 1, 1.1)" in refused.stderr

@@ -41,7 +41,7 @@ def case_text(
         ("attitude", {
             "file": "heading.parquet", "clock": _CLOCK, "roll": "roll_rad", "pitch": "pitch_rad", "yaw": "yaw_rad",
             "aids": "heading", "yaw_sd_deg": scenario.heading.noise_deg,
-        }),
+        } | _slow_errors(spec)),
         ("start", {
             "at_s": 0.0, "level": "given", "roll_deg": roll, "pitch_deg": pitch, "level_sd_deg": initial.roll_deg,
             "heading": "given", "heading_deg": yaw, "heading_sd_deg": initial.yaw_deg,
@@ -57,8 +57,17 @@ def case_text(
             "velocity_body": ["surge_mps", "sway_mps", "heave_mps"],
             "roll": "roll_rad", "pitch": "pitch_rad", "yaw": "yaw_rad", "note": "the simulated truth",
         }))  # fmt: skip
-    head = f'# A mission of PartialDVL-Bench v1.\nname = "{spec.name}"\n'
+    head = f'# A mission of PartialDVL-Bench v{spec.version}.\nname = "{spec.name}"\n'
     return head + "".join(f"\n[{name}]\n{_lines(table)}" for name, table in tables)
+
+
+def _slow_errors(spec: MissionSpec) -> dict[str, float]:
+    """Keys of [attitude] for the slow errors of a heading reference."""
+    if not spec.heading:
+        return {}
+    own = levels()["heading"][spec.heading]
+    slow = {f"yaw_{key}": own[key] for key in ("offset_sd_deg", "walk_sd_deg")}
+    return slow | {"walk_time_s": own["walk_time_s"]}
 
 
 def instrument_text(spec: MissionSpec) -> str:

@@ -47,7 +47,7 @@ def estimate(mission: Mission) -> Estimates:
         lever_p_m=np.asarray(geometry.lever_arms_p_m).mean(axis=0),
         depth=DepthAid(
             Depths(mission.grid_ns, _latest(mission.depth, mission.grid_ns)),
-            float(model.depth.sd_m),
+            float(np.hypot(model.depth.sd_m, model.depth.bias_sd_m)),
             np.asarray(mission.options.depth_lever_p_m),
         ),
     )
@@ -98,23 +98,17 @@ def _attitude(mission: Mission) -> tuple[Times, Rotation]:
 
 
 def _attitude_errors(mission: Mission) -> AttitudeErrors:
-    """Level of the start; of the yaw the heading sensor's slow errors, else its noise, held until the next reading."""
+    """Level of the start; of the yaw the heading sensor's slow errors, and its noise, held until the next reading."""
     level, _, yaw = mission.model.initial.attitude_sd_rad
     if mission.model.heading is None or len(mission.heading.time_ns) < 2:
         return AttitudeErrors(offset_sd_rad=(level, level, yaw))
     heading = mission.model.heading
-    if heading.offset_sd_rad or heading.walk_sd_rad:
-        return AttitudeErrors(
-            offset_sd_rad=(level, level, heading.offset_sd_rad),
-            walk_sd_rad=(0.0, 0.0, heading.walk_sd_rad),
-            walk_time_s=heading.walk_time_s,
-        )
-    interval_s = float(np.median(np.diff(mission.heading.time_ns))) * 1e-9
-    # A walk of half the interval has the integrated variance of errors that are held for the whole of it.
     return AttitudeErrors(
-        offset_sd_rad=(level, level, 0.0),
-        walk_sd_rad=(0.0, 0.0, heading.sd_rad),
-        walk_time_s=0.5 * interval_s,
+        offset_sd_rad=(level, level, heading.offset_sd_rad),
+        walk_sd_rad=(0.0, 0.0, heading.walk_sd_rad),
+        white_sd_rad=(0.0, 0.0, heading.sd_rad),
+        walk_time_s=heading.walk_time_s,
+        white_held_s=float(np.median(np.diff(mission.heading.time_ns))) * 1e-9,
     )
 
 

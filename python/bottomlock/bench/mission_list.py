@@ -9,13 +9,16 @@ from bottomlock.config.toml_file import parse_toml
 from bottomlock.errors import DataError
 
 SPLITS = ("train", "validation", "test")
-FACTORS = ("vehicle", "imu", "seabed", "current", "dvl", "loss", "noise")
-"""What a name states of a mission, in this order, before path and duration."""
+FACTORS = ("vehicle", "imu", "heading", "seabed", "current", "dvl", "loss", "noise")
+"""What a name states of a mission, in this order, before path and duration; the heading only where it is not empty."""
 
 
 @dataclass(frozen=True)
 class MissionSpec:
-    """A mission of the list: its split, the level of each factor, the kind of its path, and its duration."""
+    """A mission of the list: its split, the level of each factor, the kind of its path, and its duration.
+
+    `heading` is a heading reference with slow errors, since version 1.1; empty where the heading sensor is the IMU's.
+    """
 
     split: str
     vehicle: str
@@ -27,6 +30,8 @@ class MissionSpec:
     noise: str
     path: str
     duration_s: float
+    heading: str = ""
+    version: str = "1"
 
     @property
     def name(self) -> str:
@@ -35,33 +40,38 @@ class MissionSpec:
         >>> mission_list()[1].name
         'tauv-mems-rough-none-janus30-recorded-student_t3-lawn-250s'
         """
-        levels = [str(getattr(self, factor)) for factor in FACTORS]
+        levels = [level for factor in FACTORS if (level := str(getattr(self, factor)))]
         return "-".join([*levels, self.path, f"{self.duration_s:g}s"])
 
 
 @lru_cache(maxsize=1)
 def levels() -> dict[str, Any]:
     """What is fixed for each level of a factor, by factor and level."""
-    return {key: value for key, value in _content().items() if key not in {"missions", "columns", "version"}}
+    return {factor: _content()[factor] for factor in (*FACTORS, "limits")}
 
 
 @lru_cache(maxsize=1)
 def mission_list() -> tuple[MissionSpec, ...]:
-    """Every simulated mission, in the order of the list."""
+    """Every simulated mission of every version, in the order of the list."""
     content = _content()
     return tuple(
-        MissionSpec(**dict(zip(content["columns"], row, strict=True))) for row in content["missions"]
+        MissionSpec(version=f"{part['version']:g}", **dict(zip(part["columns"], row, strict=True)))
+        for part in (content, *content["later"])
+        for row in part["missions"]
     )
 
 
 def missions_of(
-    splits: tuple[str, ...] | None = None, names: tuple[str, ...] | None = None
+    splits: tuple[str, ...] | None = None, names: tuple[str, ...] | None = None, version: str = "1"
 ) -> tuple[MissionSpec, ...]:
-    """The missions of some splits, or of these names.
+    """The missions of a version, or those of these names, in some splits.
 
     Raises:
-        DataError: for a split or a name that is not in the list.
+        DataError: for a split, a version or a name that is not in the list, and where no mission is left.
     """
+    versions = list(dict.fromkeys(spec.version for spec in mission_list()))
+    if version not in versions:
+        raise DataError(f"no version is called '{version}' (known: {', '.join(versions)})")
     for split in splits or ():
         if split not in SPLITS:
             raise DataError(f"no split is called '{split}' (known: {', '.join(SPLITS)})")
@@ -69,11 +79,18 @@ def missions_of(
     for name in names or ():
         if name not in known:
             raise DataError(f"no mission is called '{name}'; `bottomlock bench list` lists them")
-    return tuple(
+    chosen = tuple(
         spec
         for spec in mission_list()
-        if (splits is None or spec.split in splits) and (names is None or spec.name in names)
+        if (splits is None or spec.split in splits)
+        and (spec.version == version if names is None else spec.name in names)
     )
+    if not chosen:
+        of = f"of version {version}" if names is None else "of these"
+        raise DataError(
+            f"no mission {of} is in the split {' or '.join(splits or SPLITS)}; `bottomlock bench list` lists them"
+        )
+    return chosen
 
 
 @lru_cache(maxsize=1)

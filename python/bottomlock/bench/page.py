@@ -72,17 +72,17 @@ def write_page(scores: pl.DataFrame, out: Path, *, reference: str | None = None)
     table = leaderboard(scores, reference)
     write_parquet(out / f"{NAME}.parquet", table)
     write_text(out / f"{NAME}.csv", table.write_csv(float_precision=6))
-    splits = {spec.name: spec.split for spec in mission_list()}
-    missions = scores["mission"].unique().to_list()
+    missions = set(scores["mission"])
+    specs = [spec for spec in mission_list() if spec.name in missions]
     content = {
         "tasks": [_task(table, task) for task in (OVERALL, *COLUMNS) if task in table["task"]],
         "factors": _factors(scores, table),
         "led": _led(scores),
         "words": METHOD_WORDS,
         "counts": {
-            split: sum(splits.get(name) == split for name in missions)
-            for split in ("train", "validation", "test")
+            split: sum(spec.split == split for spec in specs) for split in ("train", "validation", "test")
         },
+        "version": " and ".join(dict.fromkeys(spec.version for spec in specs)),
         "methods": table["method"].n_unique(),
     }
     page = out / f"{NAME}.html"

@@ -90,7 +90,7 @@ def estimates_of(rows: pl.DataFrame) -> Estimates:
 def check_submission(
     frame: pl.DataFrame, place: str, specs: Sequence[MissionSpec] | None = None
 ) -> pl.DataFrame:
-    """The submission itself, if it keeps the rules; of a split that it answers at all it must answer every mission.
+    """The submission itself, if it keeps the rules; of a split of a version it answers every mission or none.
 
     Args:
         frame: the table.
@@ -138,8 +138,12 @@ def _check_missions(frame: pl.DataFrame, place: str, specs: Sequence[MissionSpec
     given = set(names.unique())
     if not given:
         raise DataError(f"{place}: has no rows, expected a row for each time of each mission of a split")
-    for split in {known[name].split for name in given}:
-        lacking = [spec.name for spec in specs if spec.split == split and spec.name not in given]
+    for split, version in {(known[name].split, known[name].version) for name in given}:
+        lacking = [
+            spec.name
+            for spec in specs
+            if (spec.split, spec.version) == (split, version) and spec.name not in given
+        ]
         if lacking:
             raise DataError(
                 f"{place}: lacks {len(lacking)} missions of the split {split}, the first is '{lacking[0]}'; expected "

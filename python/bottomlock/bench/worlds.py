@@ -58,7 +58,7 @@ def scenario_of(spec: MissionSpec, seed: int) -> Scenario:
         "imu": {"rate_hz": rate, "sampling": "averaged"} | imu["imu"],
         "dvl": table["dvl"][spec.dvl] | table["limits"] | {"beam_noise_mps": QUIET_MPS} | _losses(spec, seed),
         "depth": {"rate_hz": 1.0},
-        "heading": {"rate_hz": 1.0} | imu["heading"],
+        "heading": {"rate_hz": 1.0} | (table["heading"][spec.heading] if spec.heading else imu["heading"]),
         "initial": imu["initial"],
         "campaign": {"seed": kernel_seed(seed, spec.name)},
     }  # fmt: skip

@@ -44,14 +44,17 @@ Splits = Annotated[
     str | None, Parameter(help="train, validation or test, separated by commas; all that can be by default.")
 ]
 Data = Annotated[Path, Parameter(help="Directory of the missions that `bottomlock bench make` has written.")]
+Version = Annotated[
+    str, Parameter(help="Version of the list of missions: 1, or 1.1 with slow errors of the heading.")
+]
 Missions = Annotated[str | None, Parameter(help="Names of missions, separated by commas; all by default.")]
 
 
 @bench.command(name="list")
 def list_missions() -> None:
-    """List the missions and their splits."""
+    """List the missions with their versions and splits."""
     for spec in mission_list():
-        console.print(f"{spec.split:<11}{spec.name}", soft_wrap=True, highlight=False)
+        console.print(f"{spec.version:<5}{spec.split:<11}{spec.name}", soft_wrap=True, highlight=False)
 
 
 @bench.command
@@ -59,6 +62,7 @@ def make(
     *,
     out: Annotated[Path, Parameter(alias="-o", help="Directory for the missions.")],
     split: Splits = None,
+    version: Version = "1",
     missions: Missions = None,
     seed_file: Annotated[
         Path | None, Parameter(help="File with the seed of the test split, which is not in the package.")
@@ -74,7 +78,7 @@ def make(
         tuple(named) if named else (("train", "validation", "test") if seed_file else ("train", "validation"))
     )
     names = words(missions)
-    specs = missions_of(splits, None if names is None else tuple(names))
+    specs = missions_of(splits, None if names is None else tuple(names), version)
     if seed_file is None and any(spec.split == "test" for spec in specs):
         raise DataError(
             "the test split is made from a seed that is not in the package: give it with --seed-file"
@@ -141,6 +145,7 @@ def run(
         tuple[str, ...], Parameter(help="NAME=MODULE:FUNCTION of another estimator; may be given again.")
     ] = (),
     split: Splits = None,
+    version: Version = "1",
     missions: Missions = None,
     shard: Annotated[
         str | None, Parameter(help="k/n: run every n-th mission from the k-th on, into the same directory.")
@@ -153,7 +158,7 @@ def run(
     ] = 0,
 ) -> None:
     """Run methods and rivals on missions; finished missions are kept, and submissions written."""
-    specs = _present(data, words(split), words(missions))
+    specs = _present(data, words(split), words(missions), version)
     check_threads(threads)
     named = words(methods)
     ours = list(METHODS) if named is None and not rival else (named or [])
@@ -178,9 +183,10 @@ def beams(
     data: Data,
     out: Annotated[Path, Parameter(alias="-o", help="Directory for the submissions.")],
     split: Splits = None,
+    version: Version = "1",
 ) -> None:
     """Write our submissions of T1 (velocity from the beams of a ping) and T5 (real pings with beams left out)."""
-    specs = _present(data, words(split), None)
+    specs = _present(data, words(split), None, version)
     missions = [load_mission(data / spec.split / spec.name, truth=False) for spec in specs]
     for name, table in our_beam_tables(missions).items():
         write_parquet(out / f"{name}.parquet", table)
@@ -214,6 +220,7 @@ def score(
     data: Data,
     out: Annotated[Path | None, Parameter(alias="-o", help="Write the scores to this Parquet file.")] = None,
     split: Splits = None,
+    version: Version = "1",
     reference: Annotated[
         str | None, Parameter(help="Method to which differences are taken; the first by default.")
     ] = None,
@@ -227,7 +234,7 @@ def score(
     """
     if not submissions:
         raise DataError("no submission is named, expected one or more Parquet files")
-    specs = _present(data, words(split), None)
+    specs = _present(data, words(split), None, version)
     of_beams = [path for path in submissions if path.suffixes[:-1] in ([f".{BEAMS}"], [f".{PINGS}"])]
     frames = read_submissions([path for path in submissions if path not in of_beams])
     tables = [read_parquet(path) for path in of_beams]
@@ -247,17 +254,22 @@ def score(
         console.print(shown)
 
 
-def _present(data: Path, split: list[str] | None, names: list[str] | None) -> tuple[MissionSpec, ...]:
-    """The missions of these splits and names that are in a folder of missions.
+def _present(
+    data: Path, split: list[str] | None, names: list[str] | None, version: str
+) -> tuple[MissionSpec, ...]:
+    """The missions of this version, or of these names, and of these splits, that are in a folder of missions.
 
     Raises:
         DataError: where there is none.
     """
-    wanted = missions_of(None if split is None else tuple(split), None if names is None else tuple(names))
+    wanted = missions_of(
+        None if split is None else tuple(split), None if names is None else tuple(names), version
+    )
     there = tuple(spec for spec in wanted if (data / spec.split / spec.name / RECORD).is_file())
     if not there:
         raise DataError(
-            f"{data}: holds none of these missions; make them with `bottomlock bench make --out {data}`"
+            f"{data}: holds none of these missions of version {version}; make them with "
+            f"`bottomlock bench make --version {version} --out {data}`"
         )
     return there
 

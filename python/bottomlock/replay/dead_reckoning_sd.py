@@ -34,12 +34,16 @@ FEWEST = 20
 
 @dataclass(frozen=True)
 class AttitudeErrors:
-    """1 sigma of a recorded attitude about north, east, down, rad: offset, first-order walk, white; the walk's time."""
+    """1 sigma of a recorded attitude about north, east, down, rad: offset, first-order walk, white; the walk's time.
+
+    A reading holds for `white_held_s`, by default until the next one of the recording.
+    """
 
     offset_sd_rad: Sequence[float] = (0.0, 0.0, 0.0)
     walk_sd_rad: Sequence[float] = (0.0, 0.0, 0.0)
     white_sd_rad: Sequence[float] = (0.0, 0.0, 0.0)
     walk_time_s: float = 3600.0
+    white_held_s: float | None = None
 
     @property
     def sd_rad(self) -> Floats:
@@ -171,7 +175,7 @@ def attitude_cov(grid_ns: Times, moved_t_m: Floats, errors: AttitudeErrors, read
     step_s = even[1] - even[0]
     way = np.stack([np.interp(even, seconds, moved_t_m[:, k]) for k in range(3)], axis=1)
     fade = float(np.exp(-step_s / errors.walk_time_s))
-    reading_s = float(np.median(np.diff(read_ns))) * 1e-9
+    reading_s = errors.white_held_s or float(np.median(np.diff(read_ns))) * 1e-9
     P = np.zeros((steps + 1, 3, 3))
     for k, axis in enumerate(np.eye(3)):
         whole = np.cross(axis, way)
