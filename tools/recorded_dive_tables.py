@@ -8,6 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 
 from bottomlock.config.scenario_sections import Outage
@@ -25,14 +26,17 @@ METHODS = ("tc", "weak_sway", "sway_current", "consistent")
 DEAD_RECKONING = "dead_reckoning"
 OUTAGES_S = (60.0, 300.0)
 OUTAGE_FROM_S = 600.0
-WINDOWS_S = (60.0, 300.0)
+HIDDEN = ((60.0, ()), (300.0, ()), (60.0, (1,)), (300.0, (1,)), (60.0, (1, 2)), (300.0, (1, 2)))
+"""Windows of the glider, s, and the beams that are lost in them; every beam where none is named."""
 PINGS = (1, 4, 16, 64, 128)
+SECTIONS_S = (100.0, 300.0)
+STPERE_TABLES = ("imu", "ahrs", "dvl", "gps")
 
 
 def stpere_case(data: Path, folder: Path) -> Case:
     """The case of St Pere as `replay --init` writes it, with its what-if cases."""
     recorded_dives.stpere(data, folder / "stpere")
-    files = [folder / "stpere" / f"{name}.csv" for name in ("imu", "ahrs", "dvl", "gps")]
+    files = [folder / "stpere" / f"{name}.csv" for name in STPERE_TABLES]
     case = load_case(make_case(files, folder / "case.toml").case)
     what_if = (
         WhatIf(name="beam_3_lost", beams_lost=(3,)),
@@ -79,6 +83,42 @@ def stpere_table(result: ReplayResult) -> str:
     return table(("Beams", *(code(method) for method in methods)), rows)
 
 
+def stpere_sections(data: Path, folder: Path, length_s: float) -> pl.DataFrame:
+    """A row for each section of so many seconds and method: each section alone goes through `--init` and `replay`."""
+    recorded_dives.stpere(data, folder / "stpere")
+    whole = {name: pl.read_csv(folder / "stpere" / f"{name}.csv") for name in STPERE_TABLES}
+    ends = np.array([frame["time"].to_numpy()[[0, -1]] for frame in whole.values()])
+    first_s, last_s = float(ends[:, 0].max()), float(ends[:, 1].min())
+    rows = []
+    for k in range(int((last_s - first_s) / length_s)):
+        section = folder / f"section_{length_s:.0f}_{k}"
+        section.mkdir()
+        inside = pl.col("time").is_between(first_s + k * length_s, first_s + (k + 1) * length_s)
+        for name, frame in whole.items():
+            frame.filter(inside).write_csv(section / f"{name}.csv")
+        files = [section / f"{name}.csv" for name in STPERE_TABLES]
+        case = load_case(make_case(files, section / "case.toml").case).with_overrides(methods=list(METHODS))
+        scores = horizontal(replay_case(case).samples).with_columns(section=pl.lit(k))
+        floor = scores.filter(pl.col("method") == DEAD_RECKONING)["rms_m"].item()
+        rows.append(scores.with_columns(of_floor=pl.col("rms_m") / floor))
+    return pl.concat(rows)
+
+
+def sections_table(sections: dict[float, pl.DataFrame]) -> str:
+    """RMS, error over sigma, and the ratio to dead reckoning by length of the sections and method."""
+    rows = []
+    for length_s, scores in sections.items():
+        cells = []
+        for method in (*METHODS, DEAD_RECKONING):
+            one = scores.filter(pl.col("method") == method)
+            error, claimed, ratio = one.select("rms_m", "sd_m", "of_floor").to_numpy().T
+            rms, claim = (float(np.sqrt(np.mean(column**2))) for column in (error, claimed))
+            scored = (rms, rms / claim, float(np.median(ratio)), float(ratio.max()))
+            cells.append(" / ".join(number(value, 2) for value in scored))
+        rows.append((f"{scores['section'].n_unique()} of {length_s:.0f} s", *cells))
+    return table(("Sections", *(code(method) for method in (*METHODS, DEAD_RECKONING))), rows)
+
+
 def noise_table(folder: Path) -> str:
     """Allan deviation of the level and vertical velocity of the pings times the root of their number, m/s."""
     pings = pl.read_csv(folder / "stpere" / "dvl.csv").drop_nulls().select("vy", "vz")
@@ -98,8 +138,8 @@ def glider_table(data: Path, folder: Path) -> str:
     streams = read_streams(case)
     all_beams = tuple(range(1, streams.instrument.geometry.beams + 1))
     summaries = [
-        score_no_imu.summary(score_no_imu.windows(case, streams, window_s, all_beams))
-        for window_s in WINDOWS_S
+        score_no_imu.summary(score_no_imu.windows(case, streams, window_s, lost or all_beams))
+        for window_s, lost in HIDDEN
     ]
     rows = []
     for method in (*METHODS, DEAD_RECKONING, "held"):
@@ -112,7 +152,8 @@ def glider_table(data: Path, folder: Path) -> str:
             one = found.row(0, named=True)
             cells.append(" / ".join(number(one[key], 2) for key in ("median_m", "p90_m", "error_over_sigma")))
         rows.append((code(method), *cells))
-    return table(("Method", *(f"{window_s:.0f} s" for window_s in WINDOWS_S)), rows)
+    heads = (f"{window_s:.0f} s" + (f", {4 - len(lost)} beams" if lost else "") for window_s, lost in HIDDEN)
+    return table(("Method", *heads), rows)
 
 
 def dive_tables(data: Path) -> dict[str, str]:
@@ -121,6 +162,9 @@ def dive_tables(data: Path) -> dict[str, str]:
         folder = Path(name)
         return {
             "stpere": stpere_table(replay_case(stpere_case(data, folder))),
+            "stpere-sections": sections_table(
+                {length_s: stpere_sections(data, folder, length_s) for length_s in SECTIONS_S}
+            ),
             "stpere-noise": noise_table(folder),
             "glider": glider_table(data, folder),
         }

@@ -19,11 +19,11 @@ from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.geodesy import Place, geodetic_from_tangent
-from bottomlock.replay.init import declination
+from bottomlock.replay.init import axes_part, declination
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.gyros import match_gyros, slope
-from bottomlock.replay.motion.mounting_yaw import yaw_by_accelerations, yaw_by_positions
+from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerations, yaw_by_positions
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.run import replay_case
@@ -238,6 +238,49 @@ def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> N
     assert "by its track against the recorded positions" in text
     row = replay_case(case.with_overrides(methods=["tc"])).runs.row(0, named=True)
     assert row["position_final_percent"] < 2.0
+
+
+@pytest.mark.parametrize(("agreement", "axes"), [(0.05, ("x", "y", "z")), (0.8, ("y", "-x", "z"))])
+def test_accelerations_that_hardly_agree_turn_nothing(
+    dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, agreement: float, axes: tuple[str, ...]
+) -> None:
+    """A small sigma of a yaw that explains a twentieth of what is compared is that of a systematic error."""
+    found = MountingYaw(np.deg2rad(85.0), np.deg2rad(9.0), agreement, 1.0, 40)
+    monkeypatch.setattr(axes_part, "yaw_by_accelerations", lambda _: found)
+    files = tables(tmp_path, dive)
+    del files["gps"]
+    assert made(tmp_path, files)[0].readings.axes == axes
+
+
+def test_the_track_mounts_a_dvl_without_inertial_readings(dive: RovDive, tmp_path: Path) -> None:
+    """Attitude once in 4 s, as a glider records it: the track against GPS tells the yaw, no question is left of it."""
+    files = tables(tmp_path, dive, yaw_deg=33.0)
+    del files["imu"]
+    slow = pl.read_csv(files["ahrs"]).gather_every(40)
+    slow.write_csv(files["ahrs"])
+    case, text = made(tmp_path, files)
+    assert read_instrument_file(case.dvl.geometry).mounting_yaw_deg == pytest.approx(33.0, abs=3.0)
+    assert "by its track against the recorded positions" in text
+    assert "no inertial readings: are clock" not in text
+    del files["gps"]
+    (tmp_path / "without").mkdir()
+    case, text = made(tmp_path / "without", files)
+    assert "no inertial readings: are clock and axes of the DVL those of the attitude?" in text
+
+
+@pytest.mark.parametrize("geometry", ["teledyne_30", "x_janus_20"])
+def test_the_closure_tells_the_order_of_four_beams(tmp_path: Path, geometry: str) -> None:
+    """Beams of no known instrument: a first case takes the packaged order that closes, and asks for the tilt."""
+    four = rov_dive(5, seconds=300.0, beam_sd=0.02, dvl_hz=2.0, geometry=geometry)
+    files = tables(tmp_path, four)
+    files["dvl"] = write_csv(
+        tmp_path / "dvl_beams.csv",
+        {"time": four.ping_s + EPOCH_S} | {f"beam{k + 1}_mps": four.beams[:, k] for k in range(4)},
+    )
+    case, text = made(tmp_path, files)
+    assert case.dvl.geometry == geometry
+    assert "exchanged" not in text
+    assert "# ?" in text[: text.index(f'geometry = "{geometry}"') + 200]
 
 
 def test_the_attitude_of_the_reference_does_not_aid(dive: RovDive, tmp_path: Path) -> None:

@@ -5,10 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import polars as pl
 import pytest
 
 from bottomlock.replay.run import replay_case
-from tools.recorded_dive_tables import DEAD_RECKONING, METHODS, horizontal, stpere_case, stpere_table
+from tools.recorded_dive_tables import (
+    DEAD_RECKONING,
+    METHODS,
+    horizontal,
+    sections_table,
+    stpere_case,
+    stpere_sections,
+    stpere_table,
+)
 from tools.recorded_runs import WORLDS, section_case
 from tools.recorded_tables import ONE_CASE, ONE_SECTION, one_draw
 from tools.score_recorded import PAGE, marked, same_numbers
@@ -52,6 +62,23 @@ def test_dives_as_their_users_hold_them(recordings: Path, tmp_path: Path) -> Non
                 what_if,
                 method,
             )
+
+
+@pytest.mark.recordings
+def test_sections_of_a_dive_each_untouched(recordings: Path, tmp_path: Path) -> None:
+    """St Pere in sections of 300 s through `--init` and `replay`: the page's row, and what must hold in sections."""
+    if not (recordings / "stpere_ictineu").is_dir():
+        pytest.skip(f"no recording {recordings / 'stpere_ictineu'}")
+    scores = stpere_sections(recordings, tmp_path, 300.0)
+    page = marked(PAGE.read_text(encoding="utf-8"), "stpere-sections")[2]
+    there = next(line for line in page.splitlines() if "300 s" in line)
+    assert same_numbers(there, sections_table({300.0: scores}).strip().splitlines()[-1])
+    for method in METHODS:
+        one = scores.filter(pl.col("method") == method)
+        error, claimed, ratio = one.select("rms_m", "sd_m", "of_floor").to_numpy().T
+        assert 0.7 < np.linalg.norm(error) / np.linalg.norm(claimed) < 1.4, method
+        assert np.median(ratio) < 1.05, method
+        assert ratio.max() < 1.25, method
 
 
 @pytest.mark.parametrize(

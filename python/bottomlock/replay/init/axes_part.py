@@ -10,7 +10,7 @@ from bottomlock.replay.init.moved import Turns, recorded
 from bottomlock.replay.init.other_parts import AttitudePart
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.motion.fit import fit
-from bottomlock.replay.motion.gyros import attitude_at
+from bottomlock.replay.motion.gyros import LONGEST_STEP_S, attitude_at
 from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerations, yaw_by_positions
 from bottomlock.replay.motion.search import LOOSE
 
@@ -30,6 +30,10 @@ LEAST_YAW_RAD = np.deg2rad(5.0)
 """A smaller mounting yaw is stated and not applied: the heading may be off as much."""
 TRACKED = 0.8
 """Agreement of a track with positions from which it tells a direction."""
+USUAL_STEPS = 3.0
+"""Steps of a slow attitude, as many times its usual one, over which a track turns evenly enough."""
+FELT = 0.3
+"""That of velocity and accelerations: below it errors of the attitude under acceleration may decide the yaw."""
 
 
 def _yaw(quarters: float) -> Floats:
@@ -67,19 +71,14 @@ def _of_yaws(dvl: DvlPart, imu: ImuPart, felt: MountingYaw | None, track: Mounti
     A velocity in columns is usually in the vehicle's axes, so a quarter turn is that of the IMU; beams are those of an
     instrument, whose file has a mounting. Any other angle is the DVL's.
     """
-    felt = felt if felt is not None and felt.sd_rad < QUARTER_SD_RAD else None
-    track = (
-        track if track is not None and track.agreement > TRACKED and track.sd_rad < QUARTER_SD_RAD else None
-    )
+    felt, track = _telling(felt, FELT), _telling(track, TRACKED)
     words = []
     if felt is not None:
         words.append(
             f"by its accelerations the DVL's velocity is turned by {felt.words} against IMU and attitude"
         )
     if track is not None:
-        words.append(
-            f"by its track against the recorded positions by {track.words}, an error of the heading included"
-        )
+        words.append(_by_track(track))
     dvl.mounting_why = "; ".join(words)
     if felt is not None and track is not None:
         apart = abs(float(np.angle(np.exp(1j * (track.yaw_rad - felt.yaw_rad)))))
@@ -98,8 +97,7 @@ def _of_yaws(dvl: DvlPart, imu: ImuPart, felt: MountingYaw | None, track: Mounti
         dvl.mounting_why += f", so IMU and attitude are turned by {-90 * quarters:+d} deg to it"
         return imu.with_axes(_yaw(-quarters) @ imu.axes, f"{imu.axes_why}; see [dvl]", known=True)
     if best is track:
-        if abs(best.yaw_rad) > max(SIGMAS * best.sd_rad, LEAST_YAW_RAD):
-            dvl.turned(best.yaw_rad)
+        _mounted(dvl, best)
     elif of_quarter and quarters:
         dvl.turned(0.5 * np.pi * quarters)
     elif not of_quarter:
@@ -107,6 +105,32 @@ def _of_yaws(dvl: DvlPart, imu: ImuPart, felt: MountingYaw | None, track: Mounti
             f"how is the DVL mounted? mounting_yaw_deg of its file may be {np.rad2deg(best.yaw_rad):.0f}"
         )
     return imu.with_axes(imu.axes, imu.axes_why, known=imu.axes_known or of_quarter)
+
+
+def set_yaw_by_track(dvl: DvlPart, track: MountingYaw | None) -> None:
+    """Mounting yaw of a DVL on a vehicle without inertial readings, by its track against positions."""
+    track = _telling(track, TRACKED)
+    if track is None:
+        dvl.questions.append("no inertial readings: are clock and axes of the DVL those of the attitude?")
+        return
+    dvl.mounting_why = _by_track(track)
+    _mounted(dvl, track)
+
+
+def _by_track(track: MountingYaw) -> str:
+    return f"by its track against the recorded positions by {track.words}, an error of the heading included"
+
+
+def _mounted(dvl: DvlPart, track: MountingYaw) -> None:
+    """The DVL turned by the yaw of its track, where that is beyond doubt."""
+    if abs(track.yaw_rad) > max(SIGMAS * track.sd_rad, LEAST_YAW_RAD):
+        dvl.turned(track.yaw_rad)
+
+
+def _telling(yaw: MountingYaw | None, agreement: float) -> MountingYaw | None:
+    """The yaw, where its agreement and its sigma tell quarter turns apart."""
+    tells = yaw is not None and yaw.agreement > agreement and yaw.sd_rad < QUARTER_SD_RAD
+    return yaw if tells else None
 
 
 def _of_all_choices(dvl: DvlPart, imu: ImuPart) -> ImuPart:
@@ -147,11 +171,16 @@ def _of_all_choices(dvl: DvlPart, imu: ImuPart) -> ImuPart:
 def track_yaw(
     dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPart | None
 ) -> MountingYaw | None:
-    """Yaw of the velocity by its track against recorded positions; None where these or the attitude do not tell."""
-    if attitude is None or positions is None or not attitude.frame.known or len(dvl.time_ns) < 2:
+    """Yaw of the velocity by its track against recorded positions; None where these do not tell.
+
+    The frame of the attitude need not be known: in a wrong one track and positions do not agree.
+    """
+    if attitude is None or positions is None or len(dvl.time_ns) < 2:
         return None
     times = dvl.time_ns + round(dvl.offset_s * 1e9)
-    own = attitude_at(*attitude.platform(), times)
+    own_ns, platform = attitude.platform()
+    usual_s = float(np.median(np.diff(own_ns))) * 1e-9
+    own = attitude_at(own_ns, platform, times, max(LONGEST_STEP_S, USUAL_STEPS * usual_s))
     if own is None:
         return None
     known = own[1]

@@ -14,7 +14,7 @@ from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.motion.closure import better_order
+from bottomlock.replay.motion.closure import BetterOrder, better_order
 from bottomlock.replay.motion.fit import Match, Recorded
 from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
 from bottomlock.replay.motion.search import Searched, search_offset
@@ -25,6 +25,15 @@ Integers = NDArray[np.int64]
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60
 STARTING_NOISE_MPS = 0.01
+FOUR_BEAMS = (
+    ("x_janus_20", "nothing says which instrument this is: see `bottomlock geometries`"),
+    (
+        "teledyne_30",
+        "the beams close with 1 and 2 opposite, as Teledyne RDI's; 30 deg, or 20 as teledyne_20? Nothing says it",
+    ),
+)
+"""Geometries of beams whose instrument is not known, the first that closes is taken; others of their order differ in
+tilt and yaw, which no closure shows."""
 THREE_BEAMS = "sontek_argonaut"
 THREE_BEAMS_WHY = "three beams; nothing says their tilt and which looks forward: see `bottomlock geometries`"
 NOISY = 1.25
@@ -95,9 +104,7 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
     time_ns, velocity = ping_velocity(
         np.asarray(geometry.directions_p), table.time_ns, table.velocity_mps, table.valid
     )
-    order = better_order(
-        np.asarray(geometry.directions_p), table.velocity_mps, table.valid, float(np.mean(claimed))
-    )
+    order = _better_order(geometry, claimed, table)
     part = DvlPart(
         recording, None, time_ns, velocity, int(table.time_ns[0]), int(table.time_ns[-1]), geometry=name,
         geometry_text=text, geometry_why=why, geometry_known=known, claimed=(geometry, claimed),
@@ -109,6 +116,20 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
             f"{order.words} exchanged"
         )
     return part
+
+
+def _better_order(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> BetterOrder | None:
+    return better_order(
+        np.asarray(geometry.directions_p), table.velocity_mps, table.valid, float(np.mean(claimed))
+    )
+
+
+def _of_four_beams(table: BeamTable) -> tuple[str, str]:
+    """The first packaged geometry whose order of beams closes, and why; the first of all where none does."""
+    for name, why in FOUR_BEAMS:
+        if _better_order(*_claimed(name, ""), table) is None:
+            return name, why
+    return FOUR_BEAMS[0]
 
 
 def _claimed(name: str, text: str) -> tuple[BeamGeometry, Floats]:
@@ -169,7 +190,8 @@ def _geometry(recording: Recording) -> tuple[str, str, str, bool]:
     if stated.shape == (beams, 3) and np.allclose(np.linalg.norm(stated, axis=1), 1.0, atol=0.02):
         return "", _file(stated), "beam_unit_vec of the messages", True
     if beams == 4:
-        return "x_janus_20", "", "nothing says which instrument this is: see `bottomlock geometries`", False
+        name, why = _of_four_beams(recording.table)
+        return name, "", why, False
     if beams == 3:
         return THREE_BEAMS, "", THREE_BEAMS_WHY, False
     azimuth = 2.0 * np.pi * np.arange(beams) / beams

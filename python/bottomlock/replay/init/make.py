@@ -10,7 +10,7 @@ from bottomlock.atomic_write import write_text
 from bottomlock.errors import DataError
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
-from bottomlock.replay.init.axes_part import set_axes, track_yaw
+from bottomlock.replay.init.axes_part import set_axes, set_yaw_by_track, track_yaw
 from bottomlock.replay.init.declination import set_declination
 from bottomlock.replay.init.dvl_part import (
     ENOUGH_PINGS,
@@ -129,7 +129,7 @@ def choose(sources: Sources) -> Parts:
         set_declination(attitude, parts.reference or parts.gps)
     if imu.made:
         set_noise(dvl, noise_of_pings(dvl))
-        dvl.questions.append("no inertial readings: are clock and axes of the DVL those of the attitude?")
+        set_yaw_by_track(dvl, track_yaw(dvl, attitude, parts.reference))
     elif len(dvl.time_ns) > ENOUGH_PINGS:
         _compare(parts)
     else:

@@ -61,19 +61,20 @@ class GyroMatch:
 
 
 def attitude_at(
-    time_ns: Integers, attitude: Rotation, at_ns: Integers
+    time_ns: Integers, attitude: Rotation, at_ns: Integers, longest_step_s: float = LONGEST_STEP_S
 ) -> tuple[Rotation, NDArray[np.bool_]] | None:
     """Attitude at other times by interpolation, and where it is known: not beyond its ends or in a gap.
 
     Args:
         time_ns, attitude: (n,) rising.
         at_ns: (m,).
+        longest_step_s: longer ones are gaps.
     """
     if len(time_ns) < 4:
         return None
     before = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
     known = (at_ns >= time_ns[0]) & (at_ns <= time_ns[-1])
-    known &= np.diff(time_ns)[before] <= LONGEST_STEP_S * 1e9
+    known &= np.diff(time_ns)[before] <= longest_step_s * 1e9
     if known.sum() < 4:
         return None
     origin = int(time_ns[0])
