@@ -230,6 +230,13 @@ def test_imu_and_ahrs_turned_by_a_quarter_are_turned_back(
     assert row["position_final_percent"] < 2.0
 
 
+@pytest.fixture
+def no_declination(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A DVL at an angle of its own cannot be told from a declination that was added to a true yaw."""
+    monkeypatch.setitem(sys.modules, "pygeomag", None)
+
+
+@pytest.mark.usefixtures("no_declination")
 def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> None:
     case, text = made(tmp_path, tables(tmp_path, dive, yaw_deg=33.0))
     assert case.readings.axes == ("x", "y", "z")
@@ -252,6 +259,7 @@ def test_accelerations_that_hardly_agree_turn_nothing(
     assert made(tmp_path, files)[0].readings.axes == axes
 
 
+@pytest.mark.usefixtures("no_declination")
 def test_the_track_mounts_a_dvl_without_inertial_readings(dive: RovDive, tmp_path: Path) -> None:
     """Attitude once in 4 s, as a glider records it: the track against GPS tells the yaw, no question is left of it."""
     files = tables(tmp_path, dive, yaw_deg=33.0)
@@ -348,10 +356,11 @@ def test_a_grade_gives_the_slow_errors_of_the_attitude(dive: RovDive, tmp_path: 
     assert other.yaw_walk_sd_deg == grade_of("attitude", "magnetic").keys["yaw_walk_sd_deg"]
 
 
-def test_declination_turns_a_magnetic_yaw(
-    dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("reads_deg", "offset_deg"), [(-8.0, 8.0), (0.0, 0.0)])
+def test_declination_turns_a_magnetic_yaw_alone(
+    dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads_deg: float, offset_deg: float
 ) -> None:
-    """A compass that reads 8 deg too little in a declination of 8 deg is no yaw of the DVL."""
+    """In a declination of 8 deg a compass that reads 8 deg too little is no yaw of the DVL; a true yaw stays."""
     asked = []
 
     def model(latitude_rad: float, longitude_rad: float, year: float) -> MagneticField:
@@ -360,12 +369,13 @@ def test_declination_turns_a_magnetic_yaw(
 
     monkeypatch.setattr(declination, "world_magnetic_model", model)
     files = tables(tmp_path, dive)
-    ahrs = pl.read_csv(files["ahrs"]).with_columns(pl.col("yaw") - 8.0)
+    ahrs = pl.read_csv(files["ahrs"]).with_columns(pl.col("yaw") + reads_deg)
     ahrs.write_csv(files["ahrs"])
     case, text = made(tmp_path, files)
     assert case.attitude is not None
-    assert case.attitude.yaw_offset_deg == pytest.approx(8.0)
-    assert "declination of 2023.9" in text
+    assert case.attitude.yaw_offset_deg == pytest.approx(offset_deg)
+    assert ("declination of 2023.9" in text) == (offset_deg != 0.0)
+    assert ("is the yaw true?" in text) == (offset_deg == 0.0)
     assert asked[0] == pytest.approx((np.deg2rad(45.0), 0.1, 2023.87), abs=0.01)
     row = replay_case(case.with_overrides(methods=["tc"])).runs.row(0, named=True)
     assert row["position_final_percent"] < 2.0

@@ -77,7 +77,7 @@ def world_magnetic_model(
             "or give the declination itself"
         ) from error
     try:
-        found = geomag.GeoMag().calculate(
+        found = geomag.GeoMag(base_year=decimal_year).calculate(
             glat=math.degrees(latitude_rad),
             glon=math.degrees(longitude_rad),
             alt=height_m / 1000.0,

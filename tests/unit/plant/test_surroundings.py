@@ -84,6 +84,9 @@ def test_soft_iron_swings_twice_round_the_compass() -> None:
 
 def test_the_world_magnetic_model_comes_from_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     class GeoMag:
+        def __init__(self, *, base_year: float) -> None:
+            assert base_year > 2026.0
+
         def calculate(self, *, glat: float, glon: float, alt: float, time: float) -> SimpleNamespace:
             assert (round(glat), round(glon), alt) == (33, 35, 0.0)
             if time > 2030.0:
@@ -97,6 +100,24 @@ def test_the_world_magnetic_model_comes_from_its_package(monkeypatch: pytest.Mon
     assert field.declination_rad == pytest.approx(math.radians(4.9))
     with pytest.raises(ScenarioError, match="not valid in 2040"):
         world_magnetic_model(math.radians(33.0), math.radians(35.0), 2040.0)
+
+
+@pytest.mark.parametrize(
+    ("place_deg", "year", "expected"),
+    [
+        ((80.0, 0.0), 2020.0, (-1.28, 83.14, 55_000.1)),
+        ((0.0, 120.0), 2020.0, (0.16, -15.42, 41_104.9)),
+        ((-80.0, 240.0), 2020.0, (69.36, -72.20, 55_120.6)),
+    ],
+)
+def test_the_package_gives_the_test_values_of_the_model(
+    place_deg: tuple[float, float], year: float, expected: tuple[float, float, float]
+) -> None:
+    """Declination, inclination and intensity that NOAA publishes with the coefficients of 2020, of a model now past."""
+    pytest.importorskip("pygeomag")
+    field = world_magnetic_model(math.radians(place_deg[0]), math.radians(place_deg[1]), year)
+    found = math.degrees(field.declination_rad), math.degrees(field.inclination_rad), field.strength_nt
+    assert found == pytest.approx(expected, abs=0.05)
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

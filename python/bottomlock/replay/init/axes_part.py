@@ -46,7 +46,7 @@ def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: MountingYa
     Args:
         dvl, imu: as guessed.
         turned: rates of turn by an attitude that confirms the axes of the gyros; None without one.
-        track: yaw of the velocity by recorded positions; None without them.
+        track: yaw of the velocity by recorded positions; None where they do not tell it.
     """
     if turned is None:
         imu, omega = _of_all_choices(dvl, imu), None
@@ -71,7 +71,7 @@ def _of_yaws(dvl: DvlPart, imu: ImuPart, felt: MountingYaw | None, track: Mounti
     A velocity in columns is usually in the vehicle's axes, so a quarter turn is that of the IMU; beams are those of an
     instrument, whose file has a mounting. Any other angle is the DVL's.
     """
-    felt, track = _telling(felt, FELT), _telling(track, TRACKED)
+    felt = _telling(felt, FELT)
     words = []
     if felt is not None:
         words.append(
@@ -109,7 +109,6 @@ def _of_yaws(dvl: DvlPart, imu: ImuPart, felt: MountingYaw | None, track: Mounti
 
 def set_yaw_by_track(dvl: DvlPart, track: MountingYaw | None) -> None:
     """Mounting yaw of a DVL on a vehicle without inertial readings, by its track against positions."""
-    track = _telling(track, TRACKED)
     if track is None:
         dvl.questions.append("no inertial readings: are clock and axes of the DVL those of the attitude?")
         return
@@ -125,6 +124,11 @@ def _mounted(dvl: DvlPart, track: MountingYaw) -> None:
     """The DVL turned by the yaw of its track, where that is beyond doubt."""
     if abs(track.yaw_rad) > max(SIGMAS * track.sd_rad, LEAST_YAW_RAD):
         dvl.turned(track.yaw_rad)
+
+
+def telling_track(track: MountingYaw | None) -> MountingYaw | None:
+    """The yaw of a track, where it tells a direction."""
+    return _telling(track, TRACKED)
 
 
 def _telling(yaw: MountingYaw | None, agreement: float) -> MountingYaw | None:

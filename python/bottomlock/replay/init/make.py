@@ -10,8 +10,8 @@ from bottomlock.atomic_write import write_text
 from bottomlock.errors import DataError
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
-from bottomlock.replay.init.axes_part import set_axes, set_yaw_by_track, track_yaw
-from bottomlock.replay.init.declination import set_declination
+from bottomlock.replay.init.axes_part import set_axes, set_yaw_by_track, telling_track, track_yaw
+from bottomlock.replay.init.declination import set_declination, without_declination
 from bottomlock.replay.init.dvl_part import (
     ENOUGH_PINGS,
     DvlPart,
@@ -29,6 +29,7 @@ from bottomlock.replay.init.other_parts import guess_attitude, guess_depth
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import choose_positions, guess_positions
 from bottomlock.replay.init.sources import Sources, read_sources
+from bottomlock.replay.motion.mounting_yaw import MountingYaw
 from bottomlock.replay.motion.ping_noise import ping_noise
 
 CONFIRMED = 0.5
@@ -129,7 +130,7 @@ def choose(sources: Sources) -> Parts:
         set_declination(attitude, parts.reference or parts.gps)
     if imu.made:
         set_noise(dvl, noise_of_pings(dvl))
-        set_yaw_by_track(dvl, track_yaw(dvl, attitude, parts.reference))
+        set_yaw_by_track(dvl, _track(parts))
     elif len(dvl.time_ns) > ENOUGH_PINGS:
         _compare(parts)
     else:
@@ -160,14 +161,21 @@ def _made(sources: Sources, attitudes: list[Found]) -> ImuPart | None:
     return made
 
 
+def _track(parts: Parts) -> MountingYaw | None:
+    """Yaw of the velocity by its track against recorded positions, which also tell a true yaw from a magnetic one."""
+    track = telling_track(track_yaw(parts.dvl, parts.attitude, parts.reference))
+    if track is None or parts.attitude is None:
+        return None
+    return without_declination(parts.attitude, track)
+
+
 def _compare(parts: Parts) -> None:
     """Axes, clock and noise by comparing IMU, DVL and attitude with one another."""
     dvl, attitude = parts.dvl, parts.attitude
     interval_s = float(np.median(np.diff(dvl.time_ns))) * 1e-9
     confirmed = attitude is not None and attitude.match is not None and attitude.match.least > CONFIRMED
     turned = turns(parts.imu, attitude, interval_s, parts.latitude_rad) if confirmed else None
-    track = None if parts.attitude_of_reference else track_yaw(dvl, attitude, parts.reference)
-    parts.imu = set_axes(dvl, parts.imu, turned, track)
+    parts.imu = set_axes(dvl, parts.imu, turned, None if parts.attitude_of_reference else _track(parts))
     if attitude is not None:
         again = guess_attitude(attitude.found, parts.imu, dvl)
         if again is not None:
