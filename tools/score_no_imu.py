@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from bottomlock.attitude_motion import held
 from bottomlock.config.scenario_sections import Outage
+from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.replay.attitude_inertial import complete_pings
 from bottomlock.replay.case import Case, load_case
-from bottomlock.replay.dead_reckoning import attitude_between
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.bench.methods import initial_state
-from bottomlock.bench.mission import Estimates, Mission
+from bottomlock.bench.mission import Estimates, Mission, initial_state
 from bottomlock.kernel import Navigator
 
 Floats = NDArray[np.float64]

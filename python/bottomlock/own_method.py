@@ -33,6 +33,9 @@ from bottomlock.kernel import METHODS, register_method
 
 Floats = NDArray[np.float64]
 
+DEAD_RECKONING = "dead_reckoning"
+"""The method that is no filter: the DVL's velocity turned by an attitude reference (docs/methods/dead_reckoning.md)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Fix:
@@ -307,5 +310,5 @@ def source_of(places: Iterable[str]) -> bytes:
 
 
 def known_names() -> tuple[str, ...]:
-    """Every method, built in or one's own."""
-    return (*METHODS, *_COSTS)
+    """Every method: built in, dead reckoning, one's own."""
+    return (*METHODS, DEAD_RECKONING, *_COSTS)

@@ -12,15 +12,16 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from bottomlock.errors import ScenarioError
-from bottomlock.replay.case import load_case
-from bottomlock.replay.dead_reckoning import METHOD, Begin, DepthAid, Reckoned, Velocities, dead_reckon
-from bottomlock.replay.dead_reckoning_sd import (
+from bottomlock.dead_reckoning.track import Begin, DepthAid, Reckoned, Velocities, dead_reckon
+from bottomlock.dead_reckoning.track_sd import (
     AttitudeErrors,
     StructureFunction,
     VelocityErrors,
     structure_function,
 )
+from bottomlock.errors import ScenarioError
+from bottomlock.own_method import DEAD_RECKONING as METHOD
+from bottomlock.replay.case import load_case
 from bottomlock.replay.reckon import attitude_errors
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.streams import Attitudes, Depths

@@ -12,8 +12,8 @@ from matplotlib.patches import Ellipse
 from scipy.stats import norm
 
 from bottomlock.models import Robust
+from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.replay.case import load_case
-from bottomlock.replay.dead_reckoning import METHOD
 from bottomlock.replay.figures import map_figure
 from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
 from bottomlock.replay.findings.expected_nis import least_ratio, weight

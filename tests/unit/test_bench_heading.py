@@ -17,9 +17,10 @@ from bottomlock.bench.mission import Mission
 from bottomlock.bench.mission_list import levels, mission_list, missions_of
 from bottomlock.bench.seeds import PUBLIC_SEED
 from bottomlock.config.instrument_grades import grades
+from bottomlock.dead_reckoning.sensors import attitude_errors
+from bottomlock.dead_reckoning.track_sd import AttitudeErrors, attitude_cov
 from bottomlock.errors import DataError
 from bottomlock.models import HeadingModel
-from bottomlock.replay.dead_reckoning_sd import AttitudeErrors, attitude_cov
 
 LONG = (True, False, False, True, True, False)
 IMU_OF = {"magnetic": "mems", "mti_ahrs": "tactical", "gyrocompass": "fibre_optic"}
@@ -146,7 +147,10 @@ def test_our_methods_estimate_the_slow_errors() -> None:
 def test_dead_reckoning_claims_depth_bias_and_slow_errors() -> None:
     mission = _mission("mti_ahrs")
     assert mission.truth is not None
-    claimed, heading = dead_reckoning._attitude_errors(mission), mission.model.heading
+    claimed, heading = (
+        attitude_errors(dead_reckoning.sensors_of(mission), mission.model),
+        mission.model.heading,
+    )
     assert heading is not None
     assert claimed.offset_sd_rad[2] == heading.offset_sd_rad
     assert (claimed.walk_sd_rad[2], claimed.walk_time_s) == (heading.walk_sd_rad, heading.walk_time_s)

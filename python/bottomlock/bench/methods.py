@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.bench import dead_reckoning
-from bottomlock.bench.mission import Estimates, Mission
+from bottomlock.bench.mission import Estimates, Mission, initial_state
 from bottomlock.errors import DataError
 from bottomlock.kernel import METHODS, Navigator, replay_log
-from bottomlock.models import InitialState
-from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
+from bottomlock.own_method import DEAD_RECKONING
 
 Estimator = Callable[[Mission], Estimates]
 
@@ -60,17 +59,6 @@ def estimate(mission: Mission, method: str) -> Estimates:
         current_t_mps=current,
         current_cov=current_cov,
         wall_s=wall_s,
-    )
-
-
-def initial_state(mission: Mission) -> InitialState:
-    """The state at the start as the kernel takes it, with biases of zero."""
-    start = mission.start
-    return InitialState(
-        time_ns=start.time_ns,
-        position_t_m=start.position_t_m,
-        attitude_t_p=start.attitude_t_p,
-        velocity_p_mps=start.velocity_p_mps,
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.kernel import BeamGeometry
-from bottomlock.models import Model, Options
+from bottomlock.models import InitialState, Model, Options
 from bottomlock.replay.streams import Inertial
 
 Floats = NDArray[np.float64]
@@ -77,6 +77,17 @@ class Mission:
     heading: Scalars
     grid_ns: Times
     truth: Truth | None
+
+
+def initial_state(mission: Mission) -> InitialState:
+    """The state at the start as the kernel takes it, with biases of zero."""
+    start = mission.start
+    return InitialState(
+        time_ns=start.time_ns,
+        position_t_m=start.position_t_m,
+        attitude_t_p=start.attitude_t_p,
+        velocity_p_mps=start.velocity_p_mps,
+    )
 
 
 @dataclass(frozen=True, eq=False)

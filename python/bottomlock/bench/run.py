@@ -21,8 +21,8 @@ from bottomlock.bench.submission import check_submission, join, table_of
 from bottomlock.campaign.engine import check_engine
 from bottomlock.errors import DataError, EngineError, ScenarioError
 from bottomlock.kernel import METHODS
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.records import read_record, read_recorded_table, record_of, write_recorded_table
-from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.tables.versions import bit_versions
 
 PARTS = "missions"

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.plant import Flight
 from bottomlock.plant.closed_loop import cross_track_m
 from bottomlock.simulation.build import Simulation, build_simulation
@@ -51,13 +52,35 @@ def build_simulations(scenarios: Sequence[Scenario]) -> list[Simulation]:
     """Loads and checks everything that the scenarios name, without any truth.
 
     Raises:
-        ScenarioError: for no scenario, two of one name, and what `build_simulation` rejects.
+        ScenarioError: for no scenario, two of one name, dead reckoning without an attitude reference, and what
+            `build_simulation` rejects.
     """
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
         raise ScenarioError(f"expected scenarios of different names, got {names}")
+    for scenario in scenarios:
+        _check_reckoning(scenario)
     with _one_blas_thread():
         return [build_simulation(scenario) for scenario in scenarios]
+
+
+def _check_reckoning(scenario: Scenario) -> None:
+    """Rejects dead reckoning where nothing tells the attitude, or where the vehicle is steered by the estimate.
+
+    Raises:
+        ScenarioError: naming the section.
+    """
+    if DEAD_RECKONING not in scenario.campaign.methods:
+        return
+    place = f"scenario {scenario.name}: campaign.methods names '{DEAD_RECKONING}'"
+    if not (scenario.magnetometer.enabled or scenario.heading.enabled):
+        raise ScenarioError(
+            f"{place}, which needs an attitude reference: enable [magnetometer] (roll, pitch and yaw) or [heading]"
+        )
+    if scenario.trajectory.feedback == "estimate":
+        raise ScenarioError(
+            f'{place}, which steers no vehicle: leave it out, or set trajectory.feedback to "truth"'
+        )
 
 
 def build_scenarios(simulations: Sequence[Simulation]) -> list[BuiltScenario]:

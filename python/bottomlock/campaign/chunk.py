@@ -15,11 +15,16 @@ from bottomlock import kernel, own_method
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.campaign.partition import Chunk
+from bottomlock.campaign.reckoned import with_reckoning
 from bottomlock.campaign.selector_counts import choice_counts
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.simulation.build import trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics.rms import rms
 from bottomlock.tables.campaign import BIASES, OUTCOMES, SAMPLES
+
+NEES = ("nees", "nees_velocity_attitude")
+FIXES = ("fixes_accepted", "fixes_rejected", "fixes_beyond_linear_range")
 
 
 @dataclass(frozen=True)
@@ -83,28 +88,39 @@ def run_chunk(
             "method": list(methods) * chunk.runs,
         }
     ).with_columns(pl.lit(chunk.scenario).alias("trajectory"))
-    samples, counts = _samples(result, keys), _outcomes(result, keys)
+    samples = _of_filters(_samples(result, keys), NEES)
+    counts = _of_filters(_outcomes(result, keys), FIXES)
     choices = choice_counts(
         result["choice"], trajectory=chunk.scenario, methods=methods, dvl_time_ns=result["dvl_time_ns"]
     )
     return ChunkResult(samples, choices, counts, kernel_s, time.perf_counter() - started)
 
 
+def _of_filters(table: pl.DataFrame, columns: tuple[str, ...]) -> pl.DataFrame:
+    """The table with columns that only a filter has null for dead reckoning."""
+    if not (table["method"] == DEAD_RECKONING).any():
+        return table
+    return table.with_columns(pl.when(pl.col("method") != DEAD_RECKONING).then(pl.col(columns)))
+
+
 def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int, stop: Event | None) -> dict[str, Any]:
     """Runs that share one truth."""
     simulation, scenario = built.simulation, built.scenario
     methods = list(scenario.campaign.methods)
+    filters = [method for method in methods if method != DEAD_RECKONING]
     key = trajectory_key(scenario.name)
     schedule: Any = measurement_schedule(
         simulation, built.truth, trajectory_key=key, first_run=chunk.first_run, runs=chunk.runs
     )
     model, options = scenario.kernel_model(simulation.gravity_mps2), scenario.kernel_options()
     truth: Any = built.truth.kernel_arrays()
-    result = kernel.run_batch(
-        simulation.geometry, truth, model, model, options, schedule, methods,
+    result: Any = kernel.run_batch(
+        simulation.geometry, truth, model, model, options, schedule, filters,
         seed=scenario.campaign.seed, trajectory_key=key, first_run=chunk.first_run, runs=chunk.runs,
         threads=threads, stop=stop,
     )  # fmt: skip
+    if filters != methods:
+        result = with_reckoning(result, built, chunk, schedule, model, options)
     offset = built.cross_track_m
     if offset is not None:
         offset = np.broadcast_to(offset, (chunk.runs, len(methods), len(offset)))

@@ -22,7 +22,7 @@ from bottomlock.config.instrument_grades import filled_from_grade, imu_model
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
 from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration
-from bottomlock.own_method import is_registered, known_names
+from bottomlock.own_method import known_names
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -379,7 +379,7 @@ def check_methods(methods: Iterable[str]) -> None:
     """
     seen: set[str] = set()
     for method in methods:
-        if method not in METHODS and not is_registered(method):
+        if method not in known_names():
             close = difflib.get_close_matches(method, known_names(), n=1)
             hint = f", did you mean '{close[0]}'?" if close else ""
             raise ValueError(

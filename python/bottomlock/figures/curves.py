@@ -147,7 +147,7 @@ def draw_nees(
     """Mean NEES of the whole state against time, with the 95 % chi-squared band of a consistent filter."""
     rows = _rows(ensemble, trajectory, methods)
     band = consistency.filter((pl.col("trajectory") == trajectory) & (pl.col("quantity") == "nees"))
-    nees = _by_method(rows, "nees_mean_over_runs")
+    nees = _by_method(rows.drop_nulls("nees_mean_over_runs"), "nees_mean_over_runs")
     time_s = rows.filter(pl.col("method") == rows["method"][0])["time_s"].to_numpy()
     with mpl.rc_context(STYLE):
         _label(axes, "mean NEES of the whole state", time_s)

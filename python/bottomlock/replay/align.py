@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
 from bottomlock.levelling import level_from_force
 from bottomlock.models import ImuModel
 from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import FROM_REFERENCE, Case
-from bottomlock.replay.dead_reckoning import attitude_between
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Floats, Inertial, Streams, Times
 from bottomlock.replay.window_mean import mean_over

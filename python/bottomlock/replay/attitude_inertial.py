@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from bottomlock.attitude_motion import divided, held, inertial_readings
+from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.errors import DataError
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
-from bottomlock.replay.dead_reckoning import attitude_between
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Attitudes, Beams, Flags, Floats, Inertial, Streams, Times

@@ -24,7 +24,7 @@ from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import METHODS
-from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.dvl_sections import DvlStream, WhatIf
 from bottomlock.replay.stream_sections import (
     AcousticPositionStream,
@@ -114,23 +114,13 @@ class Start(Section):
         return self
 
 
-def _known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call names
-    """The methods, if they are filters that there are, or dead reckoning."""
-    if isinstance(methods, list | tuple) and DEAD_RECKONING in methods:
-        filters = list(methods)
-        filters.remove(DEAD_RECKONING)
-        known_methods(filters)
-        return methods
-    return known_methods(methods)
-
-
 class Settings(OwnMethods, Section):
     """Methods, seed, number of runs (draws of the random errors), and the output interval without a reference.
 
     Dead reckoning runs beside the methods wherever the case has an attitude, named or not.
     """
 
-    methods: Annotated[tuple[str, ...], BeforeValidator(_known_methods)] = METHODS
+    methods: Annotated[tuple[str, ...], BeforeValidator(known_methods)] = METHODS
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
     runs: Annotated[int, Field(ge=1, le=10_000)] = 1
     smooth: bool = True
@@ -185,6 +175,8 @@ class Case(Section):
             self._reference_has(self.reference)
         if DEAD_RECKONING in self.replay.methods and self.attitude is None:
             raise ValueError(f"replay.methods names '{DEAD_RECKONING}', which needs the section [attitude]")
+        if not self.replay.filters:
+            raise ValueError("replay.methods names no filter, expected one or more")
         names = [what_if.name for what_if in self.what_if]
         for name in names:
             if names.count(name) > 1:

@@ -8,9 +8,9 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import FIX_STATUS
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.axes import from_quaternions, to_angles
 from bottomlock.replay.case import Case
-from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.geodesy import geodetic_from_tangent
 from bottomlock.replay.rerun import PreparedRun, Rerun
 from bottomlock.replay.streams import Floats, Streams, Times

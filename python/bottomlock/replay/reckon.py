@@ -5,12 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bottomlock.kernel import STATUS
-from bottomlock.replay.axes import quaternions
-from bottomlock.replay.beam_noise import measure_noise
-from bottomlock.replay.case import Case
-from bottomlock.replay.dead_reckoning import Begin, DepthAid, Velocities, dead_reckon
-from bottomlock.replay.dead_reckoning_sd import (
+from bottomlock.dead_reckoning.track import Begin, DepthAid, Velocities, dead_reckon
+from bottomlock.dead_reckoning.track_sd import (
     FEWEST,
     AttitudeErrors,
     StructureFunction,
@@ -18,6 +14,10 @@ from bottomlock.replay.dead_reckoning_sd import (
     structure_function,
     white_noise,
 )
+from bottomlock.kernel import STATUS
+from bottomlock.replay.axes import quaternions
+from bottomlock.replay.beam_noise import measure_noise
+from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.robust_fix import solve_scaled
 from bottomlock.replay.screen_beams import screen_beams

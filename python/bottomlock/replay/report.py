@@ -14,10 +14,10 @@ from bottomlock.errors import DataError
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.models import Robust
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.featured import featured
 from bottomlock.pages.render import render
 from bottomlock.records import DIGESTS, read_record, read_recorded_table
-from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
 from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.statistics.replay import summary_table, track_table

@@ -15,13 +15,13 @@ from bottomlock.atomic_write import write_parquet
 from bottomlock.errors import DataError, OutputError
 from bottomlock.kernel import KernelError
 from bottomlock.output_folder import is_occupied, locked, remove_parts
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.records import read_record, write_record
 from bottomlock.replay import compare, rerun
 from bottomlock.replay.beforehand import check_files, check_what_ifs
 from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
-from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.findings.answers import answers
 from bottomlock.replay.findings.attitude_checks import attitude_findings

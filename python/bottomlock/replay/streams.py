@@ -3,17 +3,28 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.dead_reckoning.streams import Attitudes, Depths, Flags, Floats, Times
 from bottomlock.io.beams import Instrument
 from bottomlock.models import Motion
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.geodesy import Place
 
-Floats = NDArray[np.float64]
-Times = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+__all__ = [
+    "Attitudes",
+    "Beams",
+    "Depths",
+    "Flags",
+    "Floats",
+    "Inertial",
+    "MagneticFields",
+    "Positions",
+    "ReferenceStates",
+    "Streams",
+    "Times",
+    "VehicleMotion",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,22 +48,6 @@ class Beams:
     valid: Flags
     sd_mps: Floats
     velocity_d_mps: Floats | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Depths:
-    """Depth below the origin of the tangent frame, m, (n,), positive down."""
-
-    time_ns: Times
-    depth_m: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Attitudes:
-    """Attitudes of the platform, rotations to the tangent frame, (n,)."""
-
-    time_ns: Times
-    attitude: Rotation
 
 
 @dataclass(frozen=True, eq=False)

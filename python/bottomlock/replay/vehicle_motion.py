@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.optimize import nnls
 
+from bottomlock.dead_reckoning.track_sd import structure_function
 from bottomlock.errors import DataError
-from bottomlock.replay.dead_reckoning_sd import structure_function
 from bottomlock.replay.streams import Floats, Times, VehicleMotion
 
 LONGEST_LAG_S = 300.0

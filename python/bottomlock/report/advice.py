@@ -122,7 +122,9 @@ def _judge(campaign: CampaignTables, name: str, errors: RunErrors) -> _Verdicts:
         {method: errors.final_rms(quantity, method) for method in campaign.methods(name)}
         for quantity in ("velocity", "attitude")
     )
-    methods = sorted((method for method in velocity if method not in REFERENCES), key=velocity.__getitem__)
+    # What has no verdict is no filter.
+    filters = (method for method in velocity if method not in REFERENCES and verdict[method] is not None)
+    methods = sorted(filters, key=velocity.__getitem__)
     rejected = {}
     for method in methods:
         here = (pl.col("trajectory") == name) & (pl.col("method") == method)

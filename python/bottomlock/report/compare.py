@@ -104,6 +104,9 @@ def _part(
     rows = table.filter(pl.col("trajectory") == trajectory)
     quantities = []
     for number, quantity in enumerate(QUANTITIES):
+        here = rows.filter(pl.col("quantity") == quantity)
+        if here.is_empty():
+            continue
         figure = compare_figure(table, trajectory, quantity)
         svg, name = svg_text(figure), f"{NAME}_{trajectory}_{re.sub('[^a-z]+', '_', quantity.lower())}"
         write_text(out / "figures" / f"{name}.svg", svg)
@@ -114,7 +117,6 @@ def _part(
             degrees = {one.manifest.get("nees_degrees", {}).get(trajectory) for one in campaigns.values()}
             words = " or ".join(str(one) for one in sorted(degrees - {None}))
             caption += f" A consistent filter has {words}." if words else ""
-        here = rows.filter(pl.col("quantity") == quantity)
         quantities.append(
             {
                 "name": quantity,

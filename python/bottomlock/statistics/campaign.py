@@ -80,7 +80,8 @@ def ensemble_rows(
             "attitude_rms_over_runs_lo_deg": attitude_lo,
             "attitude_rms_over_runs_hi_deg": attitude_hi,
             "position_rms_over_runs_m": combined_rms(squares["position_m"]),
-            "nees_mean_over_runs": errors["nees"].mean(axis=0),
+            # A method without NEES has none: null.
+            "nees_mean_over_runs": pl.Series(errors["nees"].mean(axis=0)).fill_nan(None),
         },
         schema=dict(ENSEMBLE),
     )
@@ -120,7 +121,7 @@ def consistency_rows(
     runs: int,
     full_degrees: int,
 ) -> pl.DataFrame:
-    """A row per kind of NEES of one method (`tables.campaign.CONSISTENCY`).
+    """A row per kind of NEES of one method (`tables.campaign.CONSISTENCY`); null where it has none.
 
     The verdict compares the mean over runs and time with the band of the mean over runs at one time. The false-alarm
     rate is therefore below that of the band, since the mean over time scatters less than the value at one time.
@@ -132,11 +133,14 @@ def consistency_rows(
         runs: number of runs behind the means.
         full_degrees: degrees of freedom of `nees`.
     """
-    rows = []
+    rows: list[tuple[object, ...]] = []
     for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full_degrees)):
         low, high = mean_band(degrees, runs, BAND_PROBABILITY)
         at_time = nees_at_time[quantity]
         mean = float(np.mean(at_time))
+        if np.isnan(mean):
+            rows.append((trajectory, method, quantity, degrees, runs, None, low, high, None, None))
+            continue
         inside = float(np.mean((at_time >= low) & (at_time <= high)))
         verdict = verdict_of(low, mean, mean, high)
         rows.append((trajectory, method, quantity, degrees, runs, mean, low, high, inside, verdict))

@@ -40,6 +40,9 @@ def comparison_table(campaigns: Mapping[str, CampaignTables], reference: str) ->
                 ours = _runs(campaign, trajectory, method)
                 theirs = None if label == reference else _runs(base, trajectory, method)
                 for name, (column, unit, is_rms) in QUANTITIES.items():
+                    if ours[column].null_count():
+                        # Dead reckoning has no NEES.
+                        continue
                     value = estimate_of(ours[column].to_numpy(), is_rms=is_rms)
                     head = (label, trajectory, method, name, unit, ours.height, *value, reference)
                     if theirs is None or not theirs.height:

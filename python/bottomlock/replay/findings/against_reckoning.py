@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 from scipy.stats import norm
 
-from bottomlock.replay.dead_reckoning import METHOD
+from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.replay.streams import Floats
 from bottomlock.statistics.chi_squared import each_probability
 from bottomlock.tables.replay import FORWARD

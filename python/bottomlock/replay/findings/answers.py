@@ -5,8 +5,8 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.axes import to_angles
-from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.findings.against_reckoning import metres
 from bottomlock.replay.motion.closure import closure_sd
 from bottomlock.replay.rerun import PreparedRun

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.replay.case import Case
-from bottomlock.replay.dead_reckoning import attitude_between
 from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.motion.gyros import slope
 from bottomlock.replay.rerun import PreparedRun

@@ -7,9 +7,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.axes import to_angles
 from bottomlock.replay.case import Case
-from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.answers import closure_words

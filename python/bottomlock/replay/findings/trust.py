@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import polars as pl
 
-from bottomlock.replay.dead_reckoning import METHOD
+from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.replay.findings.against_reckoning import TRUSTED, Agreement
 from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.findings.sway import Sway

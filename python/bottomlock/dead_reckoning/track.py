@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from bottomlock.replay.dead_reckoning_sd import (
+from bottomlock.dead_reckoning.streams import Attitudes, Depths, Flags, Floats, Times
+from bottomlock.dead_reckoning.track_sd import (
     AttitudeErrors,
     VelocityErrors,
     attitude_cov,
@@ -25,11 +26,8 @@ from bottomlock.replay.dead_reckoning_sd import (
     outer,
     summed,
 )
-from bottomlock.replay.streams import Attitudes, Depths, Flags, Floats, Times
 
 AttitudeAt = Callable[[Times], Rotation]
-METHOD = "dead_reckoning"
-"""Its name among the methods."""
 
 
 @dataclass(frozen=True, eq=False)

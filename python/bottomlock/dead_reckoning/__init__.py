@@ -1,0 +1,1 @@
+"""Dead reckoning, of recordings, missions and simulated runs alike: its track, what it may claim, its attitude."""

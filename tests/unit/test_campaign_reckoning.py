@@ -1,0 +1,156 @@
+"""Dead reckoning in a campaign: on the filters' own readings, as far from the truth as it claims, null where it has none."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bottomlock.campaign.build import BuiltScenario, build_scenarios, build_simulations
+from bottomlock.campaign.chunk import ChunkResult, run_chunk
+from bottomlock.campaign.partition import Chunk
+from bottomlock.campaign.run import run_campaign
+from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.report.compare import compare
+from bottomlock.report.page import make_report
+from bottomlock.simulation.sensor_streams import sensor_streams
+from bottomlock.tables.results import read_campaign_tables
+
+RECKONING = "dead_reckoning"
+KEYS = {
+    "heading": {"heading.enabled": True, "heading.noise_deg": 0.3, "heading.offset_sd_deg": 1.0,
+                "heading.walk_sd_deg": 1.0, "heading.walk_time_s": 30.0},
+    "magnetometer": {"magnetometer.enabled": True, "magnetometer.yaw_noise_deg": 0.3,
+                     "magnetometer.roll_pitch_noise_deg": 0.3, "magnetometer.yaw_offset_sd_deg": 1.0,
+                     "magnetometer.yaw_walk_sd_deg": 1.0, "magnetometer.walk_time_s": 30.0},
+}  # fmt: skip
+"""Keys that give a scenario an attitude reference."""
+
+
+def scenario(**keys: object) -> Scenario:
+    """A turning vehicle with all beams, a minute long."""
+    one = load_scenario("figure_eight").with_trajectory(duration_s=60.0).replace("dvl.beams_lost", [])
+    for key, value in keys.items():
+        one = one.replace(key, value)
+    return one.with_overrides(methods=["tc", RECKONING, "ins"])
+
+
+@cache
+def built(reference: str) -> BuiltScenario:
+    return build_scenarios(build_simulations([scenario(**KEYS[reference])]))[0]
+
+
+def chunk(one: BuiltScenario, runs: int, first: int = 0) -> ChunkResult:
+    return run_chunk(one, Chunk(one.scenario.name, first, runs))
+
+
+def of_reckoning(table: pl.DataFrame) -> pl.DataFrame:
+    return table.filter(pl.col("method") == RECKONING)
+
+
+def test_the_filters_are_what_they_are_without_it() -> None:
+    one = built("heading")
+    without = build_scenarios(build_simulations([one.scenario.with_overrides(methods=["tc", "ins"])]))[0]
+    ours, theirs = chunk(one, 3), chunk(without, 3)
+    assert ours.samples["method"].unique(maintain_order=True).to_list() == ["tc", RECKONING, "ins"]
+    for mine, other in ((ours.samples, theirs.samples), (ours.counts, theirs.counts)):
+        assert mine.filter(pl.col("method") != RECKONING).equals(other)
+
+
+def test_a_run_does_not_depend_on_those_beside_it() -> None:
+    """Nor do its dropouts, which chance decides."""
+    lost = scenario(**KEYS["heading"]).replace(
+        "dvl.dropouts", [{"beams": [1, 2], "mean_up_s": 10.0, "mean_down_s": 5.0}]
+    )
+    one = build_scenarios(build_simulations([lost.with_overrides(methods=[RECKONING])]))[0]
+    many, alone = chunk(one, 3).samples, chunk(one, 1, first=2).samples
+    assert many.filter(pl.col("run") == 2).equals(alone)
+    errors = many["err_position_north_m"].to_numpy().reshape(3, -1)
+    assert len(np.unique(errors[:, -1])) == 3
+
+
+def test_what_it_does_not_estimate_is_null() -> None:
+    result = chunk(built("magnetometer"), 2)
+    own = of_reckoning(result.counts)
+    absent = ["nis_mean_over_fixes", "fixes_accepted", "fixes_rejected", "err_gyro_bias_x_radps"]
+    assert own.select(absent).null_count().row(0) == (2,) * len(absent)
+    samples = of_reckoning(result.samples)
+    assert samples["nees"].null_count() == samples["nees_velocity_attitude"].null_count() == samples.height
+    stated = samples.select("^(err|sd)_.*$")
+    assert stated.null_count().row(0) == (0,) * stated.width
+    others = result.samples.filter(pl.col("method") != RECKONING)
+    assert others["nees"].null_count() == 0
+
+
+@pytest.mark.parametrize("reference", ["heading", "magnetometer"])
+def test_errors_are_of_the_size_that_it_claims(reference: str) -> None:
+    """RMS of error over σ at the end, horizontally, over 64 runs: within 0.8 and 1.25, as of 128 independent numbers."""
+    samples = of_reckoning(chunk(built(reference), 64).samples)
+    last = samples.filter(pl.col("time_ns") == samples["time_ns"].max())
+    off = np.concatenate(
+        [last[f"err_position_{axis}_m"] / last[f"sd_position_{axis}_m"] for axis in ("north", "east")]
+    )
+    assert 0.8 < np.sqrt(np.mean(off**2)) < 1.25
+    yaw = last["err_misalignment_down_rad"] / last["sd_misalignment_down_rad"]
+    assert 0.75 < np.sqrt((yaw**2).mean()) < 1.3  # type: ignore[operator]
+
+
+def test_the_yaw_is_that_of_the_latest_heading() -> None:
+    """True less estimated yaw is true less measured yaw, at the readings' own times."""
+    one = built("heading")
+    samples = of_reckoning(chunk(one, 1).samples)
+    heading = sensor_streams(one.simulation, one.truth)["heading"]
+    rows = np.searchsorted(one.truth.time_ns, heading["time_ns"].to_numpy())
+    true = Rotation.from_quat(one.truth.attitude_t_p[rows], scalar_first=True).as_euler("ZYX")[:, 0]
+    off = (true - heading["heading_rad"].to_numpy() + np.pi) % (2.0 * np.pi) - np.pi
+    both = samples.select("time_ns", "err_misalignment_down_rad").join(
+        pl.DataFrame({"time_ns": heading["time_ns"], "off": off}), on="time_ns"
+    )
+    assert both.height > 50
+    assert both["err_misalignment_down_rad"].to_numpy() == pytest.approx(both["off"].to_numpy(), abs=2e-3)
+
+
+def test_with_sensors_without_errors_it_is_on_the_truth() -> None:
+    quiet = {
+        "heading.enabled": True, "heading.noise_deg": 1e-6, "dvl.beam_noise_mps": 1e-6, "dvl.beam_bias_mps": 0.0,
+        "dvl.scale_factor_percent": 0.0, "dvl.rate_hz": 5.0, "heading.rate_hz": 5.0,
+        "imu.gyro_bias_deg_per_h": 1e-6, "imu.accel_bias_mg": 1e-6, "imu.gyro_noise_deg_per_rt_h": 1e-6,
+        "imu.accel_noise_mps_per_rt_h": 1e-6, "initial.position_m": [1e-3, 1e-3, 1e-3],
+        "initial.velocity_mps": [1e-4, 1e-4, 1e-4], "initial.roll_deg": 1e-3, "initial.pitch_deg": 1e-3,
+    }  # fmt: skip
+    one = build_scenarios(build_simulations([scenario(**quiet)]))[0]
+    samples = of_reckoning(chunk(one, 1).samples)
+    for axis in ("north", "east"):
+        # The velocity of a ping is held: over a way of 120 m in turns it lags by a fifth of a second.
+        assert samples[f"err_position_{axis}_m"].abs().max() < 0.4  # type: ignore[operator]
+    for axis in ("north", "east"):
+        assert np.rad2deg(samples[f"err_misalignment_{axis}_rad"].abs().max()) < 0.5  # type: ignore[arg-type]
+
+
+def test_without_a_reference_or_with_feedback_it_is_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"needs an attitude reference: enable \[magnetometer\]"):
+        build_simulations([scenario()])
+    swims = load_scenario("straight").with_trajectory(
+        source="vehicle", vehicle="remus100", feedback="estimate"
+    )
+    steered = swims.replace("heading.enabled", value=True).with_overrides(methods=[RECKONING])
+    with pytest.raises(ScenarioError, match="steers no vehicle"):
+        build_simulations([steered])
+
+
+def test_it_goes_through_tables_report_and_comparison(tmp_path: Path) -> None:
+    for name, seed in (("one", 1), ("two", 2)):
+        run_campaign([scenario(**KEYS["heading"]).with_overrides(runs=2, seed=seed)], tmp_path / name)
+    tables = read_campaign_tables(tmp_path / "one")
+    (row,) = of_reckoning(tables.consistency).filter(pl.col("quantity") == "nees").iter_rows(named=True)
+    assert (row["mean"], row["verdict"]) == (None, None)
+    assert of_reckoning(tables.ensemble)["nees_mean_over_runs"].null_count() == 60
+    assert RECKONING in make_report(tmp_path / "one").page.read_text()
+    table = compare([tmp_path / "one", tmp_path / "two"], tmp_path / "compared").table
+    assert "NEES" not in of_reckoning(table)["quantity"].to_list()
+    assert of_reckoning(table).filter(pl.col("quantity") == "position at the end")["value"].is_finite().all()
