@@ -53,9 +53,9 @@ def _of_run(schedule: Mapping[str, Any], k: int) -> Any:  # noqa: ANN401 - the k
 def _run(
     built: BuiltScenario,
     run: int,
-    schedule: Any,
+    schedule: Any,  # noqa: ANN401 - the kernel's `ScheduleDict`
     model: Model,
-    options: Options,  # noqa: ANN401
+    options: Options,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Errors, true minus estimate, and their 1 sigma, (samples, 9) each, in the order of the kernel's."""
     scenario, truth, geometry = built.scenario, built.truth, built.simulation.geometry

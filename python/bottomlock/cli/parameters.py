@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import METHODS
+from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.simulation.own_path import resolved
 from bottomlock.studies.world import in_world
 
@@ -29,7 +30,7 @@ Methods = Annotated[
     Parameter(
         alias="-m",
         help="Aiding methods, separated by commas; the scenario's own by default. There are "
-        f"{', '.join(METHODS)}, and FILE.py:CLASS.",
+        f"{', '.join(METHODS)}, and FILE.py:CLASS; in `bottomlock run` also {DEAD_RECKONING}.",
     ),
 ]
 Json = Annotated[
