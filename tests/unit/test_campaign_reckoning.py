@@ -154,7 +154,8 @@ def test_the_gyros_turn_a_tilted_vehicle_on_from_a_reading() -> None:
     angle = np.rad2deg((found.attitude[1:] * true[rows].inv()).magnitude())
     before = found.time_ns[1:] < time_ns[99]
     assert angle[before] == pytest.approx(np.full(before.sum(), 10.0), abs=0.1)
-    assert angle[~before].max() < 0.1
+    # Force is sampled here, not averaged: half a sample of the turn, 0.03°.
+    assert angle[~before].max() < 0.03
 
 
 def test_with_sensors_without_errors_it_is_on_the_truth() -> None:

@@ -157,6 +157,8 @@ def _levelled(
     held = np.concatenate([[start.velocity_p_mps], velocities.velocity_p_mps])
     latest = held[np.searchsorted(velocities.time_ns, time_ns[1:], side="right")]
     up = force - np.cross(turned / step_s[:, None], latest)
+    # The mean of a step, seen from its end.
+    up -= 0.5 * np.cross(turned, up)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     share = -np.expm1(-step_s / LEVEL_TIME_S)
     C = np.empty((len(time_ns), 3, 3))
