@@ -289,11 +289,6 @@ def _of_file(path: Path) -> ModuleType:
     return module
 
 
-def is_registered(name: str) -> bool:
-    """Whether a method of one's own has this name."""
-    return name in _COSTS
-
-
 def costs() -> dict[str, Cost]:
     """Calls and seconds of the methods that were called in this process."""
     return {name: cost for name, cost in _COSTS.items() if cost.pings}
