@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import time
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,8 +14,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bottomlock.errors import EXIT_INTERRUPTED
+from bottomlock.replay.case import load_case
+from bottomlock.replay.tune.parameters import ATTITUDE_CLOCK, DVL_CLOCK, DVL_FILE, MOUNTING
+from bottomlock.replay.tune.result import journal_of
+from bottomlock.replay.tune.search import State
 from tests.cli.calls import command
-from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, GYRO_KEY, Dive, case_values, dive, write_case
+from tests.statistical.tune_logs import (
+    ACCEL_KEY,
+    BEAM_KEY,
+    GYRO_KEY,
+    TACTICAL,
+    Dive,
+    case_values,
+    dive,
+    write_case,
+)
 
 WRONG = {ACCEL_KEY: 10.0, GYRO_KEY: 0.1, BEAM_KEY: 3.0}
 
@@ -75,7 +93,8 @@ def test_the_case_is_edited_key_by_key(folder: Path) -> None:
             assert not any(
                 line.startswith(one["key"].rpartition(".")[2] + " =") for line in new if line not in old
             )
-    assert not any(one["key"].startswith("attitude.") for one in record["parameters"])
+    noise = [one["key"] for one in record["parameters"] if one["is_noise"]]
+    assert not any(key.startswith("attitude.") for key in noise)
     assert "the new values are better and were written" in screen
 
 
@@ -117,3 +136,141 @@ def test_what_cannot_be_tuned_says_so(folder: Path) -> None:
     done = command("tune", folder / "case.toml", "--fraction", "1.0", "--out", folder / "other.toml")
     assert done.returncode == 2
     assert "fraction is 1, expected 0.2 to 0.8" in done.stderr
+
+
+def run_until(case: Path, iteration: int) -> subprocess.Popen[bytes]:
+    """The command as a process of its own, once its record has an iteration of its first stage or a later stage."""
+    words = [sys.executable, "-m", "bottomlock", "tune", str(case), "--threads", "1"]
+    running = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    record = case.with_name(f"{case.stem}_tuned.json")
+    for _ in range(6000):
+        assert running.poll() is None, "it came to its end before it was interrupted"
+        if record.exists():
+            journal = json.loads(record.read_text(encoding="utf-8"))["journal"]
+            if journal["finished"] or journal["state"]["iteration"] >= iteration:
+                return running
+        time.sleep(0.01)
+    raise AssertionError("no iteration in a minute")
+
+
+def test_interrupted_it_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    """Killed, and interrupted, on one thread: the case and its record are those of two threads."""
+    path = write_case(tmp_path, dive(6, seconds=400.0), WRONG)
+    whole = tmp_path / "whole.toml"
+    done = command("tune", path, "--out", whole, "--threads", "2")
+    assert done.returncode == 0, done.stderr
+    record_path = tmp_path / "case_tuned.json"
+    for iteration, signalled in ((1, signal.SIGKILL), (3, signal.SIGINT)):
+        running = run_until(path, iteration)
+        running.send_signal(signalled)
+        assert running.wait(60) == (-signal.SIGKILL if signalled == signal.SIGKILL else EXIT_INTERRUPTED)
+        unfinished = json.loads(record_path.read_text(encoding="utf-8"))
+        assert unfinished["status"] == "running"
+        assert set(unfinished["journal"]["finished"]) <= {"noise"}
+        assert unfinished["files"]["imu"]["sha256"]
+        assert not (tmp_path / "case_tuned.toml").exists()
+    done = command("tune", path, "--threads", "1")
+    assert done.returncode == 0, done.stderr
+    assert "going on from" in done.stdout
+    assert (tmp_path / "case_tuned.toml").read_bytes() == whole.read_bytes()
+    records = [
+        json.loads(one.read_text(encoding="utf-8")) for one in (record_path, whole.with_suffix(".json"))
+    ]
+    for one in records:
+        assert one["status"] == "complete"
+        for key in ("wall_s", "digests", "own_digest"):
+            del one[key]
+    assert records[0] == records[1]
+
+
+def test_a_journal_of_something_else_is_left(tmp_path: Path) -> None:
+    """With another fraction, other methods or another file the search begins anew."""
+    path = write_case(tmp_path, dive(1, seconds=20.0))
+    out, case = tmp_path / "tuned.toml", load_case(path)
+    journal = journal_of(out, case, 0.5, ("tc",))
+    journal.note("noise", State((0.1, -2.0), 0.01, 2), 70, 1.5)
+    again = journal_of(out, case, 0.5, ("tc",))
+    assert again.begun("noise") == State((0.1, -2.0), 0.01, 2)
+    assert again.begun("sway") is None
+    assert (again.passes, again.wall_s) == (70, 1.5)
+    assert journal_of(out, case, 0.4, ("tc",)).begun("noise") is None
+    assert journal_of(out, case, 0.5, ("tc", "info")).begun("noise") is None
+    beams = tmp_path / "beams.parquet"
+    beams.write_bytes(beams.read_bytes() + b" ")
+    assert journal_of(out, case, 0.5, ("tc",)).begun("noise") is None
+
+
+def test_methods_that_predict_what_was_measured(tmp_path: Path) -> None:
+    """Others are an error that names those; the result says which were used."""
+    path = write_case(tmp_path, dive(6, seconds=400.0), WRONG)
+    done = command("tune", path, "--methods", "tc,lc")
+    assert done.returncode == 2
+    assert "methods is tc, lc, expected some of tc, vb_exact, info, sway_current" in done.stderr
+    done = command("tune", path, "--methods", "info", "--threads", "2")
+    assert done.returncode == 0, done.stderr
+    record = json.loads((tmp_path / "case_tuned.json").read_text(encoding="utf-8"))
+    assert record["methods"] == ["info"]
+    assert record["is_better"]
+
+
+def test_mounting_and_clock_are_written_with_their_sigma(tmp_path: Path) -> None:
+    """A DVL that is turned and late: a DVL's file beside the case has that, the case the attitude's clock."""
+    late_s, mounting_deg = (0.15, -0.2), (2.0, -2.5, 4.0)
+    path = write_case(tmp_path, dive(6, TACTICAL, seconds=840.0, late_s=late_s, mounting_deg=mounting_deg))
+    done = command("tune", path, "--threads", "2")
+    assert done.returncode == 0, done.stderr
+    record = json.loads((tmp_path / "case_tuned.json").read_text(encoding="utf-8"))
+    assert "case_tuned_dvl.toml" in record["digests"]
+    assert record["parts"][0]["is_better"]
+    found = {one["key"]: one for one in record["parameters"]}
+    case = tomllib.loads((tmp_path / "case_tuned.toml").read_text(encoding="utf-8"))
+    assert case["dvl"]["geometry"] == "case_tuned_dvl.toml"
+    dvl = tomllib.loads((tmp_path / "case_tuned_dvl.toml").read_text(encoding="utf-8"))
+    true = dict(zip((DVL_CLOCK, ATTITUDE_CLOCK, *MOUNTING), (*late_s, *mounting_deg), strict=True))
+    for key, wanted in true.items():
+        one = found[key]
+        assert one["is_written"], key
+        own = value(dvl, key.removeprefix(DVL_FILE)) if key.startswith(DVL_FILE) else value(case, key)
+        assert own == pytest.approx(one["value"], abs=0.02 * one["sd"])
+        assert abs(own - wanted) < 3.0 * one["sd"], key
+        assert one["sd"] < 0.25 * abs(wanted), key
+        assert one["gain"] > 4.0
+    # The tuned case is one, and leaves nothing of the kind to find.
+    again = load_case(tmp_path / "case_tuned.toml")
+    assert again.attitude is not None
+    assert again.attitude.clock.offset_s == value(case, ATTITUDE_CLOCK)
+    assert "clock and mounting: log-likelihood gain" in done.stdout
+
+
+def test_the_sway_is_tuned_where_a_method_uses_it(tmp_path: Path) -> None:
+    """Five times too much slip; of a recording without whole pings it says that the prior is kept."""
+    path = write_case(tmp_path, dive(8, seconds=1600.0, slip=(0.1, 6.0)))
+    text = path.read_text(encoding="utf-8").replace('methods = ["tc"]', 'methods = ["tc", "sway_current"]')
+    path.write_text(text, encoding="utf-8")
+    done = command("tune", path, "--threads", "2")
+    assert done.returncode == 0, done.stderr
+    record = json.loads((tmp_path / "case_tuned.json").read_text(encoding="utf-8"))
+    slip = next(one for one in record["parameters"] if one["key"] == "filter.water.slip_sd_mps")
+    assert slip["is_written"]
+    assert abs(np.log(slip["value"] / 0.1)) < 3.0 * slip["sd"] / slip["value"] < 1.0
+    assert tomllib.loads((tmp_path / "case_tuned.toml").read_text(encoding="utf-8"))["filter"]["water"][
+        "slip_sd_mps"
+    ] == pytest.approx(slip["value"], rel=0.01)
+    assert record["parts"][-1]["name"] == "sway"
+    assert "beams beyond two" in done.stdout
+
+
+def test_without_whole_pings_the_sway_is_kept(tmp_path: Path) -> None:
+    """A beam that is always lost leaves nothing to judge two beams by."""
+    dived = dive(8, seconds=400.0)
+    dived.log["beam_valid"][:, 3] = False
+    path = write_case(tmp_path, dived)
+    text = path.read_text(encoding="utf-8").replace('methods = ["tc"]', 'methods = ["tc", "sway_current"]')
+    path.write_text(text, encoding="utf-8")
+    done = command("tune", path, "--threads", "2")
+    assert done.returncode == 0, done.stderr
+    assert "sway: too few whole pings to judge two beams by; its prior is kept" in done.stdout
+    record = json.loads((tmp_path / "case_tuned.json").read_text(encoding="utf-8"))
+    slip = next(one for one in record["parameters"] if one["key"] == "filter.water.slip_sd_mps")
+    assert not slip["is_determined"]
+    assert slip["value"] == slip["old"] == 0.02

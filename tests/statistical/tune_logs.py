@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from bottomlock.models import (
 
 GRAVITY, LATITUDE_RAD = 9.8, 0.7
 TILT_RAD = np.deg2rad(30.0)
+SWAY_GAIN_M = 0.6
 
 AUTOPILOT: dict[str, float] = {
     "accel_noise": 2e-3, "gyro_noise": 2e-4, "accel_walk": 2e-5, "gyro_walk": 2e-6, "accel_bias": 2e-2,
@@ -84,6 +85,9 @@ def dive(
     attitude_hz: float = 2.0,
     vibration: tuple[float, float] | None = None,
     gyro_scale: float = 1.0,
+    mounting_deg: Sequence[float] = (0.0, 0.0, 0.0),
+    late_s: Sequence[float] = (0.0, 0.0),
+    slip: tuple[float, float] | None = None,
 ) -> Dive:
     """A vehicle that turns and changes its speed.
 
@@ -93,6 +97,10 @@ def dive(
         seconds, rate_hz, ping_hz, attitude_hz: length, and rates of the sensors.
         vibration: 1 sigma (m/s²) and time (s) of an error of the accelerometers that no model has.
         gyro_scale: of the gyros, which no model has either.
+        mounting_deg: roll, pitch and yaw of the DVL, which the log's geometry does not have.
+        late_s: what has to be added to the stamps of the pings and of the attitudes.
+        slip: 1 sigma (m/s) and time (s) of sway and heave through still water, about those of a torpedo's turns. It
+            does not pitch: to the filter the heave of a pitching vehicle is more than its slip.
     """
     rng = np.random.default_rng(seed)
     step_s = 1.0 / rate_hz
@@ -104,6 +112,8 @@ def dive(
         [0.03 * np.sin(2 * np.pi * t / 7 + phase[2]), 0.04 * np.sin(2 * np.pi * t / 11 + phase[3]), yaw],
         axis=1,
     )
+    if slip is not None:
+        rpy[:, 1] = 0.0
     attitude = Rotation.from_euler("ZYX", rpy[:, ::-1])
     velocity_p = np.stack(
         [
@@ -113,6 +123,9 @@ def dive(
         ],
         axis=1,
     )
+    if slip is not None:
+        velocity_p[:, 1:] = lasting(rng, count, 2, *slip, step_s)
+        velocity_p[:, 1] -= SWAY_GAIN_M * np.gradient(yaw, step_s)
     velocity_t = attitude.apply(velocity_p)
     # Readings are means over the step that they end.
     turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / step_s
@@ -130,20 +143,24 @@ def dive(
         force += lasting(rng, count, 3, *vibration, step_s)
     geometry = BeamGeometry.janus(TILT_RAD)
     pings = np.arange(int(rate_hz / ping_hz), count, int(rate_hz / ping_hz))
-    beams = velocity_p[pings] @ geometry.directions_p.T * (1.0 + rng.normal(0.0, noise["scale"]))
+    mounting = Rotation.from_euler("ZYX", mounting_deg[::-1], degrees=True)
+    beams = (
+        velocity_p[pings] @ mounting.apply(geometry.directions_p).T * (1.0 + rng.normal(0.0, noise["scale"]))
+    )
     beams += rng.normal(0.0, noise["beam_bias"], 4) + rng.normal(0.0, noise["beam_noise"], beams.shape)
     sensed = np.arange(int(rate_hz / attitude_hz), count, int(rate_hz / attitude_hz))
     scatter = np.array([noise["tilt"], noise["tilt"], noise["yaw"]])
     time_ns = np.round(t * 1e9).astype(np.int64)
+    dvl_late_ns, attitude_late_ns = (round(late * 1e9) for late in late_s)
     log = {
         "imu_time_ns": time_ns,
         "force_p_mps2": force,
         "omega_p_radps": rate,
-        "dvl_time_ns": time_ns[pings],
+        "dvl_time_ns": time_ns[pings] - dvl_late_ns,
         "beam_velocity_mps": beams,
         "beam_valid": np.ones(beams.shape, dtype=bool),
         "beam_sd_mps": np.full(beams.shape, noise["beam_noise"]),
-        "attitude_time_ns": time_ns[sensed],
+        "attitude_time_ns": time_ns[sensed] - attitude_late_ns,
         "attitude_rpy_rad": rpy[sensed] + rng.normal(0.0, 1.0, (len(sensed), 3)) * scatter,
     }
     initial = model(noise).initial

@@ -56,9 +56,29 @@ def test_a_key_with_dots_is_found() -> None:
     assert text == TEXT.replace("other.gyro_bias = 2.0", "other.gyro_bias = 3.0  # r")
 
 
-@pytest.mark.parametrize("text", ["[imu]\nerrors = { noise = 0.5 }\n", '[imu.errors]\n"noise" = 0.5\n'])
+def test_braces_on_one_line_are_edited() -> None:
+    """A key of an inline table is replaced there, or added to it; the comment follows the remark."""
+    text = '[imu]\nclock = { column = "t", offset_s = 0.5 }  # host\n'
+    again = edited(text, {"imu.clock.offset_s": 0.25}, {"imu.clock.offset_s": "tuned: r"}, place="case")
+    assert again == '[imu]\nclock = { column = "t", offset_s = 0.25 }  # tuned: r | host\n'
+    text = '[imu]\nclock = { column = "t" }\n'
+    again = edited(text, {"imu.clock.offset_s": 0.25}, {"imu.clock.offset_s": "r"}, place="case")
+    assert again == '[imu]\nclock = { column = "t", offset_s = 0.25 }  # r\n'
+
+
+@pytest.mark.parametrize("quote", ['"', "'"])
+def test_texts_are_replaced(quote: str) -> None:
+    """A file's name in either quotes."""
+    text = f"[dvl]\ngeometry = {quote}dvl.toml{quote}  # of the yard\n"
+    again = edited(text, {"dvl.geometry": "own.toml"}, {"dvl.geometry": "tuned: it"}, place="case")
+    assert again == '[dvl]\ngeometry = "own.toml"  # tuned: it | of the yard\n'
+
+
+@pytest.mark.parametrize(
+    "text", ["[imu]\nerrors = { noise = 0.5, of = { a = 1 } }\n", '[imu.errors]\n"noise" = 0.5\n']
+)
 def test_what_cannot_be_edited_is_an_error(text: str) -> None:
-    """Braces and quoted keys are named with the values to write by hand; nothing is lost silently."""
+    """Braces in braces and quoted keys are named with the values to write by hand; nothing is lost silently."""
     with pytest.raises(
         ScenarioError, match=r"case: the new values could not be written .*imu.errors.noise = 0.75"
     ):

@@ -8,7 +8,7 @@ import pytest
 
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.tune.parameters import parameters_of, value_of, with_values
+from bottomlock.replay.tune.parameters import noise_of, value_of, with_values
 from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, dive, write_case
 
 WALK = "imu.errors.accel_bias_walk_mps2_per_rt_s"
@@ -26,13 +26,13 @@ def keys(path: Path, aids: str = "attitude") -> list[str]:
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace('aids = "attitude"\n', SLOW.format(aids=aids)), encoding="utf-8")
     case = load_case(path)
-    return [one.key for one in parameters_of(case, read_streams(case))]
+    return [one.key for one in noise_of(case, read_streams(case))]
 
 
 def test_scatter_of_a_reference_needs_its_slow_errors(case_path: Path) -> None:
     """Without a walk or an offset as states the white noise of an attitude is not tuned."""
     case = load_case(case_path)
-    assert not any("attitude" in one.key for one in parameters_of(case, read_streams(case)))
+    assert not any("attitude" in one.key for one in noise_of(case, read_streams(case)))
     assert [key for key in keys(case_path) if "attitude" in key] == [
         "attitude.yaw_sd_deg", "attitude.yaw_walk_sd_deg"
     ]  # fmt: skip
@@ -47,7 +47,7 @@ def test_a_reference_counts_where_it_aids(case_path: Path, aids: str, count: int
 def test_what_is_zero_begins_at_an_allan_corner_or_stays(case_path: Path) -> None:
     """A bias walk that is left out begins where it overtakes the noise at 100 s; that of a beam stays zero."""
     case = load_case(case_path)
-    found = {one.key: one for one in parameters_of(case, read_streams(case))}
+    found = {one.key: one for one in noise_of(case, read_streams(case))}
     noise = value_of(case, ACCEL_KEY)
     assert noise is not None
     # K √100 = N / √100 in m/s², N from √h to √s.

@@ -199,9 +199,10 @@ impl OwnedLog {
 ///       mounting about forward, right and down (rad) and the time to add to its stamps (s), with `covariances` also
 ///       calibration_covariance (M, T, 4, 4); they are constants, so the last sample has what a smoother would give;
 ///     - with `covariances`: `covariance` (M, T, 20, 20), with `smooth` also `smoothed_covariance`;
-///     - with `innovations`, or of the withheld rows alone: a list of a dict for each method, which has for each sensor the
-///       innovations before any gate: time_ns and withheld (n,), rows (n,), residual (n, k) and covariance (n, k, k), NaN beyond
-///       the rows.
+///     - with `innovations`, or of the withheld rows alone: a list of a dict for each method, which has for each sensor, and for the
+///       sway and heave that sway_current assumes, the innovations before any gate: time_ns and withheld (n,), rows (n,),
+///       residual (n, k) and covariance (n, k, k), NaN beyond the rows. Those of measurements that are used are of the filter
+///       without assumptions, those of withheld ones of the method's estimate.
 ///
 /// Raises:
 ///     KernelError: in one line that names the field, or stream, row and time, also for results that do not fit into memory. A

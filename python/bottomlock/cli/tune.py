@@ -13,9 +13,10 @@ from bottomlock.cli.parameters import Threads, check_threads
 from bottomlock.errors import EXIT_INTERRUPTED, ScenarioError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.judge import SUM_S, Judged, Term
-from bottomlock.replay.tune.passes import LEFT_OUT
-from bottomlock.replay.tune.result import record_of, require_free, unfinished, write_tuned, write_unfinished
-from bottomlock.replay.tune.run import Progress, Tuned, TunedParameter, tune_case
+from bottomlock.replay.tune.parameters import SWAY_KEYS
+from bottomlock.replay.tune.passes import LEFT_OUT, MEASURED, METHODS
+from bottomlock.replay.tune.result import journal_of, record_of, require_free, write_tuned
+from bottomlock.replay.tune.run import CONSTANTS, SWAY, Part, Progress, Tuned, TunedParameter, tune_case
 
 
 def tune(
@@ -28,6 +29,13 @@ def tune(
     fraction: Annotated[
         float, Parameter(help="Part of the recording, from its start, to estimate on; the rest judges.")
     ] = 0.5,
+    methods: Annotated[
+        str,
+        Parameter(
+            alias="-m",
+            help=f"Methods whose predictions are scored, separated by commas, of {', '.join(MEASURED)}.",
+        ),
+    ] = ",".join(METHODS),
     threads: Threads = 0,
     force: Annotated[
         bool, Parameter(negative="", help="Replace a tuned case that is there already.")
@@ -48,27 +56,31 @@ def tune(
     target = case.with_name(f"{case.stem}_tuned.toml") if out is None else out
     require_free(case, target, force=force)
     loaded = load_case(case)
-    resume = unfinished(target, loaded)
-    if resume:
+    names = tuple(name.strip() for name in methods.split(",") if name.strip())
+    journal = journal_of(target, loaded, fraction, names)
+    if journal.passes:
         console.print(f"going on from {record_of(target)}", highlight=False, soft_wrap=True)
-    columns = (bars.TextColumn("tuning"), bars.TextColumn("{task.description}"), bars.TimeElapsedColumn())
-    last = Progress(0, 0, {})
+    columns = (bars.TextColumn("tuning"), bars.BarColumn(bar_width=20), bars.TextColumn("{task.description}"))
+    before = journal.passes
     try:
         with late_bar(bars.Progress(*columns, console=errors)) as bar:
             task = bar.add_task("", total=None)
 
             def report(now: Progress) -> None:
-                nonlocal last
                 bar.start()
-                if now.iteration != last.iteration:
-                    write_unfinished(target, loaded, now.values)
-                last = now
-                rate = now.passes / max(bar.tasks[0].elapsed or 0.0, 1e-3)
+                rate = (now.passes - before) / max(bar.tasks[0].elapsed or 0.0, 1e-3)
+                left_s = max(now.expected - now.passes, 0) / max(rate, 1e-3)
                 bar.update(
-                    task, description=f"iteration {now.iteration}, {now.passes} passes, {rate:.0f} a second"
+                    task,
+                    total=max(now.expected, now.passes),
+                    completed=now.passes,
+                    description=f"{now.stage}, iteration {now.iteration}: {now.passes} passes, {rate:.1f} a second, "
+                    f"about {left_s:.0f} s left",
                 )
 
-            tuned = tune_case(loaded, fraction=fraction, threads=threads, progress=report, resume=resume)
+            tuned = tune_case(
+                loaded, fraction=fraction, methods=names, threads=threads, progress=report, journal=journal
+            )
     except KeyboardInterrupt:
         errors.print(f"interrupted; the same command goes on from {record_of(target)}")
         sys.exit(EXIT_INTERRUPTED)
@@ -96,29 +108,32 @@ def print_tuned(tuned: Tuned) -> None:
         ["measurement"],
         ["after", "number", "error/σ old", "new", "log-lik. old", "new"],
     )
-    for old, new in _pairs(tuned):
-        term = new or old
-        assert term is not None
-        after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
-        if term.sensor == LEFT_OUT:
-            after = f"up to {after}"
-        table.add_row(term.sensor, after, str(term.count), *(_of(one, "error_over_sd") for one in (old, new)),
-                      *(_of(one, "score") for one in (old, new)))  # fmt: skip
+    for part in tuned.parts:
+        if part.name == CONSTANTS:
+            continue
+        for old, new in _pairs(part):
+            term = new or old
+            assert term is not None
+            after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
+            if term.sensor == LEFT_OUT:
+                after = f"up to {after}"
+            table.add_row(term.sensor, after, str(term.count), *(_of(one, "error_over_sd") for one in (old, new)),
+                          *(_of(one, "score") for one in (old, new)))  # fmt: skip
     console.print(table)
     for words in sentences(tuned):
         console.print(words, highlight=False, soft_wrap=True)
 
 
 def _row(one: TunedParameter) -> tuple[str | Text, ...]:
-    old = f"{one.old:.3g}" if one.old > 0.0 else "–"
+    old = f"{one.old:.3g}" if one.old != 0.0 or not one.is_noise else "–"
     if not one.is_determined:
         return one.words, old, Text("not determined", style="dim"), "–", "–"
     return one.words, old, f"{one.value:.3g}", f"{one.sd:.2g}", f"{one.gain:.3g}"
 
 
-def _pairs(tuned: Tuned) -> list[tuple[Term | None, Term | None]]:
+def _pairs(part: Part) -> list[tuple[Term | None, Term | None]]:
     by_term = [
-        {(term.sensor, term.horizon_s): term for term in _terms(judged)} for judged in (tuned.old, tuned.new)
+        {(term.sensor, term.horizon_s): term for term in _terms(judged)} for judged in (part.old, part.new)
     ]
     keys = sorted({*by_term[0], *by_term[1]})
     return [(by_term[0].get(key), by_term[1].get(key)) for key in keys]
@@ -136,9 +151,9 @@ def _of(term: Term | None, name: str) -> str:
 
 
 def sentences(tuned: Tuned) -> list[str]:
-    """The verdict, a sentence a line."""
+    """The verdicts, a sentence a line."""
     lines = []
-    for name, judged in (("old", tuned.old), ("new", tuned.new)):
+    for name, judged in (("old", tuned.whole.old), ("new", tuned.whole.new)):
         if judged is None:
             lines.append(f"{name} values: the filter ends in an error")
             continue
@@ -151,13 +166,19 @@ def sentences(tuned: Tuned) -> list[str]:
     lines.append(f"{outliers} of {beams} beam readings left out as outliers, of old and new alike")
     if not tuned.has_settled:
         lines.append("the search did not come to an end: tune the tuned case again")
-    gain = f"log-likelihood gain on the rest {tuned.gain:.1f} ± {tuned.gain_sd:.1f}"
-    if not any(one.is_determined for one in tuned.parameters):
-        lines.append("the recording determines none of the settings: the old values are kept")
-    elif tuned.is_better:
-        lines.append(f"{gain}: the new values are better and were written")
-    else:
-        lines.append(
-            f"{gain}: the new values are not better there by more than chance; the old ones are kept"
-        )
+    lines += [f"{part.name}: {_verdict(part, tuned)}" for part in tuned.parts[1:]]
+    if any(one.key in SWAY_KEYS for one in tuned.parameters) and tuned.parts[-1].name != SWAY:
+        lines.append("sway: too few whole pings to judge two beams by; its prior is kept")
+    lines.append(_verdict(tuned.whole, tuned))
     return lines
+
+
+def _verdict(part: Part, tuned: Tuned) -> str:
+    gain = f"log-likelihood gain on the rest {part.gain:.1f} ± {part.gain_sd:.1f}"
+    if not part.keys:
+        return "the recording determines none of the settings: the old values are kept"
+    if set(part.keys) <= set(tuned.values):
+        return f"{gain}: the new values are better and were written"
+    if part.is_better:
+        return f"{gain}: better, but with the rest of the new values not: the old ones are kept"
+    return f"{gain}: the new values are not better there by more than chance; the old ones are kept"

@@ -12,20 +12,21 @@ MARK = " | "
 """Between a remark and the user's own comment."""
 _TABLE = re.compile(r"^\s*\[\s*([A-Za-z0-9_.\-]+)\s*\]\s*(#.*)?$")
 _ARRAY = re.compile(r"^\s*\[\[")
-_KEY = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)([^#\"'\[{]*?)(\s*)(#.*)?$")
+_KEY = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)(\"[^\"\\]*\"|'[^']*'|[^#\"'\[{]*?)(\s*)(#.*)?$")
+_BRACES = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)\{([^{}#]*)\}(\s*)(#.*)?$")
 
 
-def edited(text: str, values: Mapping[str, float], remarks: Mapping[str, str], *, place: str) -> str:
-    """A TOML text with other numbers, each with a remark; a key that is not there is added to its table.
+def edited(text: str, values: Mapping[str, float | str], remarks: Mapping[str, str], *, place: str) -> str:
+    """A TOML text with other values, each with a remark; a key that is not there is added to its table.
 
     Args:
         text: the text.
-        values: numbers by their keys, with dots.
+        values: numbers and texts by their keys, with dots.
         remarks: a comment for each key; the one that is there already follows it, but for an earlier remark.
         place: names the text in errors.
 
     Raises:
-        ScenarioError: for a key that is written in another way than `key = number` in its table.
+        ScenarioError: for a key in another form than `key = value`, in its table or in braces on one line.
     """
     lines = text.splitlines()
     for key, value in values.items():
@@ -48,12 +49,30 @@ def _with_key(lines: list[str], key: str, value: str, remark: str) -> list[str]:
             own = _own_comment(match[6], remark)
             new = f"{match[1]}{match[2]}{match[3]}{value}  # {remark}{own}"
             return [*lines[:row], new, *lines[row + 1 :]]
+        elif (match := _BRACES.match(line)) and f"{current}.{match[2]}".lstrip(".") == table:
+            own = _own_comment(match[6], remark)
+            inside = _in_braces(match[4], name, value)
+            new = f"{match[1]}{match[2]}{match[3]}{{ {inside} }}  # {remark}{own}"
+            return [*lines[:row], new, *lines[row + 1 :]]
         if current == table and line.strip() and not line.lstrip().startswith("#"):
             end = row + 1
     new = f"{name} = {value}  # {remark}"
     if end is None:
         return [*lines, "", f"[{table}]", new]
     return [*lines[:end], new, *lines[end:]]
+
+
+def _in_braces(inside: str, name: str, value: str) -> str:
+    """What an inline table has in its braces, with a key's value."""
+    parts = [part.strip() for part in inside.split(",") if part.strip()]
+    new = f"{name} = {value}"
+    is_it = [part.partition("=")[0].strip() == name for part in parts]
+    return ", ".join(
+        [
+            *(new if its else part for its, part in zip(is_it, parts, strict=True)),
+            *([] if any(is_it) else [new]),
+        ]
+    )
 
 
 def _own_comment(comment: str | None, remark: str) -> str:
@@ -64,7 +83,7 @@ def _own_comment(comment: str | None, remark: str) -> str:
     return f"{MARK}{own}" if own else ""
 
 
-def _check(text: str, result: str, values: Mapping[str, float], place: str) -> None:
+def _check(text: str, result: str, values: Mapping[str, float | str], place: str) -> None:
     """Checks that the edited text has the new values, and nothing else changed."""
     wanted = parse_toml(text, place=place)
     for key, value in values.items():
@@ -73,14 +92,14 @@ def _check(text: str, result: str, values: Mapping[str, float], place: str) -> N
         for table in tables:
             at = at.setdefault(table, {})
         # As the text has it, to as many digits.
-        at[name] = float(toml_value(value))
+        at[name] = value if isinstance(value, str) else float(toml_value(value))
     try:
         found = parse_toml(result, place=place)
     except ScenarioError:
         found = {}
     if found != wanted:
-        keys = ", ".join(f"{key} = {value:.3g}" for key, value in values.items())
+        keys = ", ".join(f"{key} = {toml_value(value)}" for key, value in values.items())
         raise ScenarioError(
-            f"{place}: the new values could not be written into the text ({keys}); write each key on a line of its "
-            "own in its table, not in braces"
+            f"{place}: the new values could not be written into the text ({keys}); write each key without quotes on "
+            "a line of its own in its table"
         )

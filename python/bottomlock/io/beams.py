@@ -177,8 +177,16 @@ def read_geometry(source: str | Path) -> Instrument:
         >>> read_geometry("linkquest_caves").geometry.beams
         4
     """
-    settings = read_instrument_file(source)
     place = str(source) if Path(source).is_file() else f"geometry {source}"
+    return instrument_of(read_instrument_file(source), place=place)
+
+
+def instrument_of(settings: InstrumentFile, *, place: str) -> Instrument:
+    """The DVL of settings; `place` names them in errors.
+
+    Raises:
+        ScenarioError: for directions that are not unit vectors, and another number of noises than of beams.
+    """
     mounting = np.deg2rad(
         [settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg]
     )

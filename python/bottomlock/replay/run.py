@@ -223,7 +223,7 @@ def manifest_of(
         "description": case.description,
         "configuration": case.model_dump(mode="json"),
         "options": kernel_options(case, streams.instrument, streams.vehicle_motion).as_dict(),
-        "files": {name: {"name": path.name, "sha256": _sha256(path)} for name, path in case.files().items()},
+        "files": file_digests(case),
         "threads": threads,
         "wall_time_s": round(wall_s, 3),
         "runs": run_count(case),
@@ -241,6 +241,15 @@ def manifest_of(
         "imu_faults": imu_faults,
         "beams": streams.instrument.geometry.beams,
     }
+
+
+def file_digests(case: Case) -> dict[str, dict[str, str]]:
+    """Name and SHA-256 of every file that a case reads, by its section.
+
+    Raises:
+        DataError: for a file that cannot be read.
+    """
+    return {name: {"name": path.name, "sha256": _sha256(path)} for name, path in case.files().items()}
 
 
 def _clock(report: ClockReport) -> dict[str, Any]:

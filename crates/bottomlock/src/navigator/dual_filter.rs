@@ -56,6 +56,13 @@ impl DualFilter {
         self.constrained.as_deref().unwrap_or(&self.measurements_only)
     }
 
+    /// Leaves that filter alone, to predict with.
+    pub(crate) fn keep_best(&mut self) {
+        if let Some(filter) = self.constrained.take() {
+            self.measurements_only = *filter;
+        }
+    }
+
     /// All filters.
     pub(crate) fn each(&self) -> impl Iterator<Item = &Eskf> {
         std::iter::once(&self.measurements_only).chain(self.constrained.as_deref())

@@ -199,6 +199,12 @@ impl NavigatorSet {
         self.navigators_mut().iter_mut().flat_map(Navigator::filters_mut)
     }
 
+    /// Leaves each navigator the filter alone whose estimate it reports, so that its innovations are those of that filter.
+    pub(crate) fn keep_best(&mut self) {
+        let navigators = self.navigators_mut().iter_mut();
+        navigators.for_each(|navigator| navigator.filters().keep_best());
+    }
+
     /// Records that every filter was propagated to `last` without [`NavigatorSet::push`].
     pub(crate) fn has_taken(&mut self, last: &ImuSample) {
         self.navigators_mut()

@@ -1,7 +1,8 @@
 //! Innovations of every measurement of a log, and measurements that are withheld: predicted, compared and not used.
 //!
-//! A withheld measurement goes to a copy of the filters. The copy has the bits that the filters would have had with it, so
-//! its innovation is that of the first measurement after an outage of the sensor, at any time within one outage.
+//! A withheld measurement goes to a copy of the filter whose estimate is reported. The copy has the bits that the filter would
+//! have had with it, so its innovation is that of the first measurement after an outage of the sensor, at any time within one
+//! outage. A method with assumptions predicts with them; what it uses is reported of its filter without them, whose gate decides.
 
 use super::log::Log;
 use super::{Replay, STREAM_NAMES, STREAMS};
@@ -28,10 +29,13 @@ pub struct InnovationRecord {
 }
 
 impl InnovationRecord {
-    /// That of a report; `None` for an assumption, which nothing measured, and without a row.
+    /// That of a report; `None` without a row, and for an assumption but those on the motion through the water.
     pub(super) fn of(report: &UpdateReport, is_withheld: bool) -> Option<Self> {
         let rows = report.rows;
-        report.sensor.quantity().filter(|_| rows > 0)?;
+        let is_assumed = report.sensor.quantity().is_none() && !matches!(report.sensor, Sensor::Heave | Sensor::Sway);
+        if is_assumed || rows == 0 {
+            return None;
+        }
         let covariance = (0..rows).flat_map(|i| (0..rows).map(move |j| report.covariance[(i, j)]));
         Some(Self {
             sensor: report.sensor,
@@ -56,6 +60,7 @@ impl Withheld {
         records: &mut Vec<InnovationRecord>,
     ) -> Result<(), NavError> {
         let (mut copy, before) = (navigators.clone(), records.len());
+        copy.keep_best();
         copy.push(event, &mut |report| records.extend(record_of(report, event)))?;
         // Where the copy has the measurement still to take, it takes it with the next inertial reading.
         if records.len() == before {

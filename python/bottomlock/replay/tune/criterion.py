@@ -9,20 +9,19 @@ import numpy as np
 from bottomlock.kernel import BeamGeometry, KernelError
 from bottomlock.models import InitialState
 from bottomlock.replay.streams import Floats
-from bottomlock.replay.tune.likelihood import Scores, derivatives, scores
-from bottomlock.replay.tune.passes import Group, Inputs, Pass, fly
+from bottomlock.replay.tune.likelihood import Part, Scores, central_derivatives, derivatives, part_of, scores
+from bottomlock.replay.tune.parameters import STEP
+from bottomlock.replay.tune.passes import METHODS, Group, Inputs, Pass, fly
 
-STEP = 0.02
-"""Step of the derivatives, in the natural logarithm of a parameter."""
 WORST = 1e300
 """Value of a candidate whose filter ends in an error."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """Logarithms of the parameters, innovations, their scores, and the criterion; empty where the filter failed."""
+    """Coordinates of the parameters, innovations, their scores, and the criterion; empty where the filter failed."""
 
-    logs: Floats
+    at: Floats
     groups: Sequence[Group]
     scores: Scores | None
     value: float
@@ -30,10 +29,13 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Gradients (n, P) of the weighted scores, expected Fisher matrices (n, P, P) without weights, and both of all."""
+    """Gradients (n, P) of the weighted scores, expected squares (n, P, P) without weights, and of all both.
+
+    `gradient` (P,) and `information` (P, P) are of the whole criterion.
+    """
 
     gradients: Floats
-    fisher_matrices: Floats
+    squares: Floats
     gradient: Floats
     information: Floats
 
@@ -45,11 +47,15 @@ class Criterion:
     Attributes:
         geometry, start: of the recording.
         passes: over it.
-        inputs: what a candidate changes, of the logarithms of its parameters.
-        prior, prior_sd: (P,) mean and 1 sigma of the logarithms.
+        inputs: what a candidate changes, of the coordinates of its parameters.
+        prior, prior_sd: (P,) mean and 1 sigma of the coordinates.
         executor: threads for the passes; the results do not depend on their number.
         done: called after each pass.
         from_ns: time before which nothing is scored.
+        methods: whose predictions are scored, each alike.
+        steps: (P,) of the derivatives, `STEP` by default.
+        are_alike: whether every sensor and horizon counts alike, and not every innovation.
+        is_central: whether the derivatives are by differences to both sides.
     """
 
     geometry: BeamGeometry
@@ -61,59 +67,80 @@ class Criterion:
     executor: Executor
     done: Callable[[], None] = lambda: None
     from_ns: int = 0
+    methods: tuple[str, ...] = METHODS
+    steps: Floats | None = None
+    are_alike: bool = True
+    is_central: bool = False
     weights: Floats = field(default_factory=lambda: np.zeros(0))
 
-    def candidates(self, logs: Sequence[Floats]) -> list[Candidate]:
-        """Candidates at several places, flown side by side."""
-        inputs = [self._inputs(one) for one in logs]
-        jobs = [(given, one) for given in inputs for one in self.passes]
-        groups = list(self.executor.map(self._fly, jobs))
+    def candidates(self, places: Sequence[Floats], *, is_counted: bool = True) -> list[Candidate]:
+        """Candidates at several places, flown side by side; uncounted, `done` is not called."""
+        inputs = [self._inputs(one) for one in places]
+        jobs = [(given, one, is_counted) for given in inputs for one in self.passes]
+        flown = list(self.executor.map(self._fly, jobs))
         count = len(self.passes)
-        return [self._candidate(one, groups[k * count : (k + 1) * count]) for k, one in enumerate(logs)]
+        return [self._candidate(one, flown[k * count : (k + 1) * count]) for k, one in enumerate(places)]
 
-    def _inputs(self, logs: Floats) -> Inputs | None:
+    def _inputs(self, at: Floats) -> Inputs | None:
         try:
-            return self.inputs(logs)
+            return self.inputs(at)
         except KernelError:
             return None
 
-    def _fly(self, job: tuple[Inputs | None, Pass]) -> list[Group] | None:
-        inputs, one = job
+    def _fly(self, job: tuple[Inputs | None, Pass, bool]) -> list[tuple[Group, Part]] | None:
+        inputs, one, is_counted = job
+        if inputs is None:
+            return None
         try:
-            return (
-                None if inputs is None else fly(one, self.geometry, inputs, self.start, from_ns=self.from_ns)
-            )
+            groups = fly(one, self.geometry, inputs, self.start, from_ns=self.from_ns, methods=self.methods)
         except KernelError:
             return None
         finally:
-            self.done()
+            if is_counted:
+                self.done()
+        return [(group, part_of(group)) for group in groups]
 
-    def _candidate(self, logs: Floats, parts: Sequence[list[Group] | None]) -> Candidate:
-        if any(part is None for part in parts):
-            return Candidate(logs, (), None, WORST)
-        groups = [group for part in parts if part is not None for group in part]
-        scored = scores(groups)
+    def _candidate(self, at: Floats, flown: Sequence[list[tuple[Group, Part]] | None]) -> Candidate:
+        if any(one is None for one in flown):
+            return Candidate(at, (), None, WORST)
+        groups, parts = zip(*(pair for one in flown if one is not None for pair in one), strict=True)
+        scored = scores(groups, parts)
         if not self.weights.size:
-            self.weights = weights_of(scored)
+            self.weights = weights_of(scored) if self.are_alike else np.ones(len(scored.value))
         value = float(self.weights @ scored.value) if np.isfinite(scored.value).all() else WORST
-        apart = (logs - self.prior) / self.prior_sd
-        return Candidate(logs, groups, scored, value + 0.5 * float(apart @ apart))
+        apart = (at - self.prior) / self.prior_sd
+        return Candidate(at, groups, scored, value + 0.5 * float(apart @ apart))
 
     def slopes(self, at: Candidate) -> Slopes:
-        """The derivatives of the criterion at a candidate, by forward differences of the innovations."""
+        """The derivatives of the criterion at a candidate, by differences of the innovations."""
         assert at.scores is not None
-        count = len(at.logs)
-        stepped = self.candidates([at.logs + STEP * unit for unit in np.eye(count)])
-        each = derivatives(at.groups, [one.groups for one in stepped], np.full(count, STEP))
+        steps = np.full(len(at.at), STEP) if self.steps is None else self.steps
+        ahead = self.candidates([at.at + step for step in np.diag(steps)])
+        groups = [one.groups for one in ahead]
+        if self.is_central:
+            behind = self.candidates([at.at - step for step in np.diag(steps)])
+            gradients = [
+                (one.scores.value - other.scores.value) / (2.0 * step)
+                for one, other, step in zip(ahead, behind, steps, strict=True)
+                if one.scores is not None and other.scores is not None
+            ]
+            each = central_derivatives(
+                at.groups, groups, [one.groups for one in behind], steps, np.stack(gradients, axis=1)
+            )
+        else:
+            each = derivatives(at.groups, groups, steps, self.executor)
         gradient = self.weights[:, None] * each.gradient
         precision = self.prior_sd**-2
-        information = np.einsum("n,npq->pq", self.weights, each.information) + np.diag(precision)
+        information = definite(np.einsum("n,npq->pq", self.weights, each.information)) + np.diag(precision)
         return Slopes(
-            gradient,
-            each.information,
-            gradient.sum(axis=0) + precision * (at.logs - self.prior),
-            information,
+            gradient, each.square, gradient.sum(axis=0) + precision * (at.at - self.prior), information
         )
+
+
+def definite(matrix: Floats) -> Floats:
+    """The nearest positive semi-definite matrix: an estimate of no information may be below zero."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def weights_of(scored: Scores) -> Floats:

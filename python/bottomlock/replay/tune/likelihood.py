@@ -1,6 +1,7 @@
 """Log-likelihood of innovations, its gradient and Fisher information; outliers count as in Huber's loss."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,17 +42,21 @@ class Scores:
         }
 
 
-def scores(groups: Sequence[Group]) -> Scores:
-    """The scores of all innovations of a candidate."""
+Part = tuple[Floats, Floats, NDArray[np.intp], Times, NDArray[np.intp]]
+"""The columns of `Scores` of a group: value, NIS, rows, times, horizons."""
+
+
+def scores(groups: Sequence[Group], parts: Sequence[Part]) -> Scores:
+    """The scores of all innovations of a candidate, of those of each group."""
     sensors = tuple(sorted({group.sensor for group in groups}))
-    parts = [_scores(group) for group in groups]
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     sensor = np.concatenate([np.full(len(group.time_ns), sensors.index(group.sensor)) for group in groups])
     value, nis, rows, time_ns, horizon = columns
     return Scores(value, nis, rows, time_ns, horizon, sensors, sensor)
 
 
-def _scores(group: Group) -> tuple[Floats, Floats, NDArray[np.intp], Times, NDArray[np.intp]]:
+def part_of(group: Group) -> Part:
+    """The scores of a group."""
     rows = group.residual.shape[1]
     factor = np.linalg.cholesky(group.covariance)
     white = _solved(np.asarray(factor), group.residual)
@@ -78,30 +83,77 @@ def loss(nis: Floats, rows: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """Gradient (n, P) of each innovation's score, and its expected information (n, P, P)."""
+    """Gradient (n, P) of each innovation's score, its expected square (n, P, P), and the information (n, P, P).
+
+    The last two differ where a step has noise of its own.
+    """
 
     gradient: Floats
+    square: Floats
     information: Floats
 
 
-def derivatives(groups: Sequence[Group], stepped: Sequence[Sequence[Group]], step: Floats) -> Derivatives:
+def derivatives(
+    groups: Sequence[Group],
+    stepped: Sequence[Sequence[Group]],
+    step: Floats,
+    executor: Executor,
+) -> Derivatives:
     """Derivatives of the scores by parameters, from the innovations of candidates a step away in one parameter each."""
-    gradients, fisher_matrices = [], []
-    for k, group in enumerate(groups):
-        inverse = np.linalg.inv(group.covariance)
+
+    def of_group(k: int) -> tuple[Floats, Floats]:
+        group = groups[k]
+        inverse = np.asarray(np.linalg.inv(group.covariance))
         rows = group.residual.shape[1]
         scaled = np.einsum("nij,nj->ni", inverse, group.residual)
         nis = np.einsum("ni,ni->n", scaled, group.residual)
         weight = np.sqrt(np.minimum(1.0, chi2.isf(TAIL, rows) / np.maximum(nis, 1e-300)))
-        dz = np.stack([(one[k].residual - group.residual) / h for one, h in zip(stepped, step, strict=True)])
-        ds = np.stack(
-            [(one[k].covariance - group.covariance) / h for one, h in zip(stepped, step, strict=True)]
-        )
+        dz, ds = _slopes(group, [one[k] for one in stepped], step)
         relative = np.einsum("nij,pnjk->pnik", inverse, ds)
         fit = np.einsum("ni,pni->np", scaled, dz) - 0.5 * np.einsum("ni,pnij,nj->np", scaled, ds, scaled)
-        gradients.append(weight[:, None] * fit + 0.5 * np.einsum("pnii->np", relative))
-        fisher_matrices.append(
-            np.einsum("pni,nij,qnj->npq", dz, inverse, dz)
-            + 0.5 * np.einsum("pnij,qnji->npq", relative, relative)
-        )
-    return Derivatives(np.concatenate(gradients), np.concatenate(fisher_matrices))
+        gradient = weight[:, None] * fit + 0.5 * np.einsum("pnii->np", relative)
+        return gradient, _information(dz, dz, inverse, relative)
+
+    gradients, fisher_matrices = zip(*executor.map(of_group, range(len(groups))), strict=True)
+    fisher = np.concatenate(fisher_matrices)
+    return Derivatives(np.concatenate(gradients), fisher, fisher)
+
+
+def central_derivatives(
+    groups: Sequence[Group],
+    ahead: Sequence[Sequence[Group]],
+    behind: Sequence[Sequence[Group]],
+    step: Floats,
+    gradient: Floats,
+) -> Derivatives:
+    """The same by parameters whose step has noise of its own, from candidates a step ahead and a step behind.
+
+    A clock moves a measurement along the noisy inertial readings. The square of a difference has that noise as if it
+    were information; the product of the differences ahead and behind, whose noises are independent, has not. The
+    gradient (n, P) is that of the scores as they are, for its noise correlates with the innovation's.
+    """
+    squares, information = [], []
+    for k, group in enumerate(groups):
+        inverse = np.asarray(np.linalg.inv(group.covariance))
+        dz, ds = _slopes(group, [one[k] for one in ahead], step)
+        dz_behind, ds_behind = _slopes(group, [one[k] for one in behind], -step)
+        relative = np.einsum("nij,pnjk->pnik", inverse, 0.5 * (ds + ds_behind))
+        squares.append(_information(0.5 * (dz + dz_behind), 0.5 * (dz + dz_behind), inverse, relative))
+        crossed = _information(dz, dz_behind, inverse, relative)
+        information.append(0.5 * (crossed + crossed.transpose(0, 2, 1)))
+    return Derivatives(gradient, np.concatenate(squares), np.concatenate(information))
+
+
+def _slopes(group: Group, stepped: Sequence[Group], step: Floats) -> tuple[Floats, Floats]:
+    """(P, n, k) and (P, n, k, k): by how much innovations and their covariances change."""
+    pairs = list(zip(stepped, step, strict=True))
+    return (
+        np.stack([(one.residual - group.residual) / h for one, h in pairs]),
+        np.stack([(one.covariance - group.covariance) / h for one, h in pairs]),
+    )
+
+
+def _information(dz: Floats, other: Floats, inverse: Floats, relative: Floats) -> Floats:
+    """(n, P, P) of two slopes (P, n, k) of the innovations and the relative one (P, n, k, k) of their covariances."""
+    mean = np.einsum("pni,nij,qnj->npq", dz, inverse, other, optimize=True)
+    return np.asarray(mean + 0.5 * np.einsum("pnij,qnji->npq", relative, relative, optimize=True))

@@ -1,7 +1,7 @@
 """The passes over a recording that a candidate is scored on: all measurements used, and outages of the beams."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,8 +21,21 @@ OUTAGES = 4
 """Fewest outages of a horizon in a pass; with fewer the horizon is left out."""
 
 
+METHODS = ("tc",)
+"""Methods whose predictions are scored where none are named."""
+MEASURED = ("tc", "vb_exact", "info", "sway_current")
+"""Methods that predict what was measured: no row of theirs has a velocity that they assume."""
 LEFT_OUT = "beam left out"
 """Name of the predictions of a beam that is lost while the others are used."""
+BEYOND_TWO = "beams beyond two"
+"""Name of the predictions of the beams that are lost while two are used."""
+SWAY_METHOD = "sway_current"
+ASSUMED = ("heave", "sway")
+"""Names of its assumptions: what of the velocity through the water is not the turn's is slip."""
+SWAY_HORIZONS_S = (1.0, 3.0, 10.0, 30.0)
+"""Times at which the lost beams are predicted, since the last whole ping: the slip has a memory of seconds."""
+SWAY_RECOVERY_S = 10.0
+SWAY_PHASES = 2
 LOST_S = 60.0
 """Time for which a beam is left out."""
 EACH_S = 10.0
@@ -38,12 +51,14 @@ class Pass:
         scored_ns, horizon: times (n,) of the withheld pings that are scored, and the horizon of each, from 1; None
             where every innovation is scored at horizon 0, the one step.
         name: of its predictions.
+        is_of_slip: whether the assumptions on sway and heave are scored, and not the measurements.
     """
 
     log: Mapping[str, Any]
     scored_ns: Times | None
     horizon: NDArray[np.intp] | None
     name: str = "beams"
+    is_of_slip: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +74,20 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What a candidate changes: model and options of the filter, and the factor on the noise of the beams."""
+    """What a candidate changes.
+
+    Attributes:
+        model, options: of the filter.
+        beam_sd_factor: on the noise of the beams.
+        geometry: of the beams; None for that of the recording.
+        later_ns: what is added to the times of a stream, by the prefix of its keys in the log.
+    """
 
     model: Model
     options: Options
     beam_sd_factor: float = 1.0
+    geometry: BeamGeometry | None = None
+    later_ns: Mapping[str, int] = field(default_factory=dict)
 
 
 def horizons_of(duration_s: float, horizons_s: Sequence[float] = HORIZONS_S) -> tuple[float, ...]:
@@ -141,8 +165,56 @@ def beams_left_out(log: Mapping[str, Any], readings: Readings = as_recorded) -> 
     known = np.flatnonzero((is_lost & valid).any(axis=1))
     span = (since_s[known] // cycle_s) * cycle_s + into_s[known] // EACH_S
     predicted = known[np.append(span[1:] != span[:-1], True)] if known.size else known
-    if not predicted.size:
-        return None
+    horizon = np.ones(len(predicted), dtype=np.intp)
+    return _predicting(log, is_lost, predicted, horizon, LEFT_OUT, readings) if predicted.size else None
+
+
+def passes_with_two_beams(log: Mapping[str, Any], readings: Readings = as_recorded) -> list[Pass]:
+    """The passes in which two neighbouring beams are left for half a minute, and the others are predicted.
+
+    Empty for a log without enough whole pings to judge two beams by.
+    """
+    valid = log["beam_valid"]
+    beams, is_whole = valid.shape[1], valid.all(axis=1)
+    if beams < 3:
+        return []
+    passes = []
+    cycle_s = SWAY_HORIZONS_S[-1] + SWAY_RECOVERY_S
+    for phase in range(SWAY_PHASES):
+        since_s = (log["dvl_time_ns"] - log["dvl_time_ns"][0]) * 1e-9 - phase * cycle_s / SWAY_PHASES
+        cycle = np.floor(since_s / cycle_s).astype(np.intp)
+        # What is used comes first, so that the first loss follows whole pings too.
+        into_s = np.where(since_s < 0.0, -1.0, since_s - cycle * cycle_s - SWAY_RECOVERY_S)
+        kept = np.stack([cycle, cycle + 1], axis=1) % beams
+        is_lost = np.ones(valid.shape, dtype=bool)
+        np.put_along_axis(is_lost, kept, values=False, axis=1)
+        is_lost &= (into_s >= 0.0)[:, None]
+        rows, horizon = [], []
+        for place, at_s in enumerate(SWAY_HORIZONS_S, start=1):
+            apart_s = np.abs(into_s - at_s)
+            near = np.flatnonzero((apart_s <= 0.5 * at_s) & is_whole & (into_s >= 0.0))
+            near = near[np.lexsort([apart_s[near], cycle[near]])]
+            _, first = np.unique(cycle[near], return_index=True)
+            rows.append(near[first])
+            horizon.append(np.full(len(first), place))
+        if min(len(one) for one in rows) < OUTAGES:
+            return []
+        order = np.argsort(np.concatenate(rows), kind="stable")
+        predicted, places = np.concatenate(rows)[order], np.concatenate(horizon)[order]
+        passes.append(_predicting(log, is_lost, predicted, places, BEYOND_TWO, readings))
+    return passes
+
+
+def _predicting(
+    log: Mapping[str, Any],
+    is_lost: Flags,
+    predicted: NDArray[np.intp],
+    horizon: NDArray[np.intp],
+    name: str,
+    readings: Readings,
+) -> Pass:
+    """The pass without lost beams (n, B), which are predicted at rows (m,), a nanosecond after the others were used."""
+    valid = log["beam_valid"]
     order = np.argsort(np.concatenate([np.arange(len(valid)), predicted + 0.5]), kind="stable")
     twice = np.concatenate([np.arange(len(valid)), predicted])[order]
     is_second = (np.arange(len(valid) + len(predicted)) >= len(valid))[order]
@@ -156,13 +228,21 @@ def beams_left_out(log: Mapping[str, Any], readings: Readings = as_recorded) -> 
         "dvl_withheld": is_second,
     }
     pings |= readings(valid & ~is_lost)
-    return Pass(dict(log) | pings, time_ns[is_second], np.ones(len(predicted), dtype=np.intp), LEFT_OUT)
+    return Pass(dict(log) | pings, time_ns[is_second], horizon, name)
 
 
 def fly(
-    one: Pass, geometry: BeamGeometry, inputs: Inputs, start: InitialState, *, from_ns: int = 0
+    one: Pass,
+    geometry: BeamGeometry,
+    inputs: Inputs,
+    start: InitialState,
+    *,
+    from_ns: int = 0,
+    methods: Sequence[str] = METHODS,
 ) -> list[Group]:
-    """The scored innovations of a candidate along a pass, from a time on.
+    """The scored innovations of a candidate along a pass, from a time on, by the methods in their order.
+
+    Times are those of the log, before a candidate's clocks.
 
     Raises:
         KernelError: where the filter ends in an error.
@@ -170,30 +250,44 @@ def fly(
     log: Any = dict(one.log)
     if inputs.beam_sd_factor != 1.0:
         log["beam_sd_mps"] = log["beam_sd_mps"] * inputs.beam_sd_factor
+    for prefix, later_ns in inputs.later_ns.items():
+        if f"{prefix}_time_ns" in log:
+            log[f"{prefix}_time_ns"] = log[f"{prefix}_time_ns"] + later_ns
     result = replay_log(
-        geometry, inputs.model, inputs.options, ["tc"], log, start,
+        inputs.geometry or geometry, inputs.model, inputs.options, list(methods), log, start,
         sample_time_ns=log["imu_time_ns"][-1:], innovations=one.scored_ns is None,
     )  # fmt: skip
     groups = []
-    for sensor, records in result["innovations"][0].items():
-        horizon = np.zeros(len(records["time_ns"]), dtype=np.intp)
-        chosen = records["time_ns"] >= from_ns
-        if one.scored_ns is not None:
-            if sensor != "beams":
+    for innovations in result["innovations"]:
+        for sensor, records in innovations.items():
+            if one.scored_ns is not None and sensor != "beams":
                 continue
-            assert one.horizon is not None
-            chosen &= records["withheld"]
-            place = np.searchsorted(one.scored_ns, records["time_ns"]).clip(max=len(one.scored_ns) - 1)
-            horizon = one.horizon[place]
-        for rows in np.unique(records["rows"][chosen]):
-            of = chosen & (records["rows"] == rows)
-            groups.append(
-                Group(
-                    sensor if one.scored_ns is None else one.name,
-                    records["residual"][of, :rows],
-                    records["covariance"][of, :rows, :rows],
-                    records["time_ns"][of],
-                    horizon[of],
-                )
+            if (sensor in ASSUMED) != one.is_of_slip:
+                continue
+            prefix = "dvl" if sensor == "beams" else sensor
+            groups += _groups(one, sensor, records, inputs.later_ns.get(prefix, 0), from_ns)
+    return groups
+
+
+def _groups(one: Pass, sensor: str, records: Mapping[str, Any], later_ns: int, from_ns: int) -> list[Group]:
+    """The scored innovations of a sensor, those with as many rows together."""
+    time_ns = records["time_ns"] - later_ns
+    horizon = np.zeros(len(time_ns), dtype=np.intp)
+    chosen = time_ns >= from_ns
+    if one.scored_ns is not None:
+        assert one.horizon is not None
+        chosen &= records["withheld"]
+        horizon = one.horizon[np.searchsorted(one.scored_ns, time_ns).clip(max=len(one.scored_ns) - 1)]
+    groups = []
+    for rows in np.unique(records["rows"][chosen]):
+        of = chosen & (records["rows"] == rows)
+        groups.append(
+            Group(
+                sensor if one.scored_ns is None else one.name,
+                records["residual"][of, :rows],
+                records["covariance"][of, :rows, :rows],
+                time_ns[of],
+                horizon[of],
             )
+        )
     return groups

@@ -1,6 +1,7 @@
 """A tuned case as a file: the user's text with the new values, each with its 1 sigma and gain, and a record in JSON."""
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,14 @@ from bottomlock.atomic_write import write_text
 from bottomlock.config.toml_edit import edited
 from bottomlock.config.toml_file import read_text
 from bottomlock.errors import OutputError
+from bottomlock.io.beams import geometry_text
 from bottomlock.records import read_record, write_record
 from bottomlock.replay.case import Case, parse_case
+from bottomlock.replay.run import file_digests
+from bottomlock.replay.tune.journal import Journal
+from bottomlock.replay.tune.parameters import DVL_FILE
 from bottomlock.replay.tune.run import Tuned, TunedParameter
+from bottomlock.tables.versions import library_versions
 
 KIND = "tune"
 
@@ -22,6 +28,11 @@ KIND = "tune"
 def record_of(out: Path) -> Path:
     """The record beside a tuned case."""
     return out.with_suffix(".json")
+
+
+def dvl_file_of(out: Path) -> Path:
+    """The DVL's file beside a tuned case, where its mounting or clock was tuned."""
+    return out.with_name(f"{out.stem}_dvl.toml")
 
 
 def require_free(path: Path, out: Path, *, force: bool) -> None:
@@ -39,73 +50,96 @@ def require_free(path: Path, out: Path, *, force: bool) -> None:
         raise OutputError(
             f"{out}: the case names its files relative to {path.parent}; write the tuned case into the same folder"
         )
-    if out.exists() and not force:
-        raise OutputError(f"{out}: is there already; choose another name, or use --force to replace it")
+    for one in (out, dvl_file_of(out)):
+        if one.exists() and not force:
+            raise OutputError(f"{one}: is there already; choose another name, or use --force to replace it")
 
 
 def rounded(one: TunedParameter) -> float:
     """The value to as many digits as its 1 sigma is worth: two of the 1 sigma, but three at least."""
     digits = 3
-    if one.sd > 0.0:
-        digits = max(3, 2 + int(np.floor(np.log10(one.value)) - np.floor(np.log10(one.sd))))
+    if one.sd > 0.0 and one.value != 0.0:
+        digits = max(3, 2 + int(np.floor(np.log10(abs(one.value))) - np.floor(np.log10(one.sd))))
     return float(f"{one.value:.{digits}g}")
 
 
 def remark(one: TunedParameter) -> str:
     """The comment beside a tuned value."""
-    old = f"{one.old:.3g}" if one.old > 0.0 else "none"
+    old = f"{one.old:.3g}" if one.old != 0.0 or not one.is_noise else "none"
     return f"tuned: ± {one.sd:.2g} (1 sigma), was {old}, log-likelihood gain {one.gain:.3g}"
 
 
-def tuned_text(path: Path, tuned: Tuned) -> str:
-    """The text of the case with its tuned values; as it is where the new ones are not better.
+def _edited(text: str, chosen: Sequence[TunedParameter], place: str) -> str:
+    keys = [one.key.removeprefix(DVL_FILE) for one in chosen]
+    values: dict[str, float | str] = dict(zip(keys, map(rounded, chosen), strict=True))
+    return edited(text, values, dict(zip(keys, map(remark, chosen), strict=True)), place=place)
+
+
+def tuned_texts(path: Path, tuned: Tuned, out: Path) -> tuple[str, str | None]:
+    """The text of the case with its tuned values, and that of the DVL's file where some of these are its.
 
     Raises:
         ScenarioError: for a key that is not on a line of its own.
     """
-    text = read_text(path)
+    text, dvl_text = read_text(path), None
     chosen = [one for one in tuned.parameters if one.key in tuned.values]
-    if not chosen:
-        return text
-    result = edited(
-        text,
-        {one.key: rounded(one) for one in chosen},
-        {one.key: remark(one) for one in chosen},
-        place=str(path),
-    )
-    parse_case(result, place=str(path), folder=path.parent)
-    return result
+    of_dvl = [one for one in chosen if one.key.startswith(DVL_FILE)]
+    if of_dvl:
+        geometry = tuned.case.dvl.geometry
+        dvl_text = _edited(geometry_text(geometry), of_dvl, geometry)
+        key, words = "dvl.geometry", f"tuned: {Path(geometry).name} with another mounting or clock"
+        text = edited(text, {key: dvl_file_of(out).name}, {key: words}, place=str(path))
+    text = _edited(text, [one for one in chosen if one not in of_dvl], str(path))
+    parse_case(text, place=str(path), folder=path.parent)
+    return text, dvl_text
 
 
 def write_tuned(path: Path, tuned: Tuned, out: Path, *, force: bool = False) -> None:
-    """Writes the tuned case, and beside it the record of how it was found.
+    """Writes the tuned case, with the DVL's file where it is another, and beside it the record of how it was found.
 
     Raises:
         OutputError: as `require_free`, or where a file cannot be written.
-        ScenarioError: as `tuned_text`.
+        ScenarioError: as `tuned_texts`.
     """
     require_free(path, out, force=force)
-    digest = write_text(out, tuned_text(path, tuned))
-    write_record(record_of(out), {"status": "complete"} | record(tuned), {out.name: digest})
+    text, dvl_text = tuned_texts(path, tuned, out)
+    digests = {out.name: write_text(out, text)}
+    if dvl_text is not None:
+        digests[dvl_file_of(out).name] = write_text(dvl_file_of(out), dvl_text)
+    write_record(record_of(out), {"status": "complete"} | record(tuned), digests)
+
+
+def identity(case: Case, fraction: float, methods: Sequence[str]) -> dict[str, Any]:
+    """What a search is of: versions, case, files by their SHA-256, and the command's settings."""
+    content: dict[str, Any] = {
+        "kind": KIND,
+        "version": kernel.kernel_version(),
+        "versions": library_versions(),
+        "case": case.name,
+        "configuration_hash": case.content_hash(),
+        "files": file_digests(case),
+        "dvl_file": hashlib.sha256(geometry_text(case.dvl.geometry).encode()).hexdigest(),
+        "fraction": fraction,
+        "methods": list(methods),
+    }
+    return content
 
 
 def record(tuned: Tuned) -> dict[str, Any]:
     """What was found, as JSON holds it."""
+    whole = tuned.whole
     content: dict[str, Any] = _finite(
-        {
-            "kind": KIND,
-            "version": kernel.kernel_version(),
-            "case": tuned.case.name,
-            "configuration_hash": tuned.case.content_hash(),
+        identity(tuned.case, tuned.fraction, tuned.methods)
+        | {
             "is_better": tuned.is_better,
-            "parameters": [asdict(one) for one in tuned.parameters],
+            "parameters": [asdict(one) | {"is_written": one.key in tuned.values} for one in tuned.parameters],
             "horizons_s": list(tuned.horizons_s),
-            "fraction": tuned.fraction,
             "outliers": list(tuned.outliers),
-            "old": None if tuned.old is None else asdict(tuned.old),
-            "new": None if tuned.new is None else asdict(tuned.new),
-            "gain": tuned.gain,
-            "gain_sd": tuned.gain_sd,
+            "old": None if whole.old is None else asdict(whole.old),
+            "new": None if whole.new is None else asdict(whole.new),
+            "gain": whole.gain,
+            "gain_sd": whole.gain_sd,
+            "parts": [asdict(one) | {"is_better": one.is_better} for one in tuned.parts[1:]],
             "has_settled": tuned.has_settled,
             "iterations": tuned.iterations,
             "passes": tuned.passes,
@@ -124,20 +158,17 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - a value of a record
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def write_unfinished(out: Path, case: Case, values: Mapping[str, float]) -> None:
-    """Writes the settings that an interrupted search has come to, for `unfinished`."""
-    content = {
-        "kind": KIND,
-        "status": "running",
-        "configuration_hash": case.content_hash(),
-        "values": dict(values),
-    }
-    write_record(record_of(out), content, {})
+def journal_of(out: Path, case: Case, fraction: float, methods: Sequence[str]) -> Journal:
+    """The journal, kept in the record, of an interrupted search over the same files and settings; or a new one.
 
+    Raises:
+        DataError: for a record that is damaged.
+    """
+    its = identity(case, fraction, methods)
+    found = read_record(record_of(out)) or {}
+    is_its = found.get("status") == "running" and all(found.get(key) == value for key, value in its.items())
 
-def unfinished(out: Path, case: Case) -> dict[str, float]:
-    """The settings of an interrupted search over the same case; empty without one."""
-    content = read_record(record_of(out))
-    if content is None or content.get("kind") != KIND or content.get("status") != "running":
-        return {}
-    return dict(content["values"]) if content["configuration_hash"] == case.content_hash() else {}
+    def save(content: Mapping[str, Any]) -> None:
+        write_record(record_of(out), its | {"status": "running", "journal": dict(content)}, {})
+
+    return Journal(**(found["journal"] if is_its else {}), save=save)

@@ -2,30 +2,52 @@
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Lock
-from typing import Any
 
 import numpy as np
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.streams import Flags, Floats
-from bottomlock.replay.tune.criterion import Candidate, Criterion
+from bottomlock.replay.tune.criterion import Criterion
+from bottomlock.replay.tune.journal import Journal
 from bottomlock.replay.tune.judge import Judged, gain_of, judged
-from bottomlock.replay.tune.parameters import FACTOR, Parameter, logs_of
-from bottomlock.replay.tune.passes import RECOVERY_S, horizons_of, passes_of
-from bottomlock.replay.tune.recording import LOOSE, Recording, cut, read_recording, without_outliers
-from bottomlock.replay.tune.search import Found, search
-from bottomlock.replay.tune.uncertainty import Uncertainty, uncertainty
+from bottomlock.replay.tune.parameters import SLIP_EPOCHS, Parameter, coordinates_of
+from bottomlock.replay.tune.passes import (
+    MEASURED,
+    METHODS,
+    RECOVERY_S,
+    SWAY_HORIZONS_S,
+    SWAY_METHOD,
+    Inputs,
+    Pass,
+    horizons_of,
+    passes_of,
+    passes_with_two_beams,
+)
+from bottomlock.replay.tune.recording import LOOSE, MARGIN_S, Recording, cut, read_recording, without_outliers
+from bottomlock.replay.tune.search import Found, State, search
+from bottomlock.replay.tune.uncertainty import uncertainty
 
 START_FACTORS = (1.0, 5.0, 25.0, 0.2)
 """Factors on the inertial noise of the case from which the search may start; the best of them does."""
+SLIP_FACTORS = (1.0, 0.2, 5.0)
+"""Factors on the slip of the case from which its search may start."""
 LOOSE_AFTER = 3.0
 """Factor on the noise that was found with which outliers are looked for again."""
+NOISE, NOISE_AGAIN, CONSTANTS, CONSTANTS_AGAIN, SWAY, SWAY_AGAIN = (
+    "noise", "noise again", "clock and mounting", "clock and mounting again", "sway", "sway again",
+)  # fmt: skip
+ITERATIONS = {NOISE: 8, CONSTANTS: 4, CONSTANTS_AGAIN: 2, NOISE_AGAIN: 4, SWAY: 5, SWAY_AGAIN: 2}
+"""Iterations of each stage that are usual, for the time left."""
+STEPS_S = 10.0
+"""Blocks of the gradients where no outage is predicted: many steps each."""
+_FIXED_SLIP = {SLIP_EPOCHS: 1e9}
+"""The prior of the slip counts for so many pings while it is tuned: the filter's own estimate would stand in for it."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +59,7 @@ class TunedParameter:
         old: its value in the case.
         value: the new one; the old one where the recording does not determine it.
         sd: 1 sigma of the value.
+        is_noise: whether it is positive, and 0 says that the case has none.
         is_determined: whether the recording determines it.
         gain: of the log-likelihood on the part that it was estimated on, against the old value with the others as new.
     """
@@ -46,8 +69,38 @@ class TunedParameter:
     old: float
     value: float
     sd: float
+    is_noise: bool
     is_determined: bool
     gain: float
+
+
+@dataclass(frozen=True)
+class Part:
+    """What the rest of the recording says of settings that were tuned together.
+
+    Attributes:
+        name: of the stage.
+        keys: of those that were determined.
+        old, new: judgement without and with them; None where a filter failed.
+        gain, gain_sd: of the composite log-likelihood.
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    old: Judged | None
+    new: Judged | None
+    gain: float
+    gain_sd: float
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the new values are better by more than chance."""
+        return is_gain(self.gain, self.gain_sd)
+
+
+def is_gain(gain: float, sd: float) -> bool:
+    """Whether a gain is more than its 1 sigma, or than nothing where it has none."""
+    return gain > (sd if np.isfinite(sd) else 0.0)
 
 
 @dataclass(frozen=True)
@@ -59,9 +112,10 @@ class Tuned:
         parameters: that were tuned.
         horizons_s: of the predictions, after the one step.
         fraction: of the recording that they were estimated on.
+        methods: whose predictions were scored.
         outliers: beams left out of the comparison, and all of them.
-        old, new: judgement of the old and the new values on the rest of the recording; None where a filter failed.
-        gain, gain_sd: of the composite log-likelihood there.
+        parts: judgements: of all old and new values but the sway's first, then of clock and mounting by themselves, and
+            of the sway; of those that were tuned.
         has_settled: whether the search came to its end.
         iterations, passes, wall_s: what it took.
     """
@@ -70,62 +124,112 @@ class Tuned:
     parameters: tuple[TunedParameter, ...]
     horizons_s: tuple[float, ...]
     fraction: float
+    methods: tuple[str, ...]
     outliers: tuple[int, int]
-    old: Judged | None
-    new: Judged | None
-    gain: float
-    gain_sd: float
+    parts: tuple[Part, ...]
     has_settled: bool
     iterations: int
     passes: int
     wall_s: float
 
     @property
+    def whole(self) -> Part:
+        """The judgement of old and new values."""
+        return self.parts[0]
+
+    @property
     def is_better(self) -> bool:
         """Whether the new values are better by more than chance on the part that they were not estimated on."""
-        return self.gain > (self.gain_sd if np.isfinite(self.gain_sd) else 0.0)
+        return self.whole.is_better
 
     @property
     def values(self) -> dict[str, float]:
-        """The new values by their keys; empty where they are not better."""
-        if not self.is_better:
-            return {}
-        return {one.key: one.value for one in self.parameters if one.is_determined}
+        """The new values by their keys that are better on the rest."""
+        keys = {
+            key
+            for part in self.parts
+            if part.is_better and (part.name == SWAY or self.is_better)
+            for key in part.keys
+        }
+        return {one.key: one.value for one in self.parameters if one.key in keys}
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a search has come: its iteration, passes done, and the settings so far."""
+    """How far a search has come.
 
-    iteration: int
-    passes: int
-    values: Mapping[str, float]
+    Attributes:
+        stage: what is searched.
+        iteration, passes: done.
+        expected: passes in all, as far as can be told.
+    """
+
+    stage: str = ""
+    iteration: int = 0
+    passes: int = 0
+    expected: int = 0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a stage found, by key: new values, 1 sigma, those that are determined and their gains; and what it took."""
+
+    values: dict[str, float]
+    sds: dict[str, float]
+    determined: tuple[str, ...]
+    gains: dict[str, float]
+    iterations: int
+    has_settled: bool
+
+    @property
+    def new(self) -> dict[str, float]:
+        """The values that the recording determines."""
+        return {key: self.values[key] for key in self.determined}
+
+    def refined(self, again: "Estimate") -> "Estimate":
+        """The same with what a stage of the determined ones found."""
+        return Estimate(
+            self.values | again.values,
+            self.sds | again.sds,
+            again.determined,
+            again.gains,
+            self.iterations + again.iterations,
+            self.has_settled and again.has_settled,
+        )
 
 
 def tune_case(
     path: Path | Case,
     *,
     fraction: float = 0.5,
+    methods: Sequence[str] = METHODS,
     threads: int = 0,
     progress: Callable[[Progress], None] = lambda _: None,
-    resume: Mapping[str, float] | None = None,
+    journal: Journal | None = None,
 ) -> Tuned:
-    """Tunes the noise of a case by the likelihood of its recording; the result does not depend on the threads.
+    """Tunes a case by the likelihood of its recording; the result does not depend on the threads.
 
     Args:
         path: the case's file, or a case.
         fraction: of the recording, from its start, that is estimated on; the rest judges.
+        methods: whose predictions are scored, of `MEASURED`.
         threads: their number, 0 for one per core.
         progress: called after each pass over the recording, by its thread.
-        resume: settings by their keys from which the search may start as well, of an interrupted one.
+        journal: of an interrupted search over the same case, which goes on to the same bits; a new one by default.
 
     Raises:
-        ScenarioError: for a case that is not valid, or a fraction outside 0.2 to 0.8.
+        ScenarioError: for a case that is not valid, a fraction outside 0.2 to 0.8, and methods that predict no
+            measurement.
         DataError: as `read_streams`, for a recording that is too short, and where the filter fails with every noise.
     """
     if not 0.2 <= fraction <= 0.8:
         raise ScenarioError(
             f"fraction is {fraction:g}, expected 0.2 to 0.8: the rest of the recording judges"
+        )
+    if not methods or len(set(methods)) < len(methods) or not set(methods) <= set(MEASURED):
+        raise ScenarioError(
+            f"methods is {', '.join(methods) or 'empty'}, expected some of {', '.join(MEASURED)}, each once: the "
+            "others predict a velocity that they assume"
         )
     started = time.perf_counter()
     case = path if isinstance(path, Case) else load_case(path)
@@ -138,12 +242,17 @@ def tune_case(
         raise DataError(
             f"the first {fraction:.0%} of the recording last {part_s:.0f} s, expected 80 s or more to tune on"
         )
-    with ThreadPoolExecutor(threads or os.cpu_count()) as executor:
-        session = _Session(recording, split_ns, horizons, executor, progress)
-        return session.run(fraction, started, resume or {})
+    executor = ThreadPoolExecutor(threads or os.cpu_count())
+    try:
+        session = Session(
+            recording, split_ns, horizons, tuple(methods), executor, progress, journal or Journal()
+        )
+        return session.run(fraction, started)
+    finally:
+        executor.shutdown(cancel_futures=True)
 
 
-class _Session:
+class Session:
     """A search over a recording, and the judgement of what it found."""
 
     def __init__(
@@ -151,87 +260,271 @@ class _Session:
         recording: Recording,
         split_ns: int,
         horizons_s: tuple[float, ...],
+        methods: tuple[str, ...],
         executor: ThreadPoolExecutor,
         progress: Callable[[Progress], None],
+        journal: Journal,
     ) -> None:
-        self.recording, self.split_ns, self.horizons_s = recording, split_ns, horizons_s
-        self.executor, self.progress = executor, progress
+        self.recording, self.split_ns, self.horizons_s, self.methods = (
+            recording,
+            split_ns,
+            horizons_s,
+            methods,
+        )
+        self.executor, self.progress, self.journal = executor, progress, journal
         self.block_s = horizons_s[-1] + RECOVERY_S
-        self.now, self.lock = Progress(0, 0, {}), Lock()
+        # Clocks move pings over the ends of the recording.
+        self.margin_s = MARGIN_S if recording.constants else 0.0
+        self.now, self.lock = Progress(passes=journal.passes), Lock()
+        self.started = 0.0
+        self.plan: dict[str, int] = {}
 
-    def run(self, fraction: float, started: float, resume: Mapping[str, float]) -> Tuned:
+    def run(self, fraction: float, started: float) -> Tuned:
         """Estimates on the first part, and judges on the rest."""
-        first = self.recording.parameters
-        recording, logs = self._without_outliers(self.recording, logs_of(list(first)), LOOSE)
-        found, criterion, known = self._found(recording, self._starts(recording, resume))
-        recording, _ = self._without_outliers(recording, found.best.logs, LOOSE_AFTER)
-        iterations = found.iterations
-        # The settings that the recording does not determine stay as they are, and the others are found beside them.
-        kept = tuple(one for one, is_known in zip(first, known.is_determined, strict=True) if is_known)
-        told = {one.key: sd for one, sd in zip(first, known.sd, strict=True)}
-        if kept:
-            logs = found.best.logs[known.is_determined]
-            recording = replace(recording, parameters=kept)
-            found, criterion, known = self._found(recording, [logs])
-            iterations += found.iterations
-            told |= {one.key: sd for one, sd in zip(kept, known.sd, strict=True)}
-        new = recording.values(found.best.logs) if kept else {}
-        gains = self._gains(criterion, found, kept) if kept else {}
-        old_judged, new_judged, gain, gain_sd = self._judge(recording, new)
-        valid = self.recording.log["beam_valid"]
-        return Tuned(
-            case=self.recording.case,
-            parameters=tuple(
-                TunedParameter(
-                    one.key,
-                    one.words,
-                    one.start if one.is_given else 0.0,
-                    new.get(one.key, one.start if one.is_given else 0.0),
-                    new.get(one.key, one.start) * float(told[one.key]),
-                    one.key in new,
-                    gains.get(one.key, 0.0),
+        self.started = started - self.journal.wall_s
+        given = self.recording
+        recording = replace(given, log=without_outliers(given, {}, LOOSE))
+        self._make_plan(recording)
+        noise = self._estimate(NOISE, recording, given.noise, {}, self._starts())
+        constants, parts = self.constants(recording, noise.new)
+        accepted = constants.new if constants and parts[0].is_better else {}
+        recording = replace(given, log=without_outliers(given, noise.new | accepted, LOOSE_AFTER))
+        if noise.determined:
+            # The settings that the recording does not determine stay as they are, and the others are found beside them.
+            noise = noise.refined(
+                self._estimate(
+                    NOISE_AGAIN, recording, _kept(given.noise, noise), accepted, [noise.new], is_last=True
                 )
-                for one in first
+            )
+        new = noise.new | accepted
+        parts.insert(0, self.judged(NOISE, recording, {}, new, noise.determined))
+        sway, judgement = self.sway(recording, new if parts[0].is_better else {})
+        estimates = [one for one in (noise, constants, sway) if one is not None]
+        valid = given.log["beam_valid"]
+        return Tuned(
+            case=given.case,
+            parameters=tuple(
+                _tuned(one, estimate)
+                for group, estimate in (
+                    (given.noise, noise), (given.constants, constants), (given.sway, sway),
+                )
+                for one in group
             ),
             horizons_s=self.horizons_s,
             fraction=fraction,
+            methods=self.methods,
             outliers=(int((valid & ~recording.log["beam_valid"]).sum()), int(valid.sum())),
-            old=old_judged,
-            new=new_judged,
-            gain=gain,
-            gain_sd=gain_sd,
-            has_settled=found.has_settled,
-            iterations=iterations,
+            parts=(*parts, *judgement),
+            has_settled=all(one.has_settled for one in estimates),
+            iterations=sum(one.iterations for one in estimates),
             passes=self.now.passes,
-            wall_s=time.perf_counter() - started,
+            wall_s=time.perf_counter() - self.started,
+        )  # fmt: skip
+
+    def constants(
+        self, recording: Recording, beside: Mapping[str, float]
+    ) -> tuple[Estimate | None, list[Part]]:
+        """Clock and mounting beside the noise that was found, and their judgement."""
+        if not recording.constants:
+            return None, []
+        found = self.estimated_constants(recording, beside)
+        return found, [self.judged(CONSTANTS, recording, beside, dict(beside) | found.new, found.determined)]
+
+    def estimated_constants(self, recording: Recording, beside: Mapping[str, float]) -> Estimate:
+        """Clock and mounting beside other values; the search may start where the fit of the motion has them."""
+        starts = [{}, recording.fitted_constants(self.split_ns)]
+        return self._settled((CONSTANTS, CONSTANTS_AGAIN), recording, recording.constants, beside, starts)
+
+    def sway(self, recording: Recording, beside: Mapping[str, float]) -> tuple[Estimate | None, list[Part]]:
+        """The prior of the slip beside the rest, and its judgement; None where no whole pings judge two beams."""
+        if not recording.sway or not self._passes(SWAY, recording, self.split_ns, 0):
+            return None, []
+        found = self.estimated_sway(recording, beside)
+        old = dict(beside) | _FIXED_SLIP
+        return found, [self.judged(SWAY, recording, old, old | found.new, found.determined)]
+
+    def estimated_sway(self, recording: Recording, beside: Mapping[str, float]) -> Estimate:
+        """The prior of the slip beside other values."""
+        slip = recording.sway[0]
+        starts = [{slip.key: slip.start * factor} for factor in SLIP_FACTORS]
+        return self._settled(
+            (SWAY, SWAY_AGAIN), recording, recording.sway, dict(beside) | _FIXED_SLIP, starts
         )
 
-    def _without_outliers(
-        self, recording: Recording, logs: Floats, looseness: float
-    ) -> tuple[Recording, Floats]:
-        return replace(recording, log=without_outliers(recording, logs, looseness)), logs
+    def _settled(
+        self,
+        stages: tuple[str, str],
+        recording: Recording,
+        parameters: tuple[Parameter, ...],
+        beside: Mapping[str, float],
+        starts: Sequence[Mapping[str, float]],
+    ) -> Estimate:
+        """Parameters, of which those that are not determined stay as they are, and the others are found beside them."""
+        found = self._estimate(stages[0], recording, parameters, beside, starts)
+        if not found.determined or len(found.determined) == len(parameters):
+            return found
+        kept = _kept(parameters, found)
+        return found.refined(self._estimate(stages[1], recording, kept, beside, [found.new], is_last=True))
 
-    def _starts(self, recording: Recording, resume: Mapping[str, float]) -> list[Floats]:
-        """Places from which the search may start: the case's noise, and multiples of the inertial part of it."""
-        own = logs_of(list(recording.parameters))
-        is_noise = np.array([one.is_inertial_noise for one in recording.parameters])
-        starts = [own + np.where(is_noise, np.log(factor), 0.0) for factor in START_FACTORS]
-        if resume:
-            starts.append(np.log([resume.get(one.key, one.start) for one in recording.parameters]))
-        return starts
+    def _starts(self) -> list[dict[str, float]]:
+        """Noise from which the search may start: the case's, and multiples of the inertial part of it."""
+        return [
+            {one.key: one.start * factor for one in self.recording.noise if one.is_inertial_noise}
+            for factor in START_FACTORS
+        ]
 
-    def _criterion(self, recording: Recording, log: Mapping[str, Any], from_ns: int) -> Criterion:
-        prior = logs_of(list(recording.parameters))
+    def _passes(self, stage: str, recording: Recording, to_ns: int, from_ns: int) -> list[Pass]:
+        log = cut(recording.log, to_ns, self.margin_s)
 
         def readings(valid: Flags) -> dict[str, Floats]:
             return {
                 key: values[: len(log["imu_time_ns"])] for key, values in recording.readings(valid).items()
             }
 
-        return Criterion(
-            recording.geometry, recording.start, passes_of(log, self.horizons_s, readings), recording.inputs, prior,
-            np.full(len(prior), np.log(FACTOR)), self.executor, self._pass_done, from_ns,
+        if from_ns and stage == SWAY:
+            passes = passes_with_two_beams(log, readings)
+            scored = [one.scored_ns for one in passes if one.scored_ns is not None]
+            return passes if all((times >= from_ns).any() for times in scored) else []
+        if stage.startswith(SWAY):
+            return [Pass(log, None, None, is_of_slip=True)] if passes_with_two_beams(log, readings) else []
+        if stage.startswith(CONSTANTS) and not from_ns:
+            return passes_of(log, (), readings)
+        return passes_of(log, self.horizons_s, readings)
+
+    def _criterion(
+        self,
+        stage: str,
+        recording: Recording,
+        inputs: Callable[[Floats], Inputs],
+        prior: tuple[Floats, Floats],
+        *,
+        from_ns: int = 0,
+    ) -> Criterion:
+        to_ns = int(recording.log["imu_time_ns"][-1]) if from_ns else self.split_ns
+        passes = self._passes(stage, recording, to_ns, from_ns)
+        methods = (SWAY_METHOD,) if stage.startswith(SWAY) else self.methods
+        criterion = Criterion(
+            recording.geometry, recording.start, passes, inputs, *prior, self.executor, self._pass_done, from_ns,
+            methods,
         )  # fmt: skip
+        if not from_ns:
+            # The one step has most of what is known of constants, which are the same at every horizon, and of the slip.
+            criterion.is_central = stage.startswith(CONSTANTS)
+            criterion.are_alike = stage.startswith(NOISE)
+        return criterion
+
+    def _estimate(
+        self,
+        stage: str,
+        recording: Recording,
+        parameters: tuple[Parameter, ...],
+        beside: Mapping[str, float],
+        starts: Sequence[Mapping[str, float]],
+        *,
+        is_last: bool = False,
+    ) -> Estimate:
+        """A stage: parameters beside other values; the last one of them takes all for determined."""
+        if stage in self.journal.finished:
+            content = self.journal.finished[stage]
+            return Estimate(**(content | {"determined": tuple(content["determined"])}))
+
+        def values(at: Floats) -> dict[str, float]:
+            return {one.key: one.value(float(x)) for one, x in zip(parameters, at, strict=True)}
+
+        prior_sd = np.array([one.prior_sd for one in parameters])
+        criterion = self._criterion(
+            stage,
+            recording,
+            lambda at: recording.inputs(dict(beside) | values(at)),
+            (coordinates_of(parameters), prior_sd),
+        )
+        criterion.steps = np.array([one.step for one in parameters])
+        each_iteration = (len(parameters) + 2) * len(criterion.passes)
+
+        def note(state: State) -> None:
+            self.journal.note(stage, state, self.now.passes, time.perf_counter() - self.started)
+            left = max(ITERATIONS[stage] - state.iteration, 1) * each_iteration
+            with self.lock:
+                self.now = Progress(
+                    stage, state.iteration, self.now.passes, self.now.passes + left + self._after(stage)
+                )
+
+        begun = self.journal.begun(stage)
+        found = search(criterion, [coordinates_of(parameters, one) for one in starts], note, begun)
+        known = uncertainty(criterion, found, STEPS_S if criterion.is_central else self.block_s)
+        kept = [
+            one for one, is_known in zip(parameters, known.is_determined, strict=True) if is_known or is_last
+        ]
+        new = values(found.best.at)
+        estimate = Estimate(
+            new,
+            {one.key: one.sd(new[one.key], float(sd)) for one, sd in zip(parameters, known.sd, strict=True)},
+            tuple(one.key for one in kept),
+            {} if stage == NOISE else self._gains(criterion, found, parameters, kept),
+            found.iterations,
+            found.has_settled,
+        )
+        self.journal.finish(stage, asdict(estimate), self.now.passes, time.perf_counter() - self.started)
+        return estimate
+
+    def _gains(
+        self,
+        criterion: Criterion,
+        found: Found,
+        parameters: tuple[Parameter, ...],
+        kept: Sequence[Parameter],
+    ) -> dict[str, float]:
+        """Gain of each new value against the old one, with the others as new."""
+        old = []
+        for one in kept:
+            at = found.best.at.copy()
+            at[parameters.index(one)] = one.coordinate(one.start)
+            old.append(at)
+        candidates = criterion.candidates(old)
+        return {one.key: its.value - found.best.value for one, its in zip(kept, candidates, strict=True)}
+
+    def judged(
+        self,
+        stage: str,
+        recording: Recording,
+        old: Mapping[str, float],
+        new: Mapping[str, float],
+        keys: tuple[str, ...],
+    ) -> Part:
+        """Old and new values on the rest of the recording; of no new ones the gain is nothing."""
+        inputs = [recording.inputs(values) for values in (old, new)]
+        criterion = self._criterion(
+            stage,
+            recording,
+            lambda at: inputs[int(at[0])],
+            (np.zeros(1), np.full(1, np.inf)),
+            from_ns=self.split_ns,
+        )
+        if not criterion.passes:
+            return Part(stage, keys, None, None, 0.0, 0.0)
+        first, second = (criterion.candidates([np.array([place])])[0] for place in (0.0, 1.0))
+        horizons_s = SWAY_HORIZONS_S if stage == SWAY else self.horizons_s
+        gain, gain_sd = gain_of(criterion, first, second, self.block_s)
+        return Part(stage, keys, judged(first, horizons_s), judged(second, horizons_s), gain, gain_sd)
+
+    def _make_plan(self, recording: Recording) -> None:
+        """Passes of each stage that are usual."""
+        count = len(self._passes(NOISE, recording, self.split_ns, 0))
+        sway = 1 if recording.sway else 0
+        sizes = {
+            NOISE: (recording.noise, count),
+            CONSTANTS: (recording.constants, 1),
+            SWAY: (recording.sway, sway),
+        }
+        for stage, iterations in ITERATIONS.items():
+            parameters, passes = next(value for key, value in sizes.items() if stage.startswith(key))
+            self.plan[stage] = iterations * (len(parameters) + 2) * passes if parameters else 0
+
+    def _after(self, stage: str) -> int:
+        """Passes that are usual after a stage, with those that judge."""
+        stages = list(ITERATIONS)
+        later = stages[stages.index(stage) + 1 :]
+        return sum(self.plan[one] for one in later)
 
     def _pass_done(self) -> None:
         """Counts a pass; the threads of the passes call it."""
@@ -239,36 +532,16 @@ class _Session:
             self.now = replace(self.now, passes=self.now.passes + 1)
             self.progress(self.now)
 
-    def _found(self, recording: Recording, starts: list[Floats]) -> tuple[Found, Criterion, Uncertainty]:
-        before = self.now.iteration
 
-        def note(iteration: int, best: Candidate) -> None:
-            with self.lock:
-                self.now = replace(self.now, iteration=before + iteration, values=recording.values(best.logs))
+def _kept(parameters: Sequence[Parameter], estimate: Estimate) -> tuple[Parameter, ...]:
+    """The parameters that are determined."""
+    return tuple(one for one in parameters if one.key in estimate.determined)
 
-        criterion = self._criterion(recording, cut(recording.log, self.split_ns), 0)
-        found = search(criterion, starts, note)
-        return found, criterion, uncertainty(criterion, found, self.block_s)
 
-    def _gains(self, criterion: Criterion, found: Found, kept: tuple[Parameter, ...]) -> dict[str, float]:
-        """Gain of each new value against the old one, with the others as new."""
-        old = []
-        for place, one in enumerate(kept):
-            logs = found.best.logs.copy()
-            logs[place] = np.log(one.start)
-            old.append(logs)
-        values = [one.value for one in criterion.candidates(old)]
-        return {one.key: value - found.best.value for one, value in zip(kept, values, strict=True)}
-
-    def _judge(
-        self, recording: Recording, new: Mapping[str, float]
-    ) -> tuple[Judged | None, Judged | None, float, float]:
-        """Both judgements on the rest of the recording, and the gain there with its 1 sigma."""
-        criterion = self._criterion(replace(recording, parameters=()), recording.log, self.split_ns)
-        both = []
-        for values in ({}, new):
-            criterion.inputs = lambda _, values=values: recording.inputs_of(values)  # type: ignore[misc]
-            candidate = criterion.candidates([np.zeros(0)])[0]
-            both.append((candidate, judged(candidate, self.horizons_s)))
-        (old, old_judged), (now, new_judged) = both
-        return old_judged, new_judged, *gain_of(criterion, old, now, self.block_s)
+def _tuned(one: Parameter, estimate: Estimate | None) -> TunedParameter:
+    """A setting as it was found; without an estimate it is not determined, and its sigma is that of its prior."""
+    value, sd, is_determined, gain = one.old, one.sd(one.start, one.prior_sd), False, 0.0
+    if estimate is not None:
+        sd, is_determined = estimate.sds[one.key], one.key in estimate.determined
+        value, gain = estimate.new.get(one.key, one.old), estimate.gains.get(one.key, 0.0)
+    return TunedParameter(one.key, one.words, one.old, value, sd, one.unit is None, is_determined, gain)

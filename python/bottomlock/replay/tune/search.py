@@ -1,4 +1,4 @@
-"""The search: Fisher scoring in the logarithms of the parameters, damped as Levenberg and Marquardt do."""
+"""The search: Fisher scoring in the coordinates of the parameters, damped as Levenberg and Marquardt do."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,11 +11,19 @@ from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion, Slopes
 
 ITERATIONS = 30
 LARGEST_STEP = np.log(4.0)
-"""Largest change of a parameter's logarithm in an iteration."""
+"""Largest change of a parameter's coordinate in an iteration."""
 SETTLED = 0.05
 """Gain of the criterion below which the search ends."""
-DAMPINGS = ((0.1, 1.0), (10.0, 100.0), (1e3, 1e4), (1e5, 1e6))
-"""Factors on the damping, tried in pairs until one gains."""
+TRIALS = (
+    ((0.1, 1.0), (0.1, 2.5)),
+    ((10.0, 1.0), (100.0, 1.0)),
+    ((1e3, 1.0), (1e4, 1.0)),
+    ((1e5, 1.0), (1e6, 1.0)),
+)
+"""Factors on the damping and on the step, tried in pairs until one gains.
+
+A noise that is too large comes down by a factor of e^½ a step of Fisher scoring, however much too large it is, so a
+longer step is tried as well."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,45 +36,77 @@ class Found:
     has_settled: bool
 
 
+@dataclass(frozen=True)
+class State:
+    """All that a search goes on from, to the bit: coordinates (P,) of the best candidate, damping and iteration."""
+
+    at: tuple[float, ...]
+    damping: float = 1e-3
+    iteration: int = 0
+    has_settled: bool = False
+
+
 def search(
     criterion: Criterion,
     starts: Sequence[Floats],
-    progress: Callable[[int, Candidate], None] = lambda *_: None,
+    progress: Callable[[State], None] = lambda _: None,
+    resume: State | None = None,
 ) -> Found:
     """The best candidate from the best of some starts on.
+
+    Args:
+        criterion: the criterion.
+        starts: coordinates (P,) of each.
+        progress: called before each iteration, with the state from which the search goes on to the same bits.
+        resume: such a state, in place of the starts.
 
     Raises:
         DataError: where the filter fails at every start.
     """
-    best = min(criterion.candidates(starts), key=lambda one: one.value)
-    if best.value >= WORST:
-        raise DataError(
-            "the filter ends in an error with every noise tried: replay the case and mend it first"
-        )
-    damping, has_settled, iteration = 1e-3, False, 0
-    slopes = criterion.slopes(best)
-    while iteration < ITERATIONS and not has_settled:
-        iteration += 1
-        progress(iteration, best)
-        tried: list[Candidate] = []
-        for factors in DAMPINGS:
-            steps = [_step(slopes, damping * factor) for factor in factors]
-            tried = criterion.candidates([best.logs + step for step in steps])
-            if min(one.value for one in tried) < best.value:
-                break
-        better = min(tried, key=lambda one: one.value)
-        gain, change = best.value - better.value, np.abs(better.logs - best.logs).max()
-        if gain <= 0.0:
-            has_settled = True
-            break
-        damping = max(damping * factors[tried.index(better)], 1e-4)
-        best = better
-        has_settled = bool(gain < SETTLED and change < 0.05)
+    if resume is None:
+        best = min(criterion.candidates(starts), key=lambda one: one.value)
+        if best.value >= WORST:
+            raise DataError(
+                "the filter ends in an error with every noise tried: replay the case and mend it first"
+            )
+        state = State(_tuple(best))
+    else:
+        best, state = criterion.candidates([np.array(resume.at)], is_counted=False)[0], resume
+    while True:
+        progress(state)
         slopes = criterion.slopes(best)
-    return Found(best, slopes, iteration, has_settled)
+        if state.has_settled or state.iteration == ITERATIONS:
+            return Found(best, slopes, state.iteration, state.has_settled)
+        better, damping = _stepped(criterion, best, slopes, state.damping)
+        gain, change = best.value - better.value, np.abs(better.at - best.at).max()
+        if gain <= 0.0:
+            return Found(best, slopes, state.iteration + 1, has_settled=True)
+        best = better
+        state = State(_tuple(best), damping, state.iteration + 1, bool(gain < SETTLED and change < 0.05))
+
+
+def _tuple(one: Candidate) -> tuple[float, ...]:
+    return tuple(float(value) for value in one.at)
+
+
+def _stepped(
+    criterion: Criterion, best: Candidate, slopes: Slopes, damping: float
+) -> tuple[Candidate, float]:
+    """The best candidate of the first pair of steps that gains, or of the last one, and the damping to go on with."""
+    tried: list[Candidate] = []
+    for factors in TRIALS:
+        steps = [stretch * _step(slopes, damping * factor) for factor, stretch in factors]
+        tried = criterion.candidates([best.at + _bounded(step) for step in steps])
+        if min(one.value for one in tried) < best.value:
+            break
+    better = min(tried, key=lambda one: one.value)
+    return better, max(damping * factors[tried.index(better)][0], 1e-4)
 
 
 def _step(slopes: Slopes, damping: float) -> Floats:
     damped = slopes.information + damping * np.diag(np.diag(slopes.information))
-    step = -np.linalg.solve(damped, slopes.gradient)
+    return np.asarray(-np.linalg.solve(damped, slopes.gradient))
+
+
+def _bounded(step: Floats) -> Floats:
     return np.asarray(step * min(1.0, LARGEST_STEP / max(np.abs(step).max(), 1e-300)))

@@ -18,7 +18,7 @@ DETERMINED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """1 sigma (P,) of the logarithms, and whether the recording determines each."""
+    """1 sigma (P,) of the coordinates, and whether the recording determines each."""
 
     sd: Floats
     is_determined: np.ndarray
@@ -28,15 +28,18 @@ def uncertainty(criterion: Criterion, found: Found, block_s: float) -> Uncertain
     """1 sigma of what was found.
 
     The information H is that of the criterion. Innovations of one step are independent where the model is right, so
-    their gradients have the covariance Σ w² I; those over outages overlap. Where the recording has enough blocks, and
-    their gradients scatter more than that, the model is not right and their scatter counts.
+    their gradients have the covariance Σ w² I; those over outages overlap, and several methods predict the same
+    measurements. Where the recording has enough blocks, and their gradients scatter more than that, the model is not
+    right and their scatter counts.
     """
     scored = found.best.scores
     assert scored is not None
     weight = criterion.weights
     own = (
-        found.slopes.fisher_matrices
-        * (weight * np.where(scored.horizon > 0, OVERLAP, 1.0) * weight)[:, None, None]
+        found.slopes.squares
+        * (len(criterion.methods) * weight * np.where(scored.horizon > 0, OVERLAP, 1.0) * weight)[
+            :, None, None
+        ]
     )
     prior = np.diag(criterion.prior_sd**-2)
     inverse = np.asarray(np.linalg.inv(found.slopes.information))
