@@ -2,8 +2,8 @@
 
     python -m benches.tune [THREADS]
 
-The hour is simulated: four pings and ten attitudes a second, noise begun at 10, 0.1 and 3 times the truth. The bits are
-the same with every number of threads.
+Processor time is less a matter of what else runs than time by the clock is. The hour is simulated: four pings and ten
+attitudes a second, noise begun at 10, 0.1 and 3 times the truth. The bits are the same with every number of threads.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ def main(threads: int) -> None:
         inputs, log = recording.inputs({}), recording.log
         times_s = []
         for _ in range(REPLAYS):
-            begun_s = time.perf_counter()
+            begun_s = time.process_time()
             replay_log(
                 recording.geometry, inputs.model, inputs.options, ["tc"], log, recording.start,
                 sample_time_ns=log["imu_time_ns"][-1:],
             )  # fmt: skip
-            times_s.append(time.perf_counter() - begun_s)
+            times_s.append(time.process_time() - begun_s)
         replay_s = float(np.median(times_s))
         processor_s = time.process_time()
         tuned = tune_case(case, threads=threads)
         processor_s = time.process_time() - processor_s
     print(
         f"{threads} threads: {tuned.wall_s:.1f} s, {processor_s:.1f} s of processor time, {tuned.passes} passes, "
-        f"{tuned.iterations} iterations; a replay of the hour takes {replay_s:.2f} s [{min(times_s):.2f}, "
-        f"{max(times_s):.2f}], {tuned.wall_s / replay_s:.0f} times less"
+        f"{tuned.iterations} iterations; a replay of the hour takes {replay_s:.2f} s of it [{min(times_s):.2f}, "
+        f"{max(times_s):.2f}], {processor_s / replay_s:.0f} times less"
     )
     for one in tuned.parameters:
         print(

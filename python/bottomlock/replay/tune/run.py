@@ -277,14 +277,13 @@ class Session:
         self.margin_s = MARGIN_S if recording.constants else 0.0
         self.now, self.lock = Progress(passes=journal.passes), Lock()
         self.started = 0.0
-        self.plan: dict[str, int] = {}
+        self.plan = self._plan()
 
     def run(self, fraction: float, started: float) -> Tuned:
         """Estimates on the first part, and judges on the rest."""
         self.started = started - self.journal.wall_s
         given = self.recording
         recording = replace(given, log=without_outliers(given, {}, LOOSE))
-        self._make_plan(recording)
         noise = self._estimate(NOISE, recording, given.noise, {}, self._starts())
         constants, parts = self.constants(recording, noise.new)
         accepted = constants.new if constants and parts[0].is_better else {}
@@ -507,8 +506,10 @@ class Session:
         gain, gain_sd = gain_of(criterion, first, second, self.block_s)
         return Part(stage, keys, judged(first, horizons_s), judged(second, horizons_s), gain, gain_sd)
 
-    def _make_plan(self, recording: Recording) -> None:
+    def _plan(self) -> dict[str, int]:
         """Passes of each stage that are usual."""
+        recording = self.recording
+        plan = {}
         count = len(self._passes(NOISE, recording, self.split_ns, 0))
         sway = 1 if recording.sway else 0
         sizes = {
@@ -518,7 +519,8 @@ class Session:
         }
         for stage, iterations in ITERATIONS.items():
             parameters, passes = next(value for key, value in sizes.items() if stage.startswith(key))
-            self.plan[stage] = iterations * (len(parameters) + 2) * passes if parameters else 0
+            plan[stage] = iterations * (len(parameters) + 2) * passes if parameters else 0
+        return plan
 
     def _after(self, stage: str) -> int:
         """Passes that are usual after a stage, with those that judge."""
