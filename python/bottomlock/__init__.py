@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
     from bottomlock.campaign.run import run_campaign, run_shard
-    from bottomlock.config.instrument_grades import imu_grade
+    from bottomlock.config.instrument_grades import imu_grade, vehicle_water
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
     from bottomlock.errors import (
         BottomlockError,
@@ -116,6 +116,7 @@ __all__ = [
     "sensor_streams",
     "simulate_sensors",
     "solve_velocity",
+    "vehicle_water",
 ]
 
 # Each name is imported when it is first used: the command's help needs no numpy, and a vehicle's computer no polars.
@@ -155,6 +156,7 @@ _LAZY = {
     "analytic_truth": "bottomlock.truth.analytic",
     "build_simulation": "bottomlock.simulation.build",
     "imu_grade": "bottomlock.config.instrument_grades",
+    "vehicle_water": "bottomlock.config.instrument_grades",
     "load_scenario": "bottomlock.config.scenario",
     "measurement_schedule": "bottomlock.simulation.measurement_schedule",
     "merge_shards": "bottomlock.campaign.merge",

@@ -181,7 +181,10 @@ class WaterStateDict(TypedDict):
     heave_slip_mps: float
     sway_slip_sd_mps: float
     heave_slip_sd_mps: float
+    sway_slip_time_s: float
+    heave_slip_time_s: float
     restarts: int
+    alarms: int
     covariance: NDArray[np.float64]
 
 @type_check_only

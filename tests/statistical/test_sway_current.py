@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import bottomlock
-from bottomlock.config.scenario_sections import Water
+from bottomlock import models
 from bottomlock.kernel import Method
 from tests.oracle import chi_squared
 from tests.oracle.rotations import Array
@@ -42,7 +42,7 @@ SIZES = pytest.mark.parametrize("runs", [60, pytest.param(100, marks=pytest.mark
 
 def prior() -> dict[str, Any]:
     """The packaged prior."""
-    return Water().model_dump()
+    return models.Water().as_dict()
 
 
 @lru_cache(maxsize=6)

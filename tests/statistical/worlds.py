@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ RATE_HZ = 50.0
 SPEED_MPS = 2.0
 
 Yaw = Callable[[Array], tuple[Array, Array, Array]]
+Course = Callable[[Array, int], Array]
 
 
 def straight(t: Array) -> tuple[Array, Array, Array]:
@@ -44,10 +46,10 @@ def lawn_mower(t: Array) -> tuple[Array, Array, Array]:
     return yaw, rate, acceleration
 
 
-def _gauss_markov(rng: np.random.Generator, sd: float, time_s: float) -> CubicSpline:
+def gauss_markov(rng: np.random.Generator, sd: float, time_s: float, seconds: int = SECONDS) -> CubicSpline:
     """A sample at 5 Hz, drawn in the long run's spread, smooth in between so that it is a possible motion."""
     step_s = 0.2
-    t = np.arange(0, SECONDS + step_s, step_s)
+    t = np.arange(0, seconds + step_s, step_s)
     left = np.exp(-step_s / time_s)
     drawn = rng.normal(size=len(t)) * sd * np.sqrt(1 - left**2)
     x = np.empty_like(t)
@@ -59,22 +61,43 @@ def _gauss_markov(rng: np.random.Generator, sd: float, time_s: float) -> CubicSp
 
 def draw(rng: np.random.Generator, prior: Mapping[str, float], yaw: Yaw) -> dict[str, Any]:
     """The arrays of a truth: 2 m/s ahead through the water, level; sway and heave as the prior has them."""
-    time_ns = np.round(np.arange(int(SECONDS * RATE_HZ) + 1) * 1e9 / RATE_HZ).astype(np.int64)
+    current = [gauss_markov(rng, prior["current_sd_mps"], prior["current_time_s"]) for _ in range(2)]
+    trim = gauss_markov(rng, prior["trim_sd_mps"], prior["trim_time_s"])
+    sway, heave = (gauss_markov(rng, prior["slip_sd_mps"], prior["slip_time_s"]) for _ in range(2))
+    gain = prior["sway_gain_m"] + rng.normal() * prior["sway_gain_sd_m"]
+    return truth(
+        SECONDS, yaw, current, Motion(lambda t, order: np.full_like(t, SPEED_MPS if order == 0 else 0.0),
+        sway, lambda t, order: trim(t, order) + heave(t, order), gain),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Velocity through the water, m/s, by times and order of the derivative; sway has `gain` times yaw rate less."""
+
+    surge: Course
+    sway: Course
+    heave: Course
+    gain: float = 0.0
+
+
+def truth(seconds: int, yaw: Yaw, current: Sequence[Course], motion: Motion) -> dict[str, Any]:
+    """The arrays of a level vehicle's truth at 50 Hz; `current` along north and east."""
+    time_ns = np.round(np.arange(int(seconds * RATE_HZ) + 1) * 1e9 / RATE_HZ).astype(np.int64)
     t = time_ns * 1e-9
     psi, rate, acceleration = yaw(t)
-    north, east = (_gauss_markov(rng, prior["current_sd_mps"], prior["current_time_s"]) for _ in range(2))
-    trim = _gauss_markov(rng, prior["trim_sd_mps"], prior["trim_time_s"])
-    sway, heave = (_gauss_markov(rng, prior["slip_sd_mps"], prior["slip_time_s"]) for _ in range(2))
-    gain = prior["sway_gain_m"] + rng.normal() * prior["sway_gain_sd_m"]
+    north, east = current
+    sway, heave, gain = motion.sway, motion.heave, motion.gain
 
     c, s = np.cos(psi), np.sin(psi)
-    ahead, across = c * north(t) + s * east(t), c * east(t) - s * north(t)
-    velocity = np.stack([SPEED_MPS + ahead, across - gain * rate + sway(t), trim(t) + heave(t)], axis=-1)
+    ahead, across = c * north(t, 0) + s * east(t, 0), c * east(t, 0) - s * north(t, 0)
+    surge = motion.surge(t, 0)
+    velocity = np.stack([surge + ahead, across - gain * rate + sway(t, 0), heave(t, 0)], axis=-1)
     change = np.stack(
         [
-            rate * across + c * north(t, 1) + s * east(t, 1),
+            motion.surge(t, 1) + rate * across + c * north(t, 1) + s * east(t, 1),
             -rate * ahead + c * east(t, 1) - s * north(t, 1) - gain * acceleration + sway(t, 1),
-            trim(t, 1) + heave(t, 1),
+            heave(t, 1),
         ],
         axis=-1,
     )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import bottomlock
+from bottomlock import kernel, models
 from bottomlock.config.instrument_grades import FULL_SCALES, Kind, grade_of, grades
 from bottomlock.config.scenario import load_scenario
-from bottomlock.config.scenario_sections import ImuErrors
+from bottomlock.config.scenario_sections import Filter, ImuErrors
 from bottomlock.errors import ScenarioError
 
 
@@ -24,6 +26,28 @@ def test_a_grade_in_si_is_that_of_its_data_sheet() -> None:
         np.deg2rad(10.0 / 3600.0) * np.sqrt(2 / 3600), rel=0.01
     )
     assert model.accel_bias_walk_mps2_rts == pytest.approx(15e-6 * 9.80665 * np.sqrt(2 / 3600), rel=0.01)
+
+
+def test_the_torpedo_is_the_kernels_own_and_vehicles_fill_the_keys_left_out() -> None:
+    """Without a vehicle the prior is that of the packaged torpedo, which the paper's scenarios state."""
+    assert bottomlock.vehicle_water("torpedo") == models.Water()
+    own = Filter.model_validate({"water": {"vehicle": "hovering", "slip_time_s": 30.0}}).kernel_options()[
+        "water"
+    ]
+    assert own == bottomlock.vehicle_water("hovering").as_dict() | {"slip_time_s": 30.0}
+    with pytest.raises(ValidationError, match="vehicle is 'boat', expected one of torpedo, hovering, glider"):
+        Filter.model_validate({"water": {"vehicle": "boat"}})
+    with pytest.raises(ScenarioError, match="vehicle is 'rov'"):
+        bottomlock.vehicle_water("rov")
+
+
+@pytest.mark.parametrize("name", list(grades("water")))
+def test_every_vehicle_has_a_source_and_a_prior_that_the_kernel_takes(name: str) -> None:
+    one = grade_of("water", name)
+    assert len(one.source) > 20
+    assert set(one.keys) == set(models.Water().as_dict()) - {"slip_epochs"}
+    water = bottomlock.vehicle_water(name)
+    kernel.check_settings(water.place, water.as_dict())
 
 
 @pytest.mark.parametrize("kind", ["imu", "attitude"])

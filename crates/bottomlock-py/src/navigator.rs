@@ -352,8 +352,8 @@ impl Navigator {
     /// filter it has selected; None elsewhere.
     ///
     /// current_t_mps (2,), north and east, with its covariance current_covariance (2, 2), in which the heading's error is; sway
-    /// gain and trim; slips with their estimated standard deviations; the number of restarts of the assumptions; and the (6, 6)
-    /// covariance of current, gain, trim, sway slip and heave slip, in which the current is along the estimated heading.
+    /// gain and trim; slips with their estimated standard deviations and time constants; the number of restarts of the assumptions and of
+    /// alarms that widened the slip; and the (6, 6) covariance of current, gain, trim, sway slip and heave slip, in which the current is along the estimated heading.
     fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let estimated = self.with(py, |inner| {
             let navigators = inner.navigators();
@@ -376,7 +376,11 @@ impl Navigator {
         out.set_item("heave_slip_mps", estimate[water::HEAVE])?;
         out.set_item("sway_slip_sd_mps", slip_sd_mps[water::SWAY])?;
         out.set_item("heave_slip_sd_mps", slip_sd_mps[water::HEAVE])?;
+        let [sway_s, heave_s] = block.slip_time_s();
+        out.set_item("sway_slip_time_s", sway_s)?;
+        out.set_item("heave_slip_time_s", heave_s)?;
         out.set_item("restarts", block.restarts())?;
+        out.set_item("alarms", block.alarms())?;
         let covariance = covariance.as_slice().to_vec();
         out.set_item("covariance", array(py, covariance, &[WATER, WATER])?)?;
         Ok(Some(out))

@@ -31,6 +31,7 @@ struct Track {
     mask_later: BeamMask,
     initial_velocity_sd_mps: f64,
     disturbance_mps: Vec<f64>,
+    seconds: i64,
 }
 
 impl Track {
@@ -43,6 +44,7 @@ impl Track {
             mask_later: [0, 1].into_iter().collect(),
             initial_velocity_sd_mps: 0.05,
             disturbance_mps: vec![0.0],
+            seconds: SECONDS,
         }
     }
 }
@@ -69,7 +71,7 @@ fn run(aiding: BeamAiding, track: &Track, options: &Options) -> Outcome {
     let mut collect = |report: &UpdateReport| reports.push(*report);
     let gravity = model.environment.gravity_mps2;
     let rate = track.rate_radps;
-    for k in 0..=SECONDS * 1_000_000_000 / STEP_NS {
+    for k in 0..=track.seconds * 1_000_000_000 / STEP_NS {
         let time_ns = k * STEP_NS;
         let imu = ImuSample {
             time_ns,
@@ -130,7 +132,8 @@ fn infinite_variances_give_tight_coupling() {
     }
 }
 
-/// With rejected assumptions state and covariance equal those of tight coupling, bit for bit.
+/// With rejected assumptions state and covariance equal those of tight coupling, bit for bit; the second ping raises the alarm, from
+/// which on wider assumptions are accepted.
 #[test]
 fn a_rejected_assumption_changes_nothing() {
     let overconfident = WaterPrior {
@@ -142,12 +145,16 @@ fn a_rejected_assumption_changes_nothing() {
         ..WaterPrior::default()
     };
     // All beams, so that sway and heave over ground are known and far from the assumed values.
-    let track = Track {
+    let longer = Track {
         mask: BeamMask::all(4),
         mask_later: BeamMask::all(4),
         heave_mps: 0.5,
         rate_radps: 0.0,
         ..Track::calm(0.5)
+    };
+    let track = Track {
+        seconds: 2,
+        ..longer.clone()
     };
     for gate in [Gate::Joint { probability: 0.9973 }, Gate::PerRow] {
         let options = Options {
@@ -158,11 +165,14 @@ fn a_rejected_assumption_changes_nothing() {
         let method = run(BeamAiding::SwayCurrent, &track, &options);
         for sensor in [Sensor::Sway, Sensor::Heave] {
             let verdicts = method.of(sensor);
-            assert_eq!(verdicts.len(), SECONDS as usize);
+            assert_eq!(verdicts.len(), 2);
             assert!(verdicts.iter().all(|report| report.verdict == Verdict::Rejected));
         }
         assert_eq!(tight.navigator.state(), method.navigator.state());
         assert_eq!(tight.navigator.covariance(), method.navigator.covariance());
+        assert_eq!(method.navigator.water().unwrap().alarms(), 1);
+        let later = run(BeamAiding::SwayCurrent, &longer, &options);
+        assert_eq!(later.of(Sensor::Sway)[SECONDS as usize - 1].verdict, Verdict::Accepted);
     }
 }
 
@@ -225,7 +235,7 @@ prop_compose! {
                 disturbance_mps in prop::collection::vec(-1.0_f64..1.0, 1..40)) -> Track {
         let mask_of = |bits: usize| (0..4).filter(|k| bits & (1 << k) != 0).collect();
         let (mask, mask_later) = (mask_of(bits), mask_of(later_bits));
-        Track { sway_mps, heave_mps, rate_radps, mask, mask_later, initial_velocity_sd_mps: 10.0_f64.powf(sd_exponent), disturbance_mps }
+        Track { sway_mps, heave_mps, rate_radps, mask, mask_later, initial_velocity_sd_mps: 10.0_f64.powf(sd_exponent), disturbance_mps, seconds: SECONDS }
     }
 }
 

@@ -45,7 +45,7 @@ COMMANDS = {
     "geometries": ("geometries", "List the packaged DVL geometries, with a picture of the beams."),
     "grades": (
         "grades",
-        "List the packaged grades of IMUs and attitude references, with their errors and sources.",
+        "List the packaged grades of IMUs and attitude references and the motion of vehicles, with their sources.",
     ),
     "live": ("live", "Navigate live: from DVL, IMU and depth to the ports of an autopilot."),
     "completion": ("completion", "Print the completion of the command for a shell."),

@@ -1,4 +1,4 @@
-"""Named grades of instruments, packaged with their sources: errors of IMUs and of attitude references."""
+"""Named grades, packaged with sources: errors of IMUs and attitude references, motion of vehicles in the water."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,8 +14,12 @@ from bottomlock.errors import ScenarioError
 from bottomlock.units import mps2_from_mg, per_rt_s_from_per_rt_h, rad_from_deg, radps_from_deg_per_h
 
 M = TypeVar("M", bound=BaseModel)
-Kind = Literal["imu", "attitude"]
-KINDS: dict[Kind, str] = {"imu": "IMUs", "attitude": "attitude and heading references"}
+Kind = Literal["imu", "attitude", "water"]
+KINDS: dict[Kind, str] = {
+    "imu": "IMUs, 1 sigma per axis",
+    "attitude": "attitude and heading references, 1 sigma per axis",
+    "water": "motion through the water by vehicle, 1 sigma",
+}
 FULL_SCALES = ("max_rate_deg_per_s", "max_force_mps2")
 _WORDS = ("title", "source", "derived")
 
@@ -64,8 +68,9 @@ def grade_of(kind: Kind, name: str) -> Grade:
     """
     known = grades(kind)
     if name not in known:
+        what = "vehicle" if kind == "water" else "grade"
         raise ScenarioError(
-            f"grade is '{name}', expected one of {', '.join(known)}; bottomlock grades lists them"
+            f"{what} is '{name}', expected one of {', '.join(known)}; bottomlock grades lists them"
         )
     return known[name]
 
@@ -95,16 +100,34 @@ def imu_model(keys: Mapping[str, float]) -> models.ImuModel:
     )
 
 
-def filled_from_grade(kind: Kind, content: Any, handler: ModelWrapValidatorHandler[M]) -> M:  # noqa: ANN401
-    """Validates a section whose key `grade` gives the keys that are left out; only what was written counts as set.
+def vehicle_water(name: str) -> models.Water:
+    """Prior of the motion through the water of a kind of vehicle: torpedo, hovering, glider or surface.
+
+    Raises:
+        ScenarioError: for an unknown name.
+
+    Examples:
+        >>> vehicle_water("hovering").slip_sd_mps
+        0.3
+    """
+    return models.Water(**grade_of("water", name).keys)
+
+
+def filled_from_grade(
+    kind: Kind,
+    content: Any,  # noqa: ANN401
+    handler: ModelWrapValidatorHandler[M],
+    key: str = "grade",
+) -> M:
+    """Validates a section with a key that gives the keys left out, of a grade; only what was written counts as set.
 
     Raises:
         ValueError: for an unknown grade.
     """
-    if not isinstance(content, dict) or content.get("grade") is None:
+    if not isinstance(content, dict) or content.get(key) is None:
         return handler(content)
     try:
-        own = grade_of(kind, str(content["grade"])).keys
+        own = grade_of(kind, str(content[key])).keys
     except ScenarioError as error:
         raise ValueError(str(error)) from None
     filled = handler({**own, **content})

@@ -273,12 +273,13 @@ _WATER = DEFAULT_OPTIONS["water"]
 
 
 class Water(Section):
-    """Prior of the method sway_current for the motion through the water, 1 sigma.
+    """Prior of the methods sway_current and consistent for the motion through the water, 1 sigma.
 
-    The defaults, the kernel's, are those of a torpedo of 3 m at 2 m/s; docs/methods/sway_current.md says where each
-    number comes from.
+    `vehicle` gives the keys left out; without it they are the kernel's, of a torpedo of 3 m at 2 m/s.
+    docs/methods/sway_current.md says where each number comes from.
     """
 
+    vehicle: str | None = None
     current_sd_mps: NonNegative = _WATER["current_sd_mps"]
     current_time_s: Positive = _WATER["current_time_s"]
     sway_gain_m: Finite = _WATER["sway_gain_m"]
@@ -288,6 +289,11 @@ class Water(Section):
     slip_sd_mps: Positive = _WATER["slip_sd_mps"]
     slip_time_s: Positive = _WATER["slip_time_s"]
     slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False)] = _WATER["slip_epochs"]
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_vehicle(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
+        return filled_from_grade("water", content, handler, "vehicle")
 
 
 _MOTION = models.Motion().as_dict()
@@ -341,7 +347,8 @@ class Filter(Section):
         """What the section says of `models.Options`."""
         rate_hz = self.covariance_rate_hz
         period_ns = units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0
-        return self.model_dump(exclude={"covariance_rate_hz"}) | {"covariance_period_ns": period_ns}
+        content = self.model_dump(exclude={"covariance_rate_hz": True, "water": {"vehicle"}})
+        return content | {"covariance_period_ns": period_ns}
 
 
 _ROBUST = DEFAULT_OPTIONS["robust"]

@@ -4,13 +4,17 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Eskf;
 use crate::aiding::Innovation;
+use crate::aiding::Motion;
 use crate::aiding::further::{FIRST_WATER, FurtherRows};
-use crate::aiding::water::{WATER, WaterRow};
+use crate::aiding::water::{WATER, WaterRow, WaterVector};
 use crate::error::NavError;
 use crate::filter::gate::{Gate, GateTable};
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
+use crate::filter::slip_test::Alarm;
+use crate::filter::water_block::WaterBlock;
+use crate::frames::Vec3;
 use crate::layout::VELOCITY;
-use crate::state::Covariance;
+use crate::state::{Covariance, NavState};
 
 /// Chi-squared quantile of three degrees at 1 − 1e-6: tested at every epoch, so it must not be exceeded by chance in a
 /// mission.
@@ -73,13 +77,11 @@ impl Eskf {
         outcome.map(|report| !(report.nis > self.plausible.threshold(report.degrees)))
     }
 
-    /// Tests an assumption on the motion through the water and updates with it; without water states it has no row.
-    ///
-    /// With `learn` the innovation also updates the estimated variance of the slip.
+    /// Updates with an assumption on the motion through the water, gated by itself; without water states it has no row.
     ///
     /// # Errors
     /// As [`Eskf::update`].
-    pub fn assume(&mut self, row: &WaterRow, sensor: Sensor, learn: bool) -> Result<UpdateReport, NavError> {
+    pub fn assume(&mut self, row: &WaterRow, sensor: Sensor) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
         let Some(water) = &mut self.extensions.water else {
             return Ok(UpdateReport::empty(sensor, self.state.time_ns));
@@ -100,12 +102,45 @@ impl Eskf {
         rows.fixed_view_mut::<1, WATER>(0, FIRST_WATER)
             .copy_from(&row.by_water.transpose());
         innovation.by_further = Some(rows);
-        let report = self.update(&innovation, sensor)?;
-        if let Some(water) = &mut self.extensions.water {
-            let normalised = learn.then_some(report.nis.min(report.threshold));
-            water.end_epoch(row, report.covariance[(0, 0)], normalised);
+        self.update(&innovation, sensor)
+    }
+
+    /// Tests the assumptions by the reports of a ping's rows, of sway and of heave; never with the gate off. The rows are linear
+    /// in the velocity, so that they are tested beyond the linear range too.
+    pub(crate) fn test_slips(&mut self, reports: &[UpdateReport; 2]) -> [Option<Alarm>; 2] {
+        if self.gate.gate == Gate::Off {
+            return [None; 2];
         }
-        Ok(report)
+        let normalised = reports.map(|report| report.residual[0] / report.covariance[(0, 0)].sqrt());
+        (self.extensions.water.as_mut()).map_or([None; 2], |water| water.test(normalised))
+    }
+
+    /// Learns the slip of a row from the velocity of a ping that determines all of it, m/s, with its covariance, (m/s)².
+    pub(crate) fn learn_slip(
+        &mut self,
+        row_of: fn(&Motion<'_>, &WaterVector) -> WaterRow,
+        axis: usize,
+        whole: &(Vector3<f64>, Matrix3<f64>),
+    ) {
+        let Some(mean) = self.water().map(WaterBlock::prior_mean) else {
+            return;
+        };
+        let row = self.with_motion(|motion| {
+            let state = NavState {
+                velocity_p_mps: Vec3::from(whole.0),
+                ..*motion.state
+            };
+            row_of(
+                &Motion {
+                    state: &state,
+                    ..*motion
+                },
+                &mean,
+            )
+        });
+        if let Some(water) = &mut self.extensions.water {
+            water.learn(&row, whole.1[(axis, axis)]);
+        }
     }
 }
 

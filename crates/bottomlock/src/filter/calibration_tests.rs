@@ -151,7 +151,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
         });
         let r = DMatrix::from_element(1, 1, assumed.variance);
         let (expected, _) = updated(&joint(&begun), &h, &r, &DVector::zeros(1));
-        filter.assume(&assumed, Sensor::Sway, false).unwrap();
+        filter.assume(&assumed, Sensor::Sway).unwrap();
         assert_close(&joint(&filter), &expected, 1e-9, "assumption");
     }
     let (_, covariance) = filter.calibration().unwrap();
@@ -216,7 +216,7 @@ fn correlated() -> Eskf {
         filter.update(&innovation, Sensor::Depth).unwrap();
         let water = *filter.water().unwrap().estimate();
         let assumed = filter.with_motion(|motion| sway_row(motion, &water));
-        filter.assume(&assumed, Sensor::Sway, false).unwrap();
+        filter.assume(&assumed, Sensor::Sway).unwrap();
     }
     filter
 }

@@ -167,7 +167,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
         });
         let column = &p * &h;
         let expected = &p - &column * column.transpose() / (h.dot(&column) + assumed.variance);
-        filter.assume(&assumed, Sensor::Sway, false).unwrap();
+        filter.assume(&assumed, Sensor::Sway).unwrap();
         assert_close(&filter.joint_covariance(), &expected, 1e-9, "assumption");
     }
     assert!(filter.extensions.further().covariance()[(FIRST_ATTITUDE_ERROR, FIRST_WATER)] != 0.0);

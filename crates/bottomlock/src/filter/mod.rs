@@ -26,6 +26,8 @@ mod predict;
 mod prediction;
 pub mod report;
 mod restored;
+mod slip_model;
+pub(crate) mod slip_test;
 mod streams;
 pub mod tape;
 mod update;

@@ -157,9 +157,7 @@ fn others_are_brought_up_to_date() {
     let samples = samples(4);
     let water = *filter.water().unwrap().estimate();
     let assumed = filter.with_motion(|motion| crate::aiding::water::sway_row(motion, &water));
-    filter
-        .assume(&assumed, crate::filter::report::Sensor::Sway, false)
-        .unwrap();
+    filter.assume(&assumed, crate::filter::report::Sensor::Sway).unwrap();
     filter.predict_along(&samples).unwrap();
     let before = filter.water_covariance().unwrap();
     let last = samples[3].time_ns as f64 * 1e-9;

@@ -1,4 +1,4 @@
-//! The water states against a Kalman filter on all 26 states, and the estimation of slip variances.
+//! The water states against a Kalman filter on all 26 states, and what is measured and tested of the slip.
 
 use nalgebra::{DMatrix, DVector, SVector};
 
@@ -65,7 +65,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
         let s = h.dot(&(&p * &h)) + assumed.variance;
         let gain = &p * &h / s;
         let before = *filter.water().unwrap().estimate();
-        let report = filter.assume(&assumed, Sensor::Sway, false).unwrap();
+        let report = filter.assume(&assumed, Sensor::Sway).unwrap();
         assert!((report.covariance[(0, 0)] / s - 1.0).abs() < 1e-12);
         check(&joint(&filter), &(&p - &gain * s * gain.transpose()), round);
         let mut expected = before;
@@ -97,7 +97,7 @@ fn covariance_of_the_current_has_the_error_of_the_heading() {
     for _ in 0..3 {
         advance(&mut filter, 100);
         let assumed = row(&filter);
-        filter.assume(&assumed, Sensor::Sway, false).unwrap();
+        filter.assume(&assumed, Sensor::Sway).unwrap();
     }
     let block = filter.extensions.water.as_mut().unwrap();
     (block.estimate[CURRENT], block.estimate[CURRENT + 1]) = (0.2, -0.5);
@@ -134,7 +134,7 @@ fn water_states_decay() {
     let mut filter = filter();
     advance(&mut filter, 100);
     let assumed = row(&filter);
-    filter.assume(&assumed, Sensor::Sway, false).unwrap();
+    filter.assume(&assumed, Sensor::Sway).unwrap();
     let before = filter.extensions.further().clone();
     advance(&mut filter, 1);
     filter.propagated_covariance();
@@ -155,28 +155,49 @@ fn water_states_decay() {
     }
 }
 
-/// Small innovations reduce the variance; without an innovation, or with an uninformative one, it stays.
+/// A row at a velocity that was measured is the slip, less the sway gain of the prior; current and gain are its constants.
 #[test]
-fn slip_variance_follows_informative_innovations() {
-    let row = row(&filter());
+fn a_measured_slip_by_hand() {
+    let filter = filter();
+    let mean = filter.water().unwrap().prior_mean();
+    let row = filter.with_motion(|motion| sway_row(motion, &mean));
     let mut block = WaterBlock::new(&options().water);
     let start = block.variance()[row.slip];
-    let epoch = |block: &mut WaterBlock, s_over_q: f64, normalised: Option<f64>| {
-        block.since_s[row.slip] = 1.0;
-        let left = options().water.decay(1.0)[row.slip];
-        let q = (1.0 - left * left) * block.variance[row.slip];
-        block.end_epoch(&row, q * s_over_q, normalised);
+    assert_eq!(block.slip_time_s(), [options().water.slip_time_s; 2]);
+    // The sway of `filter` is 0.1 m/s, five sigma of the prior, and the turn is negligible: in minutes it becomes a current.
+    assert!((row.residual + 0.1).abs() < 1e-3, "{}", row.residual);
+    for _ in 0..300 {
+        block.propagate(1.0, &WaterVector::repeat(1.0));
+        block.learn(&row, 1e-4);
+    }
+    assert!(block.variance()[row.slip] < start);
+    // Alternating by 0.4 m/s it is none.
+    for k in 0..40 {
+        let residual = if k % 2 == 0 { 0.3 } else { -0.5 };
+        block.propagate(1.0, &WaterVector::repeat(1.0));
+        block.learn(&WaterRow { residual, ..row }, 1e-4);
+    }
+    let larger = block.variance()[row.slip];
+    assert!(larger > 9.0 * start, "{larger}");
+    assert_eq!(block.variance()[HEAVE], start);
+    assert_eq!(block.restarted().variance()[row.slip], larger);
+}
+
+/// A prior that counts for a million observations is neither widened by an alarm nor moved by what is measured.
+#[test]
+fn a_fixed_prior_stays() {
+    let prior = |slip_epochs| WaterPrior {
+        slip_epochs,
+        ..options().water
     };
-    epoch(&mut block, 1.0, None);
-    assert_eq!(block.variance()[row.slip], start);
-    epoch(&mut block, 1e9, Some(0.0));
-    assert!((block.variance()[row.slip] / start - 1.0).abs() < 1e-8);
-    (0..500).for_each(|_| epoch(&mut block, 1.0, Some(0.5)));
-    assert!(block.variance()[row.slip] < 0.3 * start);
-    // Consecutive rejected epochs, each counted as the threshold of 9, increase it again.
-    (0..100).for_each(|_| epoch(&mut block, 1.0, Some(9.0)));
-    assert!(block.variance()[row.slip] > start);
-    assert_eq!(block.restarted().variance()[row.slip], start);
+    for (epochs, alarms) in [(1e6, false), (20.0, true)] {
+        let mut block = WaterBlock::new(&prior(epochs));
+        let alarmed = (0..50).any(|_| {
+            block.propagate(1.0, &WaterVector::repeat(1.0));
+            block.test([4.0, 0.0]) != [None; 2]
+        });
+        assert_eq!(alarmed, alarms);
+    }
 }
 
 /// Numbers from bytes are finite, or named.
@@ -184,12 +205,11 @@ fn slip_variance_follows_informative_innovations() {
 fn restored_numbers_are_checked() {
     let good = WaterBlock::new(&WaterPrior::default());
     assert_eq!(good.check_restored(3), Ok(()));
-    let faults: [fn(&mut WaterBlock); 6] = [
+    let faults: [fn(&mut WaterBlock); 5] = [
         |block| block.prior.slip_time_s = 0.0,
         |block| block.estimate[0] = f64::NAN,
         |block| block.variance[5] = f64::NAN,
-        |block| block.epochs[4] = f64::INFINITY,
-        |block| block.since_s[4] = f64::NAN,
+        |block| block.since_s = f64::NAN,
         |block| block.turning_mps[4] = f64::NAN,
     ];
     for (number, change) in faults.into_iter().enumerate() {
@@ -199,18 +219,27 @@ fn restored_numbers_are_checked() {
     }
 }
 
-/// A block that starts again has its prior, nothing of what was learned, and counts.
+/// A block that starts again has its prior and what was learned of the slip, and counts; an alarm widens the slip it names alone.
 #[test]
-fn a_restart_forgets() {
-    let mut learned = WaterBlock::new(&WaterPrior::default());
-    learned.variance[5] *= 2.0;
-    learned.estimate[0] = 0.3;
-    let (anew, fresh) = (learned.restarted(), WaterBlock::new(&WaterPrior::default()));
+fn a_restart_forgets_all_but_the_slip() {
+    let mut moved = WaterBlock::new(&WaterPrior::default());
+    moved.estimate[0] = 0.3;
+    let (anew, fresh) = (moved.restarted(), WaterBlock::new(&WaterPrior::default()));
+    let counts = |block: &WaterBlock| (block.restarts(), block.alarms());
     assert_eq!(
-        (anew.restarts(), fresh.restarts(), anew.restarted().restarts()),
-        (1, 0, 2)
+        (counts(&anew), counts(&fresh), counts(&anew.restarted())),
+        ((1, 0), (0, 0), (2, 0))
     );
     assert_eq!((anew.estimate(), anew.variance()), (fresh.estimate(), fresh.variance()));
+    let wide = moved.widened([Some(Alarm::Larger), None]);
+    assert_eq!((counts(&wide), wide.slip_time_s()[1]), ((1, 1), fresh.slip_time_s()[1]));
+    assert!(wide.variance()[SWAY] > fresh.variance()[SWAY] && wide.slip_time_s()[0] > fresh.slip_time_s()[0]);
+    assert_eq!(
+        (wide.variance()[HEAVE], wide.estimate()),
+        (fresh.variance()[HEAVE], fresh.estimate())
+    );
+    assert_eq!(wide.restarted().variance(), wide.variance());
+    assert!(wide.decay(1.0)[SWAY] > fresh.decay(1.0)[SWAY]);
 }
 
 /// Estimates decay with their correlation times.
@@ -223,22 +252,4 @@ fn estimates_decay() {
     filter.propagated_covariance();
     let expected = water.component_mul(&options().water.decay(1.01));
     assert!((filter.water().unwrap().estimate() - expected).amax() < 1e-12);
-}
-
-/// By hand: a slip that makes half of S, whose square is a quarter of what was expected, moves its variance by
-/// 1 + 0.5 (0.25 − 1)/(n + 0.25); a slip that is all of S counts as one epoch.
-#[test]
-fn an_epoch_by_hand() {
-    let row = row(&filter());
-    for (share, normalised) in [(0.5, 0.25), (1.0, 4.0)] {
-        let mut block = WaterBlock::new(&options().water);
-        let (start, epochs) = (block.variance[row.slip], block.epochs[row.slip]);
-        block.since_s[row.slip] = 2.0;
-        let q = (1.0 - (-2.0 * 2.0 / options().water.slip_time_s).exp()) * start;
-        block.end_epoch(&row, q / share, Some(normalised));
-        let counted = (epochs + share * share).min(options().water.slip_epochs.max(MEMORY_EPOCHS));
-        let expected = start * (1.0 + share * (normalised - 1.0) / counted);
-        assert!((block.variance[row.slip] / expected - 1.0).abs() < 1e-12);
-        assert!((block.epochs[row.slip] - counted).abs() < 1e-12 && block.since_s[row.slip] == 0.0);
-    }
 }

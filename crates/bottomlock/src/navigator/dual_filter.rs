@@ -4,15 +4,25 @@
 //! The constrained filter therefore has no gate for measurements: it applies exactly the rows that the filter on the
 //! measurements alone accepted. Where these contradict it several times in a row, it starts again from the other one.
 
-use crate::aiding::Innovation;
-use crate::aiding::water::{heave_row, sway_row};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::aiding::water::{SWAY, WaterRow, WaterVector, heave_row, sway_row};
+use crate::aiding::{Innovation, Motion};
 use crate::error::NavError;
 use crate::filter::Eskf;
 use crate::filter::inflation::AdmissibleError;
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
+use crate::filter::slip_test::Alarm;
 use crate::filter::tape::Tape;
 use crate::filter::water_block::WaterBlock;
 use crate::mechanisation::ImuSample;
+
+/// An assumption as a row, by the motion and the water states.
+type RowOf = fn(&Motion<'_>, &WaterVector) -> WaterRow;
+/// The assumptions in the order in which they are applied, with the axis of the platform frame.
+const ROWS: [(Sensor, RowOf, usize); 2] = [(Sensor::Heave, heave_row, 2), (Sensor::Sway, sway_row, 1)];
+/// Measurements contradict the assumptions, whichever it is.
+const BOTH_LARGER: [Option<Alarm>; 2] = [Some(Alarm::Larger); 2];
 
 /// The one or two filters of a navigator.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
@@ -47,6 +57,13 @@ impl DualFilter {
     /// states.
     fn restart_constrained(&mut self) {
         if let Some(water) = self.best().water().map(WaterBlock::restarted) {
+            self.start_constrained(water);
+        }
+    }
+
+    /// Restarts the constrained filter with a wider slip where there was an alarm, of sway and of heave.
+    fn widen_slip(&mut self, alarms: [Option<Alarm>; 2]) {
+        if let Some(water) = self.best().water().map(|water| water.widened(alarms)) {
             self.start_constrained(water);
         }
     }
@@ -148,7 +165,7 @@ impl DualFilter {
             let is_plausible = filter.update_with_verdict(&innovation, sensor, report.verdict)?;
             self.implausible = if is_plausible { 0 } else { self.implausible + 1 };
             if self.implausible > 0 && self.implausible == filter.rejections_allowed() {
-                self.restart_constrained();
+                self.widen_slip(BOTH_LARGER);
             }
         }
         Ok(report)
@@ -205,26 +222,41 @@ impl DualFilter {
 
     /// Applies the assumptions on sway and heave through the water to the constrained filter, each with its own gate.
     ///
-    /// With `full_lock` (three independent beams) the innovations also estimate the variances of the slip.
+    /// `whole` is the velocity of a ping that determines all of it, with its covariance: the slip is learned from it. An alarm
+    /// of the slip's test restarts the constrained filter from the other one, with a wider slip.
     ///
     /// # Errors
     /// As [`Eskf::assume`].
-    pub(crate) fn assume(&mut self, full_lock: bool, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+    pub(crate) fn assume(
+        &mut self,
+        whole: Option<&(Vector3<f64>, Matrix3<f64>)>,
+        report: &mut impl FnMut(&UpdateReport),
+    ) -> Result<(), NavError> {
         if self.assumptions_failed() {
-            self.restart_constrained();
+            self.widen_slip(BOTH_LARGER);
         }
         let Some(filter) = &mut self.constrained else {
             return Ok(());
         };
-        for sensor in [Sensor::Heave, Sensor::Sway] {
+        let mut outcomes = [None; 2];
+        for (sensor, row_of, axis) in ROWS {
             let Some(water) = filter.water().map(|block| *block.estimate()) else {
                 return Ok(());
             };
-            let row = filter.with_motion(|motion| match sensor {
-                Sensor::Heave => heave_row(motion, &water),
-                _ => sway_row(motion, &water),
-            });
-            report(&filter.assume(&row, sensor, full_lock)?);
+            if let Some(whole) = whole {
+                filter.learn_slip(row_of, axis, whole);
+            }
+            let row = filter.with_motion(|motion| row_of(motion, &water));
+            let outcome = filter.assume(&row, sensor)?;
+            report(&outcome);
+            outcomes[row.slip - SWAY] = Some(outcome);
+        }
+        let [Some(sway), Some(heave)] = outcomes else {
+            return Ok(());
+        };
+        let alarms = filter.test_slips(&[sway, heave]);
+        if alarms.iter().any(Option::is_some) {
+            self.widen_slip(alarms);
         }
         Ok(())
     }

@@ -57,8 +57,9 @@ class Sway:
         if self.fits:
             return f"{measured}: it fits this vehicle."
         return (
-            f"{measured}: it does not fit this vehicle. Take tc, or set filter.water.slip_sd_mps = {self.rms_mps:.2g} "
-            f"and slip_time_s = {self.time_s:.2g}."
+            f"{measured}: it does not fit this vehicle. Set filter.water.vehicle (hovering, surface), or slip_sd_mps "
+            f"= {self.rms_mps:.2g} and slip_time_s = {self.time_s:.2g}; or take tc, or consistent, which falls back "
+            "to it."
         )
 
 

@@ -1,0 +1,59 @@
+"""A vehicle that sways, which the default prior excludes: `consistent` claims no more than the data allow.
+
+NEES is compared with that of `tc` on the same streams, run by run, because both have the errors of attitude and start
+in common; the mean difference may not exceed three of its standard errors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.oracle import chi_squared
+from tests.statistical import swaying
+
+SWAYING = ("tactical, 20 s", "MEMS, 20 s", "tactical, 120 s", "MEMS, diagonal pair", "four beams for 60 s")
+
+
+def check_swaying(name: str, runs: int, vehicle: str = "torpedo") -> None:
+    """NEES in its band or not above tc's, and no velocity RMS above tc's."""
+    batch = swaying.run(name, runs, vehicle)
+    ours, tight = swaying.nees(batch, "consistent"), swaying.nees(batch, "tc")
+    excess = ours - tight
+    assert ours.mean() < chi_squared.mean_band(ours, 6)[1] or excess.mean() < 3 * excess.std(
+        ddof=1
+    ) / np.sqrt(runs), f"{ours.mean():.2f}, tc {tight.mean():.2f}"
+    assert swaying.rms_mps(batch, "consistent") < 1.05 * swaying.rms_mps(batch, "tc")
+
+
+def test_a_swaying_vehicle_in_short() -> None:
+    """Six runs of one world."""
+    check_swaying("tactical, 20 s", 6)
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SWAYING)
+def test_claims_no_more_than_the_data_allow(name: str) -> None:
+    check_swaying(name, 30)
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SWAYING)
+def test_the_prior_of_the_vehicle_holds_from_the_start(name: str) -> None:
+    """With `vehicle = "hovering"`: NEES as above, and no velocity RMS above tc's.
+
+    It is more than with the torpedo's prior, whose heave holds in these worlds: the hovering one assumes nothing of it.
+    """
+    check_swaying(name, 30, "hovering")
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+def test_the_gain_stays_where_the_prior_holds() -> None:
+    """Slips as assumed: half of tc's velocity RMS or less, and consistent."""
+    batch = swaying.run("as assumed", 30)
+    assert swaying.rms_mps(batch, "sway_current") < 0.55 * swaying.rms_mps(batch, "tc")
+    ours = swaying.nees(batch, "sway_current")
+    assert ours.mean() < chi_squared.mean_band(ours, 6)[1]
