@@ -24,7 +24,7 @@ PLACES = {
 }  # fmt: skip
 IMU = NAVIGATION_TOML[NAVIGATION_TOML.index("[imu]") : NAVIGATION_TOML.index("[start]")]
 TEXT = (
-    NAVIGATION_TOML.replace(IMU, '[imu]\nsource = "attitude"\naccel_noise_mps_per_rt_h = 1.0\n')
+    NAVIGATION_TOML.replace(IMU, '[imu]\nsource = "attitude"\naccel_noise_mps_per_rt_h = 1.0\n[attitude]\n')
     .replace("heading_deg = 30.0\n", "")
     .replace('"imu-csv"\nrate_hz = 100', '"attitude-csv"\nrate_hz = 10')
     .format(**PLACES)
@@ -111,7 +111,7 @@ def test_mavlink_gives_what_lines_give(kind: str) -> None:
     """To the rounding of single precision; the autopilot's HIGHRES_IMU is passed over."""
     by_lines = fly(made(), World(6.0), lines(6.0))[1]
     text = TEXT.replace('"attitude-csv"', '"mavlink"').replace(
-        "accel_noise", f'message = "{kind}"\naccel_noise', 1
+        "[attitude]", f'[attitude]\nmessage = "{kind}"'
     )
     engine, by_messages = fly(made(text), World(6.0), messages(6.0, kind))
     assert len(by_lines) == len(by_messages) > 30
@@ -156,7 +156,7 @@ def test_lines_of_attitudes() -> None:
 
 def test_mounting_and_declination() -> None:
     """A sensor turned by 90 degrees, a declination of 5: the platform looks 85 degrees to port of what it reads."""
-    text = TEXT.replace("accel_noise", "mounting_yaw_deg = 90.0\nyaw_offset_deg = 5.0\naccel_noise", 1)
+    text = TEXT.replace("[attitude]", "[attitude]\nmounting_yaw_deg = 90.0\nyaw_offset_deg = 5.0")
     engine, _ = fly(made(text), World(3.0), lines(3.0))
     estimator = engine.estimator
     assert isinstance(estimator, NavigationEstimator)
@@ -223,7 +223,15 @@ def test_a_checkpoint_goes_on_from_its_attitude() -> None:
             'needs a source of attitudes, with format "attitude-csv"',
         ),
         ('source = "attitude"', 'source = "attitudes"', "'imu.source' is 'attitudes', expected 'attitude'"),
-        ("accel_noise", 'message = "AHRS2"\naccel_noise', "'imu.message' is 'AHRS2', expected 'ATTITUDE' or"),
+        (
+            "[attitude]",
+            '[attitude]\nmessage = "AHRS2"',
+            "'attitude.message' is 'AHRS2', expected 'ATTITUDE' or",
+        ),
+        ("[attitude]", '[attitude]\naids = "heading"', 'attitude.aids is "heading", expected "nothing"'),
+        ("[attitude]\n", "", 'imu.source = "attitude" needs the section [attitude], which is missing'),
+        ("[start]", '[start]\nlevel = "levelling"', "needs inertial readings, and imu.source is"),
+        ("[attitude]", "mounting_yaw_deg = 9.0\n[attitude]", "'mounting_yaw_deg' is a key of [attitude]"),
         (
             "[[port]]",
             '[[source]]\nname = "b"\naddress = "stdin"\nformat = "imu-csv"\nrate_hz = 10\n[[port]]',
@@ -236,12 +244,3 @@ def test_mistakes(old: str, new: str, message: str) -> None:
     with pytest.raises(ScenarioError) as error:
         made(TEXT.replace(old, new, 1))
     assert message in str(error.value)
-
-
-def test_an_imu_needs_a_heading_and_no_attitude() -> None:
-    text = NAVIGATION_TOML.format(**PLACES)
-    with pytest.raises(ScenarioError, match=r"'start\.heading_deg' is missing, expected number in deg"):
-        made(text.replace("heading_deg = 30.0\n", ""))
-    extra = '[[source]]\nname = "b"\naddress = "stdin"\nformat = "attitude-csv"\nrate_hz = 10\n'
-    with pytest.raises(ScenarioError, match=r"'attitude-csv', which needs imu\.source"):
-        made(text + extra)

@@ -27,7 +27,7 @@ def view(shown: dict[str, Any]) -> Group:
         f"  {shown['why']}",
         f"  (resets {shown['reset_counter']})",
     )
-    return Group(state, _velocity(shown), _sources(shown), _ports(shown))
+    return Group(state, _velocity(shown), *_reference(shown), _sources(shown), _ports(shown))
 
 
 def _number(value: float | None, digits: int = 3) -> str:
@@ -49,6 +49,16 @@ def _velocity(shown: dict[str, Any]) -> Table:
         _number(shown["ping"]["nis"], 2),
     )
     return table
+
+
+def _reference(shown: dict[str, Any]) -> list[Text]:
+    off = [
+        f"{angle} {math.degrees(one['error_rad']):.2f}° ± {math.degrees(one['sd_rad']):.2f}°"
+        for angle, one in shown["reference"].items()
+    ]
+    gated = [f"{n} x {sensor}" for sensor, n in shown["gated"].items()]
+    parts = (("slow error of the attitude reference", off), ("rejected by the gate", gated))
+    return [Text(f"{what}: {', '.join(found)}") for what, found in parts if found]
 
 
 def _sources(shown: dict[str, Any]) -> Table:

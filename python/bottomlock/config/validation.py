@@ -39,7 +39,11 @@ def _unknown(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> s
     """The nearest key of the section, or the section that has the very key."""
     name, known = str(path[-1]), list(model_at(model, path[:-1]).model_fields)
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-    elsewhere = [place for place, one in section_paths(model) if place and name in one.model_fields]
+    # Of a section that may be one of several models, another one may have the key: that is not its place.
+    own = ".".join(part for part in map(str, path[:-1]) if not part[:1].isupper())
+    elsewhere = [
+        place for place, one in section_paths(model) if place not in {"", own} and name in one.model_fields
+    ]
     if close and (not elsewhere or difflib.SequenceMatcher(None, name, close[0]).ratio() > 0.8):
         return f"unknown key '{key}', did you mean '{close[0]}'?"
     if elsewhere:

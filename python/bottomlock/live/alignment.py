@@ -1,4 +1,4 @@
-"""Initial alignment of a live start: level by the accelerometers, heading given, velocity by the beams or given."""
+"""Initial alignment of a live start: level and heading, by whom the file names, and the velocity."""
 
 from collections import deque
 
@@ -9,20 +9,29 @@ from bottomlock import units
 from bottomlock.levelling import level_from_force
 from bottomlock.live.sections import StartSection
 from bottomlock.models import InitialState
-from bottomlock.ports.rotation import quaternion
+from bottomlock.ports.rotation import angles, quaternion
 
 PING_AGE_NS = 1_000_000_000
 """Greatest age of the ping that gives the initial velocity."""
+ATTITUDE_AGE_NS = 1_000_000_000
+"""Greatest age of the attitude that gives a part of the initial one."""
 Floats = NDArray[np.float64]
 
 
 class Alignment:
-    """Collects what a start needs; `state` gives it once everything is there."""
+    """Collects what a start needs; `state` gives it once everything is there.
 
-    def __init__(self, start: StartSection) -> None:
+    Args:
+        start: the section.
+        level_by_attitude: whether an attitude gives roll and pitch; else the accelerometers do.
+    """
+
+    def __init__(self, start: StartSection, *, level_by_attitude: bool = False) -> None:
         self._start = start
+        self._level_by_attitude = level_by_attitude
         self._window_ns = units.ns_from_s(start.window_s)
         self._readings: deque[tuple[int, Floats]] = deque()
+        self._attitudes: deque[tuple[int, Floats]] = deque()
         self._velocity: tuple[int, Floats] | None = None
 
     def imu(self, time_ns: int, force_p_mps2: Floats) -> None:
@@ -34,6 +43,13 @@ class Alignment:
         while len(readings) > 2 and time_ns - readings[1][0] >= self._window_ns:
             readings.popleft()
 
+    def attitude(self, time_ns: int, attitude_t_p: Floats) -> None:
+        """Takes an attitude of the platform (4,), quaternion, scalar first."""
+        attitudes = self._attitudes
+        attitudes.append((time_ns, attitude_t_p))
+        while time_ns - attitudes[0][0] > ATTITUDE_AGE_NS:
+            attitudes.popleft()
+
     def velocity(self, time_ns: int, velocity_p_mps: Floats) -> None:
         """Takes the velocity (3,) of a ping that determines the whole of it."""
         self._velocity = time_ns, velocity_p_mps
@@ -41,64 +57,71 @@ class Alignment:
     @property
     def waiting_for(self) -> str:
         """What is still missing, in words; "" where nothing is."""
+        return self._motion_waits_for or self._velocity_waits_for
+
+    @property
+    def _motion_waits_for(self) -> str:
         if not self._readings:
             return "inertial readings"
         span_ns = self._readings[-1][0] - self._readings[0][0]
-        if span_ns < self._window_ns:
+        if span_ns < self._window_ns and not self._level_by_attitude:
             return f"the alignment, {span_ns * 1e-9:.0f} of {self._start.window_s:g} s"
-        if self._start.velocity == "beams" and self._velocity_now() is None:
+        needed = self._level_by_attitude or self._start.heading_deg is None
+        return "an attitude" if needed and self._attitude() is None else ""
+
+    @property
+    def _velocity_waits_for(self) -> str:
+        if self._start.velocity == "beams" and self._velocity_at(self._time_ns) is None:
             return "a ping that determines the whole velocity"
         return ""
 
-    def _velocity_now(self) -> Floats | None:
-        return self._velocity_at(self._readings[-1][0])
+    @property
+    def _time_ns(self) -> int:
+        return self._readings[-1][0]
 
     def _velocity_at(self, time_ns: int) -> Floats | None:
         if self._velocity is None or abs(time_ns - self._velocity[0]) > PING_AGE_NS:
             return None
         return self._velocity[1]
 
+    def _attitude(self) -> Floats | None:
+        """The latest attitude that is not after the start, unless it is too old."""
+        start_ns = self._time_ns
+        known = [one for one in self._attitudes if 0 <= start_ns - one[0] <= ATTITUDE_AGE_NS]
+        return max(known, key=lambda one: one[0])[1] if known else None
+
+    def _attitude_t_p(self) -> tuple[float, ...]:
+        """Initial attitude: roll and pitch, and heading, each by whom the file names."""
+        heading_deg, known = self._start.heading_deg, self._attitude()
+        roll, pitch, yaw = (0.0, 0.0, 0.0) if known is None else angles(known)
+        if not self._level_by_attitude:
+            roll, pitch = level_from_force(np.mean([force for _, force in self._readings], axis=0))
+        elif known is not None and heading_deg is None:
+            return tuple(known.tolist())
+        return quaternion(roll, pitch, yaw if heading_deg is None else units.rad_from_deg(heading_deg))
+
     def state(self) -> InitialState:
-        """The state at the last inertial reading, once `waiting_for` is empty."""
-        start = self._start
-        roll, pitch = level_from_force(np.mean([force for _, force in self._readings], axis=0))
-        measured = self._velocity_now() if start.velocity == "beams" else None
+        """The state at the last reading, once `waiting_for` is empty."""
+        start, time_ns = self._start, self._time_ns
+        measured = self._velocity_at(time_ns) if start.velocity == "beams" else None
         return InitialState(
-            time_ns=self._readings[-1][0],
+            time_ns=time_ns,
             position_t_m=start.position_m,
-            attitude_t_p=quaternion(roll, pitch, units.rad_from_deg(start.heading_deg or 0.0)),
+            attitude_t_p=self._attitude_t_p(),
             velocity_p_mps=start.velocity_mps if measured is None else tuple(measured.tolist()),
         )
 
 
 class AttitudeAlignment(Alignment):
-    """The same where an attitude takes the place of inertial readings: it is the initial attitude."""
+    """The same where attitudes take the place of inertial readings: the start is at the last of them."""
 
     def __init__(self, start: StartSection) -> None:
-        super().__init__(start)
-        self._latest: tuple[int, Floats] | None = None
-
-    def attitude(self, time_ns: int, attitude_t_p: Floats) -> None:
-        """Takes an attitude (4,), quaternion, scalar first."""
-        self._latest = time_ns, attitude_t_p
+        super().__init__(start, level_by_attitude=True)
 
     @property
-    def waiting_for(self) -> str:
-        """What is still missing, in words; "" where nothing is."""
-        if self._latest is None:
-            return "an attitude"
-        if self._start.velocity == "beams" and self._velocity_at(self._latest[0]) is None:
-            return "a ping that determines the whole velocity"
-        return ""
+    def _motion_waits_for(self) -> str:
+        return "" if self._attitudes else "an attitude"
 
-    def state(self) -> InitialState:
-        """The state at the last attitude, once `waiting_for` is empty."""
-        assert self._latest is not None
-        start, (time_ns, attitude) = self._start, self._latest
-        measured = self._velocity_at(time_ns) if start.velocity == "beams" else None
-        return InitialState(
-            time_ns=time_ns,
-            position_t_m=start.position_m,
-            attitude_t_p=tuple(attitude.tolist()),
-            velocity_p_mps=start.velocity_mps if measured is None else tuple(measured.tolist()),
-        )
+    @property
+    def _time_ns(self) -> int:
+        return self._attitudes[-1][0]

@@ -21,6 +21,8 @@ from bottomlock.io.beams import Instrument, read_geometry
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.live.sections import (
     DVL_FORMATS,
+    LEVELLING_SD_DEG,
+    AttitudeSection,
     CheckpointSection,
     DepthSection,
     DvlSection,
@@ -63,6 +65,7 @@ class LiveConfig(Section):
         ]
         | None
     ) = None
+    attitude: AttitudeSection | None = None
     depth: DepthSection | None = None
     origin: OriginSection | None = None
     start: StartSection | None = None
@@ -103,30 +106,75 @@ class LiveConfig(Section):
                 f'mode = "navigation" needs the {words} {", ".join(missing)}, which {verb} missing'
             )
         by_attitude = isinstance(self.imu, ImuFromAttitude)
-        lines, what = ("attitude-csv", "attitudes") if by_attitude else ("imu-csv", "inertial readings")
-        formats = [source.format for source in self.source]
-        if not {lines, "mavlink"}.intersection(formats):
+        what = "attitudes" if by_attitude else "inertial readings"
+        if not self.sources_of(self.motion_lines):
             raise ValueError(
-                f'mode = "navigation" needs a source of {what}, with format "{lines}" or "mavlink"'
+                f'mode = "navigation" needs a source of {what}, with format "{self.motion_lines}" or "mavlink"'
             )
-        if "attitude-csv" in formats and not by_attitude:
-            raise ValueError("a source has format 'attitude-csv', which needs imu.source = \"attitude\"")
+        formats = [source.format for source in self.source]
         if "imu-csv" in formats and by_attitude:
             raise ValueError(
                 "a source has format 'imu-csv', and imu.source is \"attitude\": expected one of them"
             )
-        assert self.start is not None  # seen above
-        if by_attitude != (self.start.heading_deg is None):
+        self._start_is_known(by_attitude=by_attitude)
+        for lines, key in (("attitude-csv", "attitude"), ("depth-csv", "depth")):
+            if lines in formats and getattr(self, key) is None:
+                raise ValueError(f"a source has format '{lines}', which needs the section [{key}]")
+        if self.attitude is not None:
+            self._attitude_is_one(self.attitude)
+
+    def _start_is_known(self, *, by_attitude: bool) -> None:
+        start, attitude = self.start, self.attitude
+        assert start is not None  # seen above
+        if by_attitude:
+            if attitude is None:
+                raise ValueError('imu.source = "attitude" needs the section [attitude], which is missing')
+            attitude.replaces_inertial_readings()
+            if start.heading_deg is not None:
+                raise ValueError(
+                    "'start.heading_deg' is given, but imu.source = \"attitude\" gives the heading"
+                )
+            if start.level == "levelling":
+                raise ValueError(
+                    'start.level = "levelling" needs inertial readings, and imu.source is "attitude": set '
+                    'start.level = "attitude"'
+                )
+        elif attitude is None:
+            if start.level == "attitude":
+                raise ValueError('start.level = "attitude" needs the section [attitude], which is missing')
+            if start.heading_deg is None:
+                raise ValueError(
+                    "'start.heading_deg' is missing, expected number in deg: heading of the platform at the start, "
+                    "which only a section [attitude] can give instead"
+                )
+        elif attitude.aids == "nothing" and start.heading_deg is not None and start.level != "attitude":
             raise ValueError(
-                "'start.heading_deg' is given, but imu.source = \"attitude\" gives the heading"
-                if by_attitude
-                else "'start.heading_deg' is missing, expected number in deg: heading of the platform at the start"
+                'attitude.aids is "nothing", and the start does not use [attitude] either: set attitude.aids = '
+                '"attitude" or "heading", or leave start.heading_deg out'
             )
-        if any(source.format == "depth-csv" for source in self.source) and self.depth is None:
-            raise ValueError("a source has format 'depth-csv', which needs the section [depth]")
+
+    def _attitude_is_one(self, attitude: AttitudeSection) -> None:
+        """One sensor has one mounting and one slow error."""
+        sources = self.sources_of("attitude-csv")
+        if len(sources) != 1:
+            named = ", ".join(source.name for source in sources)
+            raise ValueError(
+                f"{len(sources)} sources can be that of [attitude] ({named or 'none'}), expected one, with format "
+                '"attitude-csv", or else "mavlink"'
+            )
+        (source,) = sources
+        if source.format != "mavlink" and "message" in attitude.model_fields_set:
+            raise ValueError(
+                f"'attitude.message' is one of MAVLink, and the attitudes are those of source '{source.name}' with "
+                f"format '{source.format}': leave it out, or remove that source"
+            )
+        if source.format == "mavlink" and attitude.frame != "ned_frd":
+            raise ValueError(
+                f'attitude.frame is "{attitude.frame}", expected "ned_frd": that of MAVLink\'s {attitude.message}'
+            )
 
     def _needs_nothing_else(self) -> None:
-        for key in ("imu", "depth", "origin", "start", "checkpoint"):
+        for key in ("imu", "attitude", "depth", "origin", "start", "checkpoint"):
             if getattr(self, key) is not None:
                 raise ValueError(
                     f'section [{key}] belongs to mode = "navigation", and the mode is "velocity"'
@@ -136,6 +184,35 @@ class LiveConfig(Section):
                 raise ValueError(
                     f"source '{source.name}' has format '{source.format}', which mode = \"velocity\" does not use"
                 )
+
+    @property
+    def motion_lines(self) -> str:
+        """Format of the lines that move the vehicle."""
+        return "attitude-csv" if isinstance(self.imu, ImuFromAttitude) else "imu-csv"
+
+    def sources_of(self, lines: str) -> list[SourceSection]:
+        """The sources of a kind of reading: those of its lines, and where there are none those of MAVLink."""
+        own = [source for source in self.source if source.format == lines]
+        return own or [source for source in self.source if source.format == "mavlink"]
+
+    @property
+    def level_by_attitude(self) -> bool:
+        """Whether roll and pitch of the start are those of [attitude]."""
+        return isinstance(self.imu, ImuFromAttitude) or (
+            self.start is not None and self.start.level == "attitude"
+        )
+
+    def start_sd_deg(self) -> tuple[float, float]:
+        """1 sigma of roll and pitch and of the heading at the start, deg, of a configuration in mode navigation."""
+        start, attitude = self.start, self.attitude
+        assert start is not None  # validated
+        level, heading = start.level_sd_deg or LEVELLING_SD_DEG, start.heading_sd_deg
+        if attitude is not None:
+            heading = heading or attitude.start_yaw_sd_deg
+            if self.level_by_attitude:
+                level = start.level_sd_deg or attitude.start_roll_pitch_sd_deg
+        assert heading is not None  # validated
+        return level, heading
 
     @property
     def limits(self) -> Limits:
@@ -231,15 +308,15 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
         sensors["depth"] = models.DepthModel(
             sd_m=depth.sd_m, bias_sd_m=depth.bias_m, bias_time_s=depth.bias_time_s
         )
-    tilt, heading = (units.rad_from_deg(sd) for sd in (start.level_sd_deg, start.heading_sd_deg))
+    if config.attitude is not None:
+        sensors |= config.attitude.kernel_models()
+    tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
     model = models.Model(
         environment=models.Environment(
             latitude_rad=latitude,
             gravity_mps2=WEIGHTLESS_MPS2 if isinstance(imu, ImuFromAttitude) else gravity,
         ),
-        imu=imu.kernel_model(0.0, units.rad_from_deg(units.per_rt_s_from_per_rt_h(start.heading_sd_deg)))
-        if isinstance(imu, ImuFromAttitude)
-        else imu.kernel_model(),
+        imu=_imu_model(imu, config.attitude),
         dvl=config.dvl.errors.kernel_model(float(instrument.beam_sd_mps.mean())),
         initial=models.InitialModel(
             position_sd_m=start.position_sd_m,
@@ -255,10 +332,19 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
         imu_sampling="averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
         depth_lever_p_m=lever,
     )
-    mounting = [
-        math.radians(a) for a in (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)
-    ]
-    return KernelSettings(model, options, matrix(np.array(quaternion(*mounting))), gravity)
+    axes = np.eye(3)
+    if isinstance(imu, ImuSection):
+        turned = (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)
+        axes = matrix(np.array(quaternion(*map(math.radians, turned))))
+    return KernelSettings(model, options, axes, gravity)
+
+
+def _imu_model(imu: ImuSection | ImuFromAttitude, attitude: AttitudeSection | None) -> models.ImuModel:
+    """The errors of inertial readings, or of a motion made from attitudes."""
+    if isinstance(imu, ImuSection):
+        return imu.kernel_model()
+    assert attitude is not None  # validated in LiveConfig
+    return imu.kernel_model(0.0, attitude.gyro_noise_rad_rts)
 
 
 def load_config(path: str | Path) -> LiveConfig:

@@ -5,7 +5,7 @@ alone (silence, lines that wait) is done at multiples of `TICK_NS` of the arriva
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bottomlock import units
@@ -17,7 +17,7 @@ from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.pings import Ping, PingReader
 from bottomlock.live.readings import AttitudeReading, ImuReading, LineReader, MavlinkReader, Reading
 from bottomlock.live.reasons import Reasons
-from bottomlock.live.sections import DVL_FORMATS, ImuFromAttitude, SourceSection
+from bottomlock.live.sections import DVL_FORMATS, ImuFromAttitude, ImuSection, SourceSection
 from bottomlock.live.states import Facts, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
 from bottomlock.ports.port import Port
@@ -103,8 +103,9 @@ class Engine:
         self._tick_ns: int | None = None
         self._offered_ns: int | None = None
         self._estimate_ns = units.ns_from_s(1.0 / config.navigation.estimate_hz)
-        self._ping_period_ns = self._period_ns(PingReader)
-        self._imu_period_ns = self._period_ns(LineReader, MavlinkReader)
+        self._ping_period_ns = _period_ns(one for one in config.source if one.format in DVL_FORMATS)
+        self._imu_period_ns = _period_ns(config.sources_of(config.motion_lines))
+        self._moves = AttitudeReading if isinstance(config.imu, ImuFromAttitude) else ImuReading
         self._steps_seen = 0
         self._failed = ""
         self.now_ns = 0
@@ -115,14 +116,24 @@ class Engine:
             options = Options(negate_beams=section.negate_beams, keep_stale=section.keep_stale)
             reader = PingReader(section.format, self.beams, options)
         elif section.format == "mavlink":
-            gravity = kernel_settings(self.config, self.config.instrument()).gravity_mps2
-            imu = self.config.imu
-            attitude = imu.message if isinstance(imu, ImuFromAttitude) else None
-            reader = MavlinkReader(self.config.depth, gravity, attitude)
+            reader = self._mavlink_reader(section)
         else:
             within = section.address.startswith("serial:")
             reader = LineReader(section.format, checksum=section.checksum, within=within)
         return SourceState(section, reader, ClockMap(units.ns_from_s(section.step_s)))
+
+    def _mavlink_reader(self, section: SourceSection) -> MavlinkReader:
+        """Of what no lines give."""
+        config = self.config
+        inertial, turned, deep = (
+            section in config.sources_of(lines) for lines in ("imu-csv", "attitude-csv", "depth-csv")
+        )
+        return MavlinkReader(
+            config.depth if deep else None,
+            kernel_settings(config, config.instrument()).gravity_mps2,
+            config.attitude.message if turned and config.attitude is not None else None,
+            inertial=inertial and isinstance(config.imu, ImuSection),
+        )
 
     @property
     def state(self) -> State:
@@ -191,8 +202,7 @@ class Engine:
             # What a ping has changed is sent at once.
             self._judge(arrival_ns)
             return self._send(least_ns=1)
-        moves = isinstance(reading, ImuReading | AttitudeReading)
-        return self._send(least_ns=self._estimate_ns) if moves else []
+        return self._send(least_ns=self._estimate_ns) if isinstance(reading, self._moves) else []
 
     def _estimate(self, reading: Ping | Reading, time_ns: int, arrival_ns: int) -> None:
         if isinstance(reading, Ping):
@@ -252,15 +262,6 @@ class Engine:
         self._steps_seen = steps
         self.machine.update(facts)
 
-    def _period_ns(self, *readers: type) -> int:
-        """Longest expected period among the sources of a kind; depth does not count."""
-        rates = [
-            one.section.rate_hz
-            for one in self.sources
-            if isinstance(one.reader, readers) and one.section.format != "depth-csv"
-        ]
-        return units.ns_from_s(1.0 / min(rates)) if rates else 0
-
     def _send(self, *, least_ns: int) -> list[Message]:
         """The estimate to every port, if it is `least_ns` later than the last; nothing where the state forbids it."""
         time_ns = self.estimator.time_ns
@@ -303,6 +304,11 @@ def _estimator(config: LiveConfig) -> Estimator:
         return NavigationEstimator(config)
     instrument = config.instrument()
     return VelocityEstimator(instrument, config.velocity.method)
+
+
+def _period_ns(sources: Iterable[SourceSection]) -> int:
+    """Longest expected period among sources; 0 without any."""
+    return max((units.ns_from_s(1.0 / one.rate_hz) for one in sources), default=0)
 
 
 def _age(now_ns: int, then_ns: int | None) -> int | None:

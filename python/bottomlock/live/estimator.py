@@ -9,8 +9,11 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import VelocityFixes, solve_velocity
 from bottomlock.live.pings import Ping
 from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
+from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import VelocityMethod
 from bottomlock.ports.estimate import Beams, Estimate, State
+
+Floats = NDArray[np.float64]
 
 
 class Estimator(Protocol):
@@ -24,6 +27,7 @@ class Estimator(Protocol):
         ping_used_ns: arrival of what made a beam used the last time; None before the first.
         imu_used_ns: the same of inertial readings, or of attitudes in their place.
         last: what is known of the last ping, for the health page.
+        gated: measurements beside the pings that the gate has rejected, by sensor.
     """
 
     fault: str
@@ -33,6 +37,7 @@ class Estimator(Protocol):
     ping_used_ns: int | None
     imu_used_ns: int | None
     last: "LastPing"
+    gated: Reasons
 
     @property
     def waiting_for(self) -> str:
@@ -53,7 +58,11 @@ class Estimator(Protocol):
         """Takes an inertial reading."""
 
     def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
-        """Takes an attitude in place of an inertial reading."""
+        """Takes an attitude: aiding, or in place of an inertial reading."""
+
+    @property
+    def reference_error(self) -> tuple[Floats, Floats] | None:
+        """Slow error found of the aiding attitude (roll, pitch, yaw) or heading, and 1 sigma, rad; None without one."""
 
     def depth(self, time_ns: int, reading: DepthReading) -> None:
         """Takes a depth."""
@@ -124,6 +133,8 @@ class VelocityEstimator:
         self.ping_used_ns: int | None = None
         self.imu_used_ns: int | None = None
         self.last = LastPing(instrument.geometry.beams)
+        self.gated = Reasons()
+        self.reference_error: tuple[Floats, Floats] | None = None
 
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
         """Solves a ping."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bottomlock.live.estimator import Estimator
 from bottomlock.live.runner import Live
 from bottomlock.live.states import ORDER
 
@@ -45,10 +46,23 @@ def status(live: Live) -> dict[str, Any]:
         ],
         "rank": estimator.rank,
         "ping": {"verdict": estimator.last.verdict, "why": estimator.last.why, "nis": estimator.last.nis},
+        "reference": _reference(estimator),
+        "gated": dict(estimator.gated),
         "sources": [_source(live, place, now_ns) for place in range(len(engine.sources))],
         "ports": [_port(live, place) for place in range(len(engine.ports))],
         "raw_log": None if live.log is None else {"file": live.log.path.name, "bytes": live.log.bytes},
     }
+
+
+def _reference(estimator: Estimator) -> dict[str, dict[str, float]]:
+    """What was found of the slow error of the attitude or heading, rad, by angle; empty without one."""
+    found = estimator.reference_error
+    if found is None:
+        return {}
+    error, sd = found
+    names = ("roll", "pitch", "yaw")[-len(sd) :]
+    each = zip(names, error.tolist(), sd.tolist(), strict=True)
+    return {name: {"error_rad": value, "sd_rad": one} for name, value, one in each}
 
 
 def _number(value: float) -> float | None:
@@ -120,6 +134,11 @@ def metrics(shown: dict[str, Any]) -> str:
         "1 for a beam that was used",
         [({"beam": str(k)}, float(b["used"])) for k, b in beams],
     )
+    for key, what in (("error_rad", "Slow error found of the reference"), ("sd_rad", "1 sigma of that")):
+        found = [({"angle": name}, one[key]) for name, one in shown["reference"].items()]
+        add(f"reference_{key}", "gauge", f"{what}, rad", found)
+    gated: list[tuple[dict[str, str], float | None]] = [({"sensor": k}, n) for k, n in shown["gated"].items()]
+    add("gated_total", "counter", "Measurements beside the pings that the gate rejected", gated)
     for key, kind, what in (
         ("age_s", "gauge", "Seconds since the last byte"),
         ("records", "counter", "Records"),

@@ -1,7 +1,6 @@
 """The estimator of mode navigation: a `Navigator` fed with what arrives."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -15,53 +14,33 @@ from bottomlock.live.alignment import Alignment, AttitudeAlignment
 from bottomlock.live.config import LiveConfig, kernel_settings
 from bottomlock.live.estimator import LastPing, beams_of, solve_ping
 from bottomlock.live.pings import Ping
+from bottomlock.live.platform_attitude import PlatformAttitude
 from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
+from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import ImuFromAttitude
 from bottomlock.ports.estimate import Beams, Estimate, State
-from bottomlock.ports.rotation import product, quaternion
+from bottomlock.ports.rotation import angles
 
 _ACCEPTED = ("accepted", "accepted_in_part")
 _BEAM_SENSORS = ("beams", "velocity")
 """The kernel's names of a DVL's measurements in its reports."""
+_AIDING = ("attitude", "heading", "depth")
+"""The kernel's names of the other measurements."""
 _PENDING = 256
 
 Floats = NDArray[np.float64]
 
 
-@dataclass
-class _Turning:
-    """Attitudes in place of inertial readings: the sensor's axes and its declination, and the motion so far."""
-
-    to_sensor: Floats
-    declination: Floats
-    new: Callable[[], MotionFromAttitude]
-
-    def __post_init__(self) -> None:
-        self.motion = self.new()
-
-    @classmethod
-    def of(cls, config: LiveConfig) -> "_Turning | None":
-        """Of a configuration; None with inertial readings."""
-        imu, origin = config.imu, config.origin
-        if not isinstance(imu, ImuFromAttitude):
-            return None
-        assert origin is not None  # validated in LiveConfig
-        turned = (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)
-        # A slow attitude is no gap.
-        period_s = 1.0 / min(
-            one.rate_hz for one in config.source if one.format in {"attitude-csv", "mavlink"}
-        )
-        longest_s = max(imu.limits.max_gap_s, config.states.silent_periods * period_s)
-        latitude = units.rad_from_deg(origin.latitude_deg)
-        return cls(
-            to_sensor=np.array(quaternion(*map(units.rad_from_deg, turned))) * [1.0, -1.0, -1.0, -1.0],
-            declination=np.array(quaternion(0.0, 0.0, units.rad_from_deg(imu.yaw_offset_deg))),
-            new=partial(MotionFromAttitude, latitude, longest_interval_s=longest_s),
-        )
-
-    def of_platform(self, reading: AttitudeReading) -> Floats:
-        """(4,) attitude of the platform."""
-        return product(self.declination, product(np.array(reading.attitude_t_s), self.to_sensor))
+def _motion_of_attitudes(config: LiveConfig) -> Callable[[], MotionFromAttitude] | None:
+    """Makes the motion that takes the place of inertial readings; None where there are such."""
+    imu, origin = config.imu, config.origin
+    if not isinstance(imu, ImuFromAttitude):
+        return None
+    assert origin is not None  # validated in LiveConfig
+    # A slow attitude is no gap.
+    period_s = 1.0 / min(one.rate_hz for one in config.sources_of(config.motion_lines))
+    longest_s = max(imu.limits.max_gap_s, config.states.silent_periods * period_s)
+    return partial(MotionFromAttitude, units.rad_from_deg(origin.latitude_deg), longest_interval_s=longest_s)
 
 
 class NavigationEstimator:
@@ -79,7 +58,11 @@ class NavigationEstimator:
         self._start, self._method, self._depth = config.start, config.navigation.method, config.depth
         self._horizon_ns = units.ns_from_s(config.navigation.horizon_s)
         self._navigator: Navigator | None = None
-        self._turning = _Turning.of(config)
+        self._attitude = config.attitude
+        self._platform = None if config.attitude is None else PlatformAttitude(config.attitude)
+        self._level_by_attitude = config.level_by_attitude
+        self._new_motion = _motion_of_attitudes(config)
+        self._motion = None if self._new_motion is None else self._new_motion()
         self._alignment = self._new_alignment()
         self._time_ns: int | None = None
         self._omega: Floats | None = None
@@ -96,6 +79,7 @@ class NavigationEstimator:
         self.ping_used_ns: int | None = None
         self.imu_used_ns: int | None = None
         self.last = LastPing(self._instrument.geometry.beams)
+        self.gated = Reasons()
 
     @property
     def navigator(self) -> Navigator | None:
@@ -120,6 +104,15 @@ class NavigationEstimator:
         if self._navigator is None:
             return None
         return float(np.sqrt(np.diag(self._navigator.covariance())[6:9].max()))
+
+    @property
+    def reference_error(self) -> tuple[Floats, Floats] | None:
+        """Slow error found of the aiding attitude (roll, pitch, yaw) or heading, and 1 sigma, rad; None without one."""
+        if self._navigator is None or self._attitude is None or self._attitude.aids == "nothing":
+            return None
+        whole = self._attitude.aids == "attitude"
+        found = self._navigator.attitude_error() if whole else self._navigator.heading_error()
+        return None if found is None else (np.atleast_1d(found["error_rad"]), np.atleast_1d(found["sd_rad"]))
 
     def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
         """Takes an inertial reading.
@@ -149,24 +142,51 @@ class NavigationEstimator:
         self._take(reports)
 
     def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
-        """Takes an attitude in place of an inertial reading.
+        """Takes an attitude: aiding, or in place of an inertial reading.
 
         Raises:
-            KernelError: for one that is not later than those before.
+            KernelError: for one that is older than the horizon, or, in place of an inertial reading, one that is not
+                later than those before.
         """
-        turning = self._turning
-        if turning is None:
+        if self._platform is None:
             return
+        attitude_t_p = self._platform.of(reading)
+        if self._motion is not None:
+            self._turn(time_ns, attitude_t_p, arrival_ns)
+        elif self._navigator is None:
+            self._alignment.attitude(time_ns, attitude_t_p)
+        else:
+            self._take(self._aid(self._navigator, time_ns, attitude_t_p))
+
+    def _aid(self, navigator: Navigator, time_ns: int, attitude_t_p: Floats) -> Sequence[Any]:
+        """The reports of an attitude, or of its heading alone, as a measurement."""
+        assert self._attitude is not None
+        model = self._settings.model
+        if self._attitude.aids == "attitude":
+            noise = model.magnetometer
+            return navigator.push_attitude(
+                time_ns,
+                attitude_t_p,
+                roll_pitch_sd_rad=noise.roll_pitch_sd_rad,
+                yaw_sd_rad=noise.yaw_sd_rad,
+            )
+        if self._attitude.aids == "heading":
+            assert model.heading is not None
+            return navigator.push_heading(time_ns, angles(attitude_t_p)[2], sd_rad=model.heading.sd_rad)
+        return ()
+
+    def _turn(self, time_ns: int, attitude_t_p: Floats, arrival_ns: int) -> None:
+        """Takes an attitude in place of an inertial reading."""
         if self._last_imu_ns is not None and time_ns <= self._last_imu_ns:
             raise KernelError("its time does not rise")
         if self._time_ns is not None and time_ns <= self._time_ns:
             raise KernelError("it is older than the estimate")
         self._last_imu_ns, self._now_ns = time_ns, arrival_ns
-        attitude = turning.of_platform(reading)
         if self._navigator is None:
-            self._turned(turning, time_ns, attitude)
+            self._start_turning(time_ns, attitude_t_p)
             return
-        block = turning.motion.block(time_ns, attitude)
+        assert self._motion is not None
+        block = self._motion.block(time_ns, attitude_t_p)
         try:
             reports = self._navigator.push_imu_block(**block)
         except KernelError:
@@ -177,15 +197,15 @@ class NavigationEstimator:
             self.imu_used_ns = arrival_ns
         self._take(reports)
 
-    def _turned(self, turning: "_Turning", time_ns: int, attitude: Floats) -> None:
+    def _start_turning(self, time_ns: int, attitude_t_p: Floats) -> None:
         """Takes an attitude for the alignment; the navigator begins once that is complete."""
-        assert isinstance(self._alignment, AttitudeAlignment)
-        self._alignment.attitude(time_ns, attitude)
+        self._alignment.attitude(time_ns, attitude_t_p)
         self.imu_used_ns = self._now_ns
         if not self._alignment.waiting_for:
-            turning.motion = turning.new()
-            turning.motion.hold(self._alignment.state().velocity_p_mps)
-            turning.motion.block(time_ns, attitude)
+            assert self._new_motion is not None
+            self._motion = self._new_motion()
+            self._motion.hold(self._alignment.state().velocity_p_mps)
+            self._motion.block(time_ns, attitude_t_p)
             self._start_navigator()
 
     def _aligned(self, time_ns: int, omega: Floats, force: Floats) -> bool:
@@ -204,7 +224,9 @@ class NavigationEstimator:
         return True
 
     def _new_alignment(self) -> Alignment:
-        return (Alignment if self._turning is None else AttitudeAlignment)(self._start)
+        if self._motion is not None:
+            return AttitudeAlignment(self._start)
+        return Alignment(self._start, level_by_attitude=self._level_by_attitude)
 
     def _start_navigator(self) -> None:
         self._begin(
@@ -235,10 +257,10 @@ class NavigationEstimator:
     def continue_from(self, navigator: Navigator) -> None:
         """Goes on with a navigator of a checkpoint; the readings since then are a gap, which it bridges."""
         self._begin(navigator)
-        if self._turning is not None:
+        if self._motion is not None:
             state = navigator.state()
-            self._turning.motion.hold(state["velocity_p_mps"])
-            self._turning.motion.block(int(state["time_ns"]), state["attitude_t_p"])
+            self._motion.hold(state["velocity_p_mps"])
+            self._motion.block(int(state["time_ns"]), state["attitude_t_p"])
         self.resets += 1
 
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
@@ -254,16 +276,18 @@ class NavigationEstimator:
         self.last.nis, self.last.verdict, self.last.why = None, "no valid beam", ""
         if int(fixes.rank[0]) == 3:
             self._alignment.velocity(time_ns, fixes.velocity_p_mps[0])
-            if self._turning is not None:
-                self._turning.motion.hold(fixes.velocity_p_mps[0])
+            if self._motion is not None:
+                self._motion.hold(fixes.velocity_p_mps[0])
         self._beams = beams_of(
             self._instrument, ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns
         )
         self._before_ns = ping.time_ns
-        if self._navigator is None or not ping.valid.any():
+        if self._navigator is None:
             return
-        self.last.verdict = "waits for inertial readings"
-        self._pings[time_ns] = ping, fixes
+        # One without a valid beam is an event, too: priors of the motion and the speed count from ping to ping.
+        if ping.valid.any():
+            self.last.verdict = "waits for inertial readings"
+            self._pings[time_ns] = ping, fixes
         while len(self._pings) > _PENDING:
             del self._pings[next(iter(self._pings))]
         try:
@@ -272,7 +296,7 @@ class NavigationEstimator:
             )
         except KernelError:
             # No report will come of it.
-            del self._pings[time_ns]
+            self._pings.pop(time_ns, None)
             raise
         self._take(reports)
 
@@ -280,6 +304,9 @@ class NavigationEstimator:
         for report in reports:
             if report["sensor"] in _BEAM_SENSORS and report["time_ns"] in self._pings:
                 self._judged(report, *self._pings.pop(report["time_ns"]))
+            # A revised report is of a measurement that was counted.
+            elif report["verdict"] == "rejected" and report["sensor"] in _AIDING and not report["revised"]:
+                self.gated.add(report["sensor"])
 
     def _judged(self, report: Any, ping: Ping, fixes: VelocityFixes) -> None:  # noqa: ANN401
         """What the gate made of a ping."""

@@ -149,9 +149,13 @@ class _MavlinkFramer:
 
 @dataclass
 class MavlinkReader:
-    """Readings from MAVLink: HIGHRES_IMU (forward, starboard, down), and the depth section's pressure message.
+    """Readings from MAVLink: HIGHRES_IMU (forward, starboard, down), an attitude, and the water's pressure.
 
-    With the name of an attitude's message, that message in place of HIGHRES_IMU.
+    Args:
+        depth: the section that names the message of the pressure and turns it into a depth; None without.
+        gravity_mps2: for that.
+        attitude: the message of the attitude; None without.
+        inertial: whether HIGHRES_IMU is read.
 
     Attributes:
         records: messages so far, of any kind.
@@ -162,6 +166,7 @@ class MavlinkReader:
     depth: DepthSection | None
     gravity_mps2: float
     attitude: AttitudeMessage | None = None
+    inertial: bool = True
     records: int = 0
     skipped: Reasons = field(default_factory=Reasons)
     bad_bytes: int = 0
@@ -200,9 +205,9 @@ class MavlinkReader:
         return []
 
     def _reading(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
-        if self.attitude is not None and kind == self.attitude:
+        if kind == self.attitude:
             return self._turned(kind, message)
-        if kind == "HIGHRES_IMU" and self.attitude is None:
+        if kind == "HIGHRES_IMU" and self.inertial:
             omega = (message.xgyro, message.ygyro, message.zgyro)
             force = (message.xacc, message.yacc, message.zacc)
             if all(map(math.isfinite, (*omega, *force))):

@@ -2,8 +2,10 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
+from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import Imu, ImuLimits, NonNegative, Positive, Section, Vector
@@ -55,24 +57,13 @@ class ImuSection(Imu):
         return self
 
 
-AttitudeMessage = Literal["ATTITUDE", "ATTITUDE_QUATERNION"]
-"""MAVLink messages of an attitude."""
-
-
 class ImuFromAttitude(MotionErrors):
-    """With source = "attitude" there are no inertial readings: an attitude turns the vehicle, its velocity persists.
+    """With source = "attitude" there are no inertial readings: [attitude] turns the vehicle, its velocity persists.
 
-    The noise of the vehicle's accelerations is what a replay of its log says. `message` is the MAVLink message of a
-    source `mavlink`. The mounting angles rotate the sensor's axes to those of the platform; `yaw_offset_deg` (a
-    declination) is added to the yaw (docs/no_imu.md).
+    The noise of the vehicle's accelerations is what a replay of its log says (docs/no_imu.md).
     """
 
     source: Literal["attitude"]
-    message: AttitudeMessage = "ATTITUDE"
-    mounting_roll_deg: Angle = 0.0
-    mounting_pitch_deg: Angle = 0.0
-    mounting_yaw_deg: Angle = 0.0
-    yaw_offset_deg: Angle = 0.0
     limits: ImuLimits = ImuLimits()
 
     @model_validator(mode="after")
@@ -89,6 +80,19 @@ def kind_of_imu(section: Any) -> str:  # noqa: ANN401 - what a file holds, or a 
     """Name of the class of a section [imu]."""
     source = section.get("source") if isinstance(section, dict) else getattr(section, "source", None)
     return (ImuSection if source is None else ImuFromAttitude).__name__
+
+
+AttitudeMessage = Literal["ATTITUDE", "ATTITUDE_QUATERNION"]
+"""MAVLink messages of an attitude."""
+
+
+class AttitudeSection(AttitudeReference):
+    """Attitude or heading reference: its mounting, its errors and what the filter uses of it, as in a replay case.
+
+    `message` is the MAVLink message of a source `mavlink`, whose frames are always NED and FRD.
+    """
+
+    message: AttitudeMessage = "ATTITUDE"
 
 
 class DepthSection(Section):
@@ -113,23 +117,36 @@ class OriginSection(Section):
     gravity: Literal["normal"] | Positive = "normal"
 
 
+LEVELLING_SD_DEG = 1.0
+"""1 sigma of levelling in a moving vehicle, where the file states none."""
+
+
 class StartSection(Section):
     """Initial alignment: level by the accelerometers over `window_s`, heading given, velocity by the beams or given.
 
-    `heading_deg` is that of the platform when the program starts. `level_sd_deg` is 1 sigma of roll and pitch; the
-    vehicle's own acceleration during the window belongs to it. Where an attitude takes the place of inertial readings,
-    it gives roll, pitch and heading, there is no window, and `level_sd_deg` and `heading_sd_deg` are its 1 sigma.
+    `heading_deg` is that of the platform when the program starts; left out, it is the yaw of [attitude]. With `level` =
+    "attitude", as always without inertial readings, [attitude] gives roll and pitch, too, and there is no window.
+    `level_sd_deg` is 1 sigma of roll and pitch; the vehicle's own acceleration during the window belongs to it. What
+    [attitude] gives has the 1 sigma of that section, unless it is stated here.
     """
 
     window_s: Positive = 5.0
-    level_sd_deg: Positive = 1.0
+    level: Literal["levelling", "attitude"] | None = None
+    level_sd_deg: Positive | None = None
     heading_deg: Angle | None = None
-    heading_sd_deg: Positive
+    heading_sd_deg: Annotated[Positive | None, Field(validate_default=True)] = None
     position_m: Vector = (0.0, 0.0, 0.0)
     position_sd_m: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 1.0)
     velocity: Literal["beams", "given"] = "beams"
     velocity_mps: Vector = (0.0, 0.0, 0.0)
     velocity_sd_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.1)
+
+    @field_validator("heading_sd_deg", mode="after")
+    @classmethod
+    def _given_with_its_heading(cls, sd_deg: float | None, info: ValidationInfo) -> float | None:
+        if sd_deg is None and info.data.get("heading_deg") is not None:
+            raise PydanticCustomError("missing", "Field required")
+        return sd_deg
 
 
 class NavigationSection(Section):

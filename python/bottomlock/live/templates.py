@@ -135,9 +135,15 @@ mounting_roll_deg = 0.0   # from the IMU's axes to forward, starboard, down
 mounting_pitch_deg = 0.0
 mounting_yaw_deg = 0.0
 
+# A compass or AHRS aids, its slow errors found (docs/live.md): also a source attitude-csv, or MAVLink's ATTITUDE.
+# [attitude]
+# aids = "heading"        # or "attitude"
+# grade = "magnetic"      # `bottomlock grades` lists them
+# yaw_offset_deg = 0.0    # declination of a magnetic yaw
+
 [start]
 window_s = 5.0            # keep the vehicle calm so long
-heading_deg = 0.0         # of the vehicle at the start
+heading_deg = 0.0         # of the vehicle at the start; left out: that of [attitude]
 heading_sd_deg = 5.0
 
 [navigation]

@@ -26,6 +26,20 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
     )
 
 
+def angles(attitude: Floats) -> tuple[float, float, float]:
+    """Euler angles z-y-x of a unit quaternion: roll, pitch, yaw, rad.
+
+    >>> [round(angle, 12) for angle in angles(np.array(quaternion(0.1, -0.2, 3.0)))]
+    [0.1, -0.2, 3.0]
+    """
+    w, x, y, z = attitude.tolist()
+    return (
+        math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+        math.asin(max(-1.0, min(1.0, 2.0 * (w * y - x * z)))),
+        math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+    )
+
+
 def product(first: Floats, then: Floats) -> Floats:
     """Quaternion of the rotation `then` followed by `first`, scalar first.
 

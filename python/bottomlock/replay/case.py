@@ -186,11 +186,7 @@ class Case(Section):
     def _needs_no_readings(self) -> None:
         if self.attitude is None:
             raise ValueError('imu.source = "attitude" needs the section [attitude], which is missing')
-        if self.attitude.aids != "nothing":
-            raise ValueError(
-                f'attitude.aids is "{self.attitude.aids}", expected "nothing" with imu.source = "attitude": the same '
-                "angles would count twice"
-            )
+        self.attitude.replaces_inertial_readings()
         for key in ("level", "heading"):
             source = getattr(self.start, key)
             if source in {"levelling", "gyrocompass"}:

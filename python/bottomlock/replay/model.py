@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock import units
 from bottomlock.config.calibration import scale_sd
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.io.beams import Instrument
@@ -40,9 +39,7 @@ def _motion_model(imu: ImuFromAttitude, case: Case, streams: Streams | None) -> 
     assert case.attitude is not None  # validated in Case
     motion = None if streams is None else streams.vehicle_motion
     accel = 0.0 if motion is None else BEYOND_PRIOR * motion.accel_noise_mps_per_rt_s
-    # The error of the reference changes by its own size in an hour.
-    gyro = units.rad_from_deg(units.per_rt_s_from_per_rt_h(case.attitude.start_yaw_sd_deg))
-    return imu.errors.kernel_model(accel, gyro)
+    return imu.errors.kernel_model(accel, case.attitude.gyro_noise_rad_rts)
 
 
 def gravity_mps2(case: Case, streams: Streams) -> float:

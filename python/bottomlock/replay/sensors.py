@@ -108,19 +108,7 @@ def _attitude_model(stream: AttitudeStream | None) -> dict[str, Settings]:
             ),
             "heading": HeadingModel(sd_rad=units.rad_from_deg(5.0)),
         }
-    yaw = {
-        "sd_rad": units.rad_from_deg(stream.yaw_sd_deg),
-        "offset_sd_rad": units.rad_from_deg(stream.yaw_offset_sd_deg),
-        "walk_sd_rad": units.rad_from_deg(stream.yaw_walk_sd_deg),
-    }
-    attitude = MagnetometerModel(
-        roll_pitch_sd_rad=units.rad_from_deg(stream.roll_pitch_sd_deg),
-        roll_pitch_offset_sd_rad=units.rad_from_deg(stream.roll_pitch_offset_sd_deg),
-        roll_pitch_walk_sd_rad=units.rad_from_deg(stream.roll_pitch_walk_sd_deg),
-        walk_time_s=stream.walk_time_s,
-        **{f"yaw_{key}": value for key, value in yaw.items()},
-    )
-    return {"magnetometer": attitude, "heading": HeadingModel(walk_time_s=stream.walk_time_s, **yaw)}
+    return stream.kernel_models()
 
 
 def _gps_model(stream: GpsStream | None) -> dict[str, Settings]:

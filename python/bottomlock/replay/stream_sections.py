@@ -1,12 +1,11 @@
 """Sections of a case file that map the columns of a log: quantity, unit, axes and clock."""
 
-import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ModelWrapValidatorHandler, model_validator
+from pydantic import Field, model_validator
 
-from bottomlock.config.instrument_grades import filled_from_grade
+from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import (
     Finite,
@@ -18,16 +17,12 @@ from bottomlock.config.scenario_sections import (
     Vector,
 )
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
-from bottomlock.models import WALK_TIME_S
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
 ColumnTriple = tuple[str, str, str]
 
 ANGLE_UNITS = ("rad", "deg")
-START_FACTOR = 3.0
-"""1 sigma of a start over that of the reading it is from, where readings with the same slow error follow. The slow
-error then counts twice by a tenth of its variance, and not by half."""
 UNCHANGED_AXES: Axes = ("x", "y", "z")
 
 
@@ -184,56 +179,13 @@ class DepthStream(Stream):
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
 
 
-class AttitudeStream(Stream):
-    """Roll, pitch and yaw of a recorded attitude sensor; `frame` "enu_flu" is converted to NED, FRD.
+class AttitudeStream(AttitudeReference, Stream):
+    """Roll, pitch and yaw of a recorded attitude sensor: its columns, mounting and errors."""
 
-    `aids` is what the filter uses: the attitude, the heading alone, or nothing (the alignment may still use it). The
-    mounting angles rotate the sensor's axes to the platform's; `yaw_offset_deg` (a declination) is added to the yaw.
-    Of a reading's error `roll_pitch_sd_deg` and `yaw_sd_deg` are white noise, a constant offset and a first-order walk
-    last: the filter estimates these two where they are given. `grade` names a packaged instrument, which gives those
-    of these keys that are left out.
-    """
-
-    grade: str | None = None
     roll: str
     pitch: str
     yaw: str
     unit: Literal["rad", "deg"] = "rad"
-    frame: Literal["ned_frd", "enu_flu"] = "ned_frd"
-    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    yaw_offset_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    aids: Literal["attitude", "heading", "nothing"] = "nothing"
-    roll_pitch_sd_deg: Positive = 1.0
-    yaw_sd_deg: Positive = 5.0
-    roll_pitch_offset_sd_deg: NonNegative = 0.0
-    yaw_offset_sd_deg: NonNegative = 0.0
-    roll_pitch_walk_sd_deg: NonNegative = 0.0
-    yaw_walk_sd_deg: NonNegative = 0.0
-    walk_time_s: Positive = WALK_TIME_S
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
-        return filled_from_grade("attitude", content, handler)
-
-    @property
-    def start_roll_pitch_sd_deg(self) -> float:
-        """1 sigma of roll and pitch at a start from a reading, deg."""
-        slow = math.hypot(self.roll_pitch_offset_sd_deg, self.roll_pitch_walk_sd_deg)
-        return self._start_sd_deg(self.roll_pitch_sd_deg, slow, aided=self.aids == "attitude")
-
-    @property
-    def start_yaw_sd_deg(self) -> float:
-        """1 sigma of the yaw at a start from a reading, deg."""
-        slow = math.hypot(self.yaw_offset_sd_deg, self.yaw_walk_sd_deg)
-        return self._start_sd_deg(self.yaw_sd_deg, slow, aided=self.aids != "nothing")
-
-    def _start_sd_deg(self, white_deg: float, slow_deg: float, *, aided: bool) -> float:
-        # The readings that follow have the slow error that the start has, and the filter takes the two for independent.
-        repeated = START_FACTOR if aided and slow_deg > 0.0 else 1.0
-        return repeated * math.hypot(white_deg, slow_deg)
 
 
 class MagnetometerStream(MountedStream):

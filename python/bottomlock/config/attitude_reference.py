@@ -1,0 +1,98 @@
+"""An attitude or heading reference: its mounting, its errors, what a filter uses of it; of a replay or live."""
+
+import math
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
+
+from bottomlock import models, units
+from bottomlock.config.instrument_grades import filled_from_grade
+from bottomlock.config.scenario_sections import NonNegative, Positive, Section
+
+START_FACTOR = 3.0
+"""1 sigma of a start over that of the reading it is from, where readings with the same slow error follow. The slow
+error then counts twice by a tenth of its variance, and not by half."""
+
+
+class AttitudeReference(Section):
+    """Mounting and errors of an attitude sensor; `frame` "enu_flu" is converted to NED, FRD.
+
+    `aids` is what the filter uses: the attitude, the heading alone, or nothing (the alignment may still use it). The
+    mounting angles rotate the sensor's axes to the platform's; `yaw_offset_deg` (a declination) is added to the yaw.
+    Of a reading's error `roll_pitch_sd_deg` and `yaw_sd_deg` are white noise, a constant offset and a first-order walk
+    last: the filter estimates these two where they are given. `grade` names a packaged instrument, which gives those
+    of these keys that are left out.
+    """
+
+    grade: str | None = None
+    frame: Literal["ned_frd", "enu_flu"] = "ned_frd"
+    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    yaw_offset_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    aids: Literal["attitude", "heading", "nothing"] = "nothing"
+    roll_pitch_sd_deg: Positive = 1.0
+    yaw_sd_deg: Positive = 5.0
+    roll_pitch_offset_sd_deg: NonNegative = 0.0
+    yaw_offset_sd_deg: NonNegative = 0.0
+    roll_pitch_walk_sd_deg: NonNegative = 0.0
+    yaw_walk_sd_deg: NonNegative = 0.0
+    walk_time_s: Positive = models.WALK_TIME_S
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
+        return filled_from_grade("attitude", content, handler)
+
+    @property
+    def start_roll_pitch_sd_deg(self) -> float:
+        """1 sigma of roll and pitch at a start from a reading, deg."""
+        slow = math.hypot(self.roll_pitch_offset_sd_deg, self.roll_pitch_walk_sd_deg)
+        return self._start_sd_deg(self.roll_pitch_sd_deg, slow, aided=self.aids == "attitude")
+
+    @property
+    def start_yaw_sd_deg(self) -> float:
+        """1 sigma of the yaw at a start from a reading, deg."""
+        slow = math.hypot(self.yaw_offset_sd_deg, self.yaw_walk_sd_deg)
+        return self._start_sd_deg(self.yaw_sd_deg, slow, aided=self.aids != "nothing")
+
+    def _start_sd_deg(self, white_deg: float, slow_deg: float, *, aided: bool) -> float:
+        # The readings that follow have the slow error that the start has, and the filter takes the two for independent.
+        repeated = START_FACTOR if aided and slow_deg > 0.0 else 1.0
+        return repeated * math.hypot(white_deg, slow_deg)
+
+    @property
+    def gyro_noise_rad_rts(self) -> float:
+        """White noise of gyros that these attitudes stand for: their error changes by its own 1 sigma in an hour."""
+        return units.rad_from_deg(units.per_rt_s_from_per_rt_h(self.start_yaw_sd_deg))
+
+    def replaces_inertial_readings(self) -> None:
+        """Checks the section of a vehicle whose motion is made from these attitudes.
+
+        Raises:
+            ValueError: if it also aids.
+        """
+        if self.aids != "nothing":
+            raise ValueError(
+                f'attitude.aids is "{self.aids}", expected "nothing" with imu.source = "attitude": the same '
+                "angles would count twice"
+            )
+
+    def kernel_models(self) -> dict[str, models.Settings]:
+        """The errors in SI, as the kernel names them: of the whole attitude, and of the heading alone."""
+        yaw = {
+            "sd_rad": units.rad_from_deg(self.yaw_sd_deg),
+            "offset_sd_rad": units.rad_from_deg(self.yaw_offset_sd_deg),
+            "walk_sd_rad": units.rad_from_deg(self.yaw_walk_sd_deg),
+        }
+        attitude = models.MagnetometerModel(
+            roll_pitch_sd_rad=units.rad_from_deg(self.roll_pitch_sd_deg),
+            roll_pitch_offset_sd_rad=units.rad_from_deg(self.roll_pitch_offset_sd_deg),
+            roll_pitch_walk_sd_rad=units.rad_from_deg(self.roll_pitch_walk_sd_deg),
+            walk_time_s=self.walk_time_s,
+            **{f"yaw_{key}": value for key, value in yaw.items()},
+        )
+        return {
+            "magnetometer": attitude,
+            "heading": models.HeadingModel(walk_time_s=self.walk_time_s, **yaw),
+        }
