@@ -18,6 +18,7 @@ from bottomlock.encoders.ping import Ping as Recorded
 from bottomlock.encoders.registry import encoder
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import Navigator
+from bottomlock.live.alignment import Alignment
 from bottomlock.live.checkpoint import pack, resume
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine, Message
@@ -29,7 +30,7 @@ from bottomlock.live.raw_log import RawLog
 from bottomlock.live.readings import AttitudeReading, ImuReading, MavlinkReader
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live
-from bottomlock.live.sections import AttitudeSection
+from bottomlock.live.sections import AttitudeSection, StartSection
 from bottomlock.ports.rotation import angles, quaternion
 from bottomlock.replay import rerun
 from bottomlock.replay.axes import from_angles, platform_attitude, quaternions
@@ -444,6 +445,20 @@ def test_a_start_by_the_latest_attitude_that_is_not_after_it(entries: Arrivals, 
         assert sd[0] == pytest.approx(1.0)
 
 
+def test_the_attitude_of_a_start_among_those_that_came() -> None:
+    """The latest that is not after the inertial reading, in whatever order they came, and none that is a second old."""
+    start = StartSection(level="attitude", velocity="given")
+    alignment = Alignment(start, level_by_attitude=True)
+    for milliseconds, yaw in ((900, 1.0), (800, 2.0), (1100, 3.0)):
+        alignment.attitude(milliseconds * 1_000_000, np.array(quaternion(0.1, 0.2, yaw)))
+    for milliseconds, yaw in ((799, None), (1000, 1.0), (2100, 3.0), (2101, None)):
+        alignment.imu(milliseconds * 1_000_000, np.array([0.0, 0.0, -9.8]))
+        assert alignment.waiting_for == ("an attitude" if yaw is None else "")
+        if yaw is not None:
+            started = angles(np.array(alignment.state().attitude_t_p))
+            np.testing.assert_allclose(started, (0.1, 0.2, yaw), atol=1e-12)
+
+
 def test_a_checkpoint_holds_the_slow_error(entries: Arrivals) -> None:
     """A restart goes on with what was found of it; one of another mounting is refused as other settings."""
     config = made(('level = "attitude"', HEADING))
@@ -503,7 +518,9 @@ def mavlink(entries: Arrivals, kind: str, *, inertial: bool) -> Arrivals:
         if source == IMU:
             sign = 1.0 if inertial else -1.0
             numbers = [sign * value for value in (*values[3:], *values[:3])]
-            packed = dialect.MAVLink_highres_imu_message(since_us, *numbers, *[0.0] * 7, 0xFFFF)
+            # The others are of times at which they could be taken.
+            own_us = since_us + (0 if inertial else 5_000)
+            packed = dialect.MAVLink_highres_imu_message(own_us, *numbers, *[0.0] * 7, 0xFFFF)
         elif kind == "ATTITUDE":
             packed = dialect.MAVLink_attitude_message(since_us // 1000, *values, 0.0, 0.0, 0.0)
         else:
@@ -541,6 +558,7 @@ def test_mavlink_gives_what_lines_give(tmp_path: Path, kind: str, inertial: bool
     sent = [(when, place[one], data) for when, one, data in mavlink(came, kind, inertial=inertial)]
     engine, _ = fly(config, sent)
     assert engine.state == by_lines.state == "OK"
+    assert engine.sources[-1].used == by_lines.sources[AHRS].used + inertial * by_lines.sources[IMU].used
     state, same = navigator_of(engine).state(), navigator_of(by_lines).state()
     np.testing.assert_allclose(state["velocity_p_mps"], same["velocity_p_mps"], atol=1e-4)
     np.testing.assert_allclose(state["position_t_m"], same["position_t_m"], atol=1e-3)
