@@ -451,12 +451,13 @@ def test_the_attitude_of_a_start_among_those_that_came() -> None:
     alignment = Alignment(start, level_by_attitude=True)
     for milliseconds, yaw in ((900, 1.0), (800, 2.0), (1100, 3.0)):
         alignment.attitude(milliseconds * 1_000_000, np.array(quaternion(0.1, 0.2, yaw)))
-    for milliseconds, yaw in ((799, None), (1000, 1.0), (2100, 3.0), (2101, None)):
+    expected: tuple[tuple[int, float | None], ...] = ((799, None), (1000, 1.0), (2100, 3.0), (2101, None))
+    for milliseconds, known in expected:
         alignment.imu(milliseconds * 1_000_000, np.array([0.0, 0.0, -9.8]))
-        assert alignment.waiting_for == ("an attitude" if yaw is None else "")
-        if yaw is not None:
+        assert alignment.waiting_for == ("an attitude" if known is None else "")
+        if known is not None:
             started = angles(np.array(alignment.state().attitude_t_p))
-            np.testing.assert_allclose(started, (0.1, 0.2, yaw), atol=1e-12)
+            np.testing.assert_allclose(started, (0.1, 0.2, known), atol=1e-12)
 
 
 def test_a_checkpoint_holds_the_slow_error(entries: Arrivals) -> None:
