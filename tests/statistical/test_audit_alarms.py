@@ -9,12 +9,19 @@ import numpy as np
 import pytest
 
 from bottomlock import BeamGeometry
+from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.run import audit_log
 from tests.unit.audit.synthetic import janus, make_log
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 STATED = BeamGeometry.janus(np.deg2rad(22.0))
 LONG = pytest.mark.long
+
+
+def accusations(log: BeamLog) -> list[str]:
+    """Findings about the instrument; that a log is too short or too noisy for an answer says nothing against it."""
+    kinds = [one.kind for one in audit_log(log, stated=STATED).findings]
+    return [kind for kind in kinds if kind != "directions_not_observable"]
 
 
 @pytest.mark.parametrize("logs", [12, pytest.param(60, marks=LONG)])
@@ -39,9 +46,9 @@ def test_clean_logs_are_not_accused(settings: dict[str, Any], logs: int) -> None
     test at the very most if every test were independent and used up its chance; seeds are fixed, so it repeats.
     """
     accused = {
-        seed: [one.kind for one in found]
+        seed: kinds
         for seed in range(7_000, 7_000 + logs)
-        if (found := audit_log(make_log(seed, **settings), stated=STATED).findings)
+        if (kinds := accusations(make_log(seed, **settings)))
     }
     assert accused == {}
 
