@@ -28,8 +28,8 @@ pub struct Innovation {
     pub by_further: Option<Box<FurtherRows>>,
     /// What the rows measure in the tangent frame.
     pub tangent_rows: TangentRows,
-    /// True where the rows correct the position alone.
-    pub corrects_position_alone: bool,
+    /// True where a depth corrects its own axis of the position alone.
+    pub corrects_depth_alone: bool,
     /// Where given, an update moves the error state to it.
     pub corrected_path: Option<Box<CorrectedPath>>,
 }
@@ -82,10 +82,10 @@ impl Default for CorrelatedNoise {
 
 impl CorrelatedNoise {
     /// The same of rows that are `axes` times these.
-    pub(crate) fn turned(&self, axes: &SMatrix<f64, MAX_ROWS, 3>) -> Box<Self> {
+    pub(crate) fn turned(&self, axes: &SMatrix<f64, MAX_ROWS, MAX_ROWS>) -> Box<Self> {
         Box::new(Self {
-            by_state: axes * self.by_state.fixed_rows::<3>(0),
-            by_further: axes * self.by_further.fixed_rows::<3>(0),
+            by_state: axes * self.by_state,
+            by_further: axes * self.by_further,
         })
     }
 }
@@ -102,7 +102,7 @@ impl Innovation {
             correlated_noise: None,
             by_further: None,
             tangent_rows: TangentRows::None,
-            corrects_position_alone: false,
+            corrects_depth_alone: false,
             corrected_path: None,
         }
     }

@@ -7,6 +7,7 @@ pub mod acoustic_position;
 pub mod attitude;
 pub mod beams;
 pub mod calibration;
+pub(crate) mod closure;
 mod declare;
 pub mod depth;
 pub mod further;

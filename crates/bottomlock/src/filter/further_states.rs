@@ -234,7 +234,7 @@ impl FurtherStates {
 
     /// Updates with an update of the error state; returns the gain, transposed, which is zero for a state that is none.
     ///
-    /// What corrects the position alone leaves the further states.
+    /// What corrects the depth alone leaves the further states.
     pub(super) fn update<const M: usize>(
         &mut self,
         update: &Update<'_, M>,
@@ -259,7 +259,7 @@ impl FurtherStates {
                 }
             }
             x.set_column(k, &own);
-            if !innovation.corrects_position_alone {
+            if !innovation.corrects_depth_alone {
                 let solved = update.factor.solve(&own);
                 s_gain.set_column(k, &(update.s * solved));
                 gain.set_column(k, &solved);

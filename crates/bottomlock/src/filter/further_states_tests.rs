@@ -207,9 +207,9 @@ fn propagation_is_that_of_all_states() {
     }
 }
 
-/// What a position alone corrects leaves the further states: Joseph's form of that gain.
+/// What corrects the depth alone leaves the further states: Joseph's form of that gain.
 #[test]
-fn a_position_alone_leaves_the_further_states() {
+fn a_depth_alone_leaves_the_further_states() {
     let mut filter = filter();
     let mut wide = filter.covariance();
     (VELOCITY..VELOCITY + 3).for_each(|k| wide[(k, k)] = 1e4);

@@ -10,7 +10,8 @@
 //!
 //! - a velocity: all inertial states, since a wrong velocity most often comes from a wrong tilt. What goes beyond five
 //!   sigma is no error of the tilt: the rest of the factor applies to the velocity alone;
-//! - a position, where no velocity was accepted since the first rejection: the same with the position;
+//! - a position, where no velocity was accepted since the first rejection or the accepted ones leave a direction open: the same
+//!   with the position;
 //! - a position else, a depth, an angle: the states in its rows alone, so that a wrong sensor cannot spoil the others.
 //!
 //! Three kinds of rejections do not count. Beams that contradict each other are rejected whatever the covariance.
@@ -211,7 +212,8 @@ impl Eskf {
             Quantity::Velocity => states(VELOCITY..VELOCITY + 3),
             Quantity::Position | Quantity::Angle => observed(innovation, block),
         };
-        let is_free = quantity == Quantity::Position && innovation.rows == 3 && !has_velocity;
+        let is_open = !has_velocity || self.is_beyond_linear_range();
+        let is_free = quantity == Quantity::Position && innovation.rows == 3 && is_open;
         if quantity == Quantity::Velocity || is_free {
             (measured, states(0..DVL_BIAS))
         } else {

@@ -88,6 +88,31 @@ fn position_inflates_all_states_where_no_velocity_aids() {
     }
 }
 
+/// A velocity that leaves a direction open, so that the filter is beyond its linear range, does not keep the inertial states
+/// from being inflated by a position.
+#[test]
+fn position_inflates_all_states_where_a_direction_is_open() {
+    for open_mps in [20.0, 0.05] {
+        let mut filter = filter(&Model::table_2());
+        let mut covariance = filter.covariance();
+        covariance[(VELOCITY + 1, VELOCITY + 1)] = open_mps * open_mps;
+        filter.set_covariance(&covariance).unwrap();
+        filter.measured.velocity_ns = Some(0);
+        assert_eq!(filter.is_beyond_linear_range(), open_mps > 1.0);
+        let place = Vec3::new(50.0, 0.0, 0.0);
+        let far = crate::aiding::position::position(&filter.state(), &place, &[1.0; 3], &Vec3::zeros());
+        let factors: [Option<f64>; 2] = std::array::from_fn(|_| {
+            filter
+                .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
+                .unwrap()
+        });
+        assert!(factors[1].is_some());
+        let grown = filter.covariance()[(ATTITUDE, ATTITUDE)] / covariance[(ATTITUDE, ATTITUDE)];
+        let expected = if open_mps > 1.0 { 25.0 } else { 1.0 };
+        assert!((grown / expected - 1.0).abs() < 1e-9, "{grown}");
+    }
+}
+
 /// A measurement within its gate resets the count, an assumption never counts.
 #[test]
 fn only_rejections_of_sensors_count() {

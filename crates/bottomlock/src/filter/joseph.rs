@@ -167,8 +167,8 @@ impl<const M: usize> PredictedInnovation<M> {
         innovation: &Innovation,
     ) -> Result<Correction<M>, Indefinite> {
         let mut gain = self.factor.solve(simd, &self.cross_covariance.data.0);
-        if innovation.corrects_position_alone {
-            correct_position_alone(simd, &mut gain);
+        if innovation.corrects_depth_alone {
+            correct_depth_alone(simd, &mut gain);
         }
         let mut corrected = *covariance;
         let p = &mut corrected.data.0;
@@ -289,11 +289,12 @@ impl<const M: usize> Factor<M> {
     }
 }
 
-/// Zeroes a gain but for the rows of the position.
-fn correct_position_alone<S: Simd>(simd: S, gain: &mut [Column<S>]) {
+/// Zeroes a gain but for the row of the depth.
+fn correct_depth_alone<S: Simd>(simd: S, gain: &mut [Column<S>]) {
     for column in gain {
         let mut numbers = [0.0; DIM];
         column.store(&mut numbers);
+        numbers[..POSITION + 2].fill(0.0);
         numbers[POSITION + 3..].fill(0.0);
         *column = Column::load(simd, &numbers);
     }

@@ -14,7 +14,7 @@
 //! - Velocity, three axes: the Jacobian is that at the velocity after the update.
 //! - Position, three axes: ∫b dt = ρ × ∫R̂ δv dt, and the integral is what the update observes as correction of the
 //!   position. The error state is moved to the corrected path (`filter/corrected_path.rs`).
-//! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects the position alone
+//! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects its own axis of the position alone
 //!   (Schmidt's filter), whose variance has grown by `E[b_z²] Δt²` since the last depth.
 
 use nalgebra::Matrix3;
@@ -27,7 +27,7 @@ use crate::frames::skew;
 use crate::layout::{ATTITUDE, POSITION, VELOCITY};
 use crate::state::ErrorVector;
 
-/// Root mean square of b_z, m/s, beyond which a depth corrects the position alone.
+/// Root mean square of b_z, m/s, beyond which a depth corrects its own axis alone.
 ///
 /// Results are the same from 1 to 5 mm/s; at 10 mm/s depth contradicts a diagonal pair of beams (docs/linear_range.md).
 pub const LINEAR_RANGE_MPS: f64 = 2e-3;
@@ -83,7 +83,7 @@ impl Eskf {
                 let product_m2ps2 = self.vertical_product_variance();
                 if product_m2ps2 > LINEAR_RANGE_MPS * LINEAR_RANGE_MPS {
                     let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
-                    innovation.corrects_position_alone = true;
+                    innovation.corrects_depth_alone = true;
                     self.covariance[DOWN] += product_m2ps2 * since_s * since_s;
                 }
             }

@@ -85,13 +85,19 @@ fn variance_of_the_product_of_correlated_errors() {
     assert!((filter.vertical_product_variance() / expected - 1.0).abs() < 1e-12);
 }
 
-/// Beyond the linear range a depth corrects the position and leaves velocity, attitude and biases to the bit; within it
-/// the same depth corrects them.
+/// Beyond the linear range a depth corrects its own axis and leaves level position, velocity, attitude and biases to the bit,
+/// however they are correlated with it; within it the same depth corrects them.
 #[test]
-fn a_depth_beyond_the_range_corrects_the_position_alone() {
+fn a_depth_beyond_the_range_corrects_its_axis_alone() {
     for (velocity_mps, corrects_alone) in [(20.0, true), (0.05, false)] {
         let mut filter = filter(1e-3, velocity_mps);
         coast(&mut filter, 2);
+        let mut with_level = filter.covariance();
+        // One error moves the level position by 2 m and the depth by 1 m.
+        for (i, j, squared_m) in [(0, 0, 4.0), (0, 2, 2.0), (2, 0, 2.0), (2, 2, 1.0)] {
+            with_level[(POSITION + i, POSITION + j)] += squared_m;
+        }
+        filter.set_covariance(&with_level).unwrap();
         let (before, state) = (filter.covariance(), filter.state());
         let z = state.position_t_m.0.z;
         let report = filter
@@ -102,8 +108,15 @@ fn a_depth_beyond_the_range_corrects_the_position_alone() {
         let (after, corrected) = (filter.covariance(), filter.state());
         assert!((corrected.position_t_m.0.z - z - 0.5).abs() < 0.01);
         assert!(after[DOWN] < 0.02 * 0.02);
-        let moved = corrected.error_of(&state).rows(ATTITUDE, DIM - ATTITUDE).amax();
+        let change = corrected.error_of(&state);
+        let moved = change.rows(ATTITUDE, DIM - ATTITUDE).amax();
         assert_eq!(moved < 1e-15, corrects_alone, "{moved}");
+        let level = (change[POSITION], after[(POSITION, POSITION)]);
+        assert_eq!(
+            level == (0.0, before[(POSITION, POSITION)]),
+            corrects_alone,
+            "{level:?}"
+        );
         let size = DIM - ATTITUDE;
         let same = before.view((ATTITUDE, ATTITUDE), (size, size)) == after.view((ATTITUDE, ATTITUDE), (size, size));
         assert_eq!(same, corrects_alone);

@@ -301,7 +301,7 @@ impl Eskf {
 
     /// Updates with the correlated innovation of exact VB (Eq. 26), whose S is singular.
     ///
-    /// The rows are projected on the `rank` principal axes of S that carry information.
+    /// The first three rows are projected on the `rank` principal axes of their S that carry information; a closure after them stays.
     ///
     /// # Errors
     /// As [`Eskf::update`].
@@ -316,31 +316,29 @@ impl Eskf {
             return self.update_correlated(&whole, rank, sensor);
         }
         let h = innovation.jacobian.fixed_rows::<3>(0).into_owned();
-        let cross = innovation
-            .cross
-            .as_deref()
-            .copied()
-            .unwrap_or_else(SMatrix::zeros)
-            .fixed_columns::<3>(0)
-            .into_owned();
-        let noise = innovation.noise.fixed_view::<3, 3>(0, 0).into_owned();
-        let half = h * cross;
+        let cross = innovation.cross.as_deref().copied().unwrap_or_else(SMatrix::zeros);
+        let noise = innovation.noise.fixed_view::<3, 3>(0, 0);
+        let half = h * cross.fixed_columns::<3>(0);
         let s = h * self.covariance * h.transpose() + half + half.transpose() + noise;
         let eigen = ((s + s.transpose()) * 0.5).symmetric_eigen();
         let mut order = [0, 1, 2];
         order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
         let mut projected = Innovation {
-            rows: rank,
-            degrees: rank,
+            rows: rank + innovation.rows.saturating_sub(3),
+            degrees: rank + innovation.rows.saturating_sub(3),
             ..Innovation::empty()
         };
-        let mut axes = SMatrix::<f64, MAX_ROWS, 3>::zeros();
+        let mut axes = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
         for (row, &from) in order.iter().take(rank).enumerate() {
-            axes.set_row(row, &eigen.eigenvectors.column(from).transpose());
+            let mut velocity = axes.fixed_view_mut::<1, 3>(row, 0);
+            velocity.copy_from(&eigen.eigenvectors.column(from).transpose());
         }
-        projected.residual = axes * innovation.residual.fixed_rows::<3>(0);
-        projected.jacobian = axes * h;
-        projected.noise = axes * noise * axes.transpose();
+        for (row, from) in (rank..).zip(3..innovation.rows) {
+            axes[(row, from)] = 1.0;
+        }
+        projected.residual = axes * innovation.residual;
+        projected.jacobian = axes * innovation.jacobian;
+        projected.noise = axes * innovation.noise * axes.transpose();
         projected.cross = Some(Box::new(cross * axes.transpose()));
         projected.correlated_noise = innovation
             .correlated_noise

@@ -119,8 +119,8 @@ impl Eskf {
         for (at, k) in (DIM..).zip(self.extensions.further().states()) {
             gain.row_mut(at).copy_from(&further_gain.column(k).transpose());
         }
-        // What corrects the position alone is no information on any other state.
-        let informs = if innovation.corrects_position_alone { 0.0 } else { 1.0 };
+        // What corrects the depth alone is no information on any other state.
+        let informs = if innovation.corrects_depth_alone { 0.0 } else { 1.0 };
         let (weighted_innovation, weight) = (
             update.factor.solve(update.z) * informs,
             update.factor.inverse() * informs,

@@ -120,9 +120,9 @@ fn the_causes_of_a_correlation_turn_with_its_rows() {
         .by_state
         .set_column(VELOCITY, &SVector::from_fn(|m, _| m as f64 + 1.0));
     noise.by_further.set_column(1, &SVector::from_fn(|m, _| m as f64 + 2.0));
-    let mut axes = SMatrix::<f64, MAX_ROWS, 3>::zeros();
-    axes.set_row(0, &nalgebra::RowVector3::new(0.0, 1.0, 0.0));
-    axes.set_row(1, &nalgebra::RowVector3::new(1.0, 0.0, -1.0));
+    let mut axes = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
+    axes[(0, 1)] = 1.0;
+    (axes[(1, 0)], axes[(1, 2)]) = (1.0, -1.0);
     let turned = noise.turned(&axes);
     assert_eq!(
         [turned.by_state[(0, VELOCITY)], turned.by_state[(1, VELOCITY)]],

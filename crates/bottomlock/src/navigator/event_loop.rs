@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
+use crate::aiding::closure::push_closure;
 use crate::aiding::motion_prior::{EPOCH_NS, LEARNING_NS, LOST_NS};
 use crate::aiding::{InformationPort, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
@@ -327,10 +328,11 @@ impl Navigator {
             _ => InformationPort::Axes,
         };
         let cross = is_exact(method, &fix).then_some(&p_xv);
-        Ok((
-            aiding::loosely_coupled(&state, geometry, &terms, &fix, port, cross),
-            fix,
-        ))
+        let mut innovation = aiding::loosely_coupled(&state, geometry, &terms, &fix, port, cross);
+        if is_lossless(method) {
+            push_closure(&mut innovation, &terms, valid, geometry.rank_of(valid));
+        }
+        Ok((innovation, fix))
     }
 
     /// The velocity of a ping that determines all of it, by least squares, with its covariance.
@@ -381,6 +383,11 @@ impl Navigator {
 /// A row for each valid beam, for one filter.
 fn tight_innovation(filter: &Eskf, geometry: &BeamGeometry, ping: &BeamSample) -> Innovation {
     aiding::tightly_coupled(&filter.beam_terms(geometry, ping), ping)
+}
+
+/// Returns true for a method that passes on all that the beams measure: in a filter it is tight coupling by another name.
+pub(super) const fn is_lossless(method: PartialMethod) -> bool {
+    matches!(method, PartialMethod::VirtualBeamExact | PartialMethod::Information)
 }
 
 /// Returns true for a virtual beam whose correlation with the filter is kept.

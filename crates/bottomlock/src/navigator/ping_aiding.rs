@@ -1,9 +1,8 @@
 //! Aiding by a ping: outliers screened, the rest given to the method, rejections counted.
 
-use super::{BeamAiding, Navigator, tight_innovation};
+use super::{BeamAiding, Navigator, is_lossless, tight_innovation};
 use crate::aiding::outliers;
 use crate::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
-use crate::dvl::partial::PartialMethod;
 use crate::error::NavError;
 use crate::filter::Eskf;
 use crate::filter::inflation::AdmissibleError;
@@ -80,10 +79,7 @@ impl Navigator {
             return Ok(None);
         }
         let innovation = match self.aiding {
-            // Noise that is correlated with the state has no part in it.
-            BeamAiding::Loose(method) if method != PartialMethod::VirtualBeamExact => {
-                self.loose_innovation(method, ping)?.0
-            }
+            BeamAiding::Loose(method) if !is_lossless(method) => self.loose_innovation(method, ping)?.0,
             BeamAiding::Own(own) => self.own_innovation(own, ping)?,
             _ => tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
         };
