@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from scipy.special import ndtri
 
 import bottomlock
 from bottomlock.errors import ScenarioError
@@ -62,10 +63,11 @@ def test_depth_keeps_the_velocity(mask: tuple[int, ...], limit_mps: float, runs:
 @RUNS
 @pytest.mark.parametrize("mask", [(1,), (1, 3), (1, 2)])
 def test_no_sensor_makes_it_worse(mask: tuple[int, ...], runs: int) -> None:
-    """No median velocity error rises, and no NEES of velocity and attitude leaves its band, for any method."""
+    """No median velocity error rises, nor that of a run, and no NEES of velocity and attitude leaves its band."""
     found = sensor_law.summary(cell(mask, runs))
     assert found["cells"].to_list() == [1] * len(found)
     assert found["worse"].sum() == 0
+    assert found["runaways"].sum() == 0
     assert found["left_band"].sum() == 0
 
 
@@ -84,6 +86,42 @@ def test_medians_that_rise() -> None:
     assert sensor_law._median_rises(error, 1.1 * error)
     assert not sensor_law._median_rises(error, 0.9 * error)
     assert not sensor_law._median_rises(error, rng.permutation(error))
+
+
+def test_a_run_that_rises() -> None:
+    """By hand: of one test at 1 %, three components, σ = 0.5: the upper half of a band of 0.01/3, in either sign.
+
+    Runs that differ by what a sensor corrects stay within it: σ = 2, of which a measurement of σ = 1 leaves 0.894.
+    """
+
+    def rises(less: np.ndarray, more: np.ndarray, sd_mps: float, tests: int) -> bool:
+        return sensor_law._a_run_rises(
+            sensor_law._Runs(less[:, None], np.full_like(less[:, None], sd_mps)),
+            sensor_law._Runs(more[:, None], np.full_like(more[:, None], 1e-3)),
+            0,
+            tests=tests,
+        )
+
+    none = np.zeros((1, 1, 3))
+    limit = 0.5 * float(-ndtri(0.0025 / 3))
+    for size, expected in ((limit - 1e-6, False), (limit + 1e-6, True)):
+        assert rises(none, np.array([[[0.0, -size, 0.0]]]), 0.5, 1) is expected
+        assert not rises(none + 9.0, none + size, 0.5, 1)
+    rng = np.random.default_rng(5)
+    error = rng.normal(0.0, 2.0, (4000, 5, 3))
+    corrected = error - 0.8 * (error + rng.normal(0.0, 1.0, error.shape))
+    assert not rises(error, corrected, 2.0, 100)
+
+
+def test_no_run_runs_away_with_depth_beside_acoustics() -> None:
+    """The run of seed 90210 that a depth once drove to 16 m/s beside acoustic fixes, and its neighbours."""
+    few = scenario(85)
+    few = few.model_copy(update={"campaign": few.campaign.model_copy(update={"seed": 90210})})
+    rows = sensor_law.run_cell(few, (2, 4), 0.0, tests=48, threads=1).filter(pl.col("method") == "tc")
+    both = rows.row(by_predicate=pl.col("sensors") == "depth+acoustic", named=True)
+    assert both["velocity_greatest_mps"] < 1.0
+    assert (both["median_rises_above"], both["run_rises_above"]) == ("", "")
+    assert both["verdict_whole_state"] == "consistent"
 
 
 def test_what_is_no_variant() -> None:
@@ -129,9 +167,16 @@ def test_the_page_says_what_the_table_says(tmp_path: Path) -> None:
         .then(pl.lit("overconfident"))
         .otherwise("verdict_velocity_attitude")
         .alias("verdict_velocity_attitude"),
-        (pl.col("sensors") == "acoustic").alias("median_rises"),
+        pl.when(pl.col("sensors") == "acoustic")
+        .then(pl.lit("none"))
+        .otherwise(pl.lit(""))
+        .alias("median_rises_above"),
+        pl.when(pl.col("sensors") == "gps")
+        .then(pl.lit("none"))
+        .otherwise(pl.lit(""))
+        .alias("run_rises_above"),
     )
     facts = {"runs": 2, "seed": 1, "false_alarm": 0.01, "made_with": "", "command": ""}
     marked = markdown(changed, sensor_law.summary(changed), facts)
-    assert (marked.count(" ▲ |"), marked.count(" rises |")) == (4, 4)
-    assert "of 16 cells with a further sensor the median velocity error rises in 2, and 2 become" in marked
+    assert (marked.count(" ▲ |"), marked.count(" rises |"), marked.count(" runaway |")) == (4, 4, 4)
+    assert "median velocity error rises in 2, the error of a run in 2, and 2 become" in marked

@@ -51,8 +51,9 @@ def test_a_masks_page_has_every_value_and_mark() -> None:
 def test_a_sensor_law_page_has_summary_and_cells() -> None:
     summary = pl.DataFrame(
         {
-            "method": ["tc", "tc"], "sensors": ["none", "depth"], "cells": [2, 2], "worse": [0, 1], "left_band": [0, 0],
-            "overconfident": [0, 0], "velocity_median_mps": [0.5, 0.25], "velocity_greatest_mps": [1.0, 0.75],
+            "method": ["tc", "tc"], "sensors": ["none", "depth"], "cells": [2, 2], "worse": [0, 1],
+            "runaways": [0, 2], "left_band": [0, 0], "overconfident": [0, 0],
+            "velocity_median_mps": [0.5, 0.25], "velocity_greatest_mps": [1.0, 0.75],
         }
     )  # fmt: skip
     cell: dict[str, object] = dict.fromkeys(SENSOR_LAW, 1.0)
@@ -61,18 +62,25 @@ def test_a_sensor_law_page_has_summary_and_cells() -> None:
         "beams": "1,2",
         "current_mps": 0.3,
         "method": "tc",
-        "median_rises": True,
+        "median_rises_above": "none",
+        "run_rises_above": "none",
     }
     cell |= {"verdict_velocity_attitude": "overconfident", "verdict_whole_state": "consistent", "runs": 2}
     cell |= {"velocity_rms_over_runs_mps": 0.321}
-    cells = [cell | {"sensors": "none", "median_rises": False}, cell | {"sensors": "depth"}]
+    cells = [
+        cell | {"sensors": "none", "median_rises_above": "", "run_rises_above": ""},
+        cell | {"sensors": "depth"},
+    ]
     table = pl.DataFrame(cells, schema=dict(SENSOR_LAW), orient="row", strict=False)
     facts = {"runs": 2, "seed": 1, "false_alarm": 0.01, "made_with": "hands", "command": "none"}
     page = sensor_law_sheet(table, summary, facts)
     text = _text(page)
-    assert "of 2 cells with a further sensor the median velocity error rises in 1" in text
+    assert (
+        "of 2 cells with a further sensor the median velocity error rises in 1, the error of a run in 2"
+        in text
+    )
     assert "straight, 0.3 m/s across, beams 1,2" in text
-    assert "0.321 ▲ rises" in text
+    assert "0.321 ▲ rises runaway" in text
     assert page.count('<svg role="img"') == 2
     assert "**" not in text
 

@@ -1,9 +1,12 @@
-"""The law "a sensor more never makes it worse": methods under every mask, with and without further sensors.
+"""The law "a sensor more never makes it worse": methods under every mask, with every set of sensors.
 
-Cells with further sensors meet the same runs as the cell without them, so that their errors are compared run by run.
+Every set of sensors meets the same runs and is compared, run by run, with every smaller set that it contains: by the
+median over runs, and by the run whose error grows most.
 """
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -49,6 +52,8 @@ SENSOR_SETS = (
     ("acoustic",),
     ("depth", "acoustic"),
 )
+"""Smaller sets come first."""
+
 CROSS_CURRENT_MPS = 0.3
 RESAMPLES = 1000
 
@@ -152,7 +157,7 @@ def run_sensor_law(
 def run_cell(
     scenario: Scenario, mask: tuple[int, ...], current_mps: float, *, tests: int, threads: int = 0
 ) -> pl.DataFrame:
-    """Every set of sensors under one mask, each against the set without sensors.
+    """Every set of sensors under one mask, each against every smaller set that it contains.
 
     Args:
         scenario: its runs and seed count.
@@ -162,14 +167,20 @@ def run_cell(
         threads: 0 for as many as there are cores.
     """
     rows: list[tuple[Any, ...]] = []
-    without: dict[str, np.ndarray] = {}
+    done: list[tuple[tuple[str, ...], _Runs]] = []
     for sensors in SENSOR_SETS:
         simulation = build_simulation(variant(scenario, mask, sensors, current_mps))
         times_s, batch = run_judged(simulation, METHODS, threads=threads)
+        velocity = _Runs(batch["error"][..., 6:9], batch["sd"][..., 6:9])
+        smaller = [(names, runs) for names, runs in done if set(names) < set(sensors)]
+        done.append((sensors, velocity))
         for index, method in enumerate(METHODS):
-            error = np.linalg.norm(batch["error"][:, index, -1, 6:9], axis=-1)
-            without.setdefault(method, error)
+            error = velocity.final(index)
             runs = len(error)
+            medians = [name(names) for names, less in smaller if _median_rises(less.final(index), error)]
+            tails = [
+                name(names) for names, less in smaller if _a_run_rises(less, velocity, index, tests=tests)
+            ]
             each = chi_squared.each_probability(FALSE_ALARM, tests * len(times_s))
             verdicts = []
             for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", scenario.filter.states)):
@@ -179,7 +190,7 @@ def run_cell(
                     float(means.mean()),
                     chi_squared.verdict(low, float(means.min()), float(means.max()), high),
                 ]
-            place = (scenario.name, cases.beam_list(mask), current_mps, "+".join(sensors) or "none", method)
+            place = (scenario.name, cases.beam_list(mask), current_mps, name(sensors), method)
             rows.append(
                 (
                     *place,
@@ -187,15 +198,57 @@ def run_cell(
                     float(np.median(error)),
                     float(rms(error)),
                     float(error.max()),
-                    _median_rises(without[method], error),
+                    ", ".join(medians),
+                    ", ".join(tails),
                     *verdicts,
                 )
             )
     return pl.DataFrame(rows, schema=dict(SENSOR_LAW), orient="row")
 
 
+@dataclass(frozen=True)
+class _Runs:
+    """Velocity errors of a cell and what the filter claims of them, m/s: arrays (runs, methods, times, 3)."""
+
+    error: np.ndarray
+    sd: np.ndarray
+
+    def final(self, method: int) -> np.ndarray:
+        """Norm of the error at the end, (runs,)."""
+        norms: np.ndarray = np.linalg.norm(self.error[:, method, -1], axis=-1)
+        return norms
+
+
+def name(sensors: Sequence[str]) -> str:
+    """A set of sensors in words.
+
+    >>> name(("depth", "gps")), name(())
+    ('depth+gps', 'none')
+    """
+    return "+".join(sensors) or "none"
+
+
+def _a_run_rises(less: _Runs, more: _Runs, method: int, *, tests: int) -> bool:
+    """True where a component of the velocity error of some run, at some time, grows with the sensors beyond chance.
+
+    The estimates with fewer and with more sensors differ by what the sensors correct, whose variance is the difference
+    of theirs (the correction and the error that it leaves are uncorrelated): not above the variance with fewer. A
+    growth beyond the quantile of that σ is no chance, however great the error with fewer sensors is.
+
+    Args:
+        less: the runs with fewer sensors.
+        more: the same runs with more.
+        method: place of the method.
+        tests: number of comparisons of the study, for one false-alarm rate.
+    """
+    before, after = np.abs(less.error[:, method]), np.abs(more.error[:, method])
+    growth = float(((after - before) / less.sd[:, method]).max())
+    each = chi_squared.each_probability(FALSE_ALARM, tests * after.size)
+    return growth > math.sqrt(chi_squared.mean_band(1, 1, each)[1])
+
+
 def _median_rises(without: np.ndarray, error: np.ndarray) -> bool:
-    """True where the median error is greater with the sensors, beyond chance.
+    """True where the median error is greater with more sensors than `without` them, beyond chance.
 
     The lower end of the 99.9 % bootstrap interval of the difference of medians lies above zero; runs are resampled in
     pairs, with a fixed seed.
@@ -207,22 +260,34 @@ def _median_rises(without: np.ndarray, error: np.ndarray) -> bool:
 
 
 def summary(table: pl.DataFrame) -> pl.DataFrame:
-    """A row per method and set of sensors: cells, those that became worse, those that left their band, medians.
+    """A row per method and set of sensors: counts of cells, median and greatest error.
 
-    A cell becomes worse where its median velocity error rises beyond chance. It leaves its band where a NEES is
-    overconfident with the sensors and was not without them.
+    A cell becomes worse where its median velocity error rises beyond chance above that of a smaller set of sensors, and
+    has a runaway where the error of a run does. It leaves its band where a NEES is overconfident and was not with a
+    smaller set.
     """
     overconfident = (pl.col("verdict_velocity_attitude") == chi_squared.OVERCONFIDENT).alias("overconfident")
     keys = ["trajectory", "beams", "current_mps", "method"]
-    none = table.filter(pl.col("sensors") == "none").select(*keys, overconfident.alias("before"))
+    sets = pl.DataFrame(
+        [(name(more), name(less)) for more in SENSOR_SETS for less in SENSOR_SETS if set(less) < set(more)],
+        schema={"sensors": pl.String(), "fewer": pl.String()},
+        orient="row",
+    )
+    before = (
+        table.select(*keys, pl.col("sensors").alias("fewer"), ~overconfident)
+        .join(sets, on="fewer")
+        .group_by(*keys, "sensors")
+        .agg(pl.col("overconfident").any().alias("was_in_band"))
+    )
     return (
         table.with_columns(overconfident)
-        .join(none, on=keys, how="left", maintain_order="left")
+        .join(before, on=[*keys, "sensors"], how="left", maintain_order="left")
         .group_by("method", "sensors", maintain_order=True)
         .agg(
             pl.len().alias("cells"),
-            pl.col("median_rises").sum().alias("worse"),
-            (pl.col("overconfident") & ~pl.col("before")).sum().alias("left_band"),
+            (pl.col("median_rises_above") != "").sum().alias("worse"),
+            (pl.col("run_rises_above") != "").sum().alias("runaways"),
+            (pl.col("overconfident") & pl.col("was_in_band").fill_null(value=False)).sum().alias("left_band"),
             pl.col("overconfident").sum(),
             pl.col("velocity_median_mps").median().alias("velocity_median_mps"),
             pl.col("velocity_greatest_mps").max().alias("velocity_greatest_mps"),

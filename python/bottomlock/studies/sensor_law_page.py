@@ -8,6 +8,9 @@ import polars as pl
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 
+COUNTS = ("cells", "worse", "runaways", "left_band", "overconfident")
+"""Columns of the summary that count cells, in the order of the page."""
+
 SHOWN = ("sway_current", "tc")
 """Methods whose cells stand on the page: one with assumptions, one without. The table of the study has all."""
 
@@ -26,8 +29,10 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any
         ["## Every method and set of sensors"],
         list(_summary_rows(summary)),
         [
-            "*Worse*: cells (mask, trajectory, current) whose median velocity error rises with them beyond chance.",
-            "*Left band*: cells whose NEES of velocity and attitude is overconfident with the sensors and not without.",
+            "*Worse*: cells (mask, trajectory, current) whose median velocity error rises beyond chance above that",
+            "of a smaller set of these sensors.",
+            "*Runaways*: cells with a run whose velocity error does.",
+            "*Left band*: cells whose NEES of velocity and attitude is overconfident and was not with a smaller set.",
             "Median and greatest velocity error at the end, m/s.",
         ],
         *_cells(table),
@@ -40,8 +45,10 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any
 def judged(facts: Mapping[str, Any]) -> list[str]:
     """How cells are judged and what was run, as a list in Markdown."""
     return [
-        f"- {facts['runs']} runs of each cell, seed {facts['seed']}; every cell has the same runs without sensors.",
+        f"- {facts['runs']} runs of each cell, seed {facts['seed']}.",
+        "- Every set of sensors meets the same runs and is compared with every smaller set that it contains.",
         "- *Rises*: the lower end of the 99.9 % bootstrap interval of the difference of the medians is above zero.",
+        "- *Runaway*: in a run, at one of five times, a component of the error grows by more than fewer sensors claim.",
         f"- NEES at five times; false-alarm rate {facts['false_alarm']:.0%} for all cells together.",
         "- ▲ overconfident in velocity and attitude, △ in the whole state alone.",
         f"- Made with {facts['made_with']}.",
@@ -54,19 +61,21 @@ def answer(summary: pl.DataFrame) -> Iterator[str]:
     sensors = summary.filter(pl.col("sensors") != "none")
     for method in summary["method"].unique(maintain_order=True):
         own = sensors.filter(pl.col("method") == method)
-        cells, worse, left = (int(own[key].sum()) for key in ("cells", "worse", "left_band"))
+        cells, worse, tail, left = (
+            int(own[key].sum()) for key in ("cells", "worse", "runaways", "left_band")
+        )
         yield (
-            f"**`{method}`**: of {cells} cells with a further sensor the median velocity error rises in {worse}, and "
-            f"{left} become overconfident in velocity and attitude; greatest error "
+            f"**`{method}`**: of {cells} cells with a further sensor the median velocity error rises in {worse}, the "
+            f"error of a run in {tail}, and {left} become overconfident in velocity and attitude; greatest error "
             f"{plain(own['velocity_greatest_mps'].max())} m/s."  # type: ignore[arg-type]
         )
 
 
 def _summary_rows(summary: pl.DataFrame) -> Iterator[str]:
-    yield "| Method | Sensors | Cells | Worse | Left band | Overconfident | Median | Greatest |"
-    yield "|---|---|---:|---:|---:|---:|---:|---:|"
+    yield "| Method | Sensors | Cells | Worse | Runaways | Left band | Overconfident | Median | Greatest |"
+    yield "|---|---|---:|---:|---:|---:|---:|---:|---:|"
     for row in summary.iter_rows(named=True):
-        counts = " | ".join(str(row[key]) for key in ("cells", "worse", "left_band", "overconfident"))
+        counts = " | ".join(str(row[key]) for key in COUNTS)
         sizes = " | ".join(plain(row[f"velocity_{size}_mps"]) for size in ("median", "greatest"))
         yield f"| `{row['method']}` | {row['sensors']} | {counts} | {sizes} |"
 
@@ -103,5 +112,5 @@ def cell(row: Mapping[str, Any]) -> str:
         mark = " △"
     else:
         mark = ""
-    rises = " rises" if row["median_rises"] else ""
+    rises = (" rises" if row["median_rises_above"] else "") + (" runaway" if row["run_rises_above"] else "")
     return f"{plain(row['velocity_rms_over_runs_mps'])}{mark}{rises}"

@@ -67,7 +67,7 @@ def sensor_law_sheet(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[
         [
             row["method"],
             row["sensors"],
-            *(str(row[key]) for key in ("cells", "worse", "left_band", "overconfident")),
+            *(str(row[key]) for key in sensor_law_page.COUNTS),
             *(plain(row[f"velocity_{size}_mps"]) for size in ("median", "greatest")),
         ]
         for row in summary.iter_rows(named=True)
@@ -77,14 +77,16 @@ def sensor_law_sheet(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[
         Part(
             "summary",
             "Every method and set of sensors",
-            caption="Worse: cells (mask, trajectory, current) whose median velocity error rises with the sensors "
-            "beyond chance. Left band: cells whose NEES of velocity and attitude is overconfident with the sensors and "
-            "not without. Median and greatest velocity error at the end, m/s.",
+            caption="Worse: cells (mask, trajectory, current) whose median velocity error rises beyond chance above "
+            "that of a smaller set of these sensors. Runaways: cells with a run whose velocity error does. Left band: "
+            "cells whose NEES of velocity and attitude is overconfident and was not with a smaller set. Median and "
+            "greatest velocity error at the end, m/s.",
             columns=[
                 "Method",
                 "Sensors",
                 "Cells",
                 "Worse",
+                "Runaways",
                 "Left band",
                 "Overconfident",
                 "Median",

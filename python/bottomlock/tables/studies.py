@@ -152,12 +152,14 @@ SENSOR_LAW: Mapping[str, pl.DataType] = {
     "velocity_median_mps": pl.Float64(),
     "velocity_rms_over_runs_mps": pl.Float64(),
     "velocity_greatest_mps": pl.Float64(),
-    "median_rises": pl.Boolean(),
+    "median_rises_above": pl.String(),
+    "run_rises_above": pl.String(),
     "nees_velocity_attitude_mean_over_runs_and_time": pl.Float64(),
     "verdict_velocity_attitude": pl.String(),
     "nees_mean_over_runs_and_time": pl.Float64(),
     "verdict_whole_state": pl.String(),
 }
 """A row per trajectory, mask, current, set of sensors and method: norm of the velocity error at the last second, its
-median, RMS and greatest value over runs; whether the median is greater than without the sensors, beyond chance; mean
-NEES of velocity and attitude and of the whole state, with their verdicts."""
+median, RMS and greatest value over runs;
+the smaller sets of sensors above whose median it rises beyond chance, and above which a run's error does, separated
+by ", "; mean NEES of velocity and attitude and of the whole state, with their verdicts."""
