@@ -1,6 +1,7 @@
 """Check that docs/equations.md, the code and the tests speak of the same equations.
 
-Three rules: the table of the 2017 paper has each of Eqs 1-49 once; every path in a row exists, and
+Three rules: the table of the 2017 paper has each of Eqs 1-49 once, and names code and test in each row, as
+that of the ellipsoid does; every path in a row exists, and
 what follows `::` stands in that file; every equation and erratum cited in crates/ and python/ has its row.
 A citation without a year, or with 2017 before it on the line, means Tal et al. 2017; 2015 means Klein &
 Diamant 2015; any other year is another work and is passed over.
@@ -17,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 TABLE = "docs/equations.md"
 FIRST, LAST = 1, 49
 
-_SECTION = re.compile(r"^## (?:Equations of .*\b(2015|2017)|(Errata))\b")
+_SECTION = re.compile(r"^## (?:Equations of .*\b(2015|2017|WGS 84)|(Errata))\b")
 _ROW = re.compile(r"^\|\s*(E?\d+(?:\s*[-–]\s*\d+)?)\s*\|(.*)\|\s*$")
 _PATH = re.compile(r"`((?:crates|python|tests|tools|docs|data)/[^`:]+)(?:::([^`]+))?`")
 _NUMBER = r"\(?\d{1,2}\)?(?![\d.]*\.\d)(?!\d)"
@@ -46,7 +47,7 @@ def numbers(text: str) -> list[int]:
 
 def read_table(root: Path) -> Table:
     """The rows of docs/equations.md, with a complaint for each path or name that does not exist."""
-    equations: dict[str, set[int]] = {"2015": set(), "2017": set()}
+    equations: dict[str, set[int]] = {"2015": set(), "2017": set(), "WGS 84": set()}
     errata: set[str] = set()
     complaints: list[str] = []
     section = ""
@@ -66,7 +67,7 @@ def read_table(root: Path) -> Table:
                     complaints.append(f"{place}: Eq. {number} has two rows")
                 equations[section].add(number)
         complaints.extend(f"{place}: {problem}" for problem in _missing(root, _PATH.findall(row[2])))
-        if section == "2017":
+        if section in {"2017", "WGS 84"}:
             complaints.extend(f"{place}: Eq. {row[1]} {problem}" for problem in _unwitnessed(root, row[2]))
     absent = sorted(set(range(FIRST, LAST + 1)) - equations["2017"])
     complaints.extend(f"{TABLE}: Eq. {number} has no row" for number in absent)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.kernel import JanusConfiguration, Method
-from bottomlock.models import ImuModel, InitialState, Model, Options
+from bottomlock.models import Environment, ImuModel, InitialState, Model, Options
 
 __all__ = [
     "DEFAULT_OPTIONS",
@@ -32,6 +32,7 @@ __all__ = [
     "check_settings",
     "covariance_history",
     "error_model",
+    "local_earth",
     "normal_gravity_mps2",
     "observe",
     "register_method",
@@ -50,6 +51,12 @@ METHODS: Final[tuple[Method, ...]]
 SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
 SELECTOR_METHODS: Final[tuple[str, ...]]
+
+@type_check_only
+class LocalEarthDict(TypedDict):
+    gravity_t_mps2: NDArray[np.float64]
+    rotation_t_n: NDArray[np.float64]
+    depth_m: NDArray[np.float64]
 
 @type_check_only
 class WaterDict(TypedDict):
@@ -585,6 +592,7 @@ def error_model(
 def register_method(
     name: str, label: str, call: Callable[[dict[str, Any]], tuple[ArrayLike, ...] | None]
 ) -> None: ...
+def local_earth(environment: Environment, position_t_m: ArrayLike) -> LocalEarthDict: ...
 def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...
 def observe(
     geometry: BeamGeometry,

@@ -117,12 +117,17 @@ def _settings(cls: type[_T]) -> type[_T]:
 
 @_settings
 class Environment(Settings):
-    """Latitude (rad), gravity (m/s²) and Earth rate (rad/s), 0 for an Earth at rest."""
+    """Latitude (rad), gravity (m/s²) at the origin and Earth rate (rad/s), 0 for an Earth at rest.
+
+    With `earth` = "ellipsoid" gravity, depth, level and heading are those of the place (docs/ellipsoid.md); with
+    "tangent_plane" they are those of the origin everywhere, as in the 2017 paper.
+    """
 
     place: ClassVar[str] = "environment"
     latitude_rad: float
     gravity_mps2: float
     earth_rate_radps: float = EARTH_RATE_RADPS
+    earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
 
 
 @_settings

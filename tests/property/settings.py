@@ -21,6 +21,7 @@ def table_2() -> Any:  # noqa: ANN401 - a dict, which a test may change
             "latitude_rad": LATITUDE_RAD,
             "gravity_mps2": GRAVITY,
             "earth_rate_radps": EARTH_RATE,
+            "earth": "tangent_plane",
         },
         "imu": {
             "accel_noise_mps_rts": 0.0012,

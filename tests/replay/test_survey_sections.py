@@ -39,6 +39,7 @@ def model(latitude_rad: float) -> Any:  # noqa: ANN401 - the kernel's dict
             "latitude_rad": latitude_rad,
             "gravity_mps2": gravity,
             "earth_rate_radps": 7.292115e-5,
+            "earth": "tangent_plane",
         },
         "imu": {
             "accel_noise_mps_rts": 1e-3,

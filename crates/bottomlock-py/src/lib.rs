@@ -10,6 +10,7 @@ mod calls;
 mod check;
 mod closed_loop;
 mod dvl;
+mod earth;
 mod errors;
 mod imu_faults;
 mod keys;
@@ -38,6 +39,8 @@ mod _kernel {
     use super::closed_loop::ClosedLoop;
     #[pymodule_export]
     use super::dvl::BeamGeometry;
+    #[pymodule_export]
+    use super::earth::local_earth;
     #[pymodule_export]
     use super::imu_faults::rejected_imu;
     #[pymodule_export]

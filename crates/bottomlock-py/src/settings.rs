@@ -10,7 +10,7 @@ use bottomlock::aiding::speed_bound::SpeedBound;
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::dvl::partial::Assumptions;
-use bottomlock::earth::Environment;
+use bottomlock::earth::{EarthModel, Environment};
 use bottomlock::filter::gate::{Gate, GateTable};
 use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
@@ -46,6 +46,15 @@ pub fn environment(keys: &Keys<'_>) -> PyResult<Environment> {
         latitude_rad: keys.number("latitude_rad")?,
         gravity_mps2: keys.number("gravity_mps2")?,
         earth_rate_radps: keys.number("earth_rate_radps")?,
+        earth: match keys.text("earth")?.as_str() {
+            "ellipsoid" => EarthModel::Ellipsoid,
+            "tangent_plane" => EarthModel::TangentPlane,
+            other => {
+                return Err(invalid(format!(
+                    "earth is '{other}', expected 'ellipsoid' or 'tangent_plane'"
+                )));
+            }
+        },
     })
 }
 
@@ -387,6 +396,7 @@ pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> PyResult<f64> {
         latitude_rad,
         gravity_mps2: gravity,
         earth_rate_radps: 0.0,
+        earth: EarthModel::TangentPlane,
     }
     .validate()
     .map_err(raise)?;

@@ -15,6 +15,7 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
+use bottomlock::earth::Earth;
 use bottomlock::error_model::{Coefficients, CovarianceInterval, FirstOrderInterval, ProcessNoise};
 use bottomlock::filter::Eskf;
 use bottomlock::filter::filter_group::{FilterSpan, predict_together};
@@ -302,10 +303,8 @@ impl<S: Simd> Strips<S> for Counted {
 
 /// Floating-point operations of one step with its covariance, first order.
 fn operations_of_a_step(work: &Work) -> u64 {
-    let (earth, noise) = (
-        EarthTerms::from(&work.model.environment),
-        work.model.process_noise(true),
-    );
+    let earth = Earth::from(&work.model.environment).terms([Counted(0.0); 3]);
+    let noise = work.model.process_noise(true);
     let (start, reading) = (work.start.kinematics(), &work.imu[0]);
     let mut kinematics = Kinematics {
         position_t_m: start.position_t_m.map(Counted),

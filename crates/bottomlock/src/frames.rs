@@ -27,7 +27,7 @@
 use std::marker::PhantomData;
 use std::ops::{Add, Mul, Neg, Sub};
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 /// Tangent frame: north, east, down, fixed to the Earth at the start of the mission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -156,6 +156,12 @@ impl<To, From> Rot<To, From> {
     #[must_use]
     pub fn from_euler_rad(roll: f64, pitch: f64, yaw: f64) -> Self {
         Self(UnitQuaternion::from_euler_angles(roll, pitch, yaw), PhantomData)
+    }
+    /// A rotation from its matrix.
+    #[must_use]
+    pub fn from_matrix(matrix: &Matrix3<f64>) -> Self {
+        let rotation = Rotation3::from_matrix_unchecked(*matrix);
+        Self(UnitQuaternion::from_rotation_matrix(&rotation), PhantomData)
     }
     /// Euler angles `[roll, pitch, yaw]`, rad, z-y-x.
     ///

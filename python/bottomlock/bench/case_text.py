@@ -24,7 +24,9 @@ def case_text(
     roll, pitch, yaw = start["angles_deg"]
     imu = levels()["imu"][spec.imu]["imu"]
     tables: list[tuple[str, dict[str, Any]]] = [
-        ("origin", {"latitude_deg": scenario.environment.latitude_deg, "gravity": gravity}),
+        ("origin", {
+            "latitude_deg": scenario.environment.latitude_deg, "gravity": gravity, "earth": scenario.environment.earth,
+        }),
         ("imu", {
             "file": "imu.parquet", "clock": _CLOCK, "sampling": "averaged",
             "force": [f"force_{axis}_mps2" for axis in "xyz"], "omega": [f"omega_{axis}_radps" for axis in "xyz"],

@@ -33,6 +33,8 @@ SEALED = "sealed"
 
 AXES = ("north", "east", "down")
 
+_PLANE = 'earth = "tangent_plane"\n'
+
 
 @dataclass(frozen=True, eq=False)
 class MadeMission:
@@ -45,9 +47,13 @@ class MadeMission:
     truth: pl.DataFrame
 
     def digests(self) -> dict[str, str]:
-        """Digests of what an estimator receives and of the truth."""
+        """Digests of what an estimator receives and of the truth.
+
+        The case states its plane Earth since there is another; the mission is the same.
+        """
+        case = self.case.split("\n[reference]")[0].replace(_PLANE, "")
         return {
-            "data": digest(self.tables, self.case.split("\n[reference]")[0] + self.instrument),
+            "data": digest(self.tables, case + self.instrument),
             "truth": digest({"truth": self.truth}),
         }
 

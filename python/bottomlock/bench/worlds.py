@@ -44,6 +44,8 @@ def scenario_of(spec: MissionSpec, seed: int) -> Scenario:
     rate = LONG_RATE_HZ if spec.duration_s > LONG_S else RATE_HZ
     content: dict[str, Any] = {
         "name": spec.name,
+        # As the missions were made first, and stay.
+        "environment": {"earth": "tangent_plane"},
         "trajectory": {
             "kind": "waypoints", "source": "vehicle", "vehicle": spec.vehicle,
             "duration_s": spec.duration_s, "speed_mps": speed,

@@ -84,6 +84,7 @@ def _vehicles(simulation: Simulation, vehicle: Vehicle, mission: Mission, count:
         gravity_mps2=simulation.gravity_mps2,
         earth_rate_radps=simulation.earth_rate_radps,
         imu_rate_hz=simulation.scenario.imu.rate_hz,
+        earth=simulation.scenario.environment.earth,
     )
 
 

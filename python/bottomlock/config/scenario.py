@@ -95,6 +95,7 @@ class Scenario(Section):
         exclude["filter"] = {"water": {"vehicle"}}
         exclude["filter"] |= {} if self.filter.speed_sd_mps else {"speed_sd_mps": True, "speed_time_s": True}
         exclude |= {} if self.dvl.outlier_fraction else {"dvl": {"outlier_fraction", "outlier_factor"}}
+        exclude |= {} if self.environment.earth == "ellipsoid" else {"environment": {"earth"}}
         # Simulated readings are not checked.
         exclude |= {"imu": {"limits"}}
         content = self.model_dump(mode="json", exclude=exclude)
@@ -179,6 +180,7 @@ class Scenario(Section):
                 latitude_rad=units.rad_from_deg(self.environment.latitude_deg),
                 gravity_mps2=gravity_mps2,
                 earth_rate_radps=EARTH_RATE_RADPS if self.environment.earth_rotation else 0.0,
+                earth=self.environment.earth,
             ),
             imu=self.imu.kernel_model(),
             dvl=models.DvlModel(
@@ -211,7 +213,7 @@ def packaged_scenarios() -> dict[str, str]:
     """Names and descriptions of the scenarios that ship with the package.
 
     >>> sorted(packaged_scenarios())
-    ['figure_eight', 'lawn_mower', 'slope', 'straight', 'survey', 'survey_table2']
+    ['figure_eight', 'lawn_mower', 'long_way', 'slope', 'straight', 'survey', 'survey_table2']
     """
     folder = resources.files("bottomlock.config") / "scenarios"
     names = sorted(

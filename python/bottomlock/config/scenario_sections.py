@@ -88,6 +88,7 @@ class Environment(Section):
     gravity: Literal["normal"] | Positive = "normal"
     depth_m: Finite = 0.0
     earth_rotation: bool = True
+    earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
 
 
 class ImuErrors(Section):

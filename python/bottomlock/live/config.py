@@ -315,6 +315,7 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
         environment=models.Environment(
             latitude_rad=latitude,
             gravity_mps2=WEIGHTLESS_MPS2 if isinstance(imu, ImuFromAttitude) else gravity,
+            earth=origin.earth,
         ),
         imu=_imu_model(imu, config.attitude),
         dvl=config.dvl.errors.kernel_model(float(instrument.beam_sd_mps.mean())),

@@ -115,6 +115,7 @@ class OriginSection(Section):
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)]
     gravity: Literal["normal"] | Positive = "normal"
+    earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
 
 
 LEVELLING_SD_DEG = 1.0

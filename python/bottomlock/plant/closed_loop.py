@@ -6,10 +6,11 @@ sensors and runs the filters; it returns the estimate of each vehicle. Guidance 
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from bottomlock import models
 from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
@@ -24,6 +25,7 @@ from bottomlock.plant.swim import TICK_S, next_segment, sample_times_ns
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.vehicle import Vehicle
+from bottomlock.truth.ellipsoid import EllipsoidPath
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,7 @@ class VehicleGroup:
         earth_rate_radps: float = EARTH_RATE_RADPS,
         imu_rate_hz: float = 150.0,
         samples_per_step: int = 5,
+        earth: Literal["ellipsoid", "tangent_plane"] = "tangent_plane",
     ) -> None:
         if runs < 1:
             raise ScenarioError(f"runs: expected at least 1, got {runs}")
@@ -110,6 +113,10 @@ class VehicleGroup:
         self.runs = runs
         self._latitude_rad, self._gravity_mps2 = latitude_rad, gravity_mps2
         self._earth_rate_radps = earth_rate_radps
+        environment = models.Environment(
+            latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate_radps
+        )
+        self._paths = [EllipsoidPath(environment) for _ in range(runs if earth == "ellipsoid" else 0)]
         self._parts = samples_per_step
         self._step_s = samples_per_step / imu_rate_hz
         self._steps_per_tick = max(1, round(TICK_S / self._step_s))
@@ -212,14 +219,17 @@ class VehicleGroup:
             earth_rate_radps=self._earth_rate_radps,
         )
         shape = (self.runs, count, 3)
-        return TruthBlock(
-            time_ns=self._time_ns[which],
-            position_t_m=samples[..., 0:3].copy(),
-            attitude_t_p=samples[..., 3:7].copy(),
-            velocity_p_mps=samples[..., 7:10].copy(),
-            omega_p_radps=omega.reshape(shape),
-            force_p_mps2=force.reshape(shape),
-        )
+        arrays = {
+            "position_t_m": samples[..., 0:3].copy(),
+            "attitude_t_p": samples[..., 3:7].copy(),
+            "velocity_p_mps": samples[..., 7:10].copy(),
+            "omega_p_radps": omega.reshape(shape),
+            "force_p_mps2": force.reshape(shape),
+        }
+        for run, path in enumerate(self._paths):
+            for name, part in path.follow({name: array[run] for name, array in arrays.items()}).items():
+                arrays[name][run] = part
+        return TruthBlock(time_ns=self._time_ns[which], **arrays)
 
 
 def fly_on_estimate(group: VehicleGroup, navigate: Navigate) -> Iterator[TruthBlock]:

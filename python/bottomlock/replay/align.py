@@ -9,9 +9,10 @@ from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
 from bottomlock.levelling import level_from_force
-from bottomlock.models import ImuModel
+from bottomlock.models import Environment, ImuModel
 from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import FROM_REFERENCE, Case
+from bottomlock.replay.level import level_axes
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Floats, Inertial, Streams, Times
 from bottomlock.replay.window_mean import mean_over
@@ -90,6 +91,11 @@ def align(case: Case, streams: Streams, imu: ImuModel, gravity_mps2: float) -> A
     attitude = from_angles(roll, pitch, heading)
     position, position_sd, position_source = _position(inputs, attitude)
     velocity, velocity_sd, velocity_source = _velocity(inputs)
+    environment = Environment(
+        latitude_rad=streams.latitude_rad, gravity_mps2=gravity_mps2, earth=case.origin.earth
+    )
+    # Level and heading are those of the place; the tangent frame is that of the origin.
+    attitude = level_axes(environment, position[None])[0] * attitude
     return Alignment(
         time_ns=start_ns,
         position_t_m=position,
@@ -101,7 +107,7 @@ def align(case: Case, streams: Streams, imu: ImuModel, gravity_mps2: float) -> A
         sources={
             "start": f"{(start_ns - streams.inertial.time_ns[0]) * 1e-9:.3f} s after the first inertial reading",
             "level": f"{level_source}; 1 sigma {np.rad2deg(level_sd):.3g} deg",
-            "heading": f"{heading_source}; 1 sigma {np.rad2deg(heading_sd):.3g} deg",
+            "heading": f"{heading_source}, from true north at the start; 1 sigma {np.rad2deg(heading_sd):.3g} deg",
             "position": f"{position_source}; 1 sigma {_three(position_sd)} m",
             "velocity": f"{velocity_source}; 1 sigma {_three(velocity_sd)} m/s",
         },

@@ -50,6 +50,7 @@ class Origin(Section):
     longitude_deg: Annotated[float, Field(ge=-180, le=360)] | None = None
     height_m: Finite = 0.0
     gravity: Literal["normal"] | Positive = "normal"
+    earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
 
     @model_validator(mode="after")
     def _longitude_needs_latitude(self) -> Self:

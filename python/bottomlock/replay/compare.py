@@ -7,11 +7,12 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
+from bottomlock.geodesy import geodetic_from_tangent
 from bottomlock.kernel import FIX_STATUS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.axes import from_quaternions, to_angles
 from bottomlock.replay.case import Case
-from bottomlock.replay.geodesy import geodetic_from_tangent
+from bottomlock.replay.level import level_axes
 from bottomlock.replay.rerun import PreparedRun, Rerun
 from bottomlock.replay.streams import Floats, Streams, Times
 from bottomlock.tables.replay import (
@@ -52,7 +53,7 @@ def samples_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
             "pass": name,
         }
         columns |= {"time_ns": prepared.sample_time_ns}
-        columns |= _estimate(states, prepared.streams) | _errors(states, prepared)
+        columns |= _estimate(states, prepared) | _errors(states, prepared)
         parts.append(pl.DataFrame({key: columns[key] for key in REPLAY_SAMPLES}, schema=dict(REPLAY_SAMPLES)))
     return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
 
@@ -61,8 +62,11 @@ def _keys(case: Case, what_if: str, prepared: PreparedRun, count: int) -> dict[s
     return {"case": [case.name] * count, "what_if": what_if, "run": prepared.run}
 
 
-def _estimate(states: Mapping[str, Floats], streams: Streams) -> dict[str, Floats]:
-    position, angles = states["position_t_m"], np.rad2deg(to_angles(from_quaternions(states["attitude_t_p"])))
+def _estimate(states: Mapping[str, Floats], prepared: PreparedRun) -> dict[str, Floats]:
+    """Position in the tangent frame and in geodetic coordinates; angles against level and true north at the place."""
+    position, streams = states["position_t_m"], prepared.streams
+    level = level_axes(prepared.model.environment, position)
+    angles = np.rad2deg(to_angles(level.inv() * from_quaternions(states["attitude_t_p"])))
     columns = {f"{axis}_m": position[:, k] for k, axis in enumerate(_NED)}
     columns |= {f"{axis}_deg": angles[:, k] for k, axis in enumerate(_ANGLES)}
     columns |= {f"{axis}_mps": states["velocity_p_mps"][:, k] for k, axis in enumerate(_AXES)}
@@ -120,7 +124,9 @@ def errors_of(states: Mapping[str, Floats], prepared: PreparedRun) -> tuple[Floa
     if reference.velocity_p_mps is not None:
         velocity = reference.velocity_p_mps[rows] - states["velocity_p_mps"]
     if reference.attitude is not None:
-        misalignment = (reference.attitude[rows] * attitude_then.inv()).as_rotvec()
+        # Recorded angles are those against level and north at the vehicle.
+        level = level_axes(prepared.model.environment, states["position_t_m"])
+        misalignment = (level * reference.attitude[rows] * attitude_then.inv()).as_rotvec()
     return position, velocity, misalignment
 
 

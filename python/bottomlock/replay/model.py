@@ -43,8 +43,9 @@ def _motion_model(imu: ImuFromAttitude, case: Case, streams: Streams | None) -> 
 
 
 def gravity_mps2(case: Case, streams: Streams) -> float:
-    """Gravity: the case's own, or normal gravity at the latitude and mean depth of the recording.
+    """Gravity: the case's own, or normal gravity at the latitude; on a tangent plane at the recording's mean depth.
 
+    On the ellipsoid the kernel adds what depth and latitude of the vehicle change.
     It is 0 for a vehicle without inertial readings, whose specific forces are made without it (docs/no_imu.md).
     """
     if isinstance(case.imu, ImuFromAttitude):
@@ -52,6 +53,8 @@ def gravity_mps2(case: Case, streams: Streams) -> float:
     if case.origin.gravity != "normal":
         return float(case.origin.gravity)
     depth = 0.0
+    if case.origin.earth == "ellipsoid":
+        return normal_gravity_mps2(streams.latitude_rad, depth)
     if streams.depths is not None:
         depth = float(streams.depths.depth_m.mean())
     elif streams.reference is not None and streams.reference.position_t_m is not None:
@@ -65,7 +68,9 @@ def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialMo
     for sensor in SENSORS:
         sensors |= sensor.model(getattr(case, sensor.section))
     return Model(
-        environment=Environment(latitude_rad=streams.latitude_rad, gravity_mps2=gravity),
+        environment=Environment(
+            latitude_rad=streams.latitude_rad, gravity_mps2=gravity, earth=case.origin.earth
+        ),
         imu=imu,
         dvl=_dvl_model(case, streams.instrument),
         initial=initial,

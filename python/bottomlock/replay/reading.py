@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from bottomlock.errors import DataError
+from bottomlock.geodesy import Place, tangent_from_geodetic
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.io.columns import column_numbers
@@ -13,7 +14,6 @@ from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
 from bottomlock.replay.axes import from_angles, handedness, permute_axes, platform_attitude, to_platform_axes
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
-from bottomlock.replay.geodesy import Place, tangent_from_geodetic
 from bottomlock.replay.read_tables import read_stream
 from bottomlock.replay.stream_sections import (
     AttitudeStream,

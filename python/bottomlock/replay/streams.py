@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.dead_reckoning.streams import Attitudes, Depths, Flags, Floats, Times
+from bottomlock.geodesy import Place
 from bottomlock.io.beams import Instrument
 from bottomlock.models import Motion
 from bottomlock.replay.clock import ClockReport
-from bottomlock.replay.geodesy import Place
 
 __all__ = [
     "Attitudes",
@@ -70,6 +70,8 @@ class Positions:
 @dataclass(frozen=True, eq=False)
 class ReferenceStates:
     """Reference states of the IMU: times (n,), position, velocity and attitude, each None where it is absent.
+
+    Positions are in the tangent frame; attitudes against north, east and down at the vehicle.
 
     Without `has_down` the reference measures no height: its positions are on the level of the origin.
     """

@@ -21,6 +21,7 @@ from bottomlock.plant.tables import mission_from_table, seabed_from_table
 from bottomlock.plant.trim import check_stability
 from bottomlock.simulation.own_path import own_path, with_path
 from bottomlock.truth.analytic import analytic_truth
+from bottomlock.truth.ellipsoid import on_ellipsoid
 from bottomlock.truth.path import Path as OwnPath
 from bottomlock.truth.path import path_truth
 from bottomlock.truth.path_summary import PathSummary
@@ -96,7 +97,7 @@ class Simulation:
         if self.vehicle is None or self.mission is None:
             motion = "its truth is analytic" if self.path is None else "its trajectory is a file"
             raise ScenarioError(f"scenario {self.scenario.name}: {motion} and has no vehicle")
-        return fly(
+        flight = fly(
             self.vehicle,
             self.mission,
             latitude_rad=self.latitude_rad,
@@ -104,13 +105,19 @@ class Simulation:
             earth_rate_radps=self.earth_rate_radps,
             imu_rate_hz=self.scenario.imu.rate_hz,
         )
+        return replace(flight, truth=self._on_the_earth(flight.truth))
+
+    def _on_the_earth(self, truth: Truth) -> Truth:
+        """A motion over a plane as the scenario's model of the Earth has it."""
+        on_plane = self.scenario.environment.earth == "tangent_plane"
+        return truth if on_plane else on_ellipsoid(truth, self.earth_rate_radps)
 
     def truth(self) -> Truth:
         """The true motion: analytic, along a path, or the vehicle's mission with guidance on the truth."""
         if self.path is not None:
             return self.along_path()[0]
         if self.vehicle is None:
-            return analytic_truth(self.scenario, self.gravity_mps2)
+            return self._on_the_earth(analytic_truth(self.scenario, self.gravity_mps2))
         return self.flight().truth
 
     def along_path(self) -> tuple[Truth, PathSummary]:
@@ -123,7 +130,7 @@ class Simulation:
         if self.path is None:
             raise ScenarioError(f"scenario {name}: its trajectory is not from a file")
         try:
-            return path_truth(
+            truth, summary = path_truth(
                 self.path,
                 rate_hz=self.scenario.imu.rate_hz,
                 latitude_rad=self.latitude_rad,
@@ -131,6 +138,7 @@ class Simulation:
                 earth_rate_radps=self.earth_rate_radps,
                 duration_s=self.scenario.trajectory.duration_s,
             )
+            return self._on_the_earth(truth), summary
         except DataError as error:
             raise ScenarioError(f"scenario {name}: trajectory.file: {error}") from error
 
@@ -179,11 +187,15 @@ def trajectory_key(name: str) -> int:
 
 
 def gravity_of(scenario: Scenario) -> float:
-    """Gravity of a scenario in m/s²: as stated, or normal gravity at its latitude and depth."""
+    """Gravity of a scenario in m/s²: as stated, or normal gravity at its latitude and depth.
+
+    On the ellipsoid it is that at the origin: the kernel adds what the depth of the vehicle changes.
+    """
     environment = scenario.environment
     if environment.gravity != "normal":
         return float(environment.gravity)
-    return kernel.normal_gravity_mps2(units.rad_from_deg(environment.latitude_deg), environment.depth_m)
+    depth_m = environment.depth_m if environment.earth == "tangent_plane" else 0.0
+    return kernel.normal_gravity_mps2(units.rad_from_deg(environment.latitude_deg), depth_m)
 
 
 def mission_of(scenario: Scenario) -> Mission:

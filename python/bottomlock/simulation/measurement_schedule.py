@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock import units
+from bottomlock import kernel, units
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import DataError
 from bottomlock.plant.beam_loss import (
@@ -64,6 +64,7 @@ class MeasurementSchedule:
             )
         valid = self._unconditional(trajectory_key, first_run, runs)
         self._valid = np.repeat(valid, vehicles_per_run, axis=0) if valid.ndim == 3 else valid
+        self._environment = scenario.kernel_model(simulation.gravity_mps2).environment
         self._gps = GpsReception(scenario.gps.antenna_depth_m, scenario.gps.acquire_s)
 
     def over(
@@ -82,6 +83,7 @@ class MeasurementSchedule:
             The schedule, and footprints (vehicles, epochs, beams) or None without a seabed.
         """
         scenario = self._simulation.scenario
+        position_t_m = self._below_the_sea(position_t_m)
         within = {name: (times > time_ns[0]) & (times <= time_ns[-1]) for name, times in self._times.items()}
         now = {name: times[within[name]] for name, times in self._times.items()}
         valid = self._valid[..., within["dvl"], :]
@@ -100,6 +102,15 @@ class MeasurementSchedule:
         if scenario.gps.enabled:
             schedule["gps_received"] = _flat(self._gps.received(time_ns, position_t_m[..., 2], now["gps"]))
         return schedule, hits
+
+    def _below_the_sea(self, position_t_m: Floats) -> Floats:
+        """Positions with the depth below the level of the sea as third component."""
+        if self._simulation.scenario.environment.earth == "tangent_plane":
+            return position_t_m
+        here = kernel.local_earth(self._environment, position_t_m.reshape(-1, 3))
+        level = position_t_m.copy()
+        level[..., 2] = here["depth_m"].reshape(level.shape[:-1])
+        return level
 
     def _unconditional(self, trajectory_key: int, first_run: int, runs: int) -> NDArray[np.bool_]:
         """Validity apart from the vehicle's motion: (epochs, beams), or (runs, epochs, beams) where it is random."""

@@ -108,7 +108,7 @@ impl AidingSensor for AcousticPositionSample {
     }
 
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation {
-        position(motion.state, &self.position_t_m, &self.sd_m, lever_p_m)
+        position(motion, &self.position_t_m, &self.sd_m, lever_p_m)
     }
 
     fn of_truth(motion: &Motion<'_>, lever_p_m: &Vec3<Platform>, models: &SensorModels) -> Self {

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::aiding::sensor::TrueMotion;
+use crate::earth::LocalLevel;
 use crate::frames::Rot;
 use crate::layout::{ATTITUDE, POSITION};
 use crate::state::NavState;
@@ -25,6 +26,7 @@ fn motion_of(state: &NavState) -> Motion<'_> {
         rate_ip_p_radps: Vector3::zeros(),
         earth_rate_t_radps: Vector3::zeros(),
         gyro_variance: 0.0,
+        level: LocalLevel::of_plane(&state.position_t_m),
     }
 }
 
@@ -81,6 +83,7 @@ fn scene(truth: &TrueMotion, models: &SensorModels, draws: usize) -> Vec<Acousti
     let scene = Scene {
         time_ns: 0,
         truth,
+        level: LocalLevel::of_plane(&truth.position_t_m.into()),
         offset: 0.0,
         lever_p_m: Vec3::new(1.0, 0.0, 0.0),
         actual: models,

@@ -14,9 +14,8 @@ use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simul
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
-use crate::layout::ATTITUDE;
+use crate::layout::{ATTITUDE, POSITION};
 use crate::random::Normals;
-use crate::state::NavState;
 
 model_section! {
     /// Errors of the attitude reference, 1 sigma.
@@ -82,7 +81,7 @@ impl MagnetometerModel {
 pub struct AttitudeSample {
     /// Time of validity, ns.
     pub time_ns: i64,
-    /// Attitude, platform to tangent.
+    /// Attitude against north, east and down at the vehicle.
     pub attitude_t_p: Rot<Tangent, Platform>,
     /// Roll and pitch, 1 sigma, rad.
     pub roll_pitch_sd_rad: f64,
@@ -128,16 +127,15 @@ impl AidingSensor for AttitudeSample {
     }
 
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
-        attitude(
-            motion.state,
-            &self.attitude_t_p,
-            self.roll_pitch_sd_rad,
-            self.yaw_sd_rad,
-        )
+        attitude(motion, &self.attitude_t_p, self.roll_pitch_sd_rad, self.yaw_sd_rad)
     }
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
-        Self::new(motion.state.time_ns, motion.state.attitude_t_p, &models.magnetometer)
+        Self::new(
+            motion.state.time_ns,
+            motion.level.rotation_n_t() * motion.state.attitude_t_p,
+            &models.magnetometer,
+        )
     }
 
     fn of_row(time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Self> {
@@ -152,7 +150,7 @@ impl AidingSensor for AttitudeSample {
     /// With its yaw offset by declination and iron, and its slow errors drawn per run.
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let model = scene.actual.magnetometer;
-        let [roll, pitch, yaw] = scene.truth.attitude_t_p.to_euler_rad();
+        let [roll, pitch, yaw] = scene.level.to_euler_rad(scene.truth.attitude_t_p);
         let tilt = model.roll_pitch_sd_rad;
         let [noise, slow @ ..] = random else { return None };
         let mut error = noise.each(&[tilt, tilt, model.yaw_sd_rad]);
@@ -182,30 +180,35 @@ impl AidingSensor for AttitudeSample {
 /// noise is therefore never less than the angle by which the reading may be wrong.
 #[must_use]
 pub fn attitude(
-    state: &NavState,
-    measured_t_p: &Rot<Tangent, Platform>,
+    motion: &Motion<'_>,
+    measured_n_p: &Rot<Tangent, Platform>,
     roll_pitch_sd_rad: f64,
     yaw_sd_rad: f64,
 ) -> Innovation {
-    let rho = (*measured_t_p * state.attitude_t_p.inverse()).log();
-    let [_, pitch, yaw] = measured_t_p.to_euler_rad();
+    let level = &motion.level;
+    let measured_t_p = level.rotation_n_t().inverse() * *measured_n_p;
+    let rho = (measured_t_p * motion.state.attitude_t_p.inverse()).log();
+    let [_, pitch, yaw] = measured_n_p.to_euler_rad();
     let cosine = pitch.cos().max(roll_pitch_sd_rad.hypot(yaw_sd_rad).min(1.0));
     // Columns: the tangent-frame axes about which roll, pitch and yaw turn.
-    let axes = Matrix3::new(
-        yaw.cos() * cosine,
-        -yaw.sin(),
-        0.0,
-        yaw.sin() * cosine,
-        yaw.cos(),
-        0.0,
-        -pitch.sin(),
-        0.0,
-        1.0,
-    );
+    let axes = level.rotation_t_n
+        * Matrix3::new(
+            yaw.cos() * cosine,
+            -yaw.sin(),
+            0.0,
+            yaw.sin() * cosine,
+            yaw.cos(),
+            0.0,
+            -pitch.sin(),
+            0.0,
+            1.0,
+        );
     let tilt = roll_pitch_sd_rad.powi(2);
     let noise = axes * Matrix3::from_diagonal(&Vector3::new(tilt, tilt, yaw_sd_rad.powi(2))) * axes.transpose();
     let mut innovation = Innovation::vector(rho, &noise);
     innovation.put(ATTITUDE, &Matrix3::identity());
+    // Level and north turn with the position.
+    innovation.put(POSITION, &-level.turn_t);
     let mut rows = Box::new(FurtherRows::zeros());
     for first in [FIRST_ATTITUDE_ERROR, FIRST_ATTITUDE_ERROR + 3] {
         rows.fixed_view_mut::<3, 3>(0, first).copy_from(&axes);

@@ -8,6 +8,7 @@ use crate::aiding::MAX_ROWS;
 use crate::dvl::geometry::{BeamMask, Janus};
 use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
 use crate::earth::Environment;
+use crate::earth::LocalLevel;
 use crate::error_model::Coefficients;
 use crate::frames::Tangent;
 use crate::mechanisation::{EarthTerms, Inertial};
@@ -55,6 +56,7 @@ fn by_hand() {
         rate_ip_p_radps: Vector3::zeros(),
         earth_rate_t_radps: Vector3::zeros(),
         gyro_variance: 0.0,
+        level: LocalLevel::of_plane(&state.position_t_m),
     };
     let sample = ping(BeamMask::all(4));
     let change = still([0.5, 0.0, 0.0]);
@@ -112,6 +114,7 @@ fn terms_at(state: &NavState, estimate: &Calibration) -> BeamTerms {
         rate_ip_p_radps: rate,
         earth_rate_t_radps: earth_rate,
         gyro_variance: 1e-6,
+        level: LocalLevel::of_plane(&state.position_t_m),
     };
     let levers = [[1.0, 0.1, 0.2], [0.9, 0.1, 0.2], [0.9, -0.1, 0.2], [1.0, -0.1, 0.3]].map(Vec3::from_array);
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
@@ -172,6 +175,7 @@ fn what_no_beam_sees() {
             rate_ip_p_radps: Vector3::zeros(),
             earth_rate_t_radps: Vector3::zeros(),
             gyro_variance: 0.0,
+            level: LocalLevel::of_plane(&state.position_t_m),
         };
         let sample = ping(BeamMask::all(4));
         let terms = calibrated_beam_terms(&motion, &still([0.0; 3]), &geometry, &Calibration::default(), &sample);

@@ -1,4 +1,4 @@
-//! A depth sensor: depth below the tangent plane's origin.
+//! A depth sensor: depth below the level of the tangent frame's origin, which on the ellipsoid curves away below its plane.
 //!
 //! Its reading has a bias that lasts for hours: tide, density and barometric pressure, and the sensor's own offset. The
 //! filter estimates it as a Gauss–Markov process (`filter/gauss_markov.rs`).
@@ -12,7 +12,6 @@ use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
 use crate::layout::{ATTITUDE, POSITION};
 use crate::random::Normals;
-use crate::state::NavState;
 
 model_section! {
     /// Errors of the depth sensor, 1 sigma.
@@ -63,13 +62,13 @@ impl AidingSensor for DepthSample {
     }
 
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation {
-        depth(motion.state, self.depth_m, self.sd_m, lever_p_m)
+        depth(motion, self.depth_m, self.sd_m, lever_p_m)
     }
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
         Self {
             time_ns: motion.state.time_ns,
-            depth_m: motion.state.position_t_m.0.z,
+            depth_m: motion.level.depth_m,
             sd_m: models.depth.sd_m,
         }
     }
@@ -89,7 +88,7 @@ impl AidingSensor for DepthSample {
         let bias_m = bias.gauss_markov(actual.bias_sd_m, actual.bias_time_s.0, scene.time_ns);
         Some(Self {
             time_ns: scene.time_ns,
-            depth_m: scene.truth.position_t_m.z + scene.offset + bias_m + actual.sd_m * noise.one(),
+            depth_m: scene.level.depth_m + scene.offset + bias_m + actual.sd_m * noise.one(),
             sd_m: scene.claimed.depth.sd_m,
         })
     }
@@ -99,21 +98,24 @@ impl AidingSensor for DepthSample {
     }
 }
 
-/// z = d_meas − (p + R l)_z, of a sensor at `lever_p_m`.
+/// z = d_meas − d(p) − D·(R l), of a sensor at `lever_p_m`, with D down at the vehicle; H = Dᵀ.
 #[must_use]
-pub fn depth(state: &NavState, depth_m: f64, sd_m: f64, lever_p_m: &Vec3<Platform>) -> Innovation {
-    let lever_t = (state.attitude_t_p * *lever_p_m).0;
+pub fn depth(motion: &Motion<'_>, depth_m: f64, sd_m: f64, lever_p_m: &Vec3<Platform>) -> Innovation {
+    let lever_t = (motion.state.attitude_t_p * *lever_p_m).0;
+    let down_t = motion.level.down_t();
     let mut innovation = Innovation {
         rows: 1,
         degrees: 1,
         tangent_rows: TangentRows::Depth,
         ..Innovation::empty()
     };
-    innovation.residual[0] = depth_m - (state.position_t_m.0.z + lever_t.z);
-    innovation.jacobian[(0, POSITION + 2)] = 1.0;
-    // (R l) turns with ρ: ρ × (R l), third component.
-    innovation.jacobian[(0, ATTITUDE)] = lever_t.y;
-    innovation.jacobian[(0, ATTITUDE + 1)] = -lever_t.x;
+    innovation.residual[0] = depth_m - (motion.level.depth_m + down_t.dot(&lever_t));
+    // (R l) turns with ρ: D · (ρ × R l) = ρ · (R l × D).
+    let by_misalignment = lever_t.cross(&down_t);
+    for k in 0..3 {
+        innovation.jacobian[(0, POSITION + k)] = down_t[k];
+        innovation.jacobian[(0, ATTITUDE + k)] = by_misalignment[k];
+    }
     innovation.noise[(0, 0)] = sd_m.powi(2);
     let mut rows = Box::new(FurtherRows::zeros());
     rows[(0, DEPTH_BIAS)] = 1.0;

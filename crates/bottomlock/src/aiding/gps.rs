@@ -1,7 +1,5 @@
 //! A GPS receiver: position and, where it gives one, velocity of its antenna in the tangent frame.
 
-use nalgebra::{Matrix3, Vector3};
-
 use crate::aiding::declare::model_section;
 use crate::aiding::position::position;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
@@ -89,7 +87,7 @@ impl AidingSensor for GpsSample {
             (Sensor::GpsVelocity, Some(velocity)) => {
                 gps_velocity(motion, &velocity.velocity_t_mps, &velocity.sd_mps, lever_p_m)
             }
-            _ => position(motion.state, &self.position_t_m, &self.position_sd_m, lever_p_m),
+            _ => position(motion, &self.position_t_m, &self.position_sd_m, lever_p_m),
         }
     }
 
@@ -148,7 +146,7 @@ pub fn gps_velocity(
 ) -> Innovation {
     let rotation = motion.rotation();
     let point_p = motion.state.velocity_p_mps.0 + motion.rate_tp().cross(&lever_p_m.0);
-    let noise = Matrix3::from_diagonal(&Vector3::from(sd_mps.map(|sd| sd * sd)));
+    let noise = motion.level.covariance_t(sd_mps);
     let mut innovation = Innovation::vector(velocity_t_mps.0 - rotation * point_p, &noise);
     let by_rate = rotation * skew(&lever_p_m.0);
     innovation.tangent_rows = TangentRows::Velocity;

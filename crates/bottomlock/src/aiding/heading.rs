@@ -1,5 +1,7 @@
-//! A heading sensor, such as a gyrocompass: yaw alone. Its slow errors are those of an attitude reference
+//! A heading sensor, such as a gyrocompass: yaw alone, from north at the vehicle. Its slow errors are those of an attitude reference
 //! ([`crate::aiding::attitude`]).
+
+use nalgebra::Vector3;
 
 use crate::aiding::attitude::SlowAngleModel;
 use crate::aiding::declare::model_section;
@@ -9,9 +11,8 @@ use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simul
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
-use crate::layout::ATTITUDE;
+use crate::layout::{ATTITUDE, POSITION};
 use crate::random::Normals;
-use crate::state::NavState;
 
 model_section! {
     /// Errors of a heading sensor, 1 sigma.
@@ -78,11 +79,11 @@ impl AidingSensor for HeadingSample {
     }
 
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
-        heading(motion.state, self.yaw_rad, self.sd_rad)
+        heading(motion, self.yaw_rad, self.sd_rad)
     }
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
-        let [_, _, yaw_rad] = motion.state.attitude_t_p.to_euler_rad();
+        let [_, _, yaw_rad] = motion.level.to_euler_rad(motion.state.attitude_t_p);
         Self {
             time_ns: motion.state.time_ns,
             yaw_rad,
@@ -102,7 +103,7 @@ impl AidingSensor for HeadingSample {
         let [noise, offset, walk] = random else { return None };
         let model = &scene.actual.heading;
         let slow_rad = model.yaw().draw(offset, walk, scene.time_ns);
-        let [_, _, yaw_rad] = scene.truth.attitude_t_p.to_euler_rad();
+        let [_, _, yaw_rad] = scene.level.to_euler_rad(scene.truth.attitude_t_p);
         Some(Self {
             time_ns: scene.time_ns,
             yaw_rad: yaw_rad + slow_rad + model.sd_rad * noise.one(),
@@ -118,8 +119,8 @@ impl AidingSensor for HeadingSample {
 /// Yaw alone. It has no row on end, where yaw is undefined; near there the filter withholds it, see
 /// [`crate::filter::near_vertical`].
 #[must_use]
-pub fn heading(state: &NavState, yaw_rad: f64, sd_rad: f64) -> Innovation {
-    let [_, pitch, yaw] = state.attitude_t_p.to_euler_rad();
+pub fn heading(motion: &Motion<'_>, yaw_rad: f64, sd_rad: f64) -> Innovation {
+    let [_, pitch, yaw] = motion.level.to_euler_rad(motion.state.attitude_t_p);
     let mut innovation = Innovation {
         tangent_rows: TangentRows::Yaw,
         ..Innovation::empty()
@@ -130,9 +131,14 @@ pub fn heading(state: &NavState, yaw_rad: f64, sd_rad: f64) -> Innovation {
     (innovation.rows, innovation.degrees) = (1, 1);
     let difference = yaw_rad - yaw;
     innovation.residual[0] = difference.sin().atan2(difference.cos());
-    innovation.jacobian[(0, ATTITUDE)] = yaw.cos() * pitch.tan();
-    innovation.jacobian[(0, ATTITUDE + 1)] = yaw.sin() * pitch.tan();
-    innovation.jacobian[(0, ATTITUDE + 2)] = 1.0;
+    // ψ by a rotation of the platform, resolved in the level axes of the place, which turn with it themselves.
+    let by_rotation_n = Vector3::new(yaw.cos() * pitch.tan(), yaw.sin() * pitch.tan(), 1.0);
+    let by_misalignment = motion.level.rotation_t_n * by_rotation_n;
+    let by_position = -motion.level.turn_t.tr_mul(&by_misalignment);
+    for k in 0..3 {
+        innovation.jacobian[(0, POSITION + k)] = by_position[k];
+        innovation.jacobian[(0, ATTITUDE + k)] = by_misalignment[k];
+    }
     innovation.noise[(0, 0)] = sd_rad.powi(2);
     let mut rows = Box::new(FurtherRows::zeros());
     rows.fixed_view_mut::<1, 2>(0, FIRST_HEADING_ERROR).fill(1.0);

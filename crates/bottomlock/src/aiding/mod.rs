@@ -25,6 +25,7 @@ pub mod water;
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+use crate::earth::LocalLevel;
 use crate::frames::skew;
 use crate::layout::DIM;
 use crate::state::NavState;
@@ -49,6 +50,8 @@ pub struct Motion<'a> {
     pub earth_rate_t_radps: Vector3<f64>,
     /// Variance of one gyro reading, (rad/s)².
     pub gyro_variance: f64,
+    /// North, east, down and depth at the state's position.
+    pub level: LocalLevel,
 }
 
 impl Motion<'_> {
@@ -62,6 +65,20 @@ impl Motion<'_> {
     /// ∂ω_tp/∂ρ = −Rᵀ[ω_ie×]; ∂ω_tp/∂b_g = −I.
     pub(crate) fn rate_by_misalignment(&self) -> Matrix3<f64> {
         -self.rotation().transpose() * skew(&self.earth_rate_t_radps)
+    }
+}
+
+#[cfg(test)]
+impl<'a> Motion<'a> {
+    /// Without rates, over a tangent plane.
+    pub(crate) fn still(state: &'a NavState) -> Self {
+        Self {
+            state,
+            rate_ip_p_radps: Vector3::zeros(),
+            earth_rate_t_radps: Vector3::zeros(),
+            gyro_variance: 0.0,
+            level: LocalLevel::of_plane(&state.position_t_m),
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use super::*;
 use crate::aiding::{Motion, beam_terms};
 use crate::dvl::geometry::{BeamMotion, Janus};
+use crate::earth::LocalLevel;
 use crate::frames::Vec3;
 use crate::layout::VELOCITY;
 use crate::model::Model;
@@ -54,6 +55,7 @@ impl Case {
             rate_ip_p_radps: Vector3::zeros(),
             earth_rate_t_radps: Vector3::zeros(),
             gyro_variance: 0.0,
+            level: LocalLevel::of_plane(&self.state.position_t_m),
         };
         beam_terms(&motion, &self.geometry, ping)
     }

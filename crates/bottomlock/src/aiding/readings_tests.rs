@@ -1,5 +1,6 @@
 //! Readings of every sensor: of a row of a log, of the true motion, and simulated with the draws of their streams.
 
+use crate::aiding::Motion;
 use nalgebra::{Matrix3, Vector3};
 
 use super::acoustic_position::{AcousticPositionModel, AcousticPositionSample};
@@ -10,7 +11,7 @@ use super::heading::{HeadingModel, HeadingSample};
 use super::registry::{Sensor, SensorModels};
 use super::sensor::{AidingSensor, Fraction, Scene, TimeConstant, TrueMotion};
 use super::velocity::VelocitySample;
-use super::*;
+use crate::earth::LocalLevel;
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::random::Normals;
 use crate::state::NavState;
@@ -83,6 +84,7 @@ fn still(state: &NavState) -> Motion<'_> {
         rate_ip_p_radps: Vector3::zeros(),
         earth_rate_t_radps: Vector3::zeros(),
         gyro_variance: 0.0,
+        level: LocalLevel::of_plane(&state.position_t_m),
     }
 }
 
@@ -94,6 +96,7 @@ fn simulated<S: AidingSensor>(offset: f64) -> (S, Vec<Normals>) {
     let scene = Scene {
         time_ns: NOW_NS,
         truth: &truth,
+        level: LocalLevel::of_plane(&truth.position_t_m.into()),
         offset,
         lever_p_m: lever(),
         actual: &actual,
@@ -269,7 +272,7 @@ fn velocities() {
 fn noise_of_an_attitude() {
     let noise = |pitch: f64, yaw: f64| -> Matrix3<f64> {
         let measured = Rot::<Tangent, Platform>::from_euler_rad(0.2, pitch, yaw);
-        let innovation = attitude(&NavState::at_rest(0), &measured, 0.1, 0.3);
+        let innovation = attitude(&Motion::still(&NavState::at_rest(0)), &measured, 0.1, 0.3);
         innovation.noise.fixed_view::<3, 3>(0, 0).into()
     };
     for yaw in [0.0, 0.7, -2.0] {

@@ -2,6 +2,7 @@
 
 use crate::aiding::registry::{Measurement, Sensor, SensorKind, SensorModels};
 use crate::aiding::{Innovation, Motion};
+use crate::earth::LocalLevel;
 use crate::error::{NavError, require_finite, require_non_negative, require_positive};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::random::Normals;
@@ -121,6 +122,8 @@ pub struct Scene<'a> {
     pub time_ns: i64,
     /// The true motion at that time.
     pub truth: &'a TrueMotion,
+    /// North, east, down and depth at its position.
+    pub level: LocalLevel,
     /// Offset of the reading from the environment.
     pub offset: f64,
     /// Lever arm, platform frame, m.

@@ -1,5 +1,6 @@
 //! Every H against central differences of its own residual, also at pitch ±89.9°.
 
+use crate::aiding::Motion;
 use nalgebra::Vector3;
 
 use super::acoustic_position::AcousticPositionSample;
@@ -14,8 +15,9 @@ use super::velocity::velocity;
 use super::*;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
 use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
+use crate::earth::{Earth, EarthModel, Environment, LocalLevel};
 use crate::frames::{Rot, Vec3};
-use crate::layout::ATTITUDE;
+use crate::layout::{ATTITUDE, POSITION};
 use crate::state::ErrorVector;
 
 const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
@@ -38,6 +40,7 @@ fn motion_of(state: &NavState) -> Motion<'_> {
         rate_ip_p_radps: Vector3::from(RATE) - state.gyro_bias_p_radps.0,
         earth_rate_t_radps: Vector3::from(EARTH),
         gyro_variance: 1e-6,
+        level: LocalLevel::of_plane(&state.position_t_m),
     }
 }
 
@@ -129,16 +132,14 @@ fn velocity_jacobian() {
 
 #[test]
 fn depth_jacobian() {
-    check("depth", |motion| {
-        depth(motion.state, 31.0, 0.02, &Vec3::new(0.7, 0.2, -0.1))
-    });
+    check("depth", |motion| depth(motion, 31.0, 0.02, &Vec3::new(0.7, 0.2, -0.1)));
 }
 
 #[test]
 fn gps_jacobians() {
     let lever = Vec3::new(0.5, 0.1, -0.4);
     check("gps position", |motion| {
-        position(motion.state, &Vec3::zeros(), &[2.0; 3], &lever)
+        position(motion, &Vec3::zeros(), &[2.0; 3], &lever)
     });
     check("gps velocity", |motion| {
         gps_velocity(motion, &Vec3::zeros(), &[0.1; 3], &lever)
@@ -172,10 +173,17 @@ fn attitude_jacobians() {
             let residual = |error: &ErrorVector| {
                 let mut moved = center;
                 moved.inject(error);
-                attitude(&moved, &measured, 0.02, 0.1).residual
+                attitude(&Motion::still(&moved), &measured, 0.02, 0.1).residual
             };
             let slope = (residual(&-error) - residual(&error)) / 2e-5;
-            assert!((slope - attitude(&center, &measured, 0.02, 0.1).jacobian.column(ATTITUDE + j)).amax() < 1e-6);
+            assert!(
+                (slope
+                    - attitude(&Motion::still(&center), &measured, 0.02, 0.1)
+                        .jacobian
+                        .column(ATTITUDE + j))
+                .amax()
+                    < 1e-6
+            );
         }
         let yaw = center.attitude_t_p.to_euler_rad()[2];
         for j in 0..3 {
@@ -184,10 +192,10 @@ fn attitude_jacobians() {
             let residual = |error: &ErrorVector| {
                 let mut moved = center;
                 moved.inject(error);
-                heading(&moved, yaw, 0.1).residual[0]
+                heading(&Motion::still(&moved), yaw, 0.1).residual[0]
             };
             let slope = (residual(&-error) - residual(&error)) / 2e-8;
-            let expected = heading(&center, yaw, 0.1).jacobian[(0, ATTITUDE + j)];
+            let expected = heading(&Motion::still(&center), yaw, 0.1).jacobian[(0, ATTITUDE + j)];
             assert!(
                 (slope - expected).abs() < 2e-5 * expected.abs().max(1.0),
                 "pitch {pitch}: {slope} {expected}"
@@ -208,7 +216,7 @@ fn the_tilt_of_an_attitude_is_never_without_noise() {
         (-90.0, 0.03 * 0.05),
     ] {
         let center = state(pitch_deg);
-        let noise = attitude(&center, &center.attitude_t_p, 0.03, 0.04).noise;
+        let noise = attitude(&Motion::still(&center), &center.attitude_t_p, 0.03, 0.04).noise;
         let tilt = noise.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigenvalues();
         assert!(
             (tilt.min().sqrt() / least - 1.0).abs() < 1e-9,
@@ -223,5 +231,52 @@ fn the_tilt_of_an_attitude_is_never_without_noise() {
 /// Yaw means nothing on end: no row, no error.
 #[test]
 fn heading_on_end_is_no_measurement() {
-    assert_eq!(heading(&state(90.0), 0.3, 0.1).rows, 0);
+    assert_eq!(heading(&Motion::still(&state(90.0)), 0.3, 0.1).rows, 0);
+}
+
+/// On the ellipsoid, 50 km from the origin: depth, heading and attitude by differences, whose level turns with the position.
+#[test]
+fn rows_at_a_place_are_derivatives() {
+    let earth = Earth::from(&Environment::normal(1.2, 0.0).on(EarthModel::Ellipsoid));
+    let mut center = state(12.0);
+    center.position_t_m = Vec3::new(30e3, -40e3, 250.0);
+    let motion_at = |state: &NavState| earth.level(&state.position_t_m);
+    let measured = motion_at(&center).rotation_n_t() * center.attitude_t_p;
+    let yaw = measured.to_euler_rad()[2];
+    let readings = |motion: &Motion<'_>| {
+        [
+            depth(motion, 100.0, 0.02, &Vec3::new(0.7, 0.2, -0.1)),
+            heading(motion, yaw, 0.01),
+            attitude(motion, &measured, 0.02, 0.1),
+        ]
+    };
+    let at = |error: &ErrorVector| {
+        let mut moved = center;
+        moved.inject(error);
+        let level = motion_at(&moved);
+        readings(&Motion {
+            level,
+            ..motion_of(&moved)
+        })
+    };
+    let reference = at(&ErrorVector::zeros());
+    assert!(reference[1].residual[0].abs() < 1e-12 && reference[2].residual.amax() < 1e-12);
+    for (columns, step, allowed) in [
+        (POSITION..POSITION + 3, 20.0, 1e-11),
+        (ATTITUDE..ATTITUDE + 3, 1e-5, 1e-6),
+    ] {
+        for j in columns {
+            let mut error = ErrorVector::zeros();
+            error[j] = step;
+            let (ahead, behind) = (at(&error), at(&-error));
+            for (k, one) in reference.iter().enumerate() {
+                let slope = (behind[k].residual - ahead[k].residual) / (2.0 * step);
+                let gap = (slope - one.jacobian.column(j)).amax();
+                // The depth's own rounding is 1e-9 m.
+                let allowed = if k == 0 { 1e-6_f64.max(allowed) } else { allowed };
+                assert!(gap < allowed, "sensor {k}, column {j}: {gap}");
+            }
+        }
+    }
+    assert!(reference[1].jacobian.fixed_view::<1, 3>(0, POSITION).norm() > 1e-7);
 }

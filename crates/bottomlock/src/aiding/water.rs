@@ -207,7 +207,8 @@ pub fn heave_row(motion: &Motion<'_>, water: &WaterVector) -> WaterRow {
 /// `axis · (v − Rᵀc) − slip = 0`.
 fn slip_row(motion: &Motion<'_>, water: &WaterVector, axis: &Vector3<f64>, slip: usize) -> WaterRow {
     let axis_t = motion.rotation() * axis;
-    let current_t = Vector3::new(water[CURRENT], water[CURRENT + 1], 0.0);
+    let level = &motion.level;
+    let current_t = level.rotation_t_n * Vector3::new(water[CURRENT], water[CURRENT + 1], 0.0);
     let relative = axis.dot(&motion.state.velocity_p_mps.0) - axis_t.dot(&current_t);
     let mut row = WaterRow {
         slip,
@@ -219,11 +220,13 @@ fn slip_row(motion: &Motion<'_>, water: &WaterVector, axis: &Vector3<f64>, slip:
     };
     row.by_state.fixed_rows_mut::<3>(VELOCITY).copy_from(axis);
     // R = Exp([ρ×]) R̂ gives Rᵀc = R̂ᵀ(c + [c×]ρ); the part about the vertical belongs to the current's own error.
+    let (turned, down_t) = (skew(&current_t) * axis_t, level.down_t());
     row.by_state
-        .fixed_rows_mut::<2>(ATTITUDE)
-        .copy_from(&(skew(&current_t) * axis_t).fixed_rows::<2>(0));
-    row.by_water[CURRENT] = -axis_t.x;
-    row.by_water[CURRENT + 1] = -axis_t.y;
+        .fixed_rows_mut::<3>(ATTITUDE)
+        .copy_from(&(turned - down_t * down_t.dot(&turned)));
+    let axis_n = level.rotation_t_n.tr_mul(&axis_t);
+    row.by_water[CURRENT] = -axis_n.x;
+    row.by_water[CURRENT + 1] = -axis_n.y;
     row.by_water[slip] = -1.0;
     row
 }

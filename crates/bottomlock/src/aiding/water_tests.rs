@@ -1,6 +1,7 @@
 //! The rows by hand, against differences, and blind to the yaw.
 
 use super::*;
+use crate::earth::LocalLevel;
 use crate::frames::{Rot, Vec3};
 use crate::state::{ErrorVector, NavState};
 
@@ -12,6 +13,7 @@ fn motion(state: &NavState, rate_p_radps: [f64; 3]) -> Motion<'_> {
         rate_ip_p_radps: Vector3::from(rate_p_radps) - state.gyro_bias_p_radps.0,
         earth_rate_t_radps: Vector3::from(EARTH),
         gyro_variance: 1e-6,
+        level: LocalLevel::of_plane(&state.position_t_m),
     }
 }
 

@@ -15,7 +15,7 @@ use super::ProcessNoise;
 use super::noise::HalfNoise;
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
-use crate::simd::{Lane, Lift, M3, Simd, Strip, Strips, V3};
+use crate::simd::{Lane, Lift, M3, Simd, Strip, Strips, V3, dot, mat_mul, mat_scale, mul, three, transposed};
 
 /// A symmetric covariance of one filter (as nalgebra stores it) or of several side by side.
 pub type Matrix<T> = [[T; DIM]; DIM];
@@ -25,7 +25,7 @@ pub trait CovarianceInterval<T: Lane>: Copy {
     /// Its transition.
     type Phi: Transition<T>;
     /// Begins at a state.
-    fn begin(kinematics: &Kinematics<T>, earth: &EarthTerms) -> Self;
+    fn begin(kinematics: &Kinematics<T>, earth: &EarthTerms<T>) -> Self;
     /// Adds a step of `dt_s` between two states, with the readings that it takes at its ends.
     fn extend(
         &mut self,
@@ -34,12 +34,12 @@ pub trait CovarianceInterval<T: Lane>: Copy {
         start: &Inertial<T>,
         end: &Inertial<T>,
         dt_s: f64,
-        earth: &EarthTerms,
+        earth: &EarthTerms<T>,
     );
     /// Length so far, s.
     fn duration_s(&self) -> f64;
     /// Φ over the interval, which has come to `end`.
-    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms) -> Self::Phi;
+    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms<T>) -> Self::Phi;
     /// The noise of its first half.
     fn first_noise(&self, noise: &ProcessNoise) -> HalfNoise<T>;
     /// The noise of its second half.
@@ -63,22 +63,65 @@ pub trait CovarianceInterval<T: Lane>: Copy {
         p: &mut Matrix<T>,
         end: &Kinematics<T>,
         noise: &ProcessNoise,
-        earth: &EarthTerms,
+        earth: &EarthTerms<T>,
     ) where
         T: Strips<S>,
     {
         let (first, second) = (self.first_noise(noise), self.second_noise(end, noise));
         propagate(simd, p, &self.transition(end, earth), &first, &second);
+        if let Some(pull) = pull(end, earth, self.duration_s()) {
+            pull_covariance(p, &pull);
+        }
         self.empty(end);
     }
 
     /// Multiplies columns of 20 by Φ.
     #[inline(always)]
-    fn carry(&self, columns: &mut [[T; DIM]], end: &Kinematics<T>, earth: &EarthTerms) {
+    fn carry(&self, columns: &mut [[T; DIM]], end: &Kinematics<T>, earth: &EarthTerms<T>) {
         let phi = self.transition(end, earth);
+        let pull = pull(end, earth, self.duration_s());
         for column in columns {
             let image = phi.apply(column);
             column[..DYNAMIC].copy_from_slice(&image);
+            if let Some(pull) = &pull {
+                let gained = mul(pull, three(column, POSITION));
+                for k in 0..3 {
+                    column[VELOCITY + k] += gained[k];
+                }
+            }
+        }
+    }
+}
+
+/// What the gradient of gravity makes of a position error over an interval: δv += Rᵀ ∂g/∂p T δr.
+///
+/// It is taken by itself after the rest of Φ, at the position error of the interval's end: T is four orders below the period of
+/// the Schuler oscillation, and so taken it neither grows nor decays (semi-implicit Euler, whose determinant is 1).
+#[inline(always)]
+fn pull<T: Lane>(end: &Kinematics<T>, earth: &EarthTerms<T>, duration_s: f64) -> Option<M3<T>> {
+    let gradient = earth.gradient_t.as_ref()?;
+    let duration = end.velocity_p_mps[0].splat(duration_s);
+    Some(mat_scale(duration, &mat_mul(&transposed(&end.rotation_t_p), gradient)))
+}
+
+/// P ← S P Sᵀ with S that of [`pull`], on the rows of the dynamic states.
+#[inline(always)]
+fn pull_covariance<T: Lane>(p: &mut Matrix<T>, pull: &M3<T>) {
+    for k in 0..3 {
+        for j in 0..DIM {
+            let gained = dot(pull[k], [p[POSITION][j], p[POSITION + 1][j], p[POSITION + 2][j]]);
+            p[VELOCITY + k][j] += gained;
+        }
+    }
+    for row in &mut p[..DYNAMIC] {
+        let gained = mul(pull, three(row, POSITION));
+        for k in 0..3 {
+            row[VELOCITY + k] += gained[k];
+        }
+    }
+    for i in 1..3 {
+        for k in 0..i {
+            p[VELOCITY + i][VELOCITY + k] = p[VELOCITY + k][VELOCITY + i];
         }
     }
 }

@@ -22,7 +22,7 @@ impl<T: Lane> CovarianceInterval<T> for FirstOrderInterval<T> {
     type Phi = FirstOrder<T>;
 
     #[inline(always)]
-    fn begin(kinematics: &Kinematics<T>, earth: &EarthTerms) -> Self {
+    fn begin(kinematics: &Kinematics<T>, earth: &EarthTerms<T>) -> Self {
         let last = Coefficients::without_rate(kinematics, earth);
         Self {
             sum: last,
@@ -39,7 +39,7 @@ impl<T: Lane> CovarianceInterval<T> for FirstOrderInterval<T> {
         start: &Inertial<T>,
         end: &Inertial<T>,
         dt_s: f64,
-        earth: &EarthTerms,
+        earth: &EarthTerms<T>,
     ) {
         let now = Coefficients::without_rate(after, earth);
         let (first, last) = (self.last.with_rate(start), now.with_rate(end));
@@ -59,7 +59,7 @@ impl<T: Lane> CovarianceInterval<T> for FirstOrderInterval<T> {
     }
 
     #[inline(always)]
-    fn transition(&self, _end: &Kinematics<T>, earth: &EarthTerms) -> FirstOrder<T> {
+    fn transition(&self, _end: &Kinematics<T>, earth: &EarthTerms<T>) -> FirstOrder<T> {
         FirstOrder::new(self.sum, self.duration_s, earth)
     }
 
@@ -93,7 +93,7 @@ pub struct FirstOrder<T> {
 
 impl<T: Lane> FirstOrder<T> {
     #[inline(always)]
-    fn new(sum: Coefficients<T>, duration_s: f64, earth: &EarthTerms) -> Self {
+    fn new(sum: Coefficients<T>, duration_s: f64, earth: &EarthTerms<T>) -> Self {
         let like = sum.velocity_p[0];
         Self {
             sum,

@@ -23,7 +23,7 @@ pub enum Interval {
 impl Interval {
     /// Begins at a state.
     #[must_use]
-    pub fn begin(kinematics: &Kinematics<f64>, earth: &EarthTerms, many_steps: bool) -> Self {
+    pub fn begin(kinematics: &Kinematics<f64>, earth: &EarthTerms<f64>, many_steps: bool) -> Self {
         if many_steps {
             Self::SecondOrder(SecondOrderInterval::begin(kinematics, earth))
         } else {
@@ -49,7 +49,7 @@ impl Interval {
         start: &Inertial<f64>,
         end: &Inertial<f64>,
         dt_s: f64,
-        earth: &EarthTerms,
+        earth: &EarthTerms<f64>,
     ) {
         match self {
             Self::Open => {}
@@ -61,7 +61,13 @@ impl Interval {
     /// Propagates a symmetric covariance over the interval, which has come to `end`, and empties the interval.
     ///
     /// The rows of the DVL's states may be those of an earlier time; after it all of the matrix is right.
-    pub fn propagate(&mut self, p: &mut Matrix<f64>, end: &Kinematics<f64>, noise: &ProcessNoise, earth: &EarthTerms) {
+    pub fn propagate(
+        &mut self,
+        p: &mut Matrix<f64>,
+        end: &Kinematics<f64>,
+        noise: &ProcessNoise,
+        earth: &EarthTerms<f64>,
+    ) {
         if self.duration_s() > 0.0 {
             match self {
                 Self::Open => {}
@@ -73,7 +79,7 @@ impl Interval {
     }
 
     /// Multiplies columns by the interval's Φ; the interval stays as it is, so this comes before [`Interval::propagate`].
-    pub fn carry(&self, columns: &mut [[f64; DIM]], end: &Kinematics<f64>, earth: &EarthTerms) {
+    pub fn carry(&self, columns: &mut [[f64; DIM]], end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
         if self.duration_s() <= 0.0 {
             return;
         }

@@ -25,7 +25,7 @@ pub(crate) use side_by_side::SideBySide;
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, GYRO_BIAS, POSITION, VELOCITY};
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
 use crate::simd::{
-    Lane, M3, V3, add, add_scaled, cross, mat_axpy, scale, skew, splat3, sub_cross, tmul, transposed, zero3,
+    Lane, M3, V3, add, add_scaled, cross, mat_axpy, mat_mul, scale, skew, splat3, sub_cross, tmul, transposed, zero3,
 };
 
 /// Power spectral densities of the process noise (Eqs. 6 and 11): squares of the per-root-second figures.
@@ -52,7 +52,7 @@ pub struct Coefficients<T> {
     velocity_t: V3<T>,
     /// R: the block F_rv; F_ρ,bg is −R.
     rotation: M3<T>,
-    /// F₃₂ = Rᵀ[g×] + [v×]Rᵀ[ω_ie×].
+    /// F₃₂ = Rᵀ[g×] + [v×]Rᵀ[ω_ie×]; g of the place.
     velocity_by_misalignment: M3<T>,
     /// ω_ip + Rᵀω_ie: the block F₃₃ is minus its cross matrix.
     coriolis_rate_p: V3<T>,
@@ -63,7 +63,7 @@ pub struct Coefficients<T> {
 impl<T: Lane> Coefficients<T> {
     /// The coefficients at a state and rate.
     #[inline(always)]
-    pub fn at(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self {
+    pub fn at(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms<T>) -> Self {
         Self::without_rate(kinematics, earth).with_rate(inertial)
     }
 
@@ -78,18 +78,24 @@ impl<T: Lane> Coefficients<T> {
 
     /// The coefficients at a state, as if ω_ip were zero.
     #[inline(always)]
-    fn without_rate(kinematics: &Kinematics<T>, earth: &EarthTerms) -> Self {
+    fn without_rate(kinematics: &Kinematics<T>, earth: &EarthTerms<T>) -> Self {
         let rotation = kinematics.rotation_t_p;
         let velocity_p = kinematics.velocity_p_mps;
         let like = velocity_p[0];
-        let (w, gravity) = (splat3(like, earth.rate_t), like.splat(earth.gravity_mps2));
+        let (w, gravity) = (splat3(like, earth.rate_t), earth.gravity_t[2]);
         let [x, y, z] = rotation;
-        // Column j of Rᵀ[ω×] is Rᵀ(ω × e_j), and of [v×]Rᵀ[ω×] its cross product; of Rᵀ[g×] only two are not zero.
-        let columns = [
+        // Column j of Rᵀ[ω×] is Rᵀ(ω × e_j), and of [v×]Rᵀ[ω×] its cross product; of Rᵀ[g×] with g down only two are not zero.
+        let mut columns = [
             sub_cross(scale(y, gravity), add_scaled(scale(y, w[2]), z, -w[1]), velocity_p),
             sub_cross(scale(x, -gravity), add_scaled(scale(z, w[0]), x, -w[2]), velocity_p),
             cross(velocity_p, add_scaled(scale(x, w[1]), y, -w[0])),
         ];
+        if earth.gradient_t.is_some() {
+            let [north, east, _] = earth.gravity_t;
+            columns[0] = add_scaled(columns[0], z, -east);
+            columns[1] = add_scaled(columns[1], z, north);
+            columns[2] = add_scaled(add_scaled(columns[2], x, east), y, -north);
+        }
         Self {
             velocity_t: kinematics.velocity_t_mps,
             rotation,
@@ -135,7 +141,7 @@ impl<T: Lane> Coefficients<T> {
     }
 
     /// The dense F of Eq. 9, for inspection and tests; `[row][column]`.
-    pub fn dense(&self, earth: &EarthTerms) -> [[T; DIM]; DIM] {
+    pub fn dense(&self, earth: &EarthTerms<T>) -> [[T; DIM]; DIM] {
         let like = self.velocity_p[0];
         let (zero, one, minus) = (like.splat(0.0), like.splat(1.0), like.splat(-1.0));
         let mut f = [[zero; DIM]; DIM];
@@ -150,6 +156,9 @@ impl<T: Lane> Coefficients<T> {
         put(ATTITUDE, ATTITUDE, negative(skew(splat3(like, earth.rate_t))));
         put(ATTITUDE, GYRO_BIAS, negative(self.rotation));
         put(VELOCITY, ATTITUDE, self.velocity_by_misalignment);
+        if let Some(gradient) = &earth.gradient_t {
+            put(VELOCITY, POSITION, mat_mul(&transposed(&self.rotation), gradient));
+        }
         put(VELOCITY, VELOCITY, negative(skew(self.coriolis_rate_p)));
         put(
             VELOCITY,
@@ -181,5 +190,7 @@ pub fn dense_noise(coefficients: &Coefficients<f64>, noise: &ProcessNoise) -> [[
     density
 }
 
+#[cfg(test)]
+mod place_tests;
 #[cfg(test)]
 mod tests;

@@ -49,7 +49,7 @@ impl<T: Lane> CovarianceInterval<T> for SecondOrderInterval<T> {
     type Phi = SecondOrder<T>;
 
     #[inline(always)]
-    fn begin(kinematics: &Kinematics<T>, _earth: &EarthTerms) -> Self {
+    fn begin(kinematics: &Kinematics<T>, _earth: &EarthTerms<T>) -> Self {
         Self {
             start: Start::at(kinematics),
             rotation_integral: zero3(kinematics.velocity_p_mps[0]),
@@ -65,7 +65,7 @@ impl<T: Lane> CovarianceInterval<T> for SecondOrderInterval<T> {
         _start: &Inertial<T>,
         _end: &Inertial<T>,
         dt_s: f64,
-        _earth: &EarthTerms,
+        _earth: &EarthTerms<T>,
     ) {
         let half = after.velocity_p_mps[0].splat(0.5 * dt_s);
         let both = sum(&before.rotation_t_p, &after.rotation_t_p);
@@ -79,7 +79,7 @@ impl<T: Lane> CovarianceInterval<T> for SecondOrderInterval<T> {
     }
 
     #[inline(always)]
-    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms) -> SecondOrder<T> {
+    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms<T>) -> SecondOrder<T> {
         let (start, end) = (&self.start, &Start::at(end));
         let like = end.velocity_p[0];
         let (half, two) = (like.splat(0.5), like.splat(2.0));
@@ -90,9 +90,17 @@ impl<T: Lane> CovarianceInterval<T> for SecondOrderInterval<T> {
         let way = sub(end.position_t, start.position_t);
         let gained = sub(end.velocity_t, start.velocity_t);
         let mut push = add_scaled(gained, cross(splat3(like, earth.rate_t), way), two);
-        push[2] += like.splat(-earth.gravity_mps2 * self.duration_s);
+        let duration_of_fall = like.splat(-self.duration_s);
+        push[2] += earth.gravity_t[2] * duration_of_fall;
         let mut reach = add(way, cross(turn_t, way));
-        reach[2] += like.splat(-0.5 * earth.gravity_mps2 * self.duration_s * self.duration_s);
+        let fall = like.splat(-0.5) * earth.gravity_t[2];
+        reach[2] += fall * duration * duration;
+        if earth.gradient_t.is_some() {
+            for k in 0..2 {
+                push[k] += earth.gravity_t[k] * duration_of_fall;
+                reach[k] += like.splat(-0.5) * earth.gravity_t[k] * duration * duration;
+            }
+        }
 
         // Blocks in the tangent frame, less the identity: first order, and half the product of first orders.
         let (w, u, s) = (skew(turn_t), skew(push), self.rotation_integral);

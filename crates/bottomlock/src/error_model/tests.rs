@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::covariance::complete;
 use super::*;
-use crate::earth::Environment;
+use crate::earth::{Environment, in_lanes};
 use crate::frames::{Rot, Vec3};
 use crate::mechanisation::derivatives;
 use crate::simd::{Lanes, Simd, WIDEST, f64x4, gather, on_one_level};
@@ -17,7 +17,7 @@ fn dense(rows: [[f64; DIM]; DIM]) -> Dense {
     Dense::from_fn(|i, j| rows[i][j])
 }
 
-fn state(pitch: f64, roll: f64, yaw: f64, velocity: [f64; 3]) -> NavState {
+pub(super) fn state(pitch: f64, roll: f64, yaw: f64, velocity: [f64; 3]) -> NavState {
     let mut state = NavState::at_rest(0);
     state.attitude_t_p = Rot::from_euler_rad(roll, pitch, yaw);
     state.velocity_p_mps = Vec3::from_array(velocity);
@@ -26,15 +26,16 @@ fn state(pitch: f64, roll: f64, yaw: f64, velocity: [f64; 3]) -> NavState {
     state
 }
 
-fn real() -> EarthTerms {
+fn real() -> EarthTerms<f64> {
     EarthTerms::from(&Environment::normal(0.57, 0.0))
 }
 
 /// Faster than the Earth and about all three axes, so that each of its terms is seen.
-fn turning() -> EarthTerms {
+fn turning() -> EarthTerms<f64> {
     EarthTerms {
         rate_t: [0.2, -0.3, 0.1],
-        gravity_mps2: 9.8,
+        gravity_t: [0.0, 0.0, 9.8],
+        gradient_t: None,
     }
 }
 
@@ -44,7 +45,7 @@ fn error_rate(
     error: &ErrorVector,
     rate: [f64; 3],
     force: [f64; 3],
-    earth: &EarthTerms,
+    earth: &EarthTerms<f64>,
 ) -> ErrorVector {
     let mut truth = *estimate;
     truth.inject(error);
@@ -152,7 +153,7 @@ fn noise_enters_like_the_biases() {
     assert!((dense(dense_noise(&coefficients, &noise)) - expected).amax() < 1e-12);
 }
 
-fn sample_coefficients() -> (EarthTerms, Coefficients<f64>) {
+fn sample_coefficients() -> (EarthTerms<f64>, Coefficients<f64>) {
     let earth = real();
     let inertial = Inertial {
         rate_p_radps: [0.01, 0.02, 0.05],
@@ -162,12 +163,12 @@ fn sample_coefficients() -> (EarthTerms, Coefficients<f64>) {
     (earth, Coefficients::at(&kinematics, &inertial, &earth))
 }
 
-fn sample_covariance() -> Covariance {
+pub(super) fn sample_covariance() -> Covariance {
     let a = Covariance::from_fn(|i, j| ((i * 7 + j * 3) as f64).sin() * 0.1);
     a * a.transpose() + Covariance::identity() * 0.01
 }
 
-const NOISE: ProcessNoise = ProcessNoise {
+pub(super) const NOISE: ProcessNoise = ProcessNoise {
     accel: 1.4e-6,
     gyro: 1e-8,
     accel_bias: 1e-10,
@@ -186,7 +187,7 @@ fn wavy(k: usize, t: f64) -> Inertial<f64> {
 }
 
 /// A flight of `steps` steps of `dt_s`: the interval, its end, and the time-ordered product of the steps' own transitions.
-fn flown(k: usize, steps: usize, dt_s: f64, many_steps: bool) -> (Interval, Kinematics<f64>, Dense) {
+pub(super) fn flown(k: usize, steps: usize, dt_s: f64, many_steps: bool) -> (Interval, Kinematics<f64>, Dense) {
     let earth = real();
     let mut kinematics = state(0.3 + 0.1 * k as f64, -0.2, 1.0, [2.0, 0.1 * k as f64, -0.3]).kinematics();
     let mut interval = Interval::begin(&kinematics, &earth, many_steps);
@@ -210,7 +211,7 @@ fn gap_in_sigmas(a: &Dense, b: &Dense) -> f64 {
     scaled.amax()
 }
 
-fn dense_transition(interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms) -> Dense {
+pub(super) fn dense_transition(interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) -> Dense {
     let mut phi = Dense::identity();
     interval.carry(&mut phi.data.0, end, earth);
     phi
@@ -352,7 +353,7 @@ fn many_steps_hold_near_the_vertical() {
 
 /// Covariances side by side have the bits of each alone.
 fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, many_steps: bool) {
-    let earth = real();
+    let earth = super::place_tests::earth().terms([3e4, -4e4, 200.0]);
     let flown: [_; WIDEST] =
         std::array::from_fn(|k| flown(k, if many_steps { 15 } else { 1 }, 1.0 / 150.0, many_steps));
     let start = sample_covariance();
@@ -362,7 +363,7 @@ fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, many_steps: 
     let zero = T::gather(simd, |_| 0.0);
     let mut p: Matrix<T> = std::array::from_fn(|i| std::array::from_fn(|j| zero.splat(start[(i, j)])));
     let ends_side_by_side = Kinematics::from_array(gather(simd, ends.each_ref()));
-    lanes.propagate(simd, &mut p, &ends_side_by_side, &NOISE, &earth);
+    lanes.propagate(simd, &mut p, &ends_side_by_side, &NOISE, &in_lanes(&earth, zero));
     complete(&mut p);
     for k in 0..T::COUNT {
         let (mut interval, end, _) = flown[k];
@@ -370,9 +371,8 @@ fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, many_steps: 
         interval.propagate(&mut alone.data.0, &end, &NOISE, &earth);
         for i in 0..DIM {
             for j in 0..DIM {
-                let bits = alone[(i, j)].to_bits();
-                assert_eq!(p[i][j].get(k).to_bits(), bits, "lane {k}, element {i} {j}");
-                assert_eq!(alone[(j, i)].to_bits(), bits, "element {i} {j}");
+                let bits = [alone[(i, j)], alone[(j, i)]].map(f64::to_bits);
+                assert_eq!(bits, [p[i][j].get(k).to_bits(); 2], "lane {k}, element {i} {j}");
             }
         }
     }

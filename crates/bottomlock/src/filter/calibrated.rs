@@ -87,7 +87,7 @@ impl Eskf {
             rate_p_radps: (self.last_rate_p_radps - self.state.gyro_bias_p_radps.0).into(),
             force_p_mps2: [0.0; 3],
         };
-        let earth = &self.settings.earth;
+        let earth = &self.earth;
         let f = Coefficients::at(&self.kinematics, &inertial, earth).dense(earth);
         SMatrix::from_fn(|i, j| f[VELOCITY + i][j])
     }

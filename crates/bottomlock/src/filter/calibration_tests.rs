@@ -1,5 +1,6 @@
 //! Mounting and clock against a Kalman filter on all 31 states.
 
+use crate::aiding::Motion;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::*;
@@ -123,7 +124,12 @@ fn updates_are_the_textbook_updates_of_all_states() {
         }
 
         advance(&mut filter, 30);
-        let innovation = depth(&filter.state(), 0.3, 0.02, &Vec3::from_array([0.4, 0.1, -0.2]));
+        let innovation = depth(
+            &Motion::still(&filter.state()),
+            0.3,
+            0.02,
+            &Vec3::from_array([0.4, 0.1, -0.2]),
+        );
         let h = DMatrix::from_fn(1, ALL, |_, j| match j {
             j if j < DIM => innovation.jacobian[(0, j)],
             j => f64::from(u8::from(j == BIAS)),
@@ -212,7 +218,12 @@ fn correlated() -> Eskf {
         let sample = ping(BeamMask::all(4));
         let innovation = tightly_coupled(&filter.beam_terms(&geometry(), &sample), &sample);
         filter.update(&innovation, Sensor::Beams).unwrap();
-        let innovation = depth(&filter.state(), 0.3, 0.02, &Vec3::from_array([0.4, 0.1, -0.2]));
+        let innovation = depth(
+            &Motion::still(&filter.state()),
+            0.3,
+            0.02,
+            &Vec3::from_array([0.4, 0.1, -0.2]),
+        );
         filter.update(&innovation, Sensor::Depth).unwrap();
         let water = *filter.water().unwrap().estimate();
         let assumed = filter.with_motion(|motion| sway_row(motion, &water));

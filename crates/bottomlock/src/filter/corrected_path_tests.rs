@@ -1,5 +1,6 @@
 //! A fix at a start whose yaw is wrong by a right angle, the path by differences of the exact one, and what is not repeated.
 
+use crate::aiding::Motion;
 use nalgebra::SMatrix;
 
 use super::*;
@@ -50,7 +51,7 @@ fn filter(yaw_sd_rad: f64) -> Eskf {
 fn fix(filter: &mut Eskf, yaw_rad: f64) -> Innovation {
     let end_t = Vec3::new(WAY_M * yaw_rad.cos(), WAY_M * yaw_rad.sin(), 0.0);
     filter.propagate_covariance();
-    position(&filter.state(), &end_t, &[0.1; 3], &Vec3::zeros())
+    position(&Motion::still(&filter.state()), &end_t, &[0.1; 3], &Vec3::zeros())
 }
 
 /// One fix tells a yaw of 60° or 90° from the way to it as far as its noise allows, with the position at the fix; the first
@@ -134,7 +135,7 @@ fn the_path_is_the_tangent_of_the_exact_one() {
 
     // The axis of a depth since the last fix has its own way alone.
     let state = filter.state();
-    let at_depth = depth(&state, state.position_t_m.0.z, 0.02, &Vec3::zeros());
+    let at_depth = depth(&Motion::still(&state), state.position_t_m.0.z, 0.02, &Vec3::zeros());
     assert!(filter.update(&at_depth, Sensor::Depth).unwrap().was_used());
     let path = filter.path_at(&error);
     assert_eq!(path.by_misalignment.row(2), filter.path_by_misalignment(&error).row(2));

@@ -123,7 +123,7 @@ impl Extensions {
     }
 
     /// Records and propagates an interval of the error state that ends at `end`.
-    pub(super) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms) {
+    pub(super) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
         if self.tape.is_some() {
             let whole = transition(interval, end, earth, self);
             if let Some(tape) = &mut self.tape {

@@ -153,15 +153,16 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
     for i in 0..DIM {
         covariance[i] = gather(simd, filters.map(|filter| &filter.covariance.data.0[i]));
     }
+    let mut earth = lanes_of_earth(simd, &filters);
     let mut group = Group {
         kinematics: &mut kinematics,
         interval: &mut interval,
         covariance: &mut covariance,
+        earth: &mut earth,
     };
     let mut lanes = InLanes {
         are_extended: spans.iter().any(|span| !span.filter.extensions.is_empty()),
         spans,
-        earth: &settings.earth,
         lost: Vec::new(),
         lanes: PhantomData,
     };
@@ -170,12 +171,18 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
     lanes.finish(reached, &group);
 }
 
+/// Gravity of the filters; on a plane it is common to them.
+#[inline(always)]
+fn lanes_of_earth<S: Simd, T: Lanes<S>>(simd: S, filters: &[&Eskf; WIDEST]) -> EarthTerms<T> {
+    let own = filters.map(|filter| filter.earth.to_array());
+    EarthTerms::of_array(&filters[0].earth, gather(simd, own.each_ref()))
+}
+
 /// Beside the prediction in lanes: the filters that the lanes belong to.
 struct InLanes<'a, 'b, 'c, S> {
     spans: &'a mut [&'b mut FilterSpan<'c>],
     /// Whether some filter has states beyond the 20.
     are_extended: bool,
-    earth: &'a EarthTerms,
     /// Filters as they were when their numbers ran out, by their lanes.
     lost: Vec<(usize, Eskf)>,
     lanes: PhantomData<S>,
@@ -183,14 +190,16 @@ struct InLanes<'a, 'b, 'c, S> {
 
 impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> Beside<T, I> for InLanes<'_, '_, '_, S> {
     #[inline(always)]
-    fn propagate(&mut self, interval: &I, end: &Kinematics<T>) {
+    fn propagate(&mut self, interval: &I, end: &Kinematics<T>, earth: &EarthTerms<T>) {
         if !self.are_extended {
             return;
         }
         for (k, span) in self.spans.iter_mut().enumerate() {
             if !span.filter.extensions.is_empty() {
                 let end = Kinematics::from_array(scatter(&end.to_array(), k));
-                span.filter.extensions.propagate(&interval.lane(k), &end, self.earth);
+                let own = &mut *span.filter;
+                let earth = EarthTerms::of_array(&own.earth, scatter(&earth.to_array(), k));
+                own.extensions.propagate(&interval.lane(k), &end, &earth);
             }
         }
     }
@@ -240,6 +249,9 @@ impl Eskf {
     fn take_lane<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(&mut self, k: usize, group: &Group<'_, T, I>) {
         self.kinematics = Kinematics::from_array(scatter(&group.kinematics.to_array(), k));
         self.interval = group.interval.lane(k);
+        if self.earth.gradient_t.is_some() {
+            self.earth = EarthTerms::of_array(&self.earth, scatter(&group.earth.to_array(), k));
+        }
     }
 }
 

@@ -215,7 +215,7 @@ impl FurtherStates {
         &mut self,
         interval: &Interval,
         end: &Kinematics<f64>,
-        earth: &EarthTerms,
+        earth: &EarthTerms<f64>,
         left: &FurtherVector,
         steady: &FurtherVector,
     ) {

@@ -1,5 +1,6 @@
 //! The further states of every block against a Kalman filter on all states.
 
+use crate::aiding::Motion;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::*;
@@ -94,7 +95,12 @@ fn beams(filter: &mut Eskf, valid: BeamMask) -> Innovation {
 /// An attitude that is off by a few hundredths of a radian.
 fn attitude_reading(filter: &Eskf) -> Innovation {
     let off = Rot::<Tangent, Tangent>::exp(Vector3::new(0.01, -0.02, 0.03));
-    attitude(&filter.state(), &(off * filter.state().attitude_t_p), 0.004, 0.01)
+    attitude(
+        &Motion::still(&filter.state()),
+        &(off * filter.state().attitude_t_p),
+        0.004,
+        0.01,
+    )
 }
 
 /// Readings of every sensor by turns.
@@ -107,9 +113,9 @@ fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
     let lever = Vec3::from_array([0.4, 0.1, -0.2]);
     vec![
         (beams(filter, valid), Sensor::Beams),
-        (depth(&filter.state(), 0.3, 0.02, &lever), Sensor::Depth),
+        (depth(&Motion::still(&filter.state()), 0.3, 0.02, &lever), Sensor::Depth),
         (attitude_reading(filter), Sensor::Attitude),
-        (heading(&filter.state(), 0.07, 0.01), Sensor::Heading),
+        (heading(&Motion::still(&filter.state()), 0.07, 0.01), Sensor::Heading),
         (MOTION.innovation(&filter.state()), Sensor::Motion),
     ]
 }
@@ -216,7 +222,7 @@ fn a_depth_alone_leaves_the_further_states() {
     filter.set_covariance(&wide).unwrap();
     advance(&mut filter, 10);
     assert!(filter.is_beyond_linear_range());
-    let innovation = depth(&filter.state(), 0.7, 0.02, &Vec3::zeros());
+    let innovation = depth(&Motion::still(&filter.state()), 0.7, 0.02, &Vec3::zeros());
     filter.update(&innovation, Sensor::Depth).unwrap();
     let (estimate_m, sd_m) = filter.depth_bias_m().unwrap();
     assert!(estimate_m == 0.0 && (sd_m - 0.3).abs() < 1e-12);

@@ -1,6 +1,7 @@
 //! Slow errors of sensors and the motion: by hand, and what they are for.
 
 use super::*;
+use crate::aiding::Motion;
 use crate::aiding::attitude::{MagnetometerModel, attitude};
 use crate::aiding::depth::{DepthModel, depth};
 use crate::aiding::heading::{HeadingModel, heading};
@@ -42,12 +43,12 @@ fn bias_of_a_depth_by_hand() {
         model.initial.attitude_sd_rad = [1e-3; 3];
     });
     assert_eq!(filter.depth_bias_m(), Some((0.0, 0.3)));
-    let innovation = depth(&filter.state(), 2.3, 0.02, &Vec3::zeros());
+    let innovation = depth(&Motion::still(&filter.state()), 2.3, 0.02, &Vec3::zeros());
     filter.update(&innovation, Sensor::Depth).unwrap();
     let (estimate_m, sd_m) = filter.depth_bias_m().unwrap();
     assert!((estimate_m - 2.3 * 0.09 / (4.0 + 0.09 + 4e-4)).abs() < 1e-12);
     assert!((sd_m.powi(2) - 0.09 * (4.0 + 4e-4) / (4.0 + 0.09 + 4e-4)).abs() < 1e-12);
-    let again = depth(&filter.state(), 2.3, 0.02, &Vec3::zeros());
+    let again = depth(&Motion::still(&filter.state()), 2.3, 0.02, &Vec3::zeros());
     let report = filter.update(&again, Sensor::Depth).unwrap();
     assert!((report.residual[0] - (again.residual[0] - estimate_m)).abs() < 1e-12);
 }
@@ -66,7 +67,7 @@ fn an_offset_is_not_averaged_away() {
             };
         });
         for _ in 0..100 {
-            let reading = heading(&filter.state(), 0.1, white);
+            let reading = heading(&Motion::still(&filter.state()), 0.1, white);
             filter.update(&reading, Sensor::Heading).unwrap();
         }
         filter
@@ -106,7 +107,7 @@ fn each_angle_of_an_attitude_has_its_own_error() {
         let mut measured = own;
         measured[angle] += 1e-4;
         let reading = Rot::<Tangent, _>::from_euler_rad(measured[0], measured[1], measured[2]);
-        let innovation = attitude(&filter.state(), &reading, 0.01, 0.01);
+        let innovation = attitude(&Motion::still(&filter.state()), &reading, 0.01, 0.01);
         filter.update(&innovation, Sensor::Attitude).unwrap();
         let estimate = *filter.extensions.processes.estimate();
         let errors = filter.attitude_error_rad().unwrap();
@@ -134,7 +135,7 @@ fn offsets_stay_and_walks_decay() {
             walk_time_s: WalkTime(2.0),
         };
     });
-    let reading = heading(&filter.state(), 0.1, 0.01);
+    let reading = heading(&Motion::still(&filter.state()), 0.1, 0.01);
     filter.update(&reading, Sensor::Heading).unwrap();
     let before = *filter.extensions.processes.estimate();
     advance(&mut filter, 401);
@@ -208,7 +209,7 @@ fn a_velocity_goes_back_to_its_mean() {
 #[test]
 fn a_covariance_from_outside_begins_anew() {
     let mut filter = filter_of(|model| model.sensors.heading.offset_sd_rad = SlowSd(0.03));
-    let reading = heading(&filter.state(), 0.1, 0.01);
+    let reading = heading(&Motion::still(&filter.state()), 0.1, 0.01);
     filter.update(&reading, Sensor::Heading).unwrap();
     assert!(filter.heading_error_rad().unwrap().0 > 0.0);
     let covariance = filter.covariance();

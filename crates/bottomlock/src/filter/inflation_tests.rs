@@ -1,6 +1,7 @@
 //! Counts, factors and bounds of the covariance inflation, by hand.
 
 use super::*;
+use crate::aiding::Motion;
 use crate::aiding::depth::depth;
 use crate::aiding::velocity::velocity;
 use crate::aiding::{beam_terms, tightly_coupled};
@@ -34,7 +35,7 @@ fn depth_inflates_itself_alone() {
     };
     let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     let before = filter.covariance();
-    let innovation = depth(&filter.state(), 10.0, 0.5, &Vec3::from_array([0.0; 3]));
+    let innovation = depth(&Motion::still(&filter.state()), 10.0, 0.5, &Vec3::from_array([0.0; 3]));
     assert_eq!(
         filter
             .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
@@ -62,7 +63,7 @@ fn position_inflates_all_states_where_no_velocity_aids() {
         };
         let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
         let far = crate::aiding::position::position(
-            &filter.state(),
+            &Motion::still(&filter.state()),
             &Vec3::from_array([50.0, 0.0, 0.0]),
             &[1.0; 3],
             &Vec3::from_array([0.0; 3]),
@@ -121,7 +122,14 @@ fn only_rejections_of_sensors_count() {
         ..Options::default()
     };
     let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
-    let at = |filter: &Eskf, depth_m: f64| depth(&filter.state(), depth_m, 0.5, &Vec3::from_array([0.0; 3]));
+    let at = |filter: &Eskf, depth_m: f64| {
+        depth(
+            &Motion::still(&filter.state()),
+            depth_m,
+            0.5,
+            &Vec3::from_array([0.0; 3]),
+        )
+    };
     for depth_m in [10.0, 0.1, 10.0] {
         let innovation = at(&filter, depth_m);
         assert_eq!(
@@ -261,7 +269,7 @@ fn off_is_never() {
         ..Options::default()
     };
     let mut off = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
-    let innovation = depth(&off.state(), 10.0, 0.5, &Vec3::zeros());
+    let innovation = depth(&Motion::still(&off.state()), 10.0, 0.5, &Vec3::zeros());
     for _ in 0..3 {
         assert_eq!(
             off.note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any),
@@ -283,7 +291,8 @@ fn the_bias_of_a_depth_counts() {
         model.sensors.depth.bias_sd_m = bias_sd_m;
         model.initial.attitude_sd_rad = [1e-3; 3];
         let mut filter = filter(&model);
-        let reading = |filter: &Eskf, depth_m: f64| depth(&filter.state(), depth_m, 0.5, &Vec3::zeros());
+        let reading =
+            |filter: &Eskf, depth_m: f64| depth(&Motion::still(&filter.state()), depth_m, 0.5, &Vec3::zeros());
         if has_depth {
             filter.update(&reading(&filter, 0.0), Sensor::Depth).unwrap();
         }
@@ -312,7 +321,8 @@ fn a_position_grows_to_its_bound() {
                 filter.measured.velocity_ns = Some(0);
             }
             let place = Vec3::new(10.0 * sd_m, 0.0, 0.0);
-            let far = crate::aiding::position::position(&filter.state(), &place, &[1.0; 3], &Vec3::zeros());
+            let far =
+                crate::aiding::position::position(&Motion::still(&filter.state()), &place, &[1.0; 3], &Vec3::zeros());
             assert_eq!(
                 filter.note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any),
                 Ok(None)

@@ -1,5 +1,6 @@
 //! The second-order terms by hand and by quadratic forms, and what they do to an update.
 
+use crate::aiding::Motion;
 use nalgebra::{SMatrix, Vector3};
 
 use super::*;
@@ -101,7 +102,10 @@ fn a_depth_beyond_the_range_corrects_its_axis_alone() {
         let (before, state) = (filter.covariance(), filter.state());
         let z = state.position_t_m.0.z;
         let report = filter
-            .update(&depth(&state, z + 0.5, 0.02, &Vec3::zeros()), Sensor::Depth)
+            .update(
+                &depth(&Motion::still(&state), z + 0.5, 0.02, &Vec3::zeros()),
+                Sensor::Depth,
+            )
             .unwrap();
         assert_eq!(report.is_beyond_linear_range, corrects_alone);
         assert!(report.was_used());
@@ -130,7 +134,7 @@ fn a_rejected_depth_changes_nothing() {
     coast(&mut filter, 2);
     let (before, state) = (filter.covariance(), filter.state());
     let product = filter.vertical_product_variance();
-    let innovation = depth(&state, 1000.0, 0.02, &Vec3::zeros());
+    let innovation = depth(&Motion::still(&state), 1000.0, 0.02, &Vec3::zeros());
     let report = filter.update(&innovation, Sensor::Depth).unwrap();
     assert!(!report.was_used());
     let expected = before[DOWN] + 4.0 * product + 0.02 * 0.02;
@@ -170,7 +174,12 @@ fn a_fix_after_an_outage_is_no_compass() {
             filter.update(&innovation, Sensor::GpsVelocity).unwrap()
         } else {
             let fix_t = start.position_t_m.0 + velocity_t * 100.0;
-            let innovation = position(&filter.state(), &Vec3::from(fix_t), &[0.1; 3], &Vec3::zeros());
+            let innovation = position(
+                &Motion::still(&filter.state()),
+                &Vec3::from(fix_t),
+                &[0.1; 3],
+                &Vec3::zeros(),
+            );
             filter.update(&innovation, Sensor::GpsPosition).unwrap()
         };
         assert!(report.was_used());
@@ -200,7 +209,12 @@ fn a_position_fix_after_a_depth_tells_no_tilt() {
         .copy_from(&(rotation.transpose() * horizontal * rotation));
     coast(&mut filter, 100);
     let at_depth = filter.state();
-    let innovation = depth(&at_depth, at_depth.position_t_m.0.z, 0.02, &Vec3::zeros());
+    let innovation = depth(
+        &Motion::still(&at_depth),
+        at_depth.position_t_m.0.z,
+        0.02,
+        &Vec3::zeros(),
+    );
     assert!(filter.update(&innovation, Sensor::Depth).unwrap().was_used());
     coast(&mut filter, 1);
     let before = filter.covariance();
@@ -210,7 +224,7 @@ fn a_position_fix_after_a_depth_tells_no_tilt() {
         state.position_t_m.0.y - 1000.0,
         state.position_t_m.0.z,
     );
-    let innovation = position(&state, &Vec3::from(fix_t), &[0.1; 3], &Vec3::zeros());
+    let innovation = position(&Motion::still(&state), &Vec3::from(fix_t), &[0.1; 3], &Vec3::zeros());
     assert!(filter.update(&innovation, Sensor::GpsPosition).unwrap().was_used());
     let after = filter.covariance();
     for i in 0..3 {
@@ -254,7 +268,12 @@ fn the_epoch_does_not_matter() {
         filter.state.time_ns = epoch_ns;
         filter.measured = Measured::nothing_at(epoch_ns);
         coast(&mut filter, 20);
-        let innovation = depth(&filter.state(), filter.state().position_t_m.0.z, 0.5, &Vec3::zeros());
+        let innovation = depth(
+            &Motion::still(&filter.state()),
+            filter.state().position_t_m.0.z,
+            0.5,
+            &Vec3::zeros(),
+        );
         assert!(filter.is_beyond_linear_range());
         filter.update(&innovation, Sensor::Depth).unwrap();
         filter.covariance()

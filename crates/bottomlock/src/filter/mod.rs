@@ -47,6 +47,7 @@ use crate::aiding::MAX_ROWS;
 use crate::aiding::further::{DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_HEADING_ERROR, FIRST_WATER};
 use crate::aiding::water::{CURRENT, WaterCovariance};
 use crate::aiding::{Innovation, Motion, TangentRows};
+use crate::earth::{Earth, EarthTerms};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
 use crate::filter::gate::{Gate, GateTable};
@@ -55,7 +56,7 @@ use crate::filter::report::{Sensor, UpdateReport};
 use crate::filter::water_block::WaterBlock;
 use crate::frames::{Rot, Vec3};
 use crate::layout::{ATTITUDE, DIM, VELOCITY};
-use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
+use crate::mechanisation::{ImuSample, Kinematics};
 use crate::model::Model;
 use crate::state::{Covariance, NavState};
 
@@ -68,6 +69,8 @@ pub struct Eskf {
     /// them.
     covariance: Covariance,
     interval: Interval,
+    /// Gravity of the interval.
+    earth: EarthTerms<f64>,
     /// ω_ip of the last reading, bias included.
     last_rate_p_radps: Vector3<f64>,
     last_step_s: f64,
@@ -91,8 +94,10 @@ impl Eskf {
         options.validate()?;
         state.validate()?;
         let kinematics = state.kinematics();
+        let earth = Earth::from(&model.environment);
         let calibration = CalibrationBlock::new(&options.calibration, &kinematics);
         Ok(Self {
+            earth: earth.terms(kinematics.position_t_m),
             kinematics,
             state,
             covariance: model.initial_covariance(options.estimate_dvl),
@@ -101,7 +106,7 @@ impl Eskf {
             last_step_s: 0.0,
             measured: Measured::nothing_at(state.time_ns),
             settings: Settings {
-                earth: EarthTerms::from(&model.environment),
+                earth,
                 noise: model.process_noise(options.estimate_dvl),
                 sampling: options.sampling,
                 covariance_period_s: options.covariance_period_ns as f64 * 1e-9,
@@ -217,7 +222,7 @@ impl Eskf {
         state
     }
 
-    /// Gravity, m/s²; 0 for readings without it.
+    /// Gravity at the origin, m/s²; 0 for readings without it.
     #[must_use]
     pub fn gravity_mps2(&self) -> f64 {
         self.settings.earth.gravity_mps2
@@ -233,7 +238,7 @@ impl Eskf {
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
-        let (earth, noise) = (&self.settings.earth, &self.settings.noise);
+        let (earth, noise) = (&self.earth, &self.settings.noise);
         interval.propagate(&mut covariance.data.0, &self.kinematics, noise, earth);
         covariance
     }
@@ -256,6 +261,7 @@ impl Eskf {
             rate_ip_p_radps: self.last_rate_p_radps - state.gyro_bias_p_radps.0,
             earth_rate_t_radps: self.settings.earth.rate_t.into(),
             gyro_variance,
+            level: self.settings.earth.level(&state.position_t_m),
         })
     }
 

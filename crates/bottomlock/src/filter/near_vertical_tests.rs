@@ -1,5 +1,6 @@
 //! What the row of a yaw leaves out, against the nonlinear yaw; when it is withheld.
 
+use crate::aiding::Motion;
 use nalgebra::Matrix2;
 
 use super::*;
@@ -28,7 +29,7 @@ fn filter(pitch_deg: f64, sd: [f64; 2], correlation: f64) -> Eskf {
 
 fn verdict(pitch_deg: f64, tilt_sd: f64, yaw_sd: f64) -> Verdict {
     let mut filter = filter(pitch_deg, [tilt_sd; 2], 0.0);
-    let innovation = heading(&filter.state(), YAW_RAD, yaw_sd);
+    let innovation = heading(&Motion::still(&filter.state()), YAW_RAD, yaw_sd);
     filter.update(&innovation, Sensor::Heading).unwrap().verdict
 }
 
@@ -46,11 +47,15 @@ fn the_third_term_is_what_the_row_leaves_out() {
             error[ATTITUDE + 1] = sd[1] * (correlation * drawn.x + (1.0 - correlation * correlation).sqrt() * drawn.y);
             let mut truth = filter.state();
             truth.inject(&error);
-            let innovation = heading(&filter.state(), truth.attitude_t_p.to_euler_rad()[2], 0.02);
+            let innovation = heading(
+                &Motion::still(&filter.state()),
+                truth.attitude_t_p.to_euler_rad()[2],
+                0.02,
+            );
             sum += (innovation.residual[0] - (innovation.jacobian.row(0) * error)[0]).powi(2);
         }
         let drawn = (sum / f64::from(count)).sqrt();
-        let innovation = heading(&filter.state(), YAW_RAD, 0.02);
+        let innovation = heading(&Motion::still(&filter.state()), YAW_RAD, 0.02);
         let stated = filter.neglected_yaw_variance(&innovation).sqrt();
         assert!(
             (drawn / stated - 1.0).abs() < 0.1,
@@ -79,7 +84,7 @@ fn a_yaw_is_withheld_where_the_third_term_exceeds_its_noise() {
 fn a_withheld_yaw_changes_nothing() {
     let mut filter = filter(90.0, [1e-3; 2], 0.0);
     let (state, covariance) = (filter.state(), filter.covariance());
-    let innovation = heading(&filter.state(), 2.0, 0.02);
+    let innovation = heading(&Motion::still(&filter.state()), 2.0, 0.02);
     let report = filter.update(&innovation, Sensor::Heading).unwrap();
     assert_eq!((report.verdict, report.rows), (Verdict::Withheld, 0));
     assert!(!report.was_used());

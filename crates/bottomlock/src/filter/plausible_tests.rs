@@ -1,6 +1,7 @@
 //! Estimates on either side of their bounds, and filters read from bytes with a number that none can have.
 
 use super::*;
+use crate::aiding::Motion;
 use crate::aiding::calibration::CalibrationPrior;
 use crate::aiding::depth::depth;
 use crate::filter::options::Options;
@@ -26,7 +27,7 @@ fn filter() -> Eskf {
     let mut filter = Eskf::new(NavState::at_rest(0), &model, &options)
         .unwrap()
         .with_water(Some(WaterBlock::new(&options.water)));
-    let innovation = depth(&filter.state(), 0.1, 0.02, &Vec3::zeros());
+    let innovation = depth(&Motion::still(&filter.state()), 0.1, 0.02, &Vec3::zeros());
     filter.update(&innovation, Sensor::Depth).unwrap();
     filter
 }

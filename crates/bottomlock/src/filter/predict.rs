@@ -36,17 +36,16 @@ impl Eskf {
         };
         let mut alone = Alone {
             extensions: &mut self.extensions,
-            earth: &settings.earth,
             is_lost: false,
         };
-        let (kinematics, covariance) = (&mut self.kinematics, &mut self.covariance.data.0);
+        let (kinematics, covariance, earth) = (&mut self.kinematics, &mut self.covariance.data.0, &mut self.earth);
         let reached = match &mut self.interval {
             Interval::Open => Reached { at: 0, dt_s: 0.0 },
             Interval::FirstOrder(interval) => with_vectors!(simd => predict(
-                simd, &mut Group { kinematics, interval, covariance }, &streams, &settings, &mut alone
+                simd, &mut Group { kinematics, interval, covariance, earth }, &streams, &settings, &mut alone
             )),
             Interval::SecondOrder(interval) => with_vectors!(simd => predict(
-                simd, &mut Group { kinematics, interval, covariance }, &streams, &settings, &mut alone
+                simd, &mut Group { kinematics, interval, covariance, earth }, &streams, &settings, &mut alone
             )),
         };
         let is_lost = alone.is_lost;
@@ -61,8 +60,8 @@ impl Eskf {
     pub(super) fn begin_interval(&mut self) {
         if matches!(self.interval, Interval::Open) {
             let many_steps = self.settings.covariance_period_s > 0.0;
-            let earth = &self.settings.earth;
-            self.interval = with_vectors!(_simd => Interval::begin(&self.kinematics, earth, many_steps));
+            self.earth = self.settings.earth_of_interval(&self.kinematics);
+            self.interval = with_vectors!(_simd => Interval::begin(&self.kinematics, &self.earth, many_steps));
         }
     }
 
@@ -78,7 +77,7 @@ impl Eskf {
 
     /// Brings the covariance up to date, all of it.
     pub(super) fn propagate_covariance(&mut self) {
-        let (earth, noise) = (&self.settings.earth, &self.settings.noise);
+        let (earth, noise) = (&self.earth, &self.settings.noise);
         if self.interval.duration_s() > 0.0 {
             self.extensions.propagate(&self.interval, &self.kinematics, earth);
         }
@@ -90,15 +89,14 @@ impl Eskf {
 /// Beside the prediction of a filter alone.
 struct Alone<'a> {
     extensions: &'a mut Extensions,
-    earth: &'a EarthTerms,
     is_lost: bool,
 }
 
 impl<I: CovarianceInterval<f64> + Into<Interval>> Beside<f64, I> for Alone<'_> {
     #[inline(always)]
-    fn propagate(&mut self, interval: &I, end: &Kinematics<f64>) {
+    fn propagate(&mut self, interval: &I, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
         if !self.extensions.is_empty() {
-            self.extensions.propagate(&(*interval).into(), end, self.earth);
+            self.extensions.propagate(&(*interval).into(), end, earth);
         }
     }
     #[inline(always)]

@@ -3,31 +3,45 @@
 //! A filter alone is a group of one, whose lane type is `f64`; a reading that arrives live is a slice of one step.
 
 use super::streams::{Step, Streams};
+use crate::earth::{Earth, EarthTerms};
 use crate::error_model::{CovarianceInterval, Matrix, ProcessNoise};
-use crate::mechanisation::{EarthTerms, Kinematics, Sampling};
-use crate::simd::{Simd, Strips};
+use crate::mechanisation::{Kinematics, Sampling};
+use crate::simd::{Lane, Simd, Strips, add_scaled};
 
 /// What a prediction changes of a group of filters.
 pub(super) struct Group<'a, T, I> {
     pub(super) kinematics: &'a mut Kinematics<T>,
     pub(super) interval: &'a mut I,
     pub(super) covariance: &'a mut Matrix<T>,
+    /// At the interval's place.
+    pub(super) earth: &'a mut EarthTerms<T>,
 }
 
 /// What the filters of a group have in common.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Settings {
-    pub(super) earth: EarthTerms,
+    pub(super) earth: Earth,
     pub(super) noise: ProcessNoise,
     pub(super) sampling: Sampling,
     /// Interval of the covariance; zero for every step.
     pub(super) covariance_period_s: f64,
 }
 
+impl Settings {
+    /// Gravity where the middle of the interval that begins will be: over an interval it is taken as constant, which leaves out less
+    /// than the gradient times the path of an interval that a measurement cuts short, 0.04 µg at 5 m/s and 10 Hz.
+    #[inline(always)]
+    pub(super) fn earth_of_interval<T: Lane>(&self, start: &Kinematics<T>) -> EarthTerms<T> {
+        let half = start.velocity_t_mps[0].splat(0.5 * self.covariance_period_s);
+        self.earth
+            .terms(add_scaled(start.position_t_m, start.velocity_t_mps, half))
+    }
+}
+
 /// What goes on beside the prediction of a group, filter by filter.
 pub(super) trait Beside<T, I> {
     /// The covariance is about to be propagated over an interval, which has come to `end`.
-    fn propagate(&mut self, interval: &I, end: &Kinematics<T>);
+    fn propagate(&mut self, interval: &I, end: &Kinematics<T>, earth: &EarthTerms<T>);
     /// Some filter's position is no number after the step to reading `at`; true where a filter is left.
     fn lose(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool;
 }
@@ -50,9 +64,16 @@ pub(super) fn predict<S: Simd, T: Strips<S>, I: CovarianceInterval<T>>(
     settings: &Settings,
     beside: &mut impl Beside<T, I>,
 ) -> Reached {
-    let (earth, sampling) = (&settings.earth, settings.sampling);
+    let sampling = settings.sampling;
+    let rate_t = group.earth.rate_t;
     let mut reached = Reached { at: 0, dt_s: 0.0 };
-    let mut next = streams.step(1, &streams.corrected(0), group.kinematics.attitude_t_p, sampling, earth);
+    let mut next = streams.step(
+        1,
+        &streams.corrected(0),
+        group.kinematics.attitude_t_p,
+        sampling,
+        rate_t,
+    );
     while let Some(Step {
         start,
         end,
@@ -65,21 +86,24 @@ pub(super) fn predict<S: Simd, T: Strips<S>, I: CovarianceInterval<T>>(
             dt_s,
         };
         // The chain of rotations goes a step ahead of the rest, which fills its pauses.
-        next = streams.step(reached.at + 1, &end, attitude_t_p, sampling, earth);
+        next = streams.step(reached.at + 1, &end, attitude_t_p, sampling, rate_t);
         let before = *group.kinematics;
-        group.kinematics.follow(attitude_t_p, &start, &end, dt_s, earth);
+        group.kinematics.follow(attitude_t_p, &start, &end, dt_s, group.earth);
         group
             .interval
-            .extend(&before, group.kinematics, &start, &end, dt_s, earth);
+            .extend(&before, group.kinematics, &start, &end, dt_s, group.earth);
         let [x, y, z] = group.kinematics.position_t_m;
         if !(x + y + z).all_finite() && !beside.lose(reached.at, dt_s, group) {
             break;
         }
         if group.interval.is_due(dt_s, settings.covariance_period_s) {
-            beside.propagate(group.interval, group.kinematics);
+            beside.propagate(group.interval, group.kinematics, group.earth);
             group
                 .interval
-                .propagate(simd, group.covariance, group.kinematics, &settings.noise, earth);
+                .propagate(simd, group.covariance, group.kinematics, &settings.noise, group.earth);
+            if settings.earth.pulling().is_some() {
+                *group.earth = settings.earth_of_interval(group.kinematics);
+            }
         }
     }
     reached

@@ -21,8 +21,8 @@ impl Eskf {
         require_non_negative("last step", self.last_step_s)?;
         require_non_negative("covariance interval", self.interval.duration_s())?;
         require_non_negative("covariance_period_s", self.settings.covariance_period_s)?;
-        require_finite("earth rate", time_ns, &self.settings.earth.rate_t)?;
-        require_finite("gravity", time_ns, &[self.settings.earth.gravity_mps2])?;
+        self.settings.earth.check_restored(time_ns)?;
+        require_finite("gravity of the place", time_ns, &self.earth.to_array())?;
         let noise = &self.settings.noise;
         let densities = [
             ("accelerometer noise", noise.accel),

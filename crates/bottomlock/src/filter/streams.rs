@@ -1,6 +1,6 @@
 //! The steps of filters side by side: their inertial readings less their biases, and the attitudes that follow.
 
-use crate::mechanisation::{EarthTerms, ImuSample, Inertial, Sampling, Turn};
+use crate::mechanisation::{ImuSample, Inertial, Sampling, Turn};
 use crate::simd::{Lane, V3, WIDEST, splat3, sub};
 
 /// The samples of all lanes.
@@ -31,7 +31,7 @@ impl<T: Lane> Streams<'_, T> {
         start: &Inertial<T>,
         attitude_t_p: [T; 4],
         sampling: Sampling,
-        earth: &EarthTerms,
+        earth_rate_t: [f64; 3],
     ) -> Option<Step<T>> {
         let dt_s = self.step_s(at)?;
         let end = self.corrected(at);
@@ -43,7 +43,7 @@ impl<T: Lane> Streams<'_, T> {
             start,
             end,
             dt_s,
-            attitude_t_p: Turn::of(&start, &end, dt_s, earth).after(attitude_t_p),
+            attitude_t_p: Turn::of(&start, &end, dt_s, earth_rate_t).after(attitude_t_p),
         })
     }
 

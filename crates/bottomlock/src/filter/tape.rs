@@ -84,7 +84,7 @@ impl Eskf {
 
     /// Records a sample on the tape.
     pub(crate) fn record_sample(&mut self) {
-        let pending = transition(&self.interval, &self.kinematics, &self.settings.earth, &self.extensions);
+        let pending = transition(&self.interval, &self.kinematics, &self.earth, &self.extensions);
         let (state, covariance) = (self.state(), self.joint_covariance());
         if let Some(tape) = &mut self.extensions.tape {
             tape.push(Step::Sample {
@@ -145,7 +145,7 @@ impl Eskf {
             tape: None,
         };
         if self.interval.duration_s() > 0.0 {
-            extensions.propagate(&self.interval, &self.kinematics, &self.settings.earth);
+            extensions.propagate(&self.interval, &self.kinematics, &self.earth);
         }
         let further = extensions.further();
         let mut joint = DMatrix::zeros(extensions.states(), extensions.states());
@@ -167,7 +167,7 @@ impl Eskf {
 pub(super) fn transition(
     interval: &Interval,
     end: &Kinematics<f64>,
-    earth: &EarthTerms,
+    earth: &EarthTerms<f64>,
     extensions: &Extensions,
 ) -> DMatrix<f64> {
     let states = extensions.states();

@@ -1,6 +1,7 @@
 //! The verdict of the gate on either side of its threshold.
 
 use super::*;
+use crate::aiding::Motion;
 use crate::aiding::depth::depth;
 use crate::filter::options::Options;
 use crate::frames::Vec3;
@@ -15,7 +16,7 @@ fn verdict(gate: Gate, nis: f64) -> (Verdict, f64) {
     };
     let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     let depth_m = (nis * 4.25).sqrt();
-    let innovation = depth(&filter.state(), depth_m, 0.5, &Vec3::zeros());
+    let innovation = depth(&Motion::still(&filter.state()), depth_m, 0.5, &Vec3::zeros());
     let report = filter.update(&innovation, Sensor::Depth).unwrap();
     (report.verdict, report.nis)
 }
@@ -90,7 +91,10 @@ fn velocities_of_the_platform_are_noted() {
     let fix = crate::aiding::velocity::velocity(&state, &Vec3::zeros(), &nalgebra::Matrix3::identity());
     assert_eq!(noted(&fix, Sensor::Velocity), Some(9));
     assert_eq!(noted(&fix, Sensor::Beams), Some(9));
-    assert_eq!(noted(&depth(&state, 0.0, 0.5, &Vec3::zeros()), Sensor::Depth), None);
+    assert_eq!(
+        noted(&depth(&Motion::still(&state), 0.0, 0.5, &Vec3::zeros()), Sensor::Depth),
+        None
+    );
     let in_tangent_frame = Innovation {
         tangent_rows: TangentRows::Velocity,
         ..fix

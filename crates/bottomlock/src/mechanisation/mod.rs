@@ -2,6 +2,8 @@
 //!
 //! ṙ = R v,  Ṙ = R [ω_tp×] with ω_tp = ω_ip − Rᵀω_ie,  v̇ = f + Rᵀg − (ω_ip + Rᵀω_ie) × v.
 //!
+//! The tangent frame does not turn with the place, so there is no transport rate; instead g is that of the place.
+//!
 //! The step is second order: rotation by the mean rate with the coning term of a linearly varying rate, specific force
 //! and position by the trapezoidal rule in the tangent frame, whose local errors telescope over a run.
 //!
@@ -11,8 +13,8 @@ mod imu_limits;
 
 pub(crate) use self::imu_limits::LONGEST_GAP_S;
 pub use self::imu_limits::{IMU_FAULTS, ImuFault, ImuLimits, LongGap, Quantity};
+pub use crate::earth::EarthTerms;
 
-use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
 use crate::simd::{Lane, M3, V3, add, add_mul, add_scaled, cross, dot, mul, scale, splat3, sub, sub_cross, tmul};
@@ -58,22 +60,6 @@ pub enum Sampling {
     Instantaneous,
     /// The mean since the sample before (increments divided by the interval); a step uses its later end.
     Averaged,
-}
-
-/// Earth rate and gravity as the step needs them.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct EarthTerms {
-    pub(crate) rate_t: [f64; 3],
-    pub(crate) gravity_mps2: f64,
-}
-
-impl From<&Environment> for EarthTerms {
-    fn from(environment: &Environment) -> Self {
-        Self {
-            rate_t: environment.earth_rate_t_radps().to_array(),
-            gravity_mps2: environment.gravity_mps2,
-        }
-    }
 }
 
 /// Position, attitude and velocity of one filter or of several side by side.
@@ -156,8 +142,8 @@ impl<T: Lane> Kinematics<T> {
 
     /// One strapdown step of `dt_s` seconds from `start` to `end`.
     #[inline(always)]
-    pub fn step(&mut self, start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms) {
-        let attitude_t_p = Turn::of(start, end, dt_s, earth).after(self.attitude_t_p);
+    pub fn step(&mut self, start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms<T>) {
+        let attitude_t_p = Turn::of(start, end, dt_s, earth.rate_t).after(self.attitude_t_p);
         self.follow(attitude_t_p, start, end, dt_s, earth);
     }
 
@@ -169,13 +155,17 @@ impl<T: Lane> Kinematics<T> {
         start: &Inertial<T>,
         end: &Inertial<T>,
         dt_s: f64,
-        earth: &EarthTerms,
+        earth: &EarthTerms<T>,
     ) {
         let like = self.velocity_p_mps[0];
         let half = like.splat(0.5 * dt_s);
         let rotation = rotation_matrix(attitude_t_p);
-        let fall = like.splat(earth.gravity_mps2 * dt_s);
-        let gain_t = velocity_increment_t(&self.rotation_t_p, start, &rotation, end, half, fall);
+        let fall_t = scale(earth.gravity_t, like.splat(dt_s));
+        let mut gain_t = velocity_increment_t(&self.rotation_t_p, start, &rotation, end, half, fall_t[2]);
+        if earth.gradient_t.is_some() {
+            gain_t[0] += fall_t[0];
+            gain_t[1] += fall_t[1];
+        }
         let twice_turn_t = splat3(like, scale(earth.rate_t, 2.0 * dt_s));
         (self.position_t_m, self.velocity_t_mps) =
             integrate_velocity_position(self.position_t_m, self.velocity_t_mps, gain_t, twice_turn_t, half);
@@ -195,10 +185,10 @@ pub(crate) struct Turn<T> {
 
 impl<T: Lane> Turn<T> {
     #[inline(always)]
-    pub(crate) fn of(start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms) -> Self {
+    pub(crate) fn of(start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth_rate_t: [f64; 3]) -> Self {
         let like = start.rate_p_radps[0];
         Self {
-            frame: frame_turn(scale(earth.rate_t, -0.5 * dt_s)),
+            frame: frame_turn(scale(earth_rate_t, -0.5 * dt_s)),
             platform: platform_turn(start, end, like.splat(0.5 * dt_s), like.splat(dt_s * dt_s / 12.0)),
         }
     }
@@ -272,14 +262,13 @@ fn integrate_velocity_position<T: Lane>(
 pub fn derivatives<T: Lane>(
     kinematics: &Kinematics<T>,
     inertial: &Inertial<T>,
-    earth: &EarthTerms,
+    earth: &EarthTerms<T>,
 ) -> ([T; 3], [T; 3], [T; 3]) {
     let rotation = &kinematics.rotation_t_p;
     let velocity = kinematics.velocity_p_mps;
     let like = velocity[0];
     let rate_ie_p = tmul(rotation, splat3(like, earth.rate_t));
-    let zero = like.splat(0.0);
-    let gravity_p = tmul(rotation, [zero, zero, like.splat(earth.gravity_mps2)]);
+    let gravity_p = tmul(rotation, earth.gravity_t);
     let rate_tp = sub(inertial.rate_p_radps, rate_ie_p);
     let swing = cross(add(inertial.rate_p_radps, rate_ie_p), velocity);
     (

@@ -1,12 +1,14 @@
 //! The strapdown step by hand, and in lanes.
 
 use super::*;
+use crate::earth::{Earth, EarthModel, Environment, in_lanes};
 use crate::simd::{Lanes, Simd, f64x4, f64x8, on_one_level, scatter};
 
-fn still_earth() -> EarthTerms {
+fn still_earth() -> EarthTerms<f64> {
     EarthTerms {
         rate_t: [0.0; 3],
-        gravity_mps2: 9.8,
+        gravity_t: [0.0, 0.0, 9.8],
+        gradient_t: None,
     }
 }
 
@@ -79,7 +81,7 @@ fn attitude_keeps_its_norm() {
 }
 
 fn turning<S: Simd, T: Lanes<S>>(simd: S) {
-    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let earth = Earth::from(&Environment::normal(0.57, 0.0).on(EarthModel::Ellipsoid)).terms([3e4, -4e4, 200.0]);
     // The last lane turns so fast that it leaves the series; its neighbours must not notice.
     let rate = |k: usize| [0.01 * k as f64, -0.02, if k + 1 == T::COUNT { 200.0 } else { 0.05 }];
     let force = |k: usize| [0.1, 0.02 * k as f64, -9.8];
@@ -94,7 +96,7 @@ fn turning<S: Simd, T: Lanes<S>>(simd: S) {
         force_p_mps2: std::array::from_fn(|i| T::gather(simd, |k| force(k)[i])),
     };
     for _ in 0..50 {
-        lanes.step(&inertial, &inertial, 1.0 / 150.0, &earth);
+        lanes.step(&inertial, &inertial, 1.0 / 150.0, &in_lanes(&earth, zero));
     }
     for k in 0..T::COUNT {
         let mut one = Kinematics::new([0.0; 3], [1.0, 0.1, 0.0, -0.3], [2.0, 0.0, 0.1]);
@@ -145,7 +147,8 @@ fn coning_of_a_linear_rate() {
 fn what_is_fixed_to_the_earth_stays() {
     let earth = EarthTerms {
         rate_t: [3e-3, 1e-3, -2e-3],
-        gravity_mps2: 9.8,
+        gravity_t: [0.0, 0.0, 9.8],
+        gradient_t: None,
     };
     for attitude_t_p in [[1.0, 0.0, 0.0, 0.0], [0.5, -0.5, 0.5, 0.5], [0.8, 0.0, 0.0, 0.6]] {
         let start = Kinematics::new([0.0; 3], attitude_t_p, [0.0; 3]);
@@ -168,7 +171,8 @@ fn coriolis_by_hand() {
     let (turn, dt) = (1e-3, 0.01);
     let earth = EarthTerms {
         rate_t: [0.0, 0.0, turn],
-        gravity_mps2: 9.8,
+        gravity_t: [0.0, 0.0, 9.8],
+        gradient_t: None,
     };
     let mut kinematics = Kinematics::new([0.0; 3], [1.0, 0.0, 0.0, 0.0], [10.0, 0.0, 0.0]);
     let inertial = Inertial {

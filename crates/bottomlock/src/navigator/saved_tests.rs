@@ -19,6 +19,7 @@ fn waiting(method: usize) -> Snapshot {
         latitude_rad: 0.0,
         gravity_mps2: 9.78,
         earth_rate_radps: 7.25e-5,
+        earth: crate::earth::EarthModel::TangentPlane,
     };
     model.sensors.depth.bias_sd_m = 0.25;
     let direction = |x, y, z| Vec3::new(x, y, z);
@@ -84,7 +85,7 @@ fn the_layout_is_that_of_the_format() {
         .zip(1..)
         .map(|(&byte, k)| u64::from(byte) * k)
         .sum();
-    assert_eq!((crate::saved::FORMAT, bytes.len(), sum), (6, 23934, 3_545_057_678));
+    assert_eq!((crate::saved::FORMAT, bytes.len(), sum), (7, 23934, 3_545_057_678));
 }
 
 /// Each fault of the frame has its words.
@@ -97,7 +98,7 @@ fn faults_of_the_frame_are_named() {
     assert!(words(&bytes[..bytes.len() - 1]).contains("damaged or were cut short"));
     let mut other = bytes.clone();
     other[8] = 77;
-    assert!(words(&other).contains("format 77, expected 6"), "{}", words(&other));
+    assert!(words(&other).contains("format 77, expected 7"), "{}", words(&other));
     let longer = NAVIGATOR.frame(&[&bytes[CONTENT_AT..], &[0]].concat());
     assert!(words(&longer).contains("another layout"));
     let janus = BeamGeometry::janus(Janus::X, 0.5).unwrap().to_bytes().unwrap();

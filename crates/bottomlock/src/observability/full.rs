@@ -10,6 +10,7 @@ use crate::aiding::registry::reports;
 use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
+use crate::earth::LocalLevel;
 use crate::error::NavError;
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, POSITION, VELOCITY};
 use crate::model::Model;
@@ -166,6 +167,7 @@ fn rows(
         rate_ip_p_radps: Vector3::from(truth.omega_p_radps[k]),
         earth_rate_t_radps: model.environment.earth_rate_t_radps().0,
         gyro_variance: 0.0,
+        level: LocalLevel::of_plane(&state.position_t_m),
     };
     let mut parts: Vec<(Innovation, f64)> = Vec::new();
     if which.beams.count() > 0 {

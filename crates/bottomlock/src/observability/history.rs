@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Aiding, Epochs, System, full, magnus, paper};
 use crate::dvl::geometry::BeamGeometry;
+use crate::earth::EarthModel;
 use crate::error::{NavError, require_finite_squares};
 use crate::error_model::{Coefficients, dense_noise};
 use crate::layout::DIM;
@@ -45,7 +46,7 @@ pub fn of_filter(
     let system = systems.remove(0);
     let initial = model.initial_covariance(estimate_dvl);
     let noise = model.process_noise(estimate_dvl);
-    let earth = EarthTerms::from(&model.environment);
+    let earth = EarthTerms::from(&model.environment.on(EarthModel::TangentPlane));
     let density = |k: usize| {
         let inertial = Inertial {
             rate_p_radps: truth.omega_p_radps[k],

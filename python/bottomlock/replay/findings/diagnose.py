@@ -16,6 +16,7 @@ from bottomlock.replay.findings.answers import closure_words
 from bottomlock.replay.findings.attitude_checks import attitude_findings
 from bottomlock.replay.findings.beam_noise_finding import beam_noise_finding
 from bottomlock.replay.findings.claims import claims_findings
+from bottomlock.replay.findings.earth_limits import earth_findings
 from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.replay.findings.finding import Finding, ranked
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
@@ -74,7 +75,11 @@ def diagnose(
         own = next((one for one in agreed if one.method == seen.method), None)
         agreed = ([] if own is None else [own]) + [one for one in agreed if one is not own]
         verdict, state = verdict_finding(seen, likeliest, own)
-    further = [*_astray(agreed), *claims_findings(samples, methods)]
+    further = [
+        *_astray(agreed),
+        *claims_findings(samples, methods),
+        *earth_findings(prepared.model.environment, samples),
+    ]
     evidence = Evidence(
         verdict=verdict, state=state, causes=causes, further=further, seen=seen, closure=closure_words(prepared),
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),

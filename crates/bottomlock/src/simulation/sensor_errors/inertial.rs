@@ -5,6 +5,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Stream, normals};
+use crate::earth::Earth;
 use crate::frames::{Rot, Tangent};
 use crate::mechanisation::{ImuSample, Sampling};
 use crate::model::{ImuModel, Model};
@@ -48,6 +49,7 @@ impl Inertial {
     pub(super) fn read(
         &mut self,
         model: &Model,
+        earth: &Earth,
         sampling: Sampling,
         at: &Truth<'_>,
         mut samples: Range<usize>,
@@ -84,7 +86,7 @@ impl Inertial {
                 self.gyro_bias += gyro_walk * (model.imu.gyro_bias_walk_radps_rts * root_dt);
                 let truth = match sampling {
                     Sampling::Instantaneous => (Vector3::from(at.omega_p_radps[k]), Vector3::from(at.force_p_mps2[k])),
-                    Sampling::Averaged => mean_readings(at, model, k),
+                    Sampling::Averaged => mean_readings(at, earth, k),
                 };
                 let reading = self.reading(&model.imu, at, k, truth, &gyro_noise, &accel_noise);
                 take(reading, &self.accel_bias, &self.gyro_bias);
@@ -117,9 +119,9 @@ fn root_interval_s(at: &Truth<'_>, k: usize) -> f64 {
 }
 
 /// The mean rate and force since the last sample that lead the strapdown step from truth to truth.
-fn mean_readings(truth: &Truth<'_>, model: &Model, k: usize) -> (Vector3<f64>, Vector3<f64>) {
+fn mean_readings(truth: &Truth<'_>, on: &Earth, k: usize) -> (Vector3<f64>, Vector3<f64>) {
     let dt = (truth.time_ns[k] - truth.time_ns[k - 1]) as f64 * 1e-9;
-    let earth = model.environment.earth_rate_t_radps().0;
+    let earth = Vector3::from(on.rate_t);
     let (before, after) = (truth.attitude(k - 1), truth.attitude(k));
     let turn = before.inverse() * Rot::<Tangent, Tangent>::exp(earth * dt) * after;
     let (r0, r1) = (before.matrix(), after.matrix());
@@ -127,7 +129,8 @@ fn mean_readings(truth: &Truth<'_>, model: &Model, k: usize) -> (Vector3<f64>, V
         r0 * Vector3::from(truth.velocity_p_mps[k - 1]),
         r1 * Vector3::from(truth.velocity_p_mps[k]),
     );
-    let gravity = Vector3::new(0.0, 0.0, model.environment.gravity_mps2);
+    let middle_t_m = (Vector3::from(truth.position_t_m[k - 1]) + Vector3::from(truth.position_t_m[k])) * 0.5;
+    let gravity = on.gravity_t_mps2(&middle_t_m.into());
     let needed = (v1 - v0) / dt - gravity + earth.cross(&(v0 + v1));
     let mean: Matrix3<f64> = (r0 + r1) * 0.5;
     // The mean of two neighbouring rotations is invertible unless they are half a turn apart.

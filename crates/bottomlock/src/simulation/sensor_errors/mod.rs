@@ -13,6 +13,7 @@ use self::inertial::Inertial;
 use crate::aiding::registry::{Levers, Measurement, SENSORS, SensorKind};
 use crate::aiding::sensor::Scene;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample, MAX_BEAMS};
+use crate::earth::Earth;
 use crate::error::NavError;
 use crate::filter::options::Options;
 use crate::frames::Vec3;
@@ -92,6 +93,7 @@ pub(crate) fn drawn_start(truth: &NavState, model: &Model, key: &RunKey) -> NavS
 pub(crate) struct SensorErrors {
     model: Model,
     claimed: Model,
+    earth: Earth,
     sampling: Sampling,
     inertial: Inertial,
     dvl: Dvl,
@@ -130,6 +132,7 @@ impl SensorErrors {
         Self {
             model: *model,
             claimed: *claimed,
+            earth: Earth::from(&model.environment),
             sampling: options.sampling,
             inertial: Inertial::new(&model.imu, key),
             dvl: Dvl {
@@ -177,7 +180,8 @@ impl SensorErrors {
         samples: Range<usize>,
         take: impl FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
     ) {
-        self.inertial.read(&self.model, self.sampling, at, samples, take);
+        self.inertial
+            .read(&self.model, &self.earth, self.sampling, at, samples, take);
     }
 
     /// The ping at a time.
@@ -232,9 +236,11 @@ impl SensorErrors {
         let Some(simulation) = declaration.simulation else {
             return Ok(None);
         };
+        let truth = at.at(simulation.name, time_ns)?;
         let scene = Scene {
             time_ns,
-            truth: &at.at(simulation.name, time_ns)?,
+            truth: &truth,
+            level: self.earth.level(&truth.position_t_m.into()),
             offset,
             lever_p_m: *self.levers.of(kind),
             actual: &self.model.sensors,

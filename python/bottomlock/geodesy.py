@@ -25,10 +25,17 @@ class Place:
     height_m: float
 
 
+def radii_m(latitude_rad: Floats) -> tuple[Floats, Floats]:
+    """Radii of curvature of the ellipsoid, m, along the meridian and across it (Groves 2013, Eqs. 2.105 and 2.106)."""
+    root = np.sqrt(1.0 - ECCENTRICITY_SQUARED * np.sin(latitude_rad) ** 2)
+    transverse = SEMI_MAJOR_AXIS_M / root
+    return np.asarray((1.0 - ECCENTRICITY_SQUARED) * transverse / root**2), np.asarray(transverse)
+
+
 def _earth_fixed(latitude_rad: Floats, longitude_rad: Floats, height_m: Floats) -> Floats:
     """(..., 3) Earth-centred, Earth-fixed positions, m (Groves 2013, Eq. 2.112)."""
     sin, cos = np.sin(latitude_rad), np.cos(latitude_rad)
-    transverse_radius = SEMI_MAJOR_AXIS_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin**2)
+    _, transverse_radius = radii_m(latitude_rad)
     return np.stack(
         [
             (transverse_radius + height_m) * cos * np.cos(longitude_rad),

@@ -1,10 +1,31 @@
 //! Earth rate, normal gravity, and the environment of a mission.
+//!
+//! The tangent frame is fixed to the Earth at the origin, so that neither transport rate nor convergence of the meridians enters
+//! the mechanisation. What changes with the place is gravity, in size and direction, and which way is down and north; both
+//! follow exactly from the position, see [`ellipsoid`].
+
+mod ellipsoid;
+mod terms;
+
+pub use self::ellipsoid::{Ellipsoid, Place};
+#[cfg(test)]
+pub(crate) use self::terms::in_lanes;
+pub use self::terms::{Earth, EarthTerms, LocalLevel};
 
 use crate::error::{NavError, require_finite, require_non_negative};
 use crate::frames::{Tangent, Vec3};
 
 /// Rotation rate of the Earth (WGS 84), rad/s.
 pub const EARTH_RATE_RADPS: f64 = 7.292_115e-5;
+
+/// Semi-major axis of the ellipsoid (WGS 84), m.
+pub const SEMI_MAJOR_AXIS_M: f64 = 6_378_137.0;
+/// Square of its eccentricity.
+pub const ECCENTRICITY_SQUARED: f64 = 0.006_694_379_990_14;
+/// Normal gravity at the equator (WGS 84), m/s².
+const GRAVITY_EQUATOR_MPS2: f64 = 9.780_325_335_9;
+/// The constant k of Somigliana's formula (Groves 2013, Eq. 2.134).
+const GRAVITY_RISE: f64 = 0.001_931_853;
 
 /// Increase of gravity with depth in sea water, 1/s².
 ///
@@ -27,8 +48,18 @@ const GREATEST_GRAVITY_MPS2: f64 = 20.0;
 #[must_use]
 pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> f64 {
     let s2 = latitude_rad.sin().powi(2);
-    9.780_325_335_9 * (1.0 + 0.001_931_853 * s2) / (1.0 - 0.006_694_379_990_14 * s2).sqrt()
+    GRAVITY_EQUATOR_MPS2 * (1.0 + GRAVITY_RISE * s2) / (1.0 - ECCENTRICITY_SQUARED * s2).sqrt()
         + GRAVITY_DEPTH_GRADIENT_PS2 * depth_m
+}
+
+/// What the Earth is to a filter and to simulated sensors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+pub enum EarthModel {
+    /// A plane: gravity and the directions of north, east and down are those of the origin everywhere, as in the 2017 paper.
+    TangentPlane,
+    /// The ellipsoid of WGS 84: gravity, depth, level and heading are those of the place.
+    #[default]
+    Ellipsoid,
 }
 
 /// Latitude, gravity and Earth rate of a mission.
@@ -36,21 +67,31 @@ pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> f64 {
 pub struct Environment {
     /// Geodetic latitude, rad.
     pub latitude_rad: f64,
-    /// Gravity along tangent z (down), m/s²; constant over a mission. 0 for specific forces without gravity (docs/no_imu.md).
+    /// Gravity at the origin of the tangent frame, m/s²; on a tangent plane it is that everywhere. 0 for specific forces without
+    /// gravity (docs/no_imu.md).
     pub gravity_mps2: f64,
     /// Earth rate, rad/s; zero for a non-rotating Earth.
     pub earth_rate_radps: f64,
+    /// Plane or ellipsoid.
+    pub earth: EarthModel,
 }
 
 impl Environment {
-    /// The environment of a rotating Earth with normal gravity at a latitude, rad, and a depth, m.
+    /// The tangent plane of a rotating Earth with normal gravity at a latitude, rad, and a depth, m.
     #[must_use]
     pub fn normal(latitude_rad: f64, depth_m: f64) -> Self {
         Self {
             latitude_rad,
             gravity_mps2: normal_gravity_mps2(latitude_rad, depth_m),
             earth_rate_radps: EARTH_RATE_RADPS,
+            earth: EarthModel::TangentPlane,
         }
+    }
+
+    /// The same with another model of the Earth.
+    #[must_use]
+    pub fn on(self, earth: EarthModel) -> Self {
+        Self { earth, ..self }
     }
 
     /// Earth rate resolved in the tangent frame, rad/s.
@@ -89,7 +130,10 @@ impl Environment {
 }
 
 #[cfg(test)]
-mod tests {
+mod tests;
+
+#[cfg(test)]
+mod environment_tests {
     use super::*;
 
     /// Gravity at the pole is the value tabulated by WGS 84.
@@ -114,6 +158,7 @@ mod tests {
             latitude_rad: 32.8,
             gravity_mps2: 9.8,
             earth_rate_radps: 0.0,
+            earth: EarthModel::TangentPlane,
         };
         assert!(matches!(environment.validate(), Err(NavError::OutOfRange { .. })));
     }
