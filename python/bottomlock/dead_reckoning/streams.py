@@ -13,7 +13,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Depths:
-    """Depth below the origin of the tangent frame, m, (n,), positive down."""
+    """Depth below the level of the tangent frame's origin, m, (n,), positive down."""
 
     time_ns: Times
     depth_m: Floats
@@ -21,7 +21,7 @@ class Depths:
 
 @dataclass(frozen=True, eq=False)
 class Attitudes:
-    """Attitudes of the platform, rotations to the tangent frame, (n,)."""
+    """Attitudes of the platform against north, east and down at the vehicle, as recorded, (n,)."""
 
     time_ns: Times
     attitude: Rotation
