@@ -7,48 +7,16 @@ and the NEES.
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
-import bottomlock
-from bottomlock.config.scenario import load_scenario
-from bottomlock.simulation.build import build_simulation
 from tests.oracle import chi_squared
+from tools.long_way import HEADINGS_DEG, LATITUDES_DEG, PAGE, RUNS, fly, row
+from tools.score_recorded import marked, same_numbers
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-SEED = 20261124
-RUNS = 24
-METHOD = "tc"
 FAST = [(45.0, 0.0), (85.0, 90.0)]
-WAYS = [(latitude, heading) for latitude in (0.0, 45.0, 70.0, 85.0) for heading in (0.0, 90.0, 225.0)]
-
-
-def run(latitude_deg: float, heading_deg: float, runs: int, earth: str = "ellipsoid") -> dict[str, Any]:
-    """Runs of the way, whose truth is on the ellipsoid; `earth` is what the filter takes it for."""
-    scenario = load_scenario("long_way").replace("environment.latitude_deg", latitude_deg)
-    simulation = build_simulation(scenario.replace("trajectory.heading_deg", heading_deg))
-    truth = simulation.truth()
-    schedule: Any = bottomlock.measurement_schedule(simulation, truth)
-    schedule["sample_time_ns"] = schedule["sample_time_ns"][499::500]
-    model = scenario.kernel_model(simulation.gravity_mps2)
-    arrays: Any = truth.kernel_arrays()
-    batch: Any = bottomlock.run_batch(
-        simulation.geometry,
-        arrays,
-        model,
-        model.replace(environment=model.environment.replace(earth=earth)),
-        scenario.kernel_options(),
-        schedule,
-        [METHOD],
-        seed=SEED,
-        trajectory_key=31,
-        first_run=0,
-        runs=runs,
-        threads=1,
-    )
-    return dict(batch)
+WAYS = [(latitude, heading) for latitude in LATITUDES_DEG for heading in HEADINGS_DEG]
 
 
 @pytest.mark.parametrize(
@@ -60,7 +28,7 @@ def test_claims_hold_after_fifty_kilometres(latitude_deg: float, heading_deg: fl
 
     Band of NEES at 99.8 %, of each error above at 99.9 %.
     """
-    batch = run(latitude_deg, heading_deg, RUNS)
+    batch = fly(latitude_deg, heading_deg, RUNS)
     nees = batch["nees_velocity_attitude"][:, 0]
     low, high = chi_squared.mean_band(nees.mean(axis=1), 6, 0.998)
     assert low < nees.mean() < high
@@ -72,5 +40,12 @@ def test_claims_hold_after_fifty_kilometres(latitude_deg: float, heading_deg: fl
 
 def test_the_plane_of_the_paper_does_not_hold() -> None:
     """The same readings in a filter on the tangent plane: what this is for."""
-    batch = run(45.0, 0.0, 4, earth="tangent_plane")
+    batch = fly(45.0, 0.0, 4, "tangent_plane")
     assert batch["nees_velocity_attitude"][:, 0, -1].min() > 50.0
+
+
+def test_the_page_has_these_numbers() -> None:
+    """One row of the page's table again."""
+    page = marked(PAGE.read_text(encoding="utf-8"), "long-way").group(2)
+    (there,) = [line for line in page.splitlines() if line.startswith("| 45° | 0° |")]
+    assert same_numbers(there, "| " + " | ".join(row(45.0, 0.0)) + " |")
