@@ -2,8 +2,8 @@
 
     python tools/example_dive.py
 
-writes the sensors' files and SHA256SUMS anew. The scenario `survey` is flown for three minutes with an IMU of 50 Hz, a
-Workhorse of 30° and acoustic positions; the readings are those of its run 0.
+writes the sensors' files and SHA256SUMS anew, and prints the start for the case, which is written by hand. The scenario
+`survey` is flown for 23 minutes with an IMU of 20 Hz, a Workhorse of 30° and acoustic positions, which are lost after 3; the readings are those of its run 0. The start has errors drawn from what the case claims of it.
 """
 
 from __future__ import annotations
@@ -35,9 +35,14 @@ FOLDER = Path(__file__).resolve().parent.parent / "data" / "logs" / "survey_dive
 GEOMETRY = "teledyne_30"
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01, UTC: the instruments' clock at the start of the run."""
-DURATION_S = 180.0
+DURATION_S = 1380.0
+LOST_FROM_S = 180.0
+"""No acoustic positions from then on."""
+START_AT_S, START_SEED = 10.0, 2017
+START_SD = {"level_deg": 0.02, "heading_deg": 0.1, "position_m": 2.0, "velocity_mps": 0.02}
+"""What the case claims of its start, as the scenario does; seed and claims were fixed before the first replay."""
 OMEGA_STEP_RADPS, FORCE_STEP_MPS2 = 2.0**-20, 2.0**-14
-"""Steps of the inertial readings: a tenth of the noise of a sample (1.0e-5 rad/s, 5.9e-4 m/s²)."""
+"""Steps of the inertial readings: a XX of the noise of a sample (6.5e-6 rad/s, 3.7e-4 m/s²)."""
 
 
 def scenario() -> Scenario:
@@ -45,7 +50,7 @@ def scenario() -> Scenario:
     content = load_scenario("survey").model_dump(exclude_unset=True)
     content["name"] = "survey_dive"
     content["trajectory"]["duration_s"] = DURATION_S
-    content["imu"]["rate_hz"] = 50.0
+    content["imu"]["rate_hz"] = 20.0
     content["acoustic_position"] = {"rate_hz": 0.1, "noise_m": 1.0, "noise_percent_of_range": 0.0}
     return with_geometry(Scenario.model_validate(content), GEOMETRY)
 
@@ -82,7 +87,9 @@ def made(folder: Path, flown: Scenario) -> list[str]:
     ]
     write_text(folder / "compass.csv", streams["attitude"].select(at, *angles).write_csv())
     north, east, down = (pl.col(f"position_{axis}_m").round(2) for axis in ("north", "east", "down"))
-    fixes = streams["acoustic_position"].select(
+    elapsed_s = (pl.col("time_ns") - pl.col("time_ns").first()) * 1e-9
+    heard = streams["acoustic_position"].filter(elapsed_s < LOST_FROM_S)
+    fixes = heard.select(
         at, north.alias("north_m"), east.alias("east_m"), down.alias("down_m")
     )
     write_text(folder / "usbl.csv", fixes.write_csv())
@@ -97,6 +104,30 @@ def made(folder: Path, flown: Scenario) -> list[str]:
     return ["beams.parquet", "compass.csv", "depth.csv", "dvl.pd0", "imu.parquet", "truth.csv", "usbl.csv"]
 
 
+def start(reference: pl.DataFrame) -> dict[str, float | list[float]]:
+    """Keys of the case's `[start]`: the reference at the start and errors drawn from the claims.
+
+    Args:
+        reference: the table of truth.csv.
+    """
+    row = reference.row(round(START_AT_S), named=True)
+    random = np.random.default_rng(START_SEED)
+
+    def drawn(names: tuple[str, ...], claim: str, digits: int, factor: float = 1.0) -> list[float]:
+        values = [row[name] * factor + random.normal(0.0, START_SD[claim]) for name in names]
+        return [round(float(value), digits) for value in values]
+
+    level = drawn(("roll_rad", "pitch_rad"), "level_deg", 3, 180.0 / np.pi)
+    (heading,) = drawn(("yaw_rad",), "heading_deg", 3, 180.0 / np.pi)
+    return {
+        "roll_deg": level[0],
+        "pitch_deg": level[1],
+        "heading_deg": heading,
+        "position_m": drawn(("north_m", "east_m", "down_m"), "position_m", 2),
+        "velocity_mps": drawn(("surge_mps", "sway_mps", "heave_mps"), "velocity_mps", 3),
+    }
+
+
 def main() -> None:
     """Writes the folder."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -107,6 +138,8 @@ def main() -> None:
     names = sorted([*by_hand, *made(folder, scenario())])
     lines = [f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in names]
     write_text(folder / "SHA256SUMS", "".join(lines))
+    for key, value in start(pl.read_csv(folder / "truth.csv")).items():
+        print(f"{key} = {value}")
 
 
 if __name__ == "__main__":
