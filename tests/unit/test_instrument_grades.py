@@ -29,7 +29,7 @@ def test_a_grade_in_si_is_that_of_its_data_sheet() -> None:
 
 
 def test_the_torpedo_is_the_kernels_own_and_vehicles_fill_the_keys_left_out() -> None:
-    """Without a vehicle the prior is that of the packaged torpedo, which the paper's scenarios state."""
+    """Without a vehicle the prior is that of the packaged torpedo."""
     assert bottomlock.vehicle_water("torpedo") == models.Water()
     own = Filter.model_validate({"water": {"vehicle": "hovering", "slip_time_s": 30.0}}).kernel_options()[
         "water"

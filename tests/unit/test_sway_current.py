@@ -106,13 +106,13 @@ def test_the_slip_is_learned_at_full_lock_alone() -> None:
 
 
 def test_packaged_prior_is_the_kernels_own() -> None:
-    """Without a section `water` the kernel takes the very numbers that the scenarios have."""
+    """Without a section `water` the kernel takes the defaults; the paper's scenarios have a current of six hours."""
     given, own = swim("sway_current", 5, current_sd_mps=Water().current_sd_mps)[0], swim("sway_current", 5)[0]
     np.testing.assert_array_equal(given.covariance(), own.covariance())
     np.testing.assert_array_equal(given.water()["covariance"], own.water()["covariance"])
     for name in ("straight", "figure_eight", "lawn_mower"):
-        assert load_scenario(name).filter.water == Water()
-        assert load_scenario(name).kernel_options().water == models.Water()
+        assert load_scenario(name).filter.water == Water(current_time_s=21_600.0)
+        assert load_scenario(name).kernel_options().water == models.Water(current_time_s=21_600.0)
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ impl Default for WaterPrior {
     fn default() -> Self {
         Self {
             current_sd_mps: 0.3,
-            current_time_s: 21_600.0,
+            current_time_s: 1800.0,
             sway_gain_m: 0.6,
             sway_gain_sd_m: 0.3,
             trim_sd_mps: 0.03,
