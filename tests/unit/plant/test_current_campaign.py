@@ -21,6 +21,7 @@ MODEL: Any = {
         "latitude_rad": LATITUDE_RAD,
         "gravity_mps2": GRAVITY_MPS2,
         "earth_rate_radps": _kernel.EARTH_RATE_RADPS,
+        "earth": "tangent_plane",
     },
     "imu": {
         "accel_noise_mps_rts": 0.0012,

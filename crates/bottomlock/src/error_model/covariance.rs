@@ -112,6 +112,10 @@ fn pull_covariance<T: Lane>(p: &mut Matrix<T>, pull: &M3<T>) {
             let gained = dot(pull[k], [p[POSITION][j], p[POSITION + 1][j], p[POSITION + 2][j]]);
             p[VELOCITY + k][j] += gained;
         }
+        // What the next transition of one filter reads of the biases, as `complete_biases` leaves it.
+        for j in DYNAMIC..DVL_BIAS {
+            p[j][VELOCITY + k] = p[VELOCITY + k][j];
+        }
     }
     for row in &mut p[..DYNAMIC] {
         let gained = mul(pull, three(row, POSITION));

@@ -101,7 +101,8 @@ fn position_inflates_all_states_where_a_direction_is_open() {
         filter.measured.velocity_ns = Some(0);
         assert_eq!(filter.is_beyond_linear_range(), open_mps > 1.0);
         let place = Vec3::new(50.0, 0.0, 0.0);
-        let far = crate::aiding::position::position(&filter.state(), &place, &[1.0; 3], &Vec3::zeros());
+        let far =
+            filter.with_motion(|motion| crate::aiding::position::position(motion, &place, &[1.0; 3], &Vec3::zeros()));
         let factors: [Option<f64>; 2] = std::array::from_fn(|_| {
             filter
                 .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)

@@ -85,7 +85,7 @@ fn the_layout_is_that_of_the_format() {
         .zip(1..)
         .map(|(&byte, k)| u64::from(byte) * k)
         .sum();
-    assert_eq!((crate::saved::FORMAT, bytes.len(), sum), (7, 24134, 3_645_390_408));
+    assert_eq!((crate::saved::FORMAT, bytes.len(), sum), (7, 24134, 3_642_380_845));
 }
 
 /// Each fault of the frame has its words.

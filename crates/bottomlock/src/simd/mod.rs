@@ -282,6 +282,25 @@ mod tests {
         assert!(!lanes.splat(f64::NAN).all_finite());
     }
 
+    /// Gravity of lanes is that of each alone, bit for bit.
+    #[test]
+    fn gravity_of_lanes_is_that_of_one() {
+        let earth = crate::earth::Earth::from(
+            &crate::earth::Environment::normal(0.7, 0.0).on(crate::earth::EarthModel::Ellipsoid),
+        );
+        let position = |k: usize| [100.0 * k as f64 - 250.3, 33.3 * k as f64, 20.1 + k as f64 / 3.0];
+        on_every_level(|| {
+            with_vectors!(simd => {
+                let lanes: [f64x4<_>; 3] = std::array::from_fn(|i| <f64x4<_> as Lanes<_>>::gather(simd, |k| position(k)[i]));
+                let there = earth.terms(lanes).to_array();
+                for k in 0..4 {
+                    let one = earth.terms(position(k)).to_array();
+                    for i in 0..12 { assert_eq!(Lanes::get(&there[i], k).to_bits(), one[i].to_bits(), "{i} {k} {}", one[i]); }
+                }
+            });
+        });
+    }
+
     /// Every kind of vector does lane by lane what `f64` does, infinities and NaN included (whose sign is nobody's).
     #[test]
     fn vectors_do_what_scalars_do() {
