@@ -3,7 +3,8 @@
     python tools/example_dive.py
 
 writes the sensors' files and SHA256SUMS anew, and prints the start for the case, which is written by hand. The scenario
-`survey` is flown for 23 minutes with an IMU of 20 Hz, a Workhorse of 30° and acoustic positions, which are lost after 3; the readings are those of its run 0. The start has errors drawn from what the case claims of it.
+`survey` is flown for 23 minutes with an IMU of 20 Hz, a Workhorse of 30° and acoustic positions, lost after 3;
+the readings are those of its run 0. The start has errors drawn from what the case claims of it.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ START_AT_S, START_SEED = 10.0, 2017
 START_SD = {"level_deg": 0.02, "heading_deg": 0.1, "position_m": 2.0, "velocity_mps": 0.02}
 """What the case claims of its start, as the scenario does; seed and claims were fixed before the first replay."""
 OMEGA_STEP_RADPS, FORCE_STEP_MPS2 = 2.0**-20, 2.0**-14
-"""Steps of the inertial readings: a XX of the noise of a sample (6.5e-6 rad/s, 3.7e-4 m/s²)."""
+"""Steps of the inertial readings: a seventh of the noise of a sample (6.5e-6 rad/s, 3.7e-4 m/s²)."""
 
 
 def scenario() -> Scenario:
@@ -89,9 +90,7 @@ def made(folder: Path, flown: Scenario) -> list[str]:
     north, east, down = (pl.col(f"position_{axis}_m").round(2) for axis in ("north", "east", "down"))
     elapsed_s = (pl.col("time_ns") - pl.col("time_ns").first()) * 1e-9
     heard = streams["acoustic_position"].filter(elapsed_s < LOST_FROM_S)
-    fixes = heard.select(
-        at, north.alias("north_m"), east.alias("east_m"), down.alias("down_m")
-    )
+    fixes = heard.select(at, north.alias("north_m"), east.alias("east_m"), down.alias("down_m"))
     write_text(folder / "usbl.csv", fixes.write_csv())
     every = np.flatnonzero(truth.time_ns % 1_000_000_000 == truth.time_ns[0] % 1_000_000_000)
     columns = {"time_ns": truth.time_ns[every] + offset}

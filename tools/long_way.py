@@ -94,6 +94,4 @@ def ways_table(latitudes_deg: tuple[float, ...] = LATITUDES_DEG) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(
-        replaced(PAGE.read_text(encoding="utf-8"), {"long-way": ways_table()}), encoding="utf-8"
-    )
+    PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), {"long-way": ways_table()}), encoding="utf-8")

@@ -125,7 +125,7 @@ def test_rows_of_unequal_length_and_what_is_no_geometry_are_refused() -> None:
 def test_an_unknown_method_offers_the_known() -> None:
     """A slip of the pen gets its correction."""
     with pytest.raises(bottomlock.KernelError, match="virtual_beam"):
-        bottomlock.solve_velocity(JANUS, Y, ALL, method="virtal_beam", beam_sd_mps=0.042)  # type: ignore[arg-type]
+        bottomlock.solve_velocity(JANUS, Y, ALL, method="virtal_beam", beam_sd_mps=0.042)
 
 
 @pytest.mark.parametrize(
@@ -203,8 +203,8 @@ def test_a_model_out_of_range_names_the_key(part: str, key: str, value: Any) -> 
     with pytest.raises(bottomlock.KernelError, match=key):
         bottomlock.simulate_sensors(
             JANUS,
-            motion,  # type: ignore[arg-type]
-            model,  # type: ignore[arg-type]
+            motion,
+            model,
             settings.schedule(2),
             seed=1,
             trajectory_key=1,
@@ -217,7 +217,7 @@ def test_a_missing_key_is_named() -> None:
     model: dict[str, Any] = dict(settings.table_2())
     del model["dvl"]
     with pytest.raises(bottomlock.KernelError, match="dvl"):
-        bottomlock.Navigator(JANUS, model, settings.options(), {"time_ns": 0})  # type: ignore[arg-type]
+        bottomlock.Navigator(JANUS, model, settings.options(), {"time_ns": 0})
 
 
 def test_epochs_outside_the_truth_are_refused() -> None:
@@ -226,10 +226,24 @@ def test_epochs_outside_the_truth_are_refused() -> None:
     with pytest.raises(bottomlock.KernelError, match="3000000000 ns"):
         bottomlock.simulate_sensors(
             JANUS,
-            motion,  # type: ignore[arg-type]
+            motion,
             settings.table_2(),
             settings.schedule(5),
             seed=1,
             trajectory_key=1,
             run=0,
         )
+
+
+class Interrupted:
+    """An array that Ctrl-C comes upon."""
+
+    def __array__(self, *_args: Any, **_kwargs: Any) -> Any:  # noqa: ANN401 - the protocol of arrays
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_is_no_fault_of_the_input() -> None:
+    """Ctrl-C while numbers are read ends the work; it is not said of the numbers."""
+    geometry = bottomlock.BeamGeometry.janus(0.5)
+    with pytest.raises(KeyboardInterrupt):
+        geometry.beam_velocities(Interrupted())

@@ -114,9 +114,7 @@ def test_a_tangent_plane_would_be_kilometres_off() -> None:
 
 
 @pytest.mark.parametrize(("latitude_deg", "heading_deg"), [(0.0, 90.0), (45.0, 0.0), (70.0, 90.0)])
-@pytest.mark.parametrize(
-    ("earth", "verdict"), [("ellipsoid", "accepted"), ("tangent_plane", "rejected")]
-)
+@pytest.mark.parametrize(("earth", "verdict"), [("ellipsoid", "accepted"), ("tangent_plane", "rejected")])
 def test_gps_is_taken_after_fifty_kilometres(
     latitude_deg: float, heading_deg: float, earth: Literal["ellipsoid", "tangent_plane"], verdict: str
 ) -> None:
@@ -138,7 +136,9 @@ def test_gps_is_taken_after_fifty_kilometres(
     for first in range(1, len(truth.time_ns), rows_of_ping):
         rows = slice(first, first + rows_of_ping)
         navigator.push_imu_block(
-            truth.time_ns[rows], omega_p_radps=truth.omega_p_radps[rows], force_p_mps2=truth.force_p_mps2[rows]
+            truth.time_ns[rows],
+            omega_p_radps=truth.omega_p_radps[rows],
+            force_p_mps2=truth.force_p_mps2[rows],
         )
         last = min(first + rows_of_ping, len(truth.time_ns)) - 1
         now = int(truth.time_ns[last])
@@ -218,7 +218,7 @@ def test_a_short_mission_hardly_differs() -> None:
 def test_an_unknown_earth_is_rejected() -> None:
     """The model names what it expects."""
     with pytest.raises(kernel.KernelError, match="earth"):
-        models.Environment(latitude_rad=0.5, gravity_mps2=9.8, earth="sphere")
+        models.Environment(latitude_rad=0.5, gravity_mps2=9.8, earth="sphere")  # type: ignore[arg-type]
 
 
 def samples(north_m: list[float], down_m: list[float]) -> pl.DataFrame:

@@ -4,6 +4,7 @@ use numpy::{
     Element, IntoPyArray, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
     PyUntypedArrayMethods,
 };
+use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
@@ -105,7 +106,11 @@ fn checked<'py, T: Element>(
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let numpy = value.py().import("numpy")?;
     refuse_masked(name, value)?;
-    let array = numpy.call_method1("asarray", (value,)).map_err(|_| {
+    let array = numpy.call_method1("asarray", (value,)).map_err(|error| {
+        // An interrupt is no fault of the numbers.
+        if !error.is_instance_of::<PyException>(value.py()) {
+            return error;
+        }
         invalid(format!(
             "{name} is not an array of numbers, expected rows of equal length"
         ))

@@ -7,7 +7,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{Rows, array};
 use crate::keys::read;
-use crate::settings::environment;
+use crate::settings;
 
 /// Gravity (m/s²), north, east and down, and depth at positions (n, 3) in the tangent frame of an environment.
 ///
@@ -17,10 +17,10 @@ use crate::settings::environment;
 #[pyo3(name = "local_earth")]
 pub fn local_earth<'py>(
     py: Python<'py>,
-    environment_: &Bound<'py, PyAny>,
+    environment: &Bound<'py, PyAny>,
     position_t_m: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let environment = read("environment", environment_, environment)?;
+    let environment = read("environment", environment, settings::environment)?;
     environment.validate().map_err(crate::errors::raise)?;
     let earth = Earth::from(&environment);
     let rows = Rows::<3>::new("position_t_m", position_t_m, &[None])?;

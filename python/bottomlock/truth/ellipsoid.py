@@ -13,8 +13,6 @@ the attitude turns with the level axes, w_en = (v_E/(N+h), -v_N/(M+h), -v_E tan 
 with dw = R' (w_ie(L) - w_ie(L_0)), all in the platform frame (Groves 2013, Eqs. 2.123, 5.44 and 5.54).
 """
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -103,4 +101,7 @@ def on_ellipsoid(truth: Truth, earth_rate_radps: float) -> Truth:
         latitude_rad=truth.latitude_rad, gravity_mps2=truth.gravity_mps2, earth_rate_radps=earth_rate_radps
     )
     arrays = {name: array for name, array in truth.kernel_arrays().items() if name != "time_ns"}
-    return replace(truth, **EllipsoidPath(environment).follow(arrays))
+    there = EllipsoidPath(environment).follow(arrays)
+    return Truth(
+        time_ns=truth.time_ns, latitude_rad=truth.latitude_rad, gravity_mps2=truth.gravity_mps2, **there
+    )
