@@ -125,7 +125,7 @@ def test_rows_of_unequal_length_and_what_is_no_geometry_are_refused() -> None:
 def test_an_unknown_method_offers_the_known() -> None:
     """A slip of the pen gets its correction."""
     with pytest.raises(bottomlock.KernelError, match="virtual_beam"):
-        bottomlock.solve_velocity(JANUS, Y, ALL, method="virtal_beam", beam_sd_mps=0.042)
+        bottomlock.solve_velocity(JANUS, Y, ALL, method="virtal_beam", beam_sd_mps=0.042)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -203,8 +203,8 @@ def test_a_model_out_of_range_names_the_key(part: str, key: str, value: Any) -> 
     with pytest.raises(bottomlock.KernelError, match=key):
         bottomlock.simulate_sensors(
             JANUS,
-            motion,
-            model,
+            motion,  # type: ignore[arg-type]
+            model,  # type: ignore[arg-type]
             settings.schedule(2),
             seed=1,
             trajectory_key=1,
@@ -217,7 +217,7 @@ def test_a_missing_key_is_named() -> None:
     model: dict[str, Any] = dict(settings.table_2())
     del model["dvl"]
     with pytest.raises(bottomlock.KernelError, match="dvl"):
-        bottomlock.Navigator(JANUS, model, settings.options(), {"time_ns": 0})
+        bottomlock.Navigator(JANUS, model, settings.options(), {"time_ns": 0})  # type: ignore[arg-type]
 
 
 def test_epochs_outside_the_truth_are_refused() -> None:
@@ -226,7 +226,7 @@ def test_epochs_outside_the_truth_are_refused() -> None:
     with pytest.raises(bottomlock.KernelError, match="3000000000 ns"):
         bottomlock.simulate_sensors(
             JANUS,
-            motion,
+            motion,  # type: ignore[arg-type]
             settings.table_2(),
             settings.schedule(5),
             seed=1,
