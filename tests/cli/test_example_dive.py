@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from bottomlock.config.scenario import Scenario
 from tests.cli.calls import command
-from tools.example_dive import FOLDER, made, scenario
+from tools.example_dive import FOLDER, START_SD, made, scenario, start
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 STEP = 1.1e-2
@@ -62,9 +63,27 @@ def test_the_case_runs_and_has_all_its_columns(tmp_path: Path) -> None:
     for column in ("position_final_m", "position_final_percent", "velocity_rms_over_time_mps"):
         assert runs[column].null_count() == 0, column
     kept = runs.filter(pl.col("method").is_in(METHODS), pl.col("what_if") == "recorded")
-    # Half a metre of acoustic positions of 1 m; a centimetre a second of beams of 2 cm/s.
-    assert kept["position_final_m"].max() < 1.5  # type: ignore[operator]
+    # 20 minutes after the last acoustic position: 3 sigma of the 2 m claimed; a centimetre a second of beams of 2 cm/s.
+    assert kept["position_final_m"].max() < 6.0  # type: ignore[operator]
     assert kept["velocity_rms_over_time_mps"].max() < 0.03  # type: ignore[operator]
+    # With two beams metres against hundreds of metres: claimed are 4.6 m and 270 m.
+    ends = dict(
+        runs.filter(pl.col("what_if") == "lost_34", pl.col("pass") == "forward")
+        .select("method", "position_final_m")
+        .iter_rows()
+    )
+    assert max(ends[method] for method in METHODS[1:]) < 14.0
+    assert min(ends[method] for method in ("ins", "lc", "dead_reckoning")) > 100.0
+
+
+def test_the_start_of_the_case_is_drawn_from_its_claims() -> None:
+    """The numbers that the script prints, and the deviations that they were drawn with."""
+    given = tomllib.loads((FOLDER / "case.toml").read_text(encoding="utf-8"))["start"]
+    for key, value in start(pl.read_csv(FOLDER / "truth.csv")).items():
+        assert given[key] == value, key
+    claims = {key: given[f"{key.removesuffix('_deg')}_sd_deg"] for key in ("level_deg", "heading_deg")}
+    claims |= {key: max(given[key.replace("_m", "_sd_m")]) for key in ("position_m", "velocity_mps")}
+    assert claims == START_SD
 
 
 def test_a_first_case_from_its_files_runs(tmp_path: Path) -> None:
