@@ -34,7 +34,7 @@ use nalgebra::{Matrix3, SMatrix};
 type Dense = SMatrix<f64, DIM, DIM>;
 const DT: f64 = 1.0 / 150.0;
 
-fn moving() -> (Kinematics<f64>, Inertial<f64>, EarthTerms, ProcessNoise) {
+fn moving() -> (Kinematics<f64>, Inertial<f64>, EarthTerms<f64>, ProcessNoise) {
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, -0.03, 0.01);
     let inertial = Inertial {
