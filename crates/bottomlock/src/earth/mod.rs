@@ -2,7 +2,7 @@
 //!
 //! The tangent frame is fixed to the Earth at the origin, so that neither transport rate nor convergence of the meridians enters
 //! the mechanisation. What changes with the place is gravity, in size and direction, and which way is down and north; both
-//! follow exactly from the position, see [`ellipsoid`].
+//! follow exactly from the position, see `ellipsoid.rs`.
 
 mod ellipsoid;
 mod terms;
