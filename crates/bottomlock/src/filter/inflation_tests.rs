@@ -3,6 +3,7 @@
 use super::*;
 use crate::aiding::Motion;
 use crate::aiding::depth::depth;
+use crate::aiding::position::position;
 use crate::aiding::velocity::velocity;
 use crate::aiding::{beam_terms, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
@@ -100,9 +101,7 @@ fn position_inflates_all_states_where_a_direction_is_open() {
         filter.set_covariance(&covariance).unwrap();
         filter.measured.velocity_ns = Some(0);
         assert_eq!(filter.is_beyond_linear_range(), open_mps > 1.0);
-        let place = Vec3::new(50.0, 0.0, 0.0);
-        let far =
-            filter.with_motion(|motion| crate::aiding::position::position(motion, &place, &[1.0; 3], &Vec3::zeros()));
+        let far = filter.with_motion(|motion| position(motion, &Vec3::new(50.0, 0.0, 0.0), &[1.0; 3], &Vec3::zeros()));
         let factors: [Option<f64>; 2] = std::array::from_fn(|_| {
             filter
                 .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
