@@ -36,17 +36,27 @@ def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 def test_trusted_methods_are_consistent(study: pl.DataFrame) -> None:
-    """Velocity and attitude in band and nothing overconfident, but `tc` with one beam on the straight leg.
+    """Velocity and attitude in band and nothing overconfident, but for two cells with one beam.
 
-    There its position is claimed too well, after minutes without a second beam (docs/linear_range.md); velocity and
-    attitude are in band.
+    The position of `tc` on the straight leg is claimed too well, after minutes without a second beam
+    (docs/linear_range.md). In the figure of eight `sway_current` and `consistent` may be conservative: their prior lets
+    the current change within half an hour, and claims 10 % more than the error (docs/methods/sway_current.md).
     """
     trusted = consistent_cells(study).filter(pl.col("method").is_in(TRUSTED))
     assert trusted.height == len(TRUSTED) * 2 * len(MASKS)
-    lost = (pl.col("method") == "tc") & (pl.col("trajectory") == "straight") & (pl.col("beams") == "1")
-    assert trusted.filter(~lost)["consistent"].all(), trusted.filter(~pl.col("consistent"))
-    velocity = study.filter(lost & (pl.col("quantity") == "nees_velocity_attitude"))
-    assert velocity["verdict"].to_list() == ["consistent"]
+    one_beam = pl.col("beams") == "1"
+    lost = (pl.col("method") == "tc") & (pl.col("trajectory") == "straight") & one_beam
+    assumed = (pl.col("method") != "tc") & (pl.col("trajectory") == "figure_eight") & one_beam
+    assert trusted.filter(~lost, ~assumed)["consistent"].all(), trusted.filter(~pl.col("consistent"))
+    core = study.filter(pl.col("quantity") == "nees_velocity_attitude", pl.col("method").is_in(TRUSTED))
+    assert core.filter(lost)["verdict"].to_list() == ["consistent"]
+    loose = study.filter(assumed, pl.col("method").is_in(TRUSTED))
+    assert "overconfident" not in loose["verdict"].to_list()
+    # A claim at most 15 % above the error.
+    bounded = loose.filter(quantity="nees_velocity_attitude").select(
+        pl.col("least") > pl.col("band_lo") / 1.15**2
+    )
+    assert bounded["least"].to_list() == [True, True]
 
 
 def test_no_sway_over_ground_is_no_assumption_for_a_current(study: pl.DataFrame) -> None:
