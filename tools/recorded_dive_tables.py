@@ -20,12 +20,18 @@ from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.tables.replay import FORWARD
 from tools import recorded_dives, score_no_imu
 from tools.recorded_tables import code, number, table, words
+from tools.score_no_imu import OFFSETS, SETTLED_S, outages
 from tools.score_recorded import PAGE, replaced
 
 METHODS = ("tc", "weak_sway", "sway_current", "consistent")
 DEAD_RECKONING = "dead_reckoning"
-OUTAGES_S = (60.0, 300.0)
-OUTAGE_FROM_S = 600.0
+WINDOWS: tuple[tuple[float, tuple[int, ...]], ...] = (
+    (60.0, (1, 2, 3)),
+    (300.0, (1, 2, 3)),
+    (300.0, (2, 3)),
+    (300.0, (3,)),
+)
+"""Windows of St Pere, s, and the beams that are lost in them."""
 HIDDEN = ((60.0, ()), (300.0, ()), (60.0, (1,)), (300.0, (1,)), (60.0, (1, 2)), (300.0, (1, 2)))
 """Windows of the glider, s, and the beams that are lost in them; every beam where none is named."""
 PINGS = (1, 4, 16, 64, 128)
@@ -41,13 +47,6 @@ def stpere_case(data: Path, folder: Path) -> Case:
     what_if = (
         WhatIf(name="beam_3_lost", beams_lost=(3,)),
         WhatIf(name="beams_2_and_3_lost", beams_lost=(2, 3)),
-        *(
-            WhatIf(
-                name=f"no_bottom_for_{length_s:.0f}_s",
-                outages=(Outage(beams=(1, 2, 3), from_s=OUTAGE_FROM_S, to_s=OUTAGE_FROM_S + length_s),),
-            )
-            for length_s in OUTAGES_S
-        ),
     )
     settings = case.replay.model_copy(update={"methods": METHODS, "smooth": False})
     return case.model_copy(update={"what_if": what_if, "replay": settings})
@@ -81,6 +80,50 @@ def stpere_table(result: ReplayResult) -> str:
             cells.append(" / ".join(number(one[key], 2) for key in ("end_m", "rms_m", "error_over_sigma")))
         rows.append((words(what_if), *cells))
     return table(("Beams", *(code(method) for method in methods)), rows)
+
+
+def stpere_windows(case: Case, window_s: float, lost: tuple[int, ...]) -> pl.DataFrame:
+    """A row for each window without these beams and method: change of the horizontal error, its claimed variance."""
+    streams = read_streams(case)
+    length_s = float(streams.inertial.time_ns[-1] - streams.inertial.time_ns[0]) * 1e-9
+    spans = {
+        f"hidden_{k}": outages(window_s, k * (window_s + SETTLED_S) / OFFSETS, length_s)
+        for k in range(OFFSETS)
+    }
+    what_if = tuple(
+        WhatIf(name=name, outages=tuple(Outage(beams=lost, from_s=a, to_s=b) for a, b in hidden))
+        for name, hidden in spans.items()
+    )
+    samples = replay_case(case.model_copy(update={"what_if": what_if}), streams=streams).samples
+    known = samples.filter(pl.col("pass") == FORWARD, pl.col("err_position_north_m").is_not_null())
+    first_ns = int(samples["time_ns"].to_numpy().min())
+    rows = []
+    for (what_if_name, method), frame in known.group_by("what_if", "method", maintain_order=True):
+        time_ns = frame["time_ns"].to_numpy()
+        error = frame.select("err_position_north_m", "err_position_east_m").to_numpy()
+        variance = (frame.select("sd_position_north_m", "sd_position_east_m").to_numpy() ** 2).sum(axis=1)
+        for span in spans.get(str(what_if_name), ()):
+            begin, end = np.searchsorted(time_ns, [first_ns + round(at_s * 1e9) for at_s in span])
+            if end == len(time_ns):
+                continue
+            change = float(np.hypot(*(error[end] - error[begin])))
+            rows.append((str(method), change, float(variance[end] - variance[begin])))
+    return pl.DataFrame(rows, schema=["method", "error_m", "claimed_m2"], orient="row")
+
+
+def windows_table(windows: dict[tuple[float, tuple[int, ...]], pl.DataFrame]) -> str:
+    """Median / 90th percentile / error over sigma by length of the windows, lost beams and method."""
+    methods = (*METHODS, DEAD_RECKONING)
+    rows = []
+    for (window_s, lost), scored in windows.items():
+        scores = score_no_imu.summary(scored)
+        cells = []
+        for method in methods:
+            one = scores.row(by_predicate=pl.col("method") == method, named=True)
+            cells.append(" / ".join(number(one[key], 2) for key in ("median_m", "p90_m", "error_over_sigma")))
+        left = ("no bottom", "1 beam", "2 beams")[3 - len(lost)]
+        rows.append((f"{one['windows']} of {window_s:.0f} s, {left}", *cells))
+    return table(("Windows", *(code(method) for method in methods)), rows)
 
 
 def stpere_sections(data: Path, folder: Path, length_s: float) -> pl.DataFrame:
@@ -160,8 +203,10 @@ def dive_tables(data: Path) -> dict[str, str]:
     """The tables by their marks."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        stpere = stpere_case(data, folder)
         return {
-            "stpere": stpere_table(replay_case(stpere_case(data, folder))),
+            "stpere": stpere_table(replay_case(stpere)),
+            "stpere-windows": windows_table({one: stpere_windows(stpere, *one) for one in WINDOWS}),
             "stpere-sections": sections_table(
                 {length_s: stpere_sections(data, folder, length_s) for length_s in SECTIONS_S}
             ),

@@ -24,11 +24,11 @@ from bottomlock.models import (
     InitialState,
     MagnetometerModel,
     Model,
+    Water,
 )
 
 GRAVITY, LATITUDE_RAD = 9.8, 0.7
 TILT_RAD = np.deg2rad(30.0)
-SWAY_GAIN_M = 0.6
 
 AUTOPILOT: dict[str, float] = {
     "accel_noise": 2e-3, "gyro_noise": 2e-4, "accel_walk": 2e-5, "gyro_walk": 2e-6, "accel_bias": 2e-2,
@@ -99,8 +99,9 @@ def dive(
         gyro_scale: of the gyros, which no model has either.
         mounting_deg: roll, pitch and yaw of the DVL, which the log's geometry does not have.
         late_s: what has to be added to the stamps of the pings and of the attitudes.
-        slip: 1 sigma (m/s) and time (s) of sway and heave through still water, about those of a torpedo's turns. It
-            does not pitch: to the filter the heave of a pitching vehicle is more than its slip.
+        slip: 1 sigma (m/s) and time (s) of sway and heave through the water, about a torpedo's turns and trim, in a
+            current; these are drawn from the filter's prior. It does not pitch: to the filter the heave of a pitching
+            vehicle is more than its slip.
     """
     rng = np.random.default_rng(seed)
     step_s = 1.0 / rate_hz
@@ -124,9 +125,14 @@ def dive(
         axis=1,
     )
     if slip is not None:
+        water = Water()
         velocity_p[:, 1:] = lasting(rng, count, 2, *slip, step_s)
-        velocity_p[:, 1] -= SWAY_GAIN_M * np.gradient(yaw, step_s)
+        velocity_p[:, 1] -= rng.normal(water.sway_gain_m, water.sway_gain_sd_m) * np.gradient(yaw, step_s)
+        velocity_p[:, 2] += lasting(rng, count, 1, water.trim_sd_mps, water.trim_time_s, step_s)[:, 0]
     velocity_t = attitude.apply(velocity_p)
+    if slip is not None:
+        velocity_t[:, :2] += lasting(rng, count, 2, water.current_sd_mps, water.current_time_s, step_s)
+        velocity_p = attitude.inv().apply(velocity_t)
     # Readings are means over the step that they end.
     turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / step_s
     middle = attitude[:-1] * Rotation.from_rotvec(turned * step_s / 2)
