@@ -1,4 +1,4 @@
-"""A sensor more never makes it worse: the decisive cells of `bottomlock sensor-law`.
+"""Whether a further sensor makes it worse: the decisive cells of `bottomlock sensor-law`.
 
 The straight leg is where depth once misled every method with one beam or a diagonal pair. Seeds are those of the
 packaged scenarios. With 40 runs the band of a mean NEES of velocity and attitude finds, in 90 % of campaigns, variances

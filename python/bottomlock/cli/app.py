@@ -34,7 +34,7 @@ COMMANDS = {
     "report": ("report", "Write report.html and figures from the tables of a campaign or a replay."),
     "masks": ("masks", "Run every set of returning beams, dropouts and a slope."),
     "consistency": ("consistency", "Test the consistency of NEES and NIS for every method and set of beams."),
-    "sensor-law": ("sensor_law", "Test that a further sensor never makes an estimate worse."),
+    "sensor-law": ("sensor_law", "Test whether a further sensor makes an estimate worse."),
     "replay": ("replay", "Navigate a recorded dive again, also with fewer beams."),
     "tune": ("tune", "Find the noise of a recorded dive from the recording itself, without a reference."),
     "score": ("replay", "Leave beams out of recorded pings and measure the error of each method."),

@@ -1,4 +1,4 @@
-"""The command `bottomlock sensor-law`: a sensor more never makes it worse."""
+"""The command `bottomlock sensor-law`: whether a further sensor makes an estimate worse."""
 
 from typing import Annotated
 
@@ -26,7 +26,7 @@ def sensor_law(
     force: ForceStudy = False,
     recover: Recover = False,
 ) -> None:
-    """Test that a further sensor never makes an estimate worse.
+    """Test whether a further sensor makes an estimate worse.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The law "a sensor more never makes it worse": methods under every mask, with every set of sensors.
+"""Whether a further sensor makes an estimate worse: methods under every mask, with every set of sensors.
 
 Every set of sensors meets the same runs and is compared, run by run, with every smaller set that it contains: by the
 median over runs, and by the run whose error grows most.

@@ -24,7 +24,7 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any
         facts: runs, seed, false_alarm, made_with and command.
     """
     parts = [
-        ["# A further sensor never makes it worse"],
+        ["# What a further sensor changes"],
         [f"{place}. {line}" for place, line in enumerate(answer(summary), start=1)],
         ["## Every method and set of sensors"],
         list(_summary_rows(summary)),

@@ -100,7 +100,7 @@ def sensor_law_sheet(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[
         Part("judged", "How it is judged", [_plain_text(line) for line in sensor_law_page.judged(facts)]),
     ]
     made_with = _plain_text(str(facts["made_with"]))
-    return sheet("A further sensor never makes it worse", [], parts, made_with=made_with)
+    return sheet("What a further sensor changes", [], parts, made_with=made_with)
 
 
 def _plain_text(markdown: str) -> str:
