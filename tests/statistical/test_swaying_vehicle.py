@@ -6,6 +6,9 @@ in common; the mean difference may not exceed three of its standard errors.
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -48,6 +51,16 @@ def test_the_prior_of_the_vehicle_holds_from_the_start(name: str) -> None:
     It is more than with the torpedo's prior, whose heave holds in these worlds: the hovering one assumes nothing of it.
     """
     check_swaying(name, 30, "hovering")
+
+
+def test_a_published_cell_of_slip_comes_out_again() -> None:
+    """The cell with the greatest NEES at one time, as the method's page has it."""
+    name = "Table 2, 20 cm/s for 5 s"
+    page = Path(__file__).parents[2] / "docs" / "methods" / "sway_current.md"
+    (published,) = [line for line in page.read_text("utf-8").splitlines() if line.startswith(f"| {name} |")]
+    flown = swaying.table(60, [name])
+    numbers = [[float(number) for number in re.findall(r"\d+\.\d+", row)] for row in (published, flown)]
+    assert numbers[1] == pytest.approx(numbers[0], rel=0.05)
 
 
 @pytest.mark.statistical
