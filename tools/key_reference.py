@@ -16,7 +16,8 @@ TITLES: dict[Kind, str] = {
     "scenario": "Scenario",
     "case": "Replay case",
     "geometry": "DVL geometry",
-    "vehicle": "Vehicle",
+    "vehicle": "Vehicle with fins",
+    "hovering_vehicle": "Vehicle with thrusters",
     "columns": "Column map",
     "live": "Live configuration",
 }
@@ -26,6 +27,7 @@ COMMANDS: dict[Kind, str] = {
     "geometry": "`geometry` of a case or a live configuration, `--geometry` of audit, fix and score; the packaged ones "
     "are listed by `bottomlock geometries`. `[columns]` is a column map",
     "vehicle": "`trajectory.vehicle` of a scenario, `bottomlock fly --vehicle FILE`; see [the vehicle](plant.md)",
+    "hovering_vehicle": "the same keys; a file with `[thrusters]` is one of these",
     "columns": "`bottomlock convert --columns FILE`, and `[columns]` of a geometry; written by `bottomlock convert "
     "--init`",
     "live": "`bottomlock live FILE`; written by `bottomlock live --init`; see [live](live.md)",

@@ -101,6 +101,4 @@ class KineticModel:
     ) -> Floats:
         nu = (*velocity.tolist(), *omega.tolist())
         still = (0.0, 0.0, 0.0)
-        return np.array(
-            self.nu_dot(tuple(attitude.tolist()), nu, tuple(fins.tolist()), shaft_rps, still, still)
-        )
+        return np.array(self.nu_dot(tuple(attitude.tolist()), nu, (*fins.tolist(), shaft_rps), still, still))

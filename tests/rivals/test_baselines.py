@@ -25,10 +25,11 @@ from bottomlock.bench.mission import Mission, Pings, Scalars, Start
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError
 from bottomlock.models import Options
-from bottomlock.plant import load_vehicle
+from bottomlock.plant import Vehicle
 from bottomlock.plant.trim import trim
 from bottomlock.replay.streams import Inertial
 from bottomlock.simulation.build import build_simulation
+from tests.unit.plant.helpers import finned
 
 Floats = NDArray[np.float64]
 
@@ -224,7 +225,7 @@ def test_fins_follow_from_the_angular_acceleration(flight) -> None:  # type: ign
 
 
 def test_jacobian_of_the_models_velocity(exact: Mission) -> None:
-    rival = ModelAidedFilter(exact, load_vehicle("tauv"), None)
+    rival = ModelAidedFilter(exact, finned("tauv"), None)
     draw = np.random.default_rng(6)
     rival.state = Additive().retract(rival.state, 0.2 * draw.normal(size=rival.layout.size))
     measurement = rival.model_velocity()
@@ -241,7 +242,7 @@ def test_jacobian_of_the_models_velocity(exact: Mission) -> None:
 
 def test_the_current_is_the_difference_of_ground_and_model(exact: Mission) -> None:
     """1.8 m/s through the water by a sure model, 2 m/s over ground by the beams: a current of 0.2 m/s."""
-    rival = ModelAidedFilter(exact, load_vehicle("tauv"), None)
+    rival = ModelAidedFilter(exact, finned("tauv"), None)
     others = rival.layout.others
     errors = slice(others.start + 2, others.stop)
     rival.covariance[errors, errors] = 1e-8 * np.eye(3)
@@ -273,7 +274,7 @@ def test_a_model_bridges_what_the_ins_cannot() -> None:
     flown = simulation.flight()
     controls = Controls(flown.history.time_ns, flown.history.state[:, 13:17], flown.history.state[:, 17])
     vehicle = simulation.vehicle
-    assert vehicle is not None
+    assert isinstance(vehicle, Vehicle)
     off: dict[str, list[float]] = {"alone": [], "with controls": [], "without": []}
     for run_number in range(3):
         mission = mission_along(simulation, flown.truth, run=run_number)

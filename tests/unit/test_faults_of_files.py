@@ -11,7 +11,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_instrument_file
 from bottomlock.io.table import read_map
 from bottomlock.live.config import parse_config
-from bottomlock.plant.vehicle import load_vehicle
+from bottomlock.plant import load_vehicle
 from bottomlock.replay.case import load_case
 
 ROOT = Path(__file__).resolve().parents[2]

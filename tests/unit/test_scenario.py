@@ -38,8 +38,17 @@ def test_table_2_in_si() -> None:
 
 
 def test_packaged_scenarios_load() -> None:
-    """The three of the paper, each followed by the vehicle with beams 3 and 4 lost; a slope; two surveys."""
-    names = ["figure_eight", "lawn_mower", "long_way", "slope", "straight", "survey", "survey_table2"]
+    """The three of the paper, each followed by the vehicle with beams 3 and 4 lost; an ROV; a slope; two surveys."""
+    names = [
+        "figure_eight",
+        "hovering",
+        "lawn_mower",
+        "long_way",
+        "slope",
+        "straight",
+        "survey",
+        "survey_table2",
+    ]
     assert list(packaged_scenarios()) == names
     for name in ("figure_eight", "lawn_mower", "straight"):
         scenario = load_scenario(name)

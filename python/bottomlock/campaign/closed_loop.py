@@ -7,7 +7,7 @@ import numpy as np
 
 from bottomlock import kernel
 from bottomlock.errors import ScenarioError
-from bottomlock.plant import Mission, Vehicle
+from bottomlock.plant import AnyVehicle, Mission
 from bottomlock.plant.closed_loop import Estimate, TruthBlock, VehicleGroup, cross_track_m, fly_on_estimate
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import MeasurementSchedule
@@ -74,7 +74,7 @@ def run_closed_loop(
     return {**loop.results(), "cross_track_m": offset, **navigation.times()}
 
 
-def _vehicles(simulation: Simulation, vehicle: Vehicle, mission: Mission, count: int) -> VehicleGroup:
+def _vehicles(simulation: Simulation, vehicle: AnyVehicle, mission: Mission, count: int) -> VehicleGroup:
     """Equal vehicles at the start of the mission."""
     return VehicleGroup(
         vehicle,

@@ -16,13 +16,13 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Columns, InstrumentFile
 from bottomlock.live.config import LiveConfig
-from bottomlock.plant.vehicle import Vehicle
+from bottomlock.plant import HoveringVehicle, Vehicle
 from bottomlock.replay.case import Case
 
-Kind = Literal["scenario", "case", "geometry", "vehicle", "columns", "live"]
+Kind = Literal["scenario", "case", "geometry", "vehicle", "hovering_vehicle", "columns", "live"]
 MODELS: dict[Kind, type[BaseModel]] = {
-    "scenario": Scenario, "case": Case, "geometry": InstrumentFile, "vehicle": Vehicle, "columns": Columns,
-    "live": LiveConfig,
+    "scenario": Scenario, "case": Case, "geometry": InstrumentFile, "vehicle": Vehicle,
+    "hovering_vehicle": HoveringVehicle, "columns": Columns, "live": LiveConfig,
 }  # fmt: skip
 OPEN_SECTIONS: dict[str, dict[str, type[BaseModel]]] = {"mission": {**MISSIONS}, "seabed": {**SEABEDS}}
 """Sections of a scenario whose keys depend on their `kind`."""
@@ -30,7 +30,10 @@ OPEN_SECTIONS: dict[str, dict[str, type[BaseModel]]] = {"mission": {**MISSIONS},
 
 def keys(
     kind: Annotated[
-        Kind, Parameter(help="Which file: scenario, case, geometry, vehicle, columns (column map) or live.")
+        Kind,
+        Parameter(
+            help="Which file: scenario, case, geometry, vehicle, hovering_vehicle, columns (column map) or live."
+        ),
     ],
     word: Annotated[str, Parameter(help="Only sections and keys whose name contains it.")] = "",
     /,

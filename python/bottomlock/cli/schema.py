@@ -14,7 +14,10 @@ from bottomlock.config.meaning import meaning_of
 
 def schema(
     kind: Annotated[
-        Kind, Parameter(help="Which file: scenario, case, geometry, vehicle, columns (column map) or live.")
+        Kind,
+        Parameter(
+            help="Which file: scenario, case, geometry, vehicle, hovering_vehicle, columns (column map) or live."
+        ),
     ],
     /,
 ) -> None:

@@ -51,6 +51,7 @@ class _MissionTable(_Table):
     guidance: Literal["line_of_sight", "constant_bearing"] = "line_of_sight"
     current: CurrentTable = CurrentTable()
     stuck_fin: StuckFinTable | None = None
+    heading_deg: Finite | None = None
 
 
 class StraightTable(_MissionTable):

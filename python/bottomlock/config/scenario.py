@@ -213,7 +213,7 @@ def packaged_scenarios() -> dict[str, str]:
     """Names and descriptions of the scenarios that ship with the package.
 
     >>> sorted(packaged_scenarios())
-    ['figure_eight', 'lawn_mower', 'long_way', 'slope', 'straight', 'survey', 'survey_table2']
+    ['figure_eight', 'hovering', 'lawn_mower', 'long_way', 'slope', 'straight', 'survey', 'survey_table2']
     """
     folder = resources.files("bottomlock.config") / "scenarios"
     names = sorted(

@@ -1,4 +1,4 @@
-"""Figure of one simulated trajectory: path, depth, speed, flow angles, fins and beams."""
+"""Figure of one simulated trajectory: path, depth, speed, flow angles, actuators and beams."""
 
 import itertools
 from collections.abc import Callable
@@ -30,7 +30,7 @@ _FINS = (_BLUE, _ORANGE, _GREEN, _PURPLE)
 
 
 def flight_figure(telemetry: pl.DataFrame, beams: pl.DataFrame | None = None) -> Figure:
-    """One trajectory: plan view, depth, speed, flow angles, fin angles, ranges and which beams returned.
+    """One trajectory: plan view, depth, speed, flow angles, fin angles or thrusts, ranges and which beams returned.
 
     Args:
         telemetry: the columns of `bottomlock.plant.telemetry`, SI and rad.
@@ -49,7 +49,7 @@ def flight_figure(telemetry: pl.DataFrame, beams: pl.DataFrame | None = None) ->
             (1.2, lambda axes: _depth(axes, time_s, telemetry)),
             (1.0, lambda axes: _speed(axes, time_s, telemetry)),
             (1.2, lambda axes: _flow(axes, time_s, telemetry)),
-            (1.2, lambda axes: _fins(axes, time_s, telemetry)),
+            (1.2, lambda axes: _drives(axes, time_s, telemetry)),
         ]
         if beams is not None:
             if "beam1_range_m" in beams.columns:
@@ -136,13 +136,16 @@ def _flow(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> 
     axes.legend(loc="upper right", ncols=2)
 
 
-def _fins(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> None:
-    for index, colour in enumerate(_FINS, start=1):
-        angle = np.rad2deg(telemetry[f"fin_{index}_rad"].to_numpy())
-        axes.plot(time_s, angle, color=colour, linewidth=1.0, label=str(index))
-    axes.set_ylabel("fins, deg")
+def _drives(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> None:
+    fins = [name for name in telemetry.columns if name.startswith("fin_")]
+    drives = fins or [name for name in telemetry.columns if name.startswith("thrust_")]
+    for name, colour in zip(drives, itertools.cycle(_FINS), strict=False):
+        values = telemetry[name].to_numpy()
+        shown = np.rad2deg(values) if fins else values
+        axes.plot(time_s, shown, color=colour, linewidth=1.0, label=name.split("_")[1])
+    axes.set_ylabel("fins, deg" if fins else "thrust, N")
     _room_above(axes)
-    axes.legend(loc="upper right", ncols=4)
+    axes.legend(loc="upper right", ncols=8)
 
 
 def _ranges(axes: Axes, beams: pl.DataFrame) -> None:

@@ -6,6 +6,7 @@ notation for coefficients. From file to truth: `load_vehicle` -> a `Mission` -> 
 
 from bottomlock.plant.actuators import StuckFin
 from bottomlock.plant.current import Current
+from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.mission import (
     DepthProfile,
     Mission,
@@ -17,12 +18,15 @@ from bottomlock.plant.mission import (
 from bottomlock.plant.swim import StateHistory, swim
 from bottomlock.plant.telemetry import telemetry
 from bottomlock.plant.truth import Flight, fly, truth_of
-from bottomlock.plant.vehicle import Vehicle, load_vehicle, packaged_vehicles
+from bottomlock.plant.vehicle import Vehicle
+from bottomlock.plant.vehicle_file import load_vehicle, packaged_vehicles
 
 __all__ = [
+    "AnyVehicle",
     "Current",
     "DepthProfile",
     "Flight",
+    "HoveringVehicle",
     "Mission",
     "StateHistory",
     "StuckFin",

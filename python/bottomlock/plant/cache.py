@@ -16,9 +16,9 @@ import numpy as np
 
 from bottomlock.atomic_write import write_bytes
 from bottomlock.errors import DataError, OutputError, note
+from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.swim import StateHistory
-from bottomlock.plant.vehicle import Vehicle
 from bottomlock.records import MissingFileError, read_record, read_recorded, record_of, write_record
 
 _ARRAYS = ("time_ns", "state", "acceleration", "velocity_through_water_p_mps", "segment")
@@ -38,7 +38,7 @@ def cache_folder() -> Path:
     return base / "bottomlock" / "histories"
 
 
-def history_key(vehicle: Vehicle, mission: Mission, **settings: float) -> str:
+def history_key(vehicle: AnyVehicle, mission: Mission, **settings: float) -> str:
     """SHA-256 over vehicle, mission, settings and the plant's own source, as 64 hex digits."""
     content = {
         "vehicle": vehicle.model_dump(mode="json"),

@@ -16,6 +16,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
 from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.guidance import offset_and_heading
+from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.ideal_sensors import inertial_measurements
 from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
 from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
@@ -24,7 +25,6 @@ from bottomlock.plant.path import guide_rows
 from bottomlock.plant.swim import TICK_S, next_segment, sample_times_ns
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import start_state
-from bottomlock.plant.vehicle import Vehicle
 from bottomlock.truth.ellipsoid import EllipsoidPath
 
 
@@ -96,7 +96,7 @@ class VehicleGroup:
 
     def __init__(
         self,
-        vehicle: Vehicle,
+        vehicle: AnyVehicle,
         mission: Mission,
         *,
         runs: int,
@@ -133,6 +133,7 @@ class VehicleGroup:
             law=mission.law,
             gravity_mps2=gravity_mps2,
             stuck=mission.stuck,
+            heading_rad=mission.heading_rad,
         )
         self._advance = runge_kutta_step(self._rates, ARRAY, self._step_s)
         self._renew = attitude_by_rates(ARRAY, self._step_s)
@@ -154,7 +155,7 @@ class VehicleGroup:
 
     @property
     def state(self) -> FloatArray:
-        """The current state, (runs, 28), in the layout of `model`."""
+        """The current state, (runs, size), in the layout of `model`."""
         return np.stack(self._state, axis=1)
 
     @property
@@ -202,17 +203,16 @@ class VehicleGroup:
         which = np.arange(first_sample, first_sample + count)
         times = which * (self._step_s / self._parts)
         rows = np.tile(self.mission.timetable(times), (self.runs, 1)).T
-        flat = list(samples.reshape(-1, model.SIZE).T)
+        flat = list(samples.reshape(-1, samples.shape[-1]).T)
         q0, q1, q2, q3, u, v, w, p, q, r = flat[3:13]
         _, _, sink = to_tangent(q0, q1, q2, q3, u, v, w)
         current_velocity_n = (rows[0] + rows[4] * flat[2], rows[1] + rows[5] * flat[2], 0.0 * u)
         current_accel_n = (rows[2] + rows[4] * sink, rows[3] + rows[5] * sink, 0.0 * u)
-        fins = (flat[13], flat[14], flat[15], flat[16])
         nu_dot = self._nu_dot(
-            (q0, q1, q2, q3), (u, v, w, p, q, r), fins, flat[17], current_velocity_n, current_accel_n
+            (q0, q1, q2, q3), (u, v, w, p, q, r), flat[model.OWN :], current_velocity_n, current_accel_n
         )
         omega, force = inertial_measurements(
-            samples.reshape(-1, model.SIZE),
+            samples.reshape(-1, samples.shape[-1]),
             np.stack(nu_dot, axis=1),
             latitude_rad=self._latitude_rad,
             gravity_mps2=self._gravity_mps2,

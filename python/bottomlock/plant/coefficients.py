@@ -39,6 +39,13 @@ UNITS: dict[str, dict[str, float]] = {
     "shaft speed per speed": {"rev/m": 1.0},
     "shaft speed per distance": {"rev/(m s)": 1.0},
     "shaft speed per acceleration": {"rev s/m": 1.0},
+    "force": {"N": 1.0},
+    "moment": {"N m": 1.0},
+    "force per speed": {"N s/m": 1.0},
+    "force per distance": {"N/m": 1.0},
+    "moment per angle": {"N m/rad": 1.0},
+    "moment per angle second": {"N m/(rad s)": 1.0},
+    "moment per angular rate": {"N m s/rad": 1.0},
 }
 
 
@@ -145,3 +152,12 @@ FinPerRate = Annotated[float, _not_negative("fin angle per angular rate")]
 ShaftPerSpeed = Annotated[float, _positive("shaft speed per speed")]
 ShaftPerDistance = Annotated[float, _positive("shaft speed per distance")]
 ShaftPerAcceleration = Annotated[float, _not_negative("shaft speed per acceleration")]
+PositiveForce = Annotated[float, _positive("force")]
+PositiveMoment = Annotated[float, _positive("moment")]
+LinearDrag = Annotated[float, _not_negative("force per speed")]
+LinearRotaryDrag = Annotated[float, _not_negative("moment per angular rate")]
+ForcePerSpeed = Annotated[float, _positive("force per speed")]
+ForcePerDistance = Annotated[float, _positive("force per distance")]
+MomentPerAngle = Annotated[float, _positive("moment per angle")]
+MomentPerAngleSecond = Annotated[float, _positive("moment per angle second")]
+MomentPerRate = Annotated[float, _positive("moment per angular rate")]

@@ -5,16 +5,18 @@ in the platform frame with its origin at the centre of buoyancy. The Earth's rot
 enters the ideal sensors (`ideal_sensors`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
 
 from bottomlock.plant.fins import fin_wrench
+from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.hull import hull_wrench
 from bottomlock.plant.maths import Maths, Number
 from bottomlock.plant.matrices import added_mass_matrix, centre_of_gravity_p_m, rigid_body_mass_matrix
 from bottomlock.plant.propeller import propeller_wrench
+from bottomlock.plant.thrusters import thruster_wrench
 from bottomlock.plant.vehicle import Vehicle
 
 Six: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
@@ -43,7 +45,7 @@ def to_tangent(
     return a + q0 * x + q2 * z - q3 * y, b + q0 * y + q3 * x - q1 * z, c + q0 * z + q1 * y - q2 * x
 
 
-def coriolis_terms(vehicle: Vehicle) -> Callable[..., tuple[Three[Number], ...]]:
+def coriolis_terms(vehicle: AnyVehicle) -> Callable[..., tuple[Three[Number], ...]]:
     """Build C(nu_r) nu_r, as the five groups of products in which the equations of motion add it up.
 
     The function takes (u, v, w, p, q, r) relative to the water in the platform frame (m/s, rad/s). It returns the
@@ -77,7 +79,7 @@ def coriolis_terms(vehicle: Vehicle) -> Callable[..., tuple[Three[Number], ...]]
     return terms
 
 
-def restoring_wrench(vehicle: Vehicle, gravity_mps2: float) -> Callable[[Four[Number]], Six[Number]]:
+def restoring_wrench(vehicle: AnyVehicle, gravity_mps2: float) -> Callable[[Four[Number]], Six[Number]]:
     """Build -g(eta): force and moment (N, N m) of weight and buoyancy, from the attitude quaternion."""
     body = vehicle.rigid_body
     xg, yg, zg = (float(value) for value in centre_of_gravity_p_m(vehicle))
@@ -98,26 +100,48 @@ def restoring_wrench(vehicle: Vehicle, gravity_mps2: float) -> Callable[[Four[Nu
     return wrench
 
 
+def fin_and_hull_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[..., tuple[Number, ...]]:
+    """Build hull, fins and propeller: (u, v, w, p, q, r, actuators) relative to the water -> (X, Y, Z, K, M, N).
+
+    The actuators begin with the deflections of the fins (rad) and the shaft speed (rev/s).
+    """
+    hull, fins = hull_wrench(vehicle, maths), fin_wrench(vehicle, maths)
+    propeller = propeller_wrench(vehicle, maths)
+
+    def wrench(
+        u: Number, v: Number, w: Number, p: Number, q: Number, r: Number, actuators: Sequence[Number]
+    ) -> tuple[Number, ...]:
+        fin1, fin2, fin3, fin4, shaft = actuators[:5]
+        hull_x, hull_y, hull_z, hull_k, hull_m, hull_n = hull(u, v, w, p, q, r)
+        fin_x, fin_y, fin_z, fin_k, fin_m, fin_n = fins(u, v, w, p, q, r, (fin1, fin2, fin3, fin4))
+        thrust, torque = propeller(u, shaft)
+        return (
+            hull_x + fin_x + thrust, hull_y + fin_y, hull_z + fin_z,
+            hull_k + fin_k + torque, hull_m + fin_m, hull_n + fin_n,
+        )  # fmt: skip
+
+    return wrench
+
+
 def acceleration(
-    vehicle: Vehicle, gravity_mps2: float, maths: Maths[Number]
-) -> Callable[[Four[Number], Six[Number], Four[Number], Number, Three[Number], Three[Number]], Six[Number]]:
+    vehicle: AnyVehicle, gravity_mps2: float, maths: Maths[Number]
+) -> Callable[[Four[Number], Six[Number], Sequence[Number], Three[Number], Three[Number]], Six[Number]]:
     """Build nu' (m/s², rad/s²) as a function of the whole mechanical state.
 
     The function takes the attitude quaternion (scalar first, platform to tangent), nu over ground (m/s, rad/s), the
-    fin deflections (rad), the shaft speed (rev/s), and the velocity and acceleration of the current at the vehicle
-    (tangent frame, m/s and m/s²; the acceleration is the rate of change along the vehicle's path).
+    actuators (fin deflections in rad and shaft speed in rev/s, or thrusts in N; what follows them is not used), and the
+    velocity and acceleration of the current at the vehicle (tangent frame, m/s and m/s²; the acceleration is the rate
+    of change along the vehicle's path).
     """
     inverse = np.linalg.inv(rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle))
     rows = [tuple(float(value) for value in row) for row in inverse]
-    hull, fins = hull_wrench(vehicle, maths), fin_wrench(vehicle, maths)
-    propeller = propeller_wrench(vehicle, maths)
+    forces = fin_and_hull_wrench(vehicle, maths) if isinstance(vehicle, Vehicle) else thruster_wrench(vehicle)
     coriolis, restoring = coriolis_terms(vehicle), restoring_wrench(vehicle, gravity_mps2)
 
     def nu_dot(
         attitude: Four[Number],
         nu: Six[Number],
-        deflections: Four[Number],
-        shaft: Number,
+        actuators: Sequence[Number],
         current_velocity_n: Three[Number],
         current_accel_n: Three[Number],
     ) -> Six[Number]:
@@ -125,17 +149,15 @@ def acceleration(
         u, v, w, p, q, r = nu
         uc, vc, wc = to_platform(q0, q1, q2, q3, *current_velocity_n)
         u, v, w = u - uc, v - vc, w - wc
-        hull_x, hull_y, hull_z, hull_k, hull_m, hull_n = hull(u, v, w, p, q, r)
-        fin_x, fin_y, fin_z, fin_k, fin_m, fin_n = fins(u, v, w, p, q, r, deflections)
-        thrust, torque = propeller(u, shaft)
+        x, y, z, k, m, n = forces(u, v, w, p, q, r, actuators)
         (fx, fy, fz), (lx, ly, lz), (jx, jy, jz), (mx, my, mz), (ox, oy, oz) = coriolis(u, v, w, p, q, r)
         g_x, g_y, g_z, g_k, g_m, g_n = restoring(attitude)
-        tx = hull_x + fin_x + thrust - fx - lx + g_x
-        ty = hull_y + fin_y - fy - ly + g_y
-        tz = hull_z + fin_z - fz - lz + g_z
-        tk = hull_k + fin_k + torque - jx - mx - ox + g_k
-        tm = hull_m + fin_m - jy - my - oy + g_m
-        tn = hull_n + fin_n - jz - mz - oz + g_n
+        tx = x - fx - lx + g_x
+        ty = y - fy - ly + g_y
+        tz = z - fz - lz + g_z
+        tk = k - jx - mx - ox + g_k
+        tm = m - jy - my - oy + g_m
+        tn = n - jz - mz - oz + g_n
         ud, vd, wd, pd, qd, rd = [
             m0 * tx + m1 * ty + m2 * tz + m3 * tk + m4 * tm + m5 * tn for m0, m1, m2, m3, m4, m5 in rows
         ]

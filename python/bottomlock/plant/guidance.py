@@ -7,6 +7,7 @@ moves along it (Breivik and Fossen 2009). In the vertical plane a depth profile 
 from collections.abc import Callable, Sequence
 from typing import Literal, TypeAlias
 
+from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import Maths, Number
 from bottomlock.plant.vehicle import Vehicle
 
@@ -42,7 +43,7 @@ def offset_and_heading(
 
 
 def line_of_sight(
-    vehicle: Vehicle, speed_mps: float, maths: Maths[Number]
+    vehicle: AnyVehicle, speed_mps: float, maths: Maths[Number]
 ) -> Callable[[Number, Number, Segment[Number], Target[Number]], Course[Number]]:
     """Build line of sight: (north, east, segments, target) -> (course rad, its rate rad/s, speed m/s).
 
@@ -68,7 +69,7 @@ def line_of_sight(
 
 
 def constant_bearing(
-    vehicle: Vehicle, maths: Maths[Number]
+    vehicle: AnyVehicle, maths: Maths[Number]
 ) -> Callable[[Number, Number, Segment[Number], Target[Number]], Course[Number]]:
     """Build constant bearing: the wanted velocity is the target's plus an approach velocity towards it.
 

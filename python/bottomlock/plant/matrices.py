@@ -6,8 +6,8 @@ simulator runs the same terms written out on components (`equations`), and a tes
 
 import numpy as np
 
+from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import FloatArray
-from bottomlock.plant.vehicle import Vehicle
 
 
 def skew(vector: FloatArray) -> FloatArray:
@@ -16,13 +16,13 @@ def skew(vector: FloatArray) -> FloatArray:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def centre_of_gravity_p_m(vehicle: Vehicle) -> FloatArray:
+def centre_of_gravity_p_m(vehicle: AnyVehicle) -> FloatArray:
     """r_g from the centre of buoyancy, platform frame, m."""
     body = vehicle.rigid_body
     return np.array([body.centre_of_gravity_x, body.centre_of_gravity_y, body.centre_of_gravity_z])
 
 
-def rigid_body_mass_matrix(vehicle: Vehicle) -> FloatArray:
+def rigid_body_mass_matrix(vehicle: AnyVehicle) -> FloatArray:
     """M_RB about the centre of buoyancy, shape (6, 6); Fossen 2021, chapter 3."""
     body = vehicle.rigid_body
     coupling = body.mass * skew(centre_of_gravity_p_m(vehicle))
@@ -30,7 +30,7 @@ def rigid_body_mass_matrix(vehicle: Vehicle) -> FloatArray:
     return np.block([[body.mass * np.eye(3), -coupling], [coupling, inertia]])
 
 
-def added_mass_matrix(vehicle: Vehicle) -> FloatArray:
+def added_mass_matrix(vehicle: AnyVehicle) -> FloatArray:
     """M_A, shape (6, 6), symmetric, of a body with two planes of symmetry; Fossen 2021, chapter 6."""
     added = vehicle.added_mass
     matrix = -np.diag([added.x_udot, added.y_vdot, added.z_wdot, added.k_pdot, added.m_qdot, added.n_rdot])
@@ -39,7 +39,7 @@ def added_mass_matrix(vehicle: Vehicle) -> FloatArray:
     return matrix
 
 
-def rigid_body_coriolis_matrix(vehicle: Vehicle, nu: FloatArray) -> FloatArray:
+def rigid_body_coriolis_matrix(vehicle: AnyVehicle, nu: FloatArray) -> FloatArray:
     """C_RB in the form free of linear velocity, shape (6, 6), skew; Fossen 2021, section 3.3.1, as MSS rbody.m.
 
     This form keeps M_RB and C_RB valid for the velocity relative to an irrotational current.
@@ -52,7 +52,7 @@ def rigid_body_coriolis_matrix(vehicle: Vehicle, nu: FloatArray) -> FloatArray:
     )
 
 
-def added_mass_coriolis_matrix(vehicle: Vehicle, nu_r: FloatArray) -> FloatArray:
+def added_mass_coriolis_matrix(vehicle: AnyVehicle, nu_r: FloatArray) -> FloatArray:
     """C_A(nu_r), shape (6, 6), skew; as MSS m2c.m of M_A, which names Theorem 3.2 of Fossen."""
     momentum = added_mass_matrix(vehicle) @ nu_r
     linear, angular = skew(momentum[:3]), skew(momentum[3:])
@@ -71,7 +71,7 @@ def rotation_t_p(quaternion_t_p: FloatArray) -> FloatArray:
     )
 
 
-def restoring_vector(vehicle: Vehicle, quaternion_t_p: FloatArray, gravity_mps2: float) -> FloatArray:
+def restoring_vector(vehicle: AnyVehicle, quaternion_t_p: FloatArray, gravity_mps2: float) -> FloatArray:
     """g(eta), shape (6,): what weight and buoyancy need to be held, N and N m; as MSS gRvect.m."""
     body = vehicle.rigid_body
     weight = body.mass * gravity_mps2

@@ -46,7 +46,10 @@ class DepthProfile:
 
 @dataclass(frozen=True)
 class Mission:
-    """A mission: path, depth profile, speed over ground (m/s), duration (s), guidance law, current, stuck fin."""
+    """A mission: path, depth profile, speed over ground (m/s), duration (s), guidance law, current, stuck fin.
+
+    A heading (rad) is held throughout by a vehicle with thrusters; without one it points along its path.
+    """
 
     name: str
     segments: tuple[PathSegment, ...]
@@ -56,6 +59,7 @@ class Mission:
     law: Law = "line_of_sight"
     current: Current = field(default_factory=Current)
     stuck: StuckFin | None = None
+    heading_rad: float | None = None
 
     def timetable(self, time_s: FloatArray) -> FloatArray:
         """Inputs known before the run at the given times, shape (n, 13), in the layout of `model.FIELDS`."""

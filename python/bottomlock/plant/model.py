@@ -1,18 +1,21 @@
 """The vehicle as one system of equations: body, actuators, autopilot and guidance.
 
-State (28): position_t 0:3, attitude_t_p 3:7, nu 7:13, fins 13:17, shaft 17, then the autopilot's memory: roll 18:20,
-pitch 20:22, yaw 22:24, speed 24:26 (each integral, filtered rate error), crab angle 26, depth integral 27.
+State: position_t 0:3, attitude_t_p 3:7, nu 7:13, then actuators and controllers. With fins (28 in all): fins 13:17,
+shaft 17, the autopilot's memory: roll 18:20, pitch 20:22, yaw 22:24, speed 24:26 (each integral, filtered rate error),
+crab angle 26, depth integral 27. With thrusters: see `hovering`.
 """
 
 from collections.abc import Callable, Sequence
 from itertools import chain
 from typing import TypeAlias
 
-from bottomlock.plant.actuators import StuckFin, actuator_rates
-from bottomlock.plant.autopilot import autopilot
+from bottomlock.plant.actuators import StuckFin
 from bottomlock.plant.equations import Four, Six, Three, acceleration, to_platform, to_tangent
-from bottomlock.plant.guidance import Law, Segment, constant_bearing, depth_by_pitch, line_of_sight
+from bottomlock.plant.guidance import Law, Segment, constant_bearing, line_of_sight
+from bottomlock.plant.hovering import thruster_steering
+from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import Maths, Number
+from bottomlock.plant.steering import Motion, Steer, Wanted, fin_steering
 from bottomlock.plant.vehicle import Vehicle
 
 POSITION = slice(0, 3)
@@ -20,10 +23,8 @@ ATTITUDE = slice(3, 7)
 NU = slice(7, 13)
 FINS = slice(13, 17)
 SHAFT = 17
-ROLL_PID, PITCH_PID, YAW_PID, SPEED_PID = 18, 20, 22, 24
-CRAB = 26
-DEPTH_INTEGRAL = 27
-SIZE = 28
+OWN = 13
+"""Where the state of actuators and controllers begins."""
 
 FIELDS = 13
 """Inputs known before the run, per time (`Mission.timetable`): current (N, E), its rate of change (N, E), shear (N, E
@@ -77,62 +78,54 @@ def quaternion_rate(attitude: Four[Number], p: Number, q: Number, r: Number) -> 
 
 
 def derivative(
-    vehicle: Vehicle,
+    vehicle: AnyVehicle,
     maths: Maths[Number],
     *,
     speed_mps: float,
     law: Law,
     gravity_mps2: float,
     stuck: StuckFin | None = None,
+    heading_rad: float | None = None,
 ) -> Derivative[Number]:
     """Build x' as a function of the state, the timetable's row, the path segment and the navigation error.
 
     The navigation error is true minus estimated: position_t m, velocity_t m/s, roll, pitch, yaw rad. Guidance and
-    control use the estimate; with zeros they use the truth.
+    control use the estimate; with zeros they use the truth. A heading is held by a vehicle with thrusters alone.
     """
     nu_dot = acceleration(vehicle, gravity_mps2, maths)
-    estimate, control = estimated_motion(maths), autopilot(vehicle, maths)
-    actuators = actuator_rates(vehicle, maths, stuck)
+    estimate = estimated_motion(maths)
+    steer: Steer[Number] = (
+        fin_steering(vehicle, maths, stuck)
+        if isinstance(vehicle, Vehicle)
+        else thruster_steering(vehicle, maths, heading_rad)
+    )
     guide = (
         line_of_sight(vehicle, speed_mps, maths)
         if law == "line_of_sight"
         else constant_bearing(vehicle, maths)
     )
-    depth_law = depth_by_pitch(vehicle, maths)
-    crab_corner = 1.0 / vehicle.guidance.crab_time_constant
-    atan2, wrap = maths.atan2, maths.wrap
 
     def rates(
         state: Sequence[Number], row: Row[Number], segment: Segment[Number], error: Error[Number]
     ) -> list[Number]:
-        north, east, depth, q0, q1, q2, q3, u, v, w, p, q, r, fin1, fin2, fin3, fin4, shaft = state[:ROLL_PID]
-        memory, crab, depth_i = state[ROLL_PID:CRAB], state[CRAB], state[DEPTH_INTEGRAL]
+        north, east, depth, q0, q1, q2, q3, u, v, w, p, q, r = state[:OWN]
+        own = state[OWN:]
         c_n, c_e, a_n, a_e, s_n, s_e, depth_wanted, sink_wanted, t_n, t_e, t_vn, t_ve, t_rate = row
         target = (t_n, t_e, t_vn, t_ve, t_rate)
-        attitude, fins = (q0, q1, q2, q3), (fin1, fin2, fin3, fin4)
+        attitude = (q0, q1, q2, q3)
         velocity_n = to_tangent(q0, q1, q2, q3, u, v, w)
         v_d = velocity_n[2]
         zero = 0.0 * u
         current_velocity_n = (c_n + s_n * depth, c_e + s_e * depth, zero)
         current_accel_n = (a_n + s_n * v_d, a_e + s_e * v_d, zero)
-        nu_rates = nu_dot(attitude, (u, v, w, p, q, r), fins, shaft, current_velocity_n, current_accel_n)
-        roll, pitch, yaw, ahead, starboard, speed = estimate(attitude, velocity_n, error)
+        nu_rates = nu_dot(attitude, (u, v, w, p, q, r), own, current_velocity_n, current_accel_n)
+        motion = Motion(
+            *estimate(attitude, velocity_n, error), depth - error[2], v_d - error[5], (p, q, r), nu_rates[0]
+        )
         course, rate_wanted, speed_wanted = guide(north - error[0], east - error[1], segment, target)
-        pitch_wanted, depth_i_dot = depth_law(depth_wanted, sink_wanted, depth - error[2], speed, depth_i)
-        fin_commands, shaft_command, memory_dot = control(
-            (-roll, pitch_wanted - pitch, wrap(course - crab - yaw)),
-            (-p, -q, rate_wanted - r),
-            (speed_wanted, speed_wanted - speed, -nu_rates[0]),
-            ahead,
-            memory,
-        )
-        fin_rates, shaft_rate = actuators(fin_commands, fins, shaft_command, shaft)
-        crab_dot = crab_corner * (atan2(starboard, ahead) - crab)
+        wanted = Wanted(course, rate_wanted, speed_wanted, depth_wanted, sink_wanted)
         attitude_rate = quaternion_rate(attitude, p, q, r)
-        guidance_dot = (crab_dot, depth_i_dot)
-        return list(
-            chain(velocity_n, attitude_rate, nu_rates, fin_rates, (shaft_rate,), memory_dot, guidance_dot)
-        )
+        return list(chain(velocity_n, attitude_rate, nu_rates, steer(own, motion, wanted)))
 
     return rates
 

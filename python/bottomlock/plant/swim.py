@@ -7,6 +7,7 @@ import numpy as np
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
+from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
@@ -26,7 +27,7 @@ class StateHistory:
 
     Attributes:
         time_ns: (N,).
-        state: (N, 28) in the layout of `model`.
+        state: (N, size) in the layout of `model`.
         acceleration: (N, 6) nu', m/s² and rad/s².
         velocity_through_water_p_mps: (N, 3) velocity relative to the water, platform frame.
         segment: (N,) index of the path segment in use.
@@ -54,7 +55,7 @@ def sample_times_ns(duration_s: float, imu_rate_hz: float) -> IntArray:
 
 
 def swim(
-    vehicle: Vehicle,
+    vehicle: AnyVehicle,
     mission: Mission,
     *,
     gravity_mps2: float,
@@ -85,6 +86,7 @@ def swim(
         law=mission.law,
         gravity_mps2=gravity_mps2,
         stuck=mission.stuck,
+        heading_rad=mission.heading_rad,
     )
     advance = runge_kutta_step(rates, SCALAR, step_s)
     renew_attitude = attitude_by_rates(SCALAR, step_s)
@@ -121,7 +123,7 @@ def _dense(states: FloatArray, derivatives: FloatArray, step_s: float, parts: in
 
 
 def _history(
-    vehicle: Vehicle,
+    vehicle: AnyVehicle,
     mission: Mission,
     states: FloatArray,
     indices: IntArray,
@@ -135,6 +137,7 @@ def _history(
         law=mission.law,
         gravity_mps2=gravity_mps2,
         stuck=mission.stuck,
+        heading_rad=mission.heading_rad,
     )
     rows = list(mission.timetable(np.arange(len(states)) / imu_rate_hz).T)
     segment = tuple(np.array(guide_rows(mission.segments))[indices].T)
@@ -151,12 +154,22 @@ def _history(
     )
 
 
-def check_mission(vehicle: Vehicle, mission: Mission) -> None:
-    """Check that a mission stays within the vehicle's limits of speed and depth.
+def check_mission(vehicle: AnyVehicle, mission: Mission) -> None:
+    """Check that a mission stays within the vehicle's limits of speed and depth, and asks of it what it has.
 
     Raises:
         ScenarioError: naming the mission, the value outside the limits, and the limits.
     """
+    finned = isinstance(vehicle, Vehicle)
+    if finned and mission.heading_rad is not None:
+        raise ScenarioError(
+            f"mission {mission.name}: heading_deg is given, but vehicle {vehicle.name} has fins and points along its "
+            "path; expected a vehicle with thrusters"
+        )
+    if not finned and mission.stuck is not None:
+        raise ScenarioError(
+            f"mission {mission.name}: stuck_fin is given, but vehicle {vehicle.name} has no fins"
+        )
     limits = vehicle.limits
     if not limits.min_speed <= mission.speed_mps <= limits.max_speed:
         raise ScenarioError(

@@ -51,6 +51,7 @@ def mission_from_table(table: dict[str, Any], label: str) -> Mission:
         law=read.guidance,
         current=_current_of(read.current),
         stuck=None if stuck is None else StuckFin(stuck.fin, math.radians(stuck.angle_deg)),
+        heading_rad=None if read.heading_deg is None else math.radians(read.heading_deg),
     )
 
 
@@ -85,7 +86,9 @@ def _path_of(read: AnyMission) -> Mission:
             speed_mps=read.speed_mps,
             duration_s=read.duration_s,
         )
-    return _PATHS[read.kind](**read.model_dump(exclude={"kind", "guidance", "current", "stuck_fin"}))
+    return _PATHS[read.kind](
+        **read.model_dump(exclude={"kind", "guidance", "current", "stuck_fin", "heading_deg"})
+    )
 
 
 def _current_of(table: CurrentTable) -> Current:

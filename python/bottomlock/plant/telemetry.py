@@ -1,4 +1,4 @@
-"""A flight as a table: position, velocity, angles, fins and shaft at a low rate."""
+"""A flight as a table: position, velocity, angles and actuators at a low rate."""
 
 import numpy as np
 import polars as pl
@@ -6,6 +6,7 @@ import polars as pl
 from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.path import cross_track_m
 from bottomlock.plant.truth import Flight
+from bottomlock.plant.vehicle import Vehicle
 
 
 def euler_rad(attitude_t_p: FloatArray) -> FloatArray:
@@ -22,8 +23,8 @@ def telemetry(flight: Flight, *, every: int = 15) -> pl.DataFrame:
 
     Columns: trajectory, time_ns, north_m, east_m, depth_m, depth_wanted_m, cross_track_m, leg (True on
     straight segments), speed_mps (over ground), surge_mps, sway_mps, heave_mps, sideslip_rad and
-    angle_of_attack_rad (through the water), roll_rad, pitch_rad, yaw_rad, fin_1_rad to fin_4_rad,
-    shaft_rps.
+    angle_of_attack_rad (through the water), roll_rad, pitch_rad, yaw_rad, and fin_1_rad to fin_4_rad and shaft_rps, or
+    thrust_1_n and so on.
     """
     history, mission = flight.history, flight.mission
     pick = slice(None, None, every)
@@ -52,7 +53,13 @@ def telemetry(flight: Flight, *, every: int = 15) -> pl.DataFrame:
         "pitch_rad": pitch,
         "yaw_rad": yaw,
     }
-    fins = {f"fin_{index + 1}_rad": state[:, 13 + index] for index in range(4)}
+    if isinstance(flight.vehicle, Vehicle):
+        drives = {f"fin_{index + 1}_rad": state[:, 13 + index] for index in range(4)} | {
+            "shaft_rps": state[:, 17]
+        }
+    else:
+        count = len(flight.vehicle.thrusters.azimuth)
+        drives = {f"thrust_{index + 1}_n": state[:, 13 + index] for index in range(count)}
     return pl.DataFrame(
         {
             "trajectory": [mission.name] * len(state),
@@ -60,7 +67,6 @@ def telemetry(flight: Flight, *, every: int = 15) -> pl.DataFrame:
             **columns,
             "leg": straight,
             **motion,
-            **fins,
-            "shaft_rps": state[:, 17],
+            **drives,
         }
     )

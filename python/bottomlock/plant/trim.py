@@ -1,7 +1,8 @@
-"""Steady straight flight: the trim, its stability, and the state a mission starts in."""
+"""Steady straight flight: the trim, its stability, and the state that a mission starts in."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.optimize import root
@@ -10,7 +11,9 @@ from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
 from bottomlock.plant.autopilot import Mixer
 from bottomlock.plant.equations import acceleration
+from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.maths import SCALAR, FloatArray
+from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.mission import Mission, straight
 from bottomlock.plant.path import guide_rows
 from bottomlock.plant.vehicle import Vehicle
@@ -58,7 +61,8 @@ def trim(vehicle: Vehicle, speed_mps: float, gravity_mps2: float) -> Trim:
         u, v, w = guess.velocity_p_mps
         attitude = (math.cos(0.5 * guess.pitch_rad), 0.0, math.sin(0.5 * guess.pitch_rad), 0.0)
         zero = (0.0, 0.0, 0.0)
-        rates = nu_dot(attitude, (u, v, w, 0.0, 0.0, 0.0), guess.fins_rad, guess.shaft_rps, zero, zero)
+        actuators = (*guess.fins_rad, guess.shaft_rps)
+        rates = nu_dot(attitude, (u, v, w, 0.0, 0.0, 0.0), actuators, zero, zero)
         sink = -math.sin(guess.pitch_rad) * u + math.cos(guess.pitch_rad) * w
         return np.array([*rates, sink])
 
@@ -80,13 +84,17 @@ def trim(vehicle: Vehicle, speed_mps: float, gravity_mps2: float) -> Trim:
     return found
 
 
-def start_state(vehicle: Vehicle, mission: Mission, gravity_mps2: float) -> list[float]:
-    """Initial state (28,): in trim on the first segment, at the crab angle that puts the course along it."""
+def start_state(vehicle: AnyVehicle, mission: Mission, gravity_mps2: float) -> list[float]:
+    """Initial state in the layout of `model`: steady on the first segment, with the course along it."""
     first = mission.segments[0]
     depth, _ = mission.depth.at(np.array([0.0]))
     row = mission.timetable(np.array([0.0]))[0]
     current = np.array([row[0] + row[4] * depth[0], row[1] + row[5] * depth[0]])
     ground = mission.speed_mps * np.array([math.cos(first.heading_rad), math.sin(first.heading_rad)])
+    if not isinstance(vehicle, Vehicle):
+        heading = first.heading_rad if mission.heading_rad is None else mission.heading_rad
+        own = hovering_start(vehicle, heading, ground, current, gravity_mps2)
+        return [first.north_m, first.east_m, float(depth[0]), *own]
     through = ground - current
     steady = trim(vehicle, float(np.hypot(*through)), gravity_mps2)
     yaw = math.atan2(float(through[1]), float(through[0]))
@@ -125,24 +133,70 @@ def start_state(vehicle: Vehicle, mission: Mission, gravity_mps2: float) -> list
     ]  # fmt: skip
 
 
-def eigenvalues(vehicle: Vehicle, speed_mps: float, gravity_mps2: float, *, closed_loop: bool) -> FloatArray:
+def hovering_start(
+    vehicle: HoveringVehicle, heading_rad: float, ground: FloatArray, current: FloatArray, gravity_mps2: float
+) -> list[float]:
+    """Initial state after the position of a vehicle with thrusters: level, on its heading, forces in balance.
+
+    Velocity over ground and of the current in the tangent frame, (2,), m/s.
+
+    Raises:
+        ScenarioError: where the balance needs more than the controllers' or the thrusters' limits.
+    """
+    cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
+    attitude = (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
+    ahead, aside = cosine * ground[0] + sine * ground[1], cosine * ground[1] - sine * ground[0]
+    nu = (float(ahead), float(aside), 0.0, 0.0, 0.0, 0.0)
+    wrenches = vehicle.thrusters.wrenches()
+    unpushed = acceleration(vehicle, gravity_mps2, SCALAR)(
+        attitude, nu, [0.0] * wrenches.shape[1], (float(current[0]), float(current[1]), 0.0), (0.0, 0.0, 0.0)
+    )
+    needed = -(rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle)) @ np.array(unpushed)
+    thrusts = np.linalg.pinv(wrenches) @ needed
+    axes = vehicle.autopilot.axes()
+    beyond = any(abs(force) > gains.limit for force, gains in zip(needed, axes, strict=True))
+    if beyond or np.abs(thrusts).max() > vehicle.thrusters.max_thrust:
+        raise ScenarioError(
+            f"vehicle {vehicle.name}: {math.hypot(*(ground - current)):.2f} m/s through the water on a heading of "
+            f"{math.degrees(heading_rad):.0f} deg needs {math.hypot(needed[0], needed[1]):.0f} N level and "
+            f"{abs(needed[2]):.0f} N upright, more than controllers or thrusters give; expected a slower mission or "
+            "a weaker current"
+        )
+    integrals = [float(force) / gains.integral for force, gains in zip(needed, axes, strict=True)]
+    return [*attitude, *nu, *thrusts.tolist(), *integrals]
+
+
+def eigenvalues(
+    vehicle: AnyVehicle,
+    speed_mps: float,
+    gravity_mps2: float,
+    *,
+    closed_loop: bool,
+    heading_rad: float | None = None,
+) -> FloatArray:
     """Eigenvalues (1/s) of motion about level flight, by central differences of the equations.
 
-    Closed loop: every state but the distance along the path and the quaternion's length. Open loop: fins and shaft
-    fixed, nu, roll and pitch only (heading, position and depth are pure integrators).
+    Closed loop: every state but the distance along the path and the quaternion's length. Open loop: actuators fixed,
+    nu, roll and pitch only (heading, position and depth are pure integrators). A vehicle with thrusters may hold a
+    heading (rad) across its path.
     """
-    mission = straight(speed_mps=speed_mps)
+    mission = replace(straight(speed_mps=speed_mps), heading_rad=heading_rad)
     start = np.array(start_state(vehicle, mission, gravity_mps2))
     rates = model.derivative(
-        vehicle, SCALAR, speed_mps=speed_mps, law="line_of_sight", gravity_mps2=gravity_mps2
+        vehicle,
+        SCALAR,
+        speed_mps=speed_mps,
+        law="line_of_sight",
+        gravity_mps2=gravity_mps2,
+        heading_rad=heading_rad,
     )
     row = [float(value) for value in mission.timetable(np.array([0.0]))[0]]
     segment, error = guide_rows(mission.segments)[0], (0.0,) * 9
-    q0, _, q2, _ = start[model.ATTITUDE]
-    # columns map a small platform rotation to the change of the quaternion's components, about a pitched attitude
-    spin = 0.5 * np.array([[0.0, -q2, 0.0], [q0, 0.0, q2], [0.0, q0, 0.0], [-q2, 0.0, q0]])
-    others = [1, 2, *range(7, model.SIZE)] if closed_loop else list(range(7, 13))
-    columns = np.zeros((model.SIZE, 3 + len(others)))
+    q0, q1, q2, q3 = start[model.ATTITUDE]
+    # columns map a small platform rotation to the change of the quaternion's components
+    spin = 0.5 * np.array([[-q1, -q2, -q3], [q0, -q3, q2], [q3, q0, -q1], [-q2, q1, q0]])
+    others = [1, 2, *range(7, len(start))] if closed_loop else list(range(7, 13))
+    columns = np.zeros((len(start), 3 + len(others)))
     columns[model.ATTITUDE, :3] = spin
     columns[others, range(3, 3 + len(others))] = 1.0
     if not closed_loop:
@@ -158,15 +212,21 @@ def eigenvalues(vehicle: Vehicle, speed_mps: float, gravity_mps2: float, *, clos
     return np.asarray(values[np.argsort(-values.real)])
 
 
-def check_stability(vehicle: Vehicle, gravity_mps2: float) -> None:
+def check_stability(vehicle: AnyVehicle, gravity_mps2: float) -> None:
     """Check that a vehicle is stable under its autopilot at its slowest, cruise and fastest speed.
+
+    One with thrusters ahead, and with its heading across the path.
 
     Raises:
         ScenarioError: with the speed and the growth rate of an unstable mode.
     """
     limits = vehicle.limits
-    for speed in sorted({limits.min_speed, limits.cruise_speed, limits.max_speed}):
-        fastest_growth = float(eigenvalues(vehicle, speed, gravity_mps2, closed_loop=True)[0].real)
+    headings = (None,) if isinstance(vehicle, Vehicle) else (None, 0.5 * math.pi)
+    for speed, heading in product(
+        sorted({limits.min_speed, limits.cruise_speed, limits.max_speed}), headings
+    ):
+        modes = eigenvalues(vehicle, speed, gravity_mps2, closed_loop=True, heading_rad=heading)
+        fastest_growth = float(modes[0].real)
         if fastest_growth >= 0.0:
             raise ScenarioError(
                 f"vehicle {vehicle.name}: the trim at {speed:g} m/s is unstable under its autopilot: "

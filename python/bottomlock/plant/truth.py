@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.plant.cache import history_key, load_history, store_history
+from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.ideal_sensors import inertial_measurements
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.swim import StateHistory, swim
 from bottomlock.plant.trim import check_stability
-from bottomlock.plant.vehicle import Vehicle
 from bottomlock.truth.truth import Truth
 
 
@@ -16,7 +16,7 @@ from bottomlock.truth.truth import Truth
 class Flight:
     """A simulated mission: the truth for the sensors, and the vehicle's whole state history."""
 
-    vehicle: Vehicle
+    vehicle: AnyVehicle
     mission: Mission
     history: StateHistory
     truth: Truth
@@ -50,7 +50,7 @@ def truth_of(
 
 
 def fly(
-    vehicle: Vehicle,
+    vehicle: AnyVehicle,
     mission: Mission,
     *,
     latitude_rad: float,

@@ -1,31 +1,28 @@
-"""A vehicle's coefficients, read from TOML and validated.
+"""The coefficients of a vehicle with fins and a propeller, validated, and what it shares with every other vehicle.
 
 SNAME notation in the platform frame (FRD) with its origin at the centre of buoyancy; all fields are SI floats.
 """
 
-from importlib import resources
-from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from bottomlock.config.toml_file import parse_toml, read_text
-from bottomlock.config.validation import explain
-from bottomlock.errors import ScenarioError
 from bottomlock.plant import coefficients as coef
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """A table of a vehicle file."""
+
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Water(_Table):
+class Water(Table):
     """The water for which the coefficients hold."""
 
     density: coef.PositiveDensity
 
 
-class RigidBody(_Table):
+class RigidBody(Table):
     """Mass, displaced volume, centre of gravity and inertia about the origin (centre of buoyancy)."""
 
     mass: coef.PositiveMass
@@ -38,7 +35,7 @@ class RigidBody(_Table):
     inertia_zz: coef.PositiveInertia
 
 
-class Hull(_Table):
+class Hull(Table):
     """Shape (Myring nose and tail), drag and lift of the bare hull."""
 
     length: coef.PositiveLength
@@ -57,7 +54,7 @@ class Hull(_Table):
     yaw_drag: coef.RotaryDrag
 
 
-class AddedMass(_Table):
+class AddedMass(Table):
     """Added-mass derivatives, SNAME signs; y_rdot = n_vdot and z_qdot = m_wdot by symmetry."""
 
     x_udot: coef.Mass
@@ -70,7 +67,7 @@ class AddedMass(_Table):
     z_qdot: coef.AddedMassMoment
 
 
-class Fins(_Table):
+class Fins(Table):
     """Equal all-moving fins round the tail; azimuth from starboard (+y) towards down (+z)."""
 
     azimuth: Annotated[tuple[coef.Angle, ...], Field(min_length=4, max_length=4)]
@@ -85,7 +82,7 @@ class Fins(_Table):
     stall_width: coef.PositiveAngle
 
 
-class FinActuator(_Table):
+class FinActuator(Table):
     """Limits and first-order lag of each fin's servo."""
 
     max_deflection: coef.PositiveAngle
@@ -93,7 +90,7 @@ class FinActuator(_Table):
     time_constant: coef.PositiveTime
 
 
-class Propeller(_Table):
+class Propeller(Table):
     """Open-water line K = K0 + K1 J, hull interaction, limits; rotation +1 is clockwise from aft."""
 
     diameter: coef.PositiveLength
@@ -109,7 +106,7 @@ class Propeller(_Table):
     time_constant: coef.PositiveTime
 
 
-class AttitudePid(_Table):
+class AttitudePid(Table):
     """A PID from an angle error to an equivalent fin angle at cruise speed."""
 
     proportional: coef.FinPerAngle
@@ -120,7 +117,7 @@ class AttitudePid(_Table):
     limit: coef.PositiveAngle
 
 
-class SpeedPid(_Table):
+class SpeedPid(Table):
     """A PID from a speed error to a shaft speed, about a feed-forward proportional to the wanted speed."""
 
     proportional: coef.ShaftPerSpeed
@@ -131,7 +128,7 @@ class SpeedPid(_Table):
     feed_forward: coef.ShaftPerSpeed
 
 
-class Autopilot(_Table):
+class Autopilot(Table):
     """The four controllers; fin gains are scaled with (cruise speed / speed)²."""
 
     roll: AttitudePid
@@ -140,7 +137,7 @@ class Autopilot(_Table):
     speed: SpeedPid
 
 
-class GuidanceGains(_Table):
+class GuidanceGains(Table):
     """Line-of-sight look-ahead, target approach speed, depth loop and crab-angle filter."""
 
     look_ahead: coef.PositiveLength
@@ -151,7 +148,7 @@ class GuidanceGains(_Table):
     crab_time_constant: coef.PositiveTime
 
 
-class Limits(_Table):
+class Limits(Table):
     """Cruise speed, the range of speeds the autopilot serves, and the greatest depth."""
 
     cruise_speed: coef.PositiveSpeed
@@ -160,8 +157,8 @@ class Limits(_Table):
     max_depth: coef.PositiveLength
 
 
-class Vehicle(_Table):
-    """Every coefficient of one vehicle, SI; see `load_vehicle`."""
+class Vehicle(Table):
+    """Every coefficient of a vehicle with fins and a propeller, SI; see `load_vehicle`."""
 
     name: str
     description: str
@@ -178,76 +175,40 @@ class Vehicle(_Table):
 
     @model_validator(mode="after")
     def _physical(self) -> Self:
-        body, added = self.rigid_body, self.added_mass
-        inertias = sorted((body.inertia_xx, body.inertia_yy, body.inertia_zz))
-        if inertias[2] > inertias[0] + inertias[1]:
-            raise ValueError(
-                "rigid_body: the largest inertia exceeds the sum of the other two, which no rigid body can have"
-            )
-        for name in ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot"):
-            if getattr(added, name) > 0.0:
-                raise ValueError(
-                    f"added_mass.{name}: must not be positive (SNAME: the water resists acceleration)"
-                )
-        for axis, second, coupling in (("y_vdot", "n_rdot", "y_rdot"), ("z_wdot", "m_qdot", "z_qdot")):
-            if getattr(added, coupling) ** 2 > getattr(added, axis) * getattr(added, second):
-                raise ValueError(f"added_mass.{coupling}: the added-mass matrix has a negative eigenvalue")
-        if body.centre_of_gravity_z <= 0.0:
-            raise ValueError(
-                "rigid_body.centre_of_gravity_z: expected above 0 (below the centre of buoyancy, z is down), or the "
-                "vehicle capsizes"
-            )
-        ratio = self.water.density * body.displaced_volume / body.mass
-        if not 0.9 < ratio < 1.1:
-            raise ValueError(f"rigid_body: buoyancy is {ratio:.3f} of the weight; expected 0.9 to 1.1")
+        check_body(self.water, self.rigid_body, self.added_mass, self.limits)
         if self.hull.nose_length + self.hull.tail_length > self.hull.length:
             raise ValueError("hull: nose and tail together are longer than the hull")
         if abs(self.propeller.rotation) != 1.0:
             raise ValueError("propeller.rotation: expected 1 (clockwise seen from aft) or -1")
-        if not self.limits.min_speed <= self.limits.cruise_speed <= self.limits.max_speed:
-            raise ValueError("limits: expected min_speed <= cruise_speed <= max_speed")
         return self
 
 
-def packaged_vehicles() -> list[str]:
-    """Names of the vehicles that ship with the package, sorted."""
-    folder = resources.files("bottomlock.config") / "vehicles"
-    return sorted(
-        entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")
-    )
-
-
-def load_vehicle(name_or_path: str | Path) -> Vehicle:
-    """Read and check a vehicle: a packaged name such as `tauv`, or a path to a TOML file.
+def check_body(water: Water, body: RigidBody, added: AddedMass, limits: Limits) -> None:
+    """Check that mass, inertia, added mass, buoyancy and limits are those of a body.
 
     Raises:
-        ScenarioError: naming table and coefficient, for one that is missing, has a wrong unit or is unphysical.
-
-    >>> load_vehicle("tauv").limits.cruise_speed
-    2.0
+        ValueError: naming table and coefficient.
     """
-    text, label = _read(name_or_path)
-    return parse_vehicle(parse_toml(text, place=f"vehicle {label}"), label)
-
-
-def parse_vehicle(tables: dict[str, Any], label: str) -> Vehicle:
-    """Check vehicle tables already read from TOML.
-
-    Raises:
-        ScenarioError: with every fault found.
-    """
-    try:
-        return Vehicle.model_validate(tables)
-    except ValidationError as error:
-        raise ScenarioError(explain(error, f"vehicle {label}", Vehicle)) from error
-
-
-def _read(name_or_path: str | Path) -> tuple[str, str]:
-    if isinstance(name_or_path, str) and name_or_path in packaged_vehicles():
-        entry = resources.files("bottomlock.config") / "vehicles" / f"{name_or_path}.toml"
-        return entry.read_text(encoding="utf-8"), name_or_path
-    path = Path(name_or_path)
-    if not path.is_file():
-        known = ", ".join(packaged_vehicles())
-        raise ScenarioError(f"vehicle '{name_or_path}': neither a packaged vehicle ({known}) nor a file")
-    return read_text(path), str(path)
+    inertias = sorted((body.inertia_xx, body.inertia_yy, body.inertia_zz))
+    if inertias[2] > inertias[0] + inertias[1]:
+        raise ValueError(
+            "rigid_body: the largest inertia exceeds the sum of the other two, which no rigid body can have"
+        )
+    for name in ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot"):
+        if getattr(added, name) > 0.0:
+            raise ValueError(
+                f"added_mass.{name}: must not be positive (SNAME: the water resists acceleration)"
+            )
+    for axis, second, coupling in (("y_vdot", "n_rdot", "y_rdot"), ("z_wdot", "m_qdot", "z_qdot")):
+        if getattr(added, coupling) ** 2 > getattr(added, axis) * getattr(added, second):
+            raise ValueError(f"added_mass.{coupling}: the added-mass matrix has a negative eigenvalue")
+    if body.centre_of_gravity_z <= 0.0:
+        raise ValueError(
+            "rigid_body.centre_of_gravity_z: expected above 0 (below the centre of buoyancy, z is down), or the "
+            "vehicle capsizes"
+        )
+    ratio = water.density * body.displaced_volume / body.mass
+    if not 0.9 < ratio < 1.1:
+        raise ValueError(f"rigid_body: buoyancy is {ratio:.3f} of the weight; expected 0.9 to 1.1")
+    if not limits.min_speed <= limits.cruise_speed <= limits.max_speed:
+        raise ValueError("limits: expected min_speed <= cruise_speed <= max_speed")

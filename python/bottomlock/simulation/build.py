@@ -13,7 +13,7 @@ from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_validity
 from bottomlock.own_method import source_of
-from bottomlock.plant import Flight, Mission, Vehicle, fly, load_vehicle
+from bottomlock.plant import AnyVehicle, Flight, Mission, fly, load_vehicle
 from bottomlock.plant.seabed import GridSeabed, Seabed
 from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
 from bottomlock.plant.swim import check_mission
@@ -47,7 +47,7 @@ class Simulation:
     scenario: Scenario
     gravity_mps2: float
     geometry: kernel.BeamGeometry
-    vehicle: Vehicle | None
+    vehicle: AnyVehicle | None
     mission: Mission | None
     seabed: Seabed | None
     recorded: tuple[NDArray[np.int64], NDArray[np.bool_]] | None

@@ -2,20 +2,20 @@
 
 import pytest
 
-from bottomlock.plant import Flight, Vehicle, figure_eight, fly, lawn_mower, load_vehicle, straight
-from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
+from bottomlock.plant import Flight, Vehicle, figure_eight, fly, lawn_mower, straight
+from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD, finned
 
 
 @pytest.fixture(scope="session")
 def tauv() -> Vehicle:
     """The 2017 paper's vehicle."""
-    return load_vehicle("tauv")
+    return finned("tauv")
 
 
 @pytest.fixture(scope="session")
 def remus() -> Vehicle:
     """The vehicle with published coefficients."""
-    return load_vehicle("remus100")
+    return finned("remus100")
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from bottomlock.plant import Mission, Vehicle, model
+from bottomlock.plant import Mission, Vehicle, load_vehicle, model
 from bottomlock.plant.autopilot import Mixer
 from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.integrate import runge_kutta_step
@@ -15,6 +15,13 @@ from bottomlock.plant.swim import NO_ERROR
 
 GRAVITY_MPS2 = 9.795
 LATITUDE_RAD = math.radians(32.8)
+
+
+def finned(name: str) -> Vehicle:
+    """A packaged vehicle with fins."""
+    vehicle = load_vehicle(name)
+    assert isinstance(vehicle, Vehicle)
+    return vehicle
 
 
 def coast(
@@ -32,7 +39,7 @@ def coast(
 
     def rates(x: FloatArray, held: tuple[float, ...]) -> FloatArray:
         q0, q1, q2, q3, u, v, w, p, q, r = (float(value) for value in x[3:])
-        accel = nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), held, shaft_rps, current_t_mps, (0.0, 0.0, 0.0))  # type: ignore[arg-type]
+        accel = nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), (*held, shaft_rps), current_t_mps, (0.0,) * 3)
         turn = 0.5 * np.array(
             [
                 -q1 * p - q2 * q - q3 * r,

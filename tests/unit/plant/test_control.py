@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from bottomlock.plant import Current, Vehicle, load_vehicle, model, straight, swim
+from bottomlock.plant import Current, Vehicle, model, straight, swim
 from bottomlock.plant.actuators import fin_servo, thruster
 from bottomlock.plant.autopilot import Mixer, attitude_pid, fin_commands, speed_pid
 from bottomlock.plant.maths import SCALAR, FloatArray
@@ -16,7 +16,7 @@ from bottomlock.plant.mission import DepthProfile, Mission
 from bottomlock.plant.path import PathBuilder
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import eigenvalues, start_state
-from tests.unit.plant.helpers import GRAVITY_MPS2, pilot
+from tests.unit.plant.helpers import GRAVITY_MPS2, finned, pilot
 
 angles = hnp.arrays(np.float64, 3, elements=st.floats(-0.4, 0.4))
 
@@ -24,9 +24,9 @@ angles = hnp.arrays(np.float64, 3, elements=st.floats(-0.4, 0.4))
 @given(st.sampled_from(["tauv", "remus100"]), angles)
 def test_mixing_inverts(name: str, modes: FloatArray) -> None:
     """+ or x: what the mixer gives to four fins comes back as roll, pitch and yaw."""
-    mixer = Mixer.of(load_vehicle(name))
+    mixer = Mixer.of(finned(name))
     assert np.allclose(mixer.modes_rad(mixer.fins_rad(modes)), modes, atol=1e-12)
-    assert np.allclose(fin_commands(load_vehicle(name))(*modes.tolist()), mixer.fins_rad(modes), atol=1e-12)
+    assert np.allclose(fin_commands(finned(name))(*modes.tolist()), mixer.fins_rad(modes), atol=1e-12)
 
 
 def test_the_fourth_pattern_of_fins_is_no_mode(tauv: Vehicle) -> None:
@@ -84,7 +84,7 @@ def test_integrators_do_not_wind_up(tauv: Vehicle) -> None:
 @pytest.mark.parametrize("name", ["tauv", "remus100"])
 def test_the_loop_is_stable_over_the_speed_range(name: str) -> None:
     """Slow motions (below 3 rad/s) are damped with a ratio of at least 0.15, fast ones decay."""
-    vehicle = load_vehicle(name)
+    vehicle = finned(name)
     for speed in np.linspace(vehicle.limits.min_speed, vehicle.limits.max_speed, 5):
         values = eigenvalues(vehicle, float(speed), GRAVITY_MPS2, closed_loop=True)
         assert values.real.max() < -0.02

@@ -21,7 +21,7 @@ def test_trim_is_an_equilibrium(tauv: Vehicle, speed_mps: float) -> None:
     u, v, w = steady.velocity_p_mps
     attitude = (math.cos(steady.pitch_rad / 2), 0.0, math.sin(steady.pitch_rad / 2), 0.0)
     rates = acceleration(tauv, GRAVITY_MPS2, SCALAR)(
-        attitude, (u, v, w, 0.0, 0.0, 0.0), steady.fins_rad, steady.shaft_rps, (0.0,) * 3, (0.0,) * 3
+        attitude, (u, v, w, 0.0, 0.0, 0.0), (*steady.fins_rad, steady.shaft_rps), (0.0,) * 3, (0.0,) * 3
     )
     assert np.abs(rates).max() < 1e-9
     start = [0.0, 0.0, 20.0, *attitude, u, v, w, 0.0, 0.0, 0.0]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from bottomlock.plant import Vehicle, load_vehicle
+from bottomlock.plant import Vehicle
 from bottomlock.plant.equations import acceleration, to_platform, to_tangent
 from bottomlock.plant.fins import fin_wrench, lift_and_drag
 from bottomlock.plant.hull import hull_damping_matrix, hull_wrench
@@ -23,9 +23,9 @@ from bottomlock.plant.matrices import (
     rotation_t_p,
 )
 from bottomlock.plant.propeller import propeller_wrench
-from tests.unit.plant.helpers import GRAVITY_MPS2, at_speed, coast
+from tests.unit.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned
 
-VEHICLES = {name: load_vehicle(name) for name in ("tauv", "remus100")}
+VEHICLES = {name: finned(name) for name in ("tauv", "remus100")}
 
 velocities = hnp.arrays(np.float64, 6, elements=st.floats(-4.0, 4.0, width=32))
 deflections = hnp.arrays(np.float64, 4, elements=st.floats(-0.5, 0.5, width=32))
@@ -45,7 +45,8 @@ def _nu_dot(
 ) -> FloatArray:
     function: Callable[..., tuple[float, ...]] = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
     parts = (tuple(part.tolist()) for part in (quaternion, nu, fins))
-    return np.array(function(*parts, shaft, tuple(water.tolist()), (0.0,) * 3))
+    attitude, motion, deflections = parts
+    return np.array(function(attitude, motion, (*deflections, shaft), tuple(water.tolist()), (0.0,) * 3))
 
 
 @given(names, velocities)
@@ -165,8 +166,7 @@ def test_arrays_and_floats_give_the_same_motion(
     together = function(
         tuple(spread[:4]),
         tuple(spread[4:10]),
-        tuple(spread[10:]),
-        np.full(3, 12.0),
+        (*spread[10:], np.full(3, 12.0)),
         (np.full(3, 0.1), np.full(3, -0.2), np.zeros(3)),
         (np.zeros(3),) * 3,
     )

@@ -78,7 +78,7 @@ def test_published_combined_coefficients(remus: Vehicle) -> None:
     def wrench(v: float, r: float, rudder: float) -> FloatArray:
         fins = tuple(fins_of(remus, yaw_rad=rudder).tolist())
         nu = (speed, v, 0.0, 0.0, 0.0, r)
-        motion = acceleration(remus, GRAVITY_MPS2, SCALAR)(level, nu, fins, 0.0, (0.0,) * 3, (0.0,) * 3)
+        motion = acceleration(remus, GRAVITY_MPS2, SCALAR)(level, nu, (*fins, 0.0), (0.0,) * 3, (0.0,) * 3)
         forces: FloatArray = mass @ np.array(motion)
         return forces
 

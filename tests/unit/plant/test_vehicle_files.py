@@ -13,7 +13,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.plant import Vehicle, derivations, load_vehicle, packaged_vehicles
 from bottomlock.plant.hull import myring_radius_m
 from bottomlock.plant.trim import check_stability
-from bottomlock.plant.vehicle import parse_vehicle
+from bottomlock.plant.vehicle_file import parse_vehicle
 from tests.unit.plant.helpers import GRAVITY_MPS2
 
 
