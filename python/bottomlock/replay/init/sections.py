@@ -44,7 +44,10 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     head.put("name", "".join(c if c.isalnum() or c in "_-" else "_" for c in files.case.stem))
     replay = Section("replay")
     replay.put("methods", ["ins", "lc", "tc"])
-    replay.say("every method side by side: leave the line above out")
+    replay.say(
+        "every method side by side: leave the line above out; sway_current is for a slender vehicle, and for one with "
+        'lateral thrusters (ROV, hovering AUV) with vehicle = "hovering" in [filter.water] (docs/hovering.md)'
+    )
     start = Section("start")
     put_start(start, parts)
     return joined(
