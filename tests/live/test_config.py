@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from bottomlock.config.scenario_sections import Filter
 from bottomlock.errors import ScenarioError
 from bottomlock.live.config import load_config, parse_config
 from bottomlock.live.pings import FRAMERS
@@ -88,6 +89,14 @@ def test_templates_can_be_read(tmp_path: Path, instrument: str, autopilot: str) 
     config = load_config(file)
     assert config.mode == AUTOPILOTS[autopilot].mode
     assert len(config.ports()) == 1
+
+
+def test_a_template_names_the_prior_of_a_vehicle_that_hovers(tmp_path: Path) -> None:
+    """Its lines without their comment signs are the section that makes it."""
+    file = tmp_path / "rov.toml"
+    text = template("a50", "ardusub").replace("# [filter.water]\n# vehicle", "[filter.water]\nvehicle")
+    file.write_text(text)
+    assert load_config(file).filter.water == Filter.model_validate({"water": {"vehicle": "hovering"}}).water
 
 
 def test_unknown_names_of_templates() -> None:

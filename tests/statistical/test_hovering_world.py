@@ -14,7 +14,7 @@ import pytest
 from tests.oracle import chi_squared
 from tests.statistical import hovering
 
-pytestmark = pytest.mark.statistical
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 PAGE = Path(__file__).parents[2] / "docs" / "hovering.md"
 
 

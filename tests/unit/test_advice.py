@@ -27,6 +27,14 @@ def test_references_are_not_advice(tmp_path: Path) -> None:
     assert "No method of this campaign is consistent" in make_report(folder).page.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize(("method", "said"), [("sway_current", True), ("lc", False)])
+def test_the_page_says_for_which_vehicles_the_advice_holds(tmp_path: Path, method: str, said: bool) -> None:
+    """Beside the advice of a method with an assumption on sway."""
+    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", method], runs=12)
+    text = make_report(folder).page.read_text(encoding="utf-8")
+    assert ('vehicle = "hovering"' in text) is said
+
+
 def _overconfident(folder: Path, trajectory: str, method: str) -> None:
     path = folder / "consistency.parquet"
     here = (pl.col("trajectory") == trajectory) & (pl.col("method") == method)
