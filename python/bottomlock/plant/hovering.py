@@ -35,7 +35,7 @@ def thruster_steering(
     """Build the rates of thrusts and integrals; without a heading the vehicle points along its path.
 
     The velocity along the course is controlled ahead and to starboard; depth by heave; roll and pitch to level. The six
-    forces and moments are allocated to the thrusters by least squares (Fossen 2021, section 11.2).
+    forces and moments are allocated to the thrusters by least squares (Fossen 2011, section 12.3).
     """
     drives = vehicle.thrusters
     laws: list[Callable[[Number, Number, Number], tuple[Number, Number]]] = [

@@ -9,7 +9,7 @@ from bottomlock.plant.maths import Number
 def thruster_wrench(vehicle: HoveringVehicle) -> Callable[..., tuple[Number, ...]]:
     """Build damping and thrust: (u, v, w, p, q, r, thrusts) relative to the water -> (X, Y, Z, K, M, N), N and N m.
 
-    Each axis is damped by itself, linear and quadratic (Fossen 2021, section 6.4); the thrust is that at rest.
+    Each axis is damped by itself, linear and quadratic (von Benzon et al. 2022); the thrust is that at rest.
     """
     drag = vehicle.damping.axes()
     rows = vehicle.thrusters.wrenches().tolist()
