@@ -138,7 +138,7 @@ def estimate(mission: Mission) -> Estimates:
     """Without a record of fins and shaft; the vehicle is that with which the mission's name begins.
 
     Raises:
-        DataError: for a mission whose name begins with no packaged vehicle.
+        DataError: for a mission whose name begins with no packaged vehicle with fins.
     """
     name = mission.name.split("-")[0]
     if name not in VEHICLES:
@@ -146,7 +146,10 @@ def estimate(mission: Mission) -> Estimates:
             f"mission {mission.name}: no packaged vehicle is called '{name}' ({', '.join(VEHICLES)});"
             " give one to estimate_with_controls"
         )
-    return run(ModelAidedFilter(mission, load_vehicle(name), None), mission)
+    vehicle = load_vehicle(name)
+    if not isinstance(vehicle, Vehicle):
+        raise DataError(f"mission {mission.name}: vehicle '{name}' has thrusters, the kinetic model has fins")
+    return run(ModelAidedFilter(mission, vehicle, None), mission)
 
 
 def estimate_with_controls(mission: Mission, vehicle: Vehicle, controls: Controls | None) -> Estimates:
