@@ -13,7 +13,12 @@ from bottomlock.ports.estimate import SILENT, State
 
 S = 1_000_000_000
 LIMITS = Limits(
-    silent_periods=3.0, silent_least_ns=S // 10, settle_ns=S, velocity_sd_mps=0.5, rejected_pings=5
+    silent_periods=3.0,
+    silent_least_ns=S // 10,
+    settle_ns=S,
+    velocity_sd_mps=0.5,
+    rejected_pings=5,
+    closure_ratio=3.0,
 )
 GOOD = Facts(
     now_ns=100 * S,
@@ -41,10 +46,19 @@ GOOD = Facts(
         ({"stepped": True}, "COASTING", "UNSAFE", "the clock of a source was set"),
         ({"rejected": 5}, "UNSAFE", "UNSAFE", "5 pings in a row contradict the estimate"),
         ({"rejected": 4}, "OK", "OK", "beams determine the whole velocity"),
+        ({"rank": 0}, "COASTING", "UNSAFE", "the last ping contradicts the estimate"),
+        ({"closure_ratio": 3.1}, "UNSAFE", "UNSAFE", "beams disagree with one another by 3.1 times"),
+        ({"closure_ratio": 2.9}, "OK", "OK", "beams determine the whole velocity"),
         ({"velocity_sd_mps": 0.6}, "UNSAFE", "UNSAFE", "velocity is uncertain by 0.6 m/s, limit 0.5 m/s"),
         ({"velocity_sd_mps": float("nan")}, "UNSAFE", "UNSAFE", "velocity is uncertain by nan m/s"),
         ({"imu_age_ns": int(0.11 * S)}, "UNSAFE", "OK", "no inertial readings for 0.1 s"),
         ({"imu_age_ns": None}, "UNSAFE", "OK", "no inertial readings"),
+        (
+            {"imu_age_ns": S, "imu_fault": "in deg/s?"},
+            "UNSAFE",
+            "OK",
+            "no inertial readings for 1.0 s: the last one was rejected, in deg/s?",
+        ),
         ({"fault": "broken"}, "UNSAFE", "UNSAFE", "broken"),
         ({"waiting_for": "the alignment"}, "INITIALISING", "INITIALISING", "waiting for the alignment"),
     ],

@@ -9,12 +9,14 @@ from bottomlock import units
 from bottomlock.levelling import level_from_force
 from bottomlock.live.sections import StartSection
 from bottomlock.models import InitialState
-from bottomlock.ports.rotation import angles, quaternion
+from bottomlock.ports.rotation import angles, matrix, quaternion
 
 PING_AGE_NS = 1_000_000_000
 """Greatest age of the ping that gives the initial velocity."""
 ATTITUDE_AGE_NS = 1_000_000_000
 """Greatest age of the attitude that gives a part of the initial one."""
+GREATEST_MISFIT = 0.5
+"""Of the mean specific force upwards over gravity from 1."""
 Floats = NDArray[np.float64]
 
 
@@ -24,11 +26,15 @@ class Alignment:
     Args:
         start: the section.
         level_by_attitude: whether an attitude gives roll and pitch; else the accelerometers do.
+        gravity_mps2: of the place; 0 where nothing measures it.
     """
 
-    def __init__(self, start: StartSection, *, level_by_attitude: bool = False) -> None:
+    def __init__(
+        self, start: StartSection, *, level_by_attitude: bool = False, gravity_mps2: float = 0.0
+    ) -> None:
         self._start = start
         self._level_by_attitude = level_by_attitude
+        self._gravity_mps2 = gravity_mps2
         self._window_ns = units.ns_from_s(start.window_s)
         self._readings: deque[tuple[int, Floats]] = deque()
         self._attitudes: deque[tuple[int, Floats]] = deque()
@@ -57,7 +63,7 @@ class Alignment:
     @property
     def waiting_for(self) -> str:
         """What is still missing, in words; "" where nothing is."""
-        return self._motion_waits_for or self._velocity_waits_for
+        return self._motion_waits_for or self._axes_wait_for or self._velocity_waits_for
 
     @property
     def _motion_waits_for(self) -> str:
@@ -68,6 +74,33 @@ class Alignment:
             return f"the alignment, {span_ns * 1e-9:.0f} of {self._start.window_s:g} s"
         needed = self._level_by_attitude or self._start.heading_deg is None
         return "an attitude" if needed and self._attitude() is None else ""
+
+    @property
+    def _axes_wait_for(self) -> str:
+        """Accelerometers whose mean, turned by the attitude of the start, points up, and a tilt that may be."""
+        if not self._gravity_mps2:
+            return ""
+        force = self._mean_force()
+        attitude_t_p = np.array(self._attitude_t_p())
+        up = -(matrix(attitude_t_p) @ force)[2] / self._gravity_mps2
+        tilt_deg = np.degrees(np.arccos(np.clip(matrix(attitude_t_p)[2, 2], -1.0, 1.0)))
+        words = f"({', '.join(f'{value:+.1f}' for value in force)}) m/s² along forward, starboard, down"
+        if tilt_deg > self._start.largest_tilt_deg:
+            hint = (
+                "z of the IMU is up (ROS): imu.mounting_roll_deg = 180"
+                if force[2] > 0.5 * self._gravity_mps2
+                else "imu.mounting_roll_deg, imu.mounting_pitch_deg"
+            )
+            return (
+                f"a tilt below start.largest_tilt_deg = {self._start.largest_tilt_deg:g}: the accelerometers read "
+                f"{words}, and (0, 0, -9.8) when level; {hint}?"
+            )
+        if not 1.0 - GREATEST_MISFIT < up < 1.0 + GREATEST_MISFIT:
+            return (
+                f"accelerometers that agree with the attitude: they read {words}, {up:.1f} g upwards by it; axes or "
+                "units of the IMU, or mounting of [attitude]?"
+            )
+        return ""
 
     @property
     def _velocity_waits_for(self) -> str:
@@ -95,10 +128,13 @@ class Alignment:
         heading_deg, known = self._start.heading_deg, self._attitude()
         roll, pitch, yaw = (0.0, 0.0, 0.0) if known is None else angles(known)
         if not self._level_by_attitude:
-            roll, pitch = level_from_force(np.mean([force for _, force in self._readings], axis=0))
+            roll, pitch = level_from_force(self._mean_force())
         elif known is not None and heading_deg is None:
             return tuple(known.tolist())
         return quaternion(roll, pitch, yaw if heading_deg is None else units.rad_from_deg(heading_deg))
+
+    def _mean_force(self) -> Floats:
+        return np.asarray(np.mean([force for _, force in self._readings], axis=0))
 
     def state(self) -> InitialState:
         """The state at the last reading, once `waiting_for` is empty."""

@@ -122,6 +122,12 @@ class LiveConfig(Section):
                 raise ValueError(f"a source has format '{lines}', which needs the section [{key}]")
         if self.attitude is not None:
             self._attitude_is_one(self.attitude)
+        reopens = self.filter.inflate_after_rejections
+        if 0 < reopens <= self.states.rejected_pings:
+            raise ValueError(
+                f"states.rejected_pings is {self.states.rejected_pings}, and the gate opens again at rejection "
+                f"{reopens} (filter.inflate_after_rejections): expected less, or the state would never say so"
+            )
 
     def _start_is_known(self, *, by_attitude: bool) -> None:
         start, attitude = self.start, self.attitude
@@ -223,6 +229,7 @@ class LiveConfig(Section):
             settle_ns=units.ns_from_s(self.states.settle_s),
             velocity_sd_mps=self.states.velocity_sd_mps,
             rejected_pings=self.states.rejected_pings,
+            closure_ratio=self.states.closure_ratio,
         )
 
     def instrument(self) -> Instrument:

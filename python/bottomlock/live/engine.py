@@ -257,6 +257,8 @@ class Engine:
             velocity_sd_mps=estimator.velocity_sd_mps,
             rejected=estimator.rejected,
             stepped=steps > self._steps_seen,
+            closure_ratio=estimator.closure.ratio,
+            imu_fault=estimator.imu_fault,
             fault=self._failed or estimator.fault,
         )
         self._steps_seen = steps

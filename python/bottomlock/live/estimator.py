@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import VelocityFixes, solve_velocity
+from bottomlock.live.closure import Closure
 from bottomlock.live.pings import Ping
 from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
 from bottomlock.live.reasons import Reasons
@@ -21,7 +22,9 @@ class Estimator(Protocol):
 
     Attributes:
         fault: why the estimate cannot be used at all; "" if it can.
-        rank: directions that the beams of the last ping with a used beam determine.
+        rank: directions that the used beams of the last ping with a valid beam determine.
+        closure: of the beams, against their claimed noise.
+        imu_fault: why the last inertial reading was rejected; "" if it was not.
         rejected: pings in a row that the gate has rejected.
         resets: discontinuities that no measurement explains, since the start.
         ping_used_ns: arrival of what made a beam used the last time; None before the first.
@@ -38,6 +41,8 @@ class Estimator(Protocol):
     imu_used_ns: int | None
     last: "LastPing"
     gated: Reasons
+    closure: Closure
+    imu_fault: str
 
     @property
     def waiting_for(self) -> str:
@@ -134,12 +139,15 @@ class VelocityEstimator:
         self.imu_used_ns: int | None = None
         self.last = LastPing(instrument.geometry.beams)
         self.gated = Reasons()
+        self.closure = Closure(instrument)
+        self.imu_fault = ""
         self.reference_error: tuple[Floats, Floats] | None = None
 
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
         """Solves a ping."""
         fixes = solve_ping(self._instrument, ping, self._method)
         rank = int(fixes.rank[0])
+        self.closure.add(ping.velocity_mps, ping.valid)
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         self.last.used = fixes.beams_used[0]
         self.last.verdict = f"determines {rank} of 3 directions"

@@ -1,6 +1,7 @@
 """The estimator of mode navigation: a `Navigator` fed with what arrives."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -11,6 +12,7 @@ from bottomlock import units
 from bottomlock.attitude_motion import MotionFromAttitude
 from bottomlock.kernel import KernelError, Navigator, VelocityFixes
 from bottomlock.live.alignment import Alignment, AttitudeAlignment
+from bottomlock.live.closure import Closure
 from bottomlock.live.config import LiveConfig, kernel_settings
 from bottomlock.live.estimator import LastPing, beams_of, solve_ping
 from bottomlock.live.pings import Ping
@@ -80,6 +82,8 @@ class NavigationEstimator:
         self.imu_used_ns: int | None = None
         self.last = LastPing(self._instrument.geometry.beams)
         self.gated = Reasons()
+        self.closure = Closure(self._instrument)
+        self.imu_fault = ""
 
     @property
     def navigator(self) -> Navigator | None:
@@ -95,6 +99,8 @@ class NavigationEstimator:
     def waiting_for(self) -> str:
         """What the start still lacks: the alignment, then a ping that fits."""
         if self._navigator is None:
+            if self.imu_fault:
+                return f"inertial readings in range: {self.imu_fault}"
             return self._alignment.waiting_for or "the next inertial reading"
         return "" if self.ping_used_ns is not None else "the first ping that is used"
 
@@ -136,8 +142,13 @@ class NavigationEstimator:
             self.restart()
             raise
         self._time_ns, self._omega = time_ns, omega
-        # A rejected reading is a value: it moves nothing, and does not count as one that was used.
-        if not any(one["sensor"] == "imu" and one["verdict"] == "rejected" for one in reports):
+        self._note_motion(reports, arrival_ns)
+
+    def _note_motion(self, reports: Sequence[Any], arrival_ns: int) -> None:
+        """A rejected reading is a value: it moves nothing, and does not count as one that was used."""
+        rejected = [one for one in reports if one["sensor"] == "imu" and one["verdict"] == "rejected"]
+        self.imu_fault = (rejected[-1]["reason"] or "") if rejected else ""
+        if not rejected:
             self.imu_used_ns = arrival_ns
         self._take(reports)
 
@@ -193,9 +204,7 @@ class NavigationEstimator:
             self.restart()
             raise
         self._time_ns, self._omega = time_ns, block["omega_p_radps"][-1]
-        if not any(one["sensor"] == "imu" and one["verdict"] == "rejected" for one in reports):
-            self.imu_used_ns = arrival_ns
-        self._take(reports)
+        self._note_motion(reports, arrival_ns)
 
     def _start_turning(self, time_ns: int, attitude_t_p: Floats) -> None:
         """Takes an attitude for the alignment; the navigator begins once that is complete."""
@@ -211,11 +220,14 @@ class NavigationEstimator:
     def _aligned(self, time_ns: int, omega: Floats, force: Floats) -> bool:
         """Takes a reading for the alignment; whether that is complete, and the navigator has begun."""
         options = self._settings.options
-        if (
-            np.abs(force).max() >= options.max_imu_force_mps2
-            or np.abs(omega).max() >= options.max_imu_rate_radps
+        for what, reading, scale, unit in (
+            ("angular rate", omega, options.max_imu_rate_radps, "rad/s: are the rates in deg/s?"),
+            ("specific force", force, options.max_imu_force_mps2, "m/s²: are the forces in mg?"),
         ):
-            raise KernelError("a reading of the alignment is beyond the full scale")
+            if np.abs(reading).max() >= scale:
+                self.imu_fault = f"{what} beyond the full scale of {scale:.4g} {unit}"
+                raise KernelError(f"a reading of the alignment has an {self.imu_fault}")
+        self.imu_fault = ""
         self._alignment.imu(time_ns, force)
         self.imu_used_ns = self._now_ns
         if self._alignment.waiting_for:
@@ -226,7 +238,11 @@ class NavigationEstimator:
     def _new_alignment(self) -> Alignment:
         if self._motion is not None:
             return AttitudeAlignment(self._start)
-        return Alignment(self._start, level_by_attitude=self._level_by_attitude)
+        return Alignment(
+            self._start,
+            level_by_attitude=self._level_by_attitude,
+            gravity_mps2=self._settings.model.environment.gravity_mps2,
+        )
 
     def _start_navigator(self) -> None:
         self._begin(
@@ -274,6 +290,7 @@ class NavigationEstimator:
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         self.last.used = np.zeros_like(ping.valid)
         self.last.nis, self.last.verdict, self.last.why = None, "no valid beam", ""
+        self.closure.add(ping.velocity_mps, ping.valid)
         if int(fixes.rank[0]) == 3:
             self._alignment.velocity(time_ns, fixes.velocity_p_mps[0])
             if self._motion is not None:
@@ -316,6 +333,7 @@ class NavigationEstimator:
         self.last.verdict, self.last.why = verdict, report["reason"] or ""
         if verdict == "rejected":
             self.rejected += 1
+            self.rank = 0
             return
         if verdict not in _ACCEPTED:
             return
@@ -331,7 +349,11 @@ class NavigationEstimator:
         self.last.used = used
         if not self.last.why and bool((ping.valid & ~used).any()):
             self.last.why = "a beam that does not fit has no weight"
-        self.rank, self._fixes, self.ping_used_ns = int(fixes.rank[0]), fixes, self._now_ns
+        if (ping.valid & ~used).any():
+            fixes = solve_ping(self._instrument, replace(ping, valid=used), "info")
+        self.rank = int(fixes.rank[0])
+        if self.rank:
+            self._fixes, self.ping_used_ns = fixes, self._now_ns
 
     def depth(self, time_ns: int, reading: DepthReading) -> None:
         """Takes a depth.

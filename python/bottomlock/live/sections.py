@@ -128,12 +128,14 @@ class StartSection(Section):
     `heading_deg` is that of the platform when the program starts; left out, it is the yaw of [attitude]. With `level` =
     "attitude", as always without inertial readings, [attitude] gives roll and pitch, too, and there is no window.
     `level_sd_deg` is 1 sigma of roll and pitch; the vehicle's own acceleration during the window belongs to it. What
-    [attitude] gives has the 1 sigma of that section, unless it is stated here.
+    [attitude] gives has the 1 sigma of that section, unless it is stated here. There is no start where the
+    accelerometers measure a tilt above `largest_tilt_deg`, or gravity elsewhere than below that attitude.
     """
 
     window_s: Positive = 5.0
     level: Literal["levelling", "attitude"] | None = None
     level_sd_deg: Positive | None = None
+    largest_tilt_deg: Annotated[float, Field(gt=0, le=180)] = 60.0
     heading_deg: Angle | None = None
     heading_sd_deg: Annotated[Positive | None, Field(validate_default=True)] = None
     position_m: Vector = (0.0, 0.0, 0.0)
@@ -164,13 +166,17 @@ class NavigationSection(Section):
 
 
 class StatesSection(Section):
-    """Where the conditions of the states begin (docs/live.md)."""
+    """Where the conditions of the states begin (docs/live.md).
+
+    `rejected_pings` is less than `filter.inflate_after_rejections`, with which the gate opens again.
+    """
 
     silent_periods: Annotated[float, Field(ge=1, le=1000)] = 3.0
     silent_least_s: NonNegative = 0.1
     settle_s: NonNegative = 1.0
     velocity_sd_mps: Positive = 0.5
-    rejected_pings: Annotated[int, Field(ge=1, le=10_000)] = 10
+    rejected_pings: Annotated[int, Field(ge=1, le=10_000)] = 4
+    closure_ratio: Annotated[float, Field(ge=1.0, le=1000.0)] = 3.0
 
 
 class SourceSection(Section):

@@ -22,6 +22,7 @@ class Limits:
         settle_ns: how long a better condition must hold.
         velocity_sd_mps: largest 1 sigma of a velocity axis that is safe to use (mode navigation).
         rejected_pings: pings in a row that the gate rejects, from which on the estimate contradicts the beams.
+        closure_ratio: scatter of the beams' closure over the claimed one, from which on no claim holds.
     """
 
     silent_periods: float
@@ -29,6 +30,7 @@ class Limits:
     settle_ns: int
     velocity_sd_mps: float
     rejected_pings: int
+    closure_ratio: float
 
 
 @dataclass(frozen=True)
@@ -41,13 +43,15 @@ class Facts:
         waiting_for: what the start still lacks; "" once the estimate exists.
         ping_age_ns: since a beam was last used.
         ping_period_ns: expected time between pings.
-        rank: directions that the beams of that ping determine.
+        rank: directions that the used beams of the last ping determine; 0 if the gate rejected it.
         imu_age_ns: since an inertial reading was last used (mode navigation).
         imu_period_ns: expected time between readings.
         velocity_sd_mps: largest 1 sigma of a velocity axis; None in mode velocity.
         rejected: pings in a row that the gate has rejected.
+        closure_ratio: scatter of the beams' closure over the claimed one; None where it is not known.
         stepped: a clock has been set since the facts before.
         fault: why the estimate cannot be used at all; "" if it can.
+        imu_fault: why the last inertial reading was rejected; "" if it was not.
     """
 
     now_ns: int
@@ -61,7 +65,9 @@ class Facts:
     velocity_sd_mps: float | None
     rejected: int
     stepped: bool
+    closure_ratio: float | None = None
     fault: str = ""
+    imu_fault: str = ""
 
 
 def judge(facts: Facts, limits: Limits) -> tuple[State, str]:
@@ -72,18 +78,26 @@ def judge(facts: Facts, limits: Limits) -> tuple[State, str]:
         return "UNSAFE", facts.fault
     navigating = facts.mode == "navigation"
     if navigating and _silent(facts.imu_age_ns, facts.imu_period_ns, limits):
-        return "UNSAFE", f"no inertial readings{_for(facts.imu_age_ns)}"
+        why = f": the last one was rejected, {facts.imu_fault}" if facts.imu_fault else ""
+        return "UNSAFE", f"no inertial readings{_for(facts.imu_age_ns)}{why}"
     if facts.velocity_sd_mps is not None and not facts.velocity_sd_mps <= limits.velocity_sd_mps:
         return "UNSAFE", (
             f"velocity is uncertain by {facts.velocity_sd_mps:.2g} m/s, limit {limits.velocity_sd_mps:g} m/s"
         )
     if facts.rejected >= limits.rejected_pings:
         return "UNSAFE", f"{facts.rejected} pings in a row contradict the estimate"
+    if facts.closure_ratio is not None and facts.closure_ratio > limits.closure_ratio:
+        return "UNSAFE", (
+            f"beams disagree with one another by {facts.closure_ratio:.2g} times their claimed noise: raise "
+            "dvl.beam_noise_mps, or see whether the geometry is this instrument's (bottomlock audit)"
+        )
     without_beams: State = "COASTING" if navigating else "UNSAFE"
     if facts.stepped:
         return without_beams, "the clock of a source was set"
     if _silent(facts.ping_age_ns, facts.ping_period_ns, limits):
         return without_beams, f"no usable beam{_for(facts.ping_age_ns)}"
+    if facts.rank == 0:
+        return without_beams, "the last ping contradicts the estimate"
     if facts.rank < 3:
         return "PARTIAL", f"beams determine {facts.rank} of 3 directions"
     return "OK", "beams determine the whole velocity"

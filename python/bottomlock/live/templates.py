@@ -12,13 +12,14 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Instrument:
-    """A DVL as it comes: title, format, address, geometry (a name or a file to make), least rate."""
+    """A DVL as it comes: title, format, address, geometry (a name or a file to make), least rate, cautious noise."""
 
     title: str
     format: str
     address: str
     geometry: str
     rate_hz: float
+    beam_noise_mps: float = 0.05
     notes: tuple[str, ...] = ()
 
 
@@ -37,27 +38,27 @@ _OWN_GEOMETRY = "geometry.toml holds tilts and azimuths of your instrument: docs
 INSTRUMENTS = {
     "a50": Instrument(
         "Water Linked A50 or A125, TCP", "waterlinked-json", "tcp:192.168.194.95:16171", "waterlinked_a50", 2.0,
-        ("the report has a time of validity from json_v3 on (firmware 2.1); update older firmware",),
+        notes=("the report has a time of validity from json_v3 on (firmware 2.1); update older firmware",),
     ),
     "a50-serial": Instrument(
         "Water Linked, serial line", "waterlinked-serial", "serial:/dev/ttyUSB0:115200", "waterlinked_a50", 2.0,
-        ("the instrument must send wrz and wru (protocol version 2.1 or later)",),
+        notes=("the instrument must send wrz and wru (protocol version 2.1 or later)",),
     ),
     "pathfinder": Instrument(
         "Teledyne Pathfinder, Workhorse or Wayfinder in PD0", "pd0", "serial:/dev/ttyUSB0:115200", "teledyne_30", 2.0,
-        ("set beam coordinates (EX00000) and PD0: other coordinates and PD6 hold no beams",),
+        notes=("set beam coordinates (EX00000) and PD0: other coordinates and PD6 hold no beams",),
     ),
     "dvl1000": Instrument(
         "Nortek DVL500 or DVL1000, DF21 over TCP", "nortek-dvl", "tcp:192.168.1.10:9002", "nortek_dvl1000", 2.0,
-        ("the sign of the beams is not confirmed on a recording: run `bottomlock audit` on a log first",),
+        notes=("the sign of the beams is not confirmed on a recording: run `bottomlock audit` on a log first",),
     ),
     "nucleus": Instrument(
         "Nortek Nucleus1000, TCP", "nucleus", "tcp:192.168.2.201:9000", "geometry.toml", 2.0,
-        (_OWN_GEOMETRY, "three beams: one lost beam already leaves a partial velocity"),
+        notes=(_OWN_GEOMETRY, "three beams: one lost beam already leaves a partial velocity"),
     ),
     "tracker650": Instrument(
         "Cerulean Tracker 650, UDP", "cerulean-dvkfc", "udpin:0.0.0.0:27000", "geometry.toml", 2.0,
-        (_OWN_GEOMETRY, "three cones: one lost cone already leaves a partial velocity"),
+        notes=(_OWN_GEOMETRY, "three cones: one lost cone already leaves a partial velocity"),
     ),
 }  # fmt: skip
 
@@ -165,7 +166,7 @@ mode = "{mode}"   # "velocity": the beams alone; "navigation": with an IMU, whic
 
 [dvl]
 geometry = "{geometry}"   # packaged, or a TOML file with your mounting and lever arms
-# beam_noise_mps = 0.01   # 1 sigma of a beam, in place of the geometry's
+beam_noise_mps = {noise}   # 1 sigma of a beam: cautious; `bottomlock audit` measures it on a log
 
 [[source]]
 name = "dvl"
@@ -198,7 +199,7 @@ def template(instrument: str, autopilot: str) -> str:
     dvl, receiver = _named("instrument", instrument, INSTRUMENTS), _named("autopilot", autopilot, AUTOPILOTS)
     text = _HEAD.format(
         instrument=dvl.title, autopilot=receiver.title, mode=receiver.mode, geometry=dvl.geometry,
-        address=dvl.address, form=dvl.format, rate=dvl.rate_hz,
+        address=dvl.address, form=dvl.format, rate=dvl.rate_hz, noise=dvl.beam_noise_mps,
     )  # fmt: skip
     text += "".join(f"# {note}\n" for note in dvl.notes)
     if receiver.mode == "navigation":
