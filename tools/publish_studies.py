@@ -25,10 +25,18 @@ from bottomlock.studies.consistency_table import MARKS
 from bottomlock.tables.studies import PUBLISHED, QUANTITIES
 
 ROOT = Path(__file__).resolve().parent.parent
-WORLDS = {"paper": "docs/consistency.md", "survey": "docs/consistency_survey.md"}
+WORLDS = {
+    "paper": "docs/consistency.md",
+    "survey": "docs/consistency_survey.md",
+    "hovering": "docs/consistency_hovering.md",
+}
 """The page of each world. The first must be there."""
 
-HEADS = {"paper": "In the paper's world", "survey": "In the survey world"}
+HEADS = {
+    "paper": "In the paper's world",
+    "survey": "In the survey world",
+    "hovering": "In the hovering world",
+}
 TABLE, ADVICE = "table of methods", "never overconfident"
 """Names of the written parts of docs/methods/index.md and README.md."""
 
@@ -125,7 +133,7 @@ def with_advice(readme: str, published: pl.DataFrame) -> str:
 def advice(published: pl.DataFrame) -> str:
     """The methods that may be recommended, with the number of cells behind that."""
     worlds = published["world"].unique(maintain_order=True).to_list()
-    links = " and ".join(f"[{HEADS[world].removeprefix('In ')}]({WORLDS[world]})" for world in worlds)
+    links = ", ".join(f"[{HEADS[world].removeprefix('In ')}]({WORLDS[world]})" for world in worlds)
     found = [method for method in never_overconfident(published) if method not in REFERENCES]
     names = ", ".join(f"`{method}`" for method in found) or "no method"
     return f"Overconfident in no cell of the consistency study in {links}: {names}."

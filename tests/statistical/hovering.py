@@ -26,10 +26,9 @@ EVERY_S = 5
 
 
 @lru_cache(maxsize=16)
-def run(mask: tuple[int, ...], vehicle: str, runs: int, weak_sway_var_m2ps2: float = 2.0) -> dict[str, Array]:
+def run(mask: tuple[int, ...], vehicle: str, runs: int) -> dict[str, Array]:
     """NEES of velocity and attitude, errors and σ of velocity every 5 s; (runs, methods, T, …)."""
     scenario = load_scenario("hovering").replace("filter.water", {"vehicle": vehicle})
-    scenario = scenario.replace("filter.weak_sway_var_m2ps2", weak_sway_var_m2ps2)
     simulation = build_simulation(cases.masked(scenario, mask).scenario)
     truth, key = simulation.truth(), trajectory_key(scenario.name)
     plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)

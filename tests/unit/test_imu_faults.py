@@ -57,7 +57,10 @@ def test_a_bad_reading_is_a_report_and_a_count() -> None:
     before = nav.state()
     (report,) = nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.array([1000.0, 0.0, -9.8]))
     assert (report["sensor"], report["time_ns"], report["verdict"]) == ("imu", 10 * MS, "rejected")
-    assert report["reason"] == "specific force x is 1000 m/s², beyond the full scale of 100 m/s²"
+    assert (
+        report["reason"]
+        == "specific force x is 1000 m/s², beyond the full scale of 100 m/s²: is it in mg or cm/s²?"
+    )
     assert report["covariance"].shape == (0, 0)
     assert nav.state()["time_ns"] == before["time_ns"]
     assert nav.imu_faults() == {"out_of_range": 1, "clipped": 0, "stuck": 0, "inflated_gaps": 0}

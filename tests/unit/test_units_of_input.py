@@ -1,5 +1,6 @@
 """Units that cannot be meant: the likely mistake is named, and what may be true is taken."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,54 @@ def test_inertial_readings_in_other_units_are_named(
     }
     with pytest.raises(KernelError, match=f"imu row 50: mean .force_p_mps2.*{words}"):
         replayed(omega_p_radps=np.tile(rate, (150, 1)), force_p_mps2=np.tile(force, (150, 1)))
+
+
+@pytest.mark.parametrize(
+    ("force", "words"),
+    [
+        ([0.0, 0.0, 9.8], "is z up, as in ROS?"),
+        ([0.0, 9.8, 0.0], "a quarter turn off, or the initial attitude?"),
+    ],
+)
+def test_axes_of_the_imu_are_those_of_the_estimate(force: list[float], words: str) -> None:
+    """A second of readings: before, the vehicle would have sunk at 31 m/s after three."""
+    made = navigator("ins")
+    for k in range(50):
+        made.push_imu(k * 20_000_000, omega_p_radps=[0.0, 0.0, 0.01], force_p_mps2=force)
+    with pytest.raises(
+        KernelError, match=f"along the estimate's down in the first second is .*{re.escape(words)}"
+    ):
+        made.push_imu(SECOND, omega_p_radps=[0.0, 0.0, 0.01], force_p_mps2=force)
+
+
+def test_gyros_in_degrees_a_second_are_named() -> None:
+    made = navigator("ins")
+    made.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0, 0, -9.8])
+    (report,) = made.push_imu(20_000_000, omega_p_radps=[0.0, 0.0, 20.0], force_p_mps2=[0, 0, -9.8])
+    assert (
+        report["reason"] == "angular rate z is 20 rad/s, beyond the full scale of 10 rad/s: is it in deg/s?"
+    )
+
+
+def test_angles_and_deviations_in_other_units_are_refused() -> None:
+    """In degrees or mm/s; a turn and half a turn are taken."""
+    made = navigator()
+    made.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0, 0, -9.8])
+    before = made.covariance()
+    with pytest.raises(KernelError, match=r"yaw_rad .*4.5e1, .*is it in degrees\?"):
+        made.push_heading(0, 45.0, sd_rad=0.01)
+    with pytest.raises(KernelError, match=r"heading sd_rad .*5.*is it in degrees\?"):
+        made.push_heading(0, 0.0, sd_rad=5.0)
+    with pytest.raises(KernelError, match=r"attitude yaw_sd_rad .*5.*is it in degrees\?"):
+        made.push_attitude(0, [1.0, 0.0, 0.0, 0.0], roll_pitch_sd_rad=0.01, yaw_sd_rad=5.0)
+    with pytest.raises(KernelError, match=r"attitude roll_pitch_sd_rad .*5.*is it in degrees\?"):
+        made.push_attitude(0, [1.0, 0.0, 0.0, 0.0], roll_pitch_sd_rad=5.0, yaw_sd_rad=0.01)
+    with pytest.raises(
+        KernelError, match=r"beam 1 .*standard deviation is 20, expected at most 10 m/s: is it in mm/s"
+    ):
+        made.push_beams(0, np.zeros(4), np.ones(4, dtype=bool), sd_mps=np.full(4, 20.0))
+    assert np.array_equal(made.covariance(), before)
+    made.push_heading(0, 2 * np.pi, sd_rad=np.pi)
 
 
 def test_a_masked_beam_is_a_lost_beam() -> None:

@@ -21,7 +21,7 @@ FILE = "published_consistency.csv"
 CORE = "nees_velocity_attitude"
 """The quantity that must be consistent for a cell to count as consistent."""
 
-IN_CURRENT = ("survey",)
+IN_CURRENT = ("survey", "hovering")
 """Worlds whose water moves; that of the paper is still."""
 
 INSTRUMENT = {"configuration": "x", "tilt_deg": 20.0}

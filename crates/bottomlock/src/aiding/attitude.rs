@@ -12,7 +12,7 @@ use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FurtherRows};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
 use crate::aiding::{Innovation, Motion};
-use crate::error::{NavError, require_finite, require_positive};
+use crate::error::{NavError, require_angle_sd, require_finite};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::layout::{ATTITUDE, POSITION};
 use crate::random::Normals;
@@ -122,8 +122,8 @@ impl AidingSensor for AttitudeSample {
 
     fn validate(&self) -> Result<(), NavError> {
         require_finite("attitude_t_p", self.time_ns, &self.attitude_t_p.to_quaternion_wxyz())?;
-        require_positive("attitude roll_pitch_sd_rad", self.roll_pitch_sd_rad)?;
-        require_positive("attitude yaw_sd_rad", self.yaw_sd_rad)
+        require_angle_sd("attitude roll_pitch_sd_rad", self.time_ns, self.roll_pitch_sd_rad)?;
+        require_angle_sd("attitude yaw_sd_rad", self.time_ns, self.yaw_sd_rad)
     }
 
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {

@@ -1,6 +1,8 @@
 //! A heading sensor, such as a gyrocompass: yaw alone, from north at the vehicle. Its slow errors are those of an attitude reference
 //! ([`crate::aiding::attitude`]).
 
+use std::f64::consts::TAU;
+
 use nalgebra::Vector3;
 
 use crate::aiding::attitude::SlowAngleModel;
@@ -9,7 +11,7 @@ use crate::aiding::further::{FIRST_HEADING_ERROR, FurtherRows};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
 use crate::aiding::{Innovation, Motion, TangentRows};
-use crate::error::{NavError, require_finite, require_positive};
+use crate::error::{NavError, require_angle_sd, require_finite, require_plausible};
 use crate::frames::{Platform, Vec3};
 use crate::layout::{ATTITUDE, POSITION};
 use crate::random::Normals;
@@ -75,7 +77,9 @@ impl AidingSensor for HeadingSample {
 
     fn validate(&self) -> Result<(), NavError> {
         require_finite("yaw_rad", self.time_ns, &[self.yaw_rad])?;
-        require_positive("heading sd_rad", self.sd_rad)
+        let hint = " rad, a turn: is it in degrees?";
+        require_plausible("yaw_rad", self.time_ns, &[self.yaw_rad], TAU, hint)?;
+        require_angle_sd("heading sd_rad", self.time_ns, self.sd_rad)
     }
 
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {

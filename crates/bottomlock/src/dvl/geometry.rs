@@ -16,6 +16,8 @@ pub(crate) const BEAM_EXISTS: &str = "a beam of the geometry";
 
 /// Speed along a beam, m/s, that no DVL measures and no vehicle under water reaches.
 pub const MAX_BEAM_SPEED_MPS: f64 = 50.0;
+/// Greatest 1 sigma of a beam, m/s: it then says nothing of the vehicle.
+const MAX_BEAM_SD_MPS: f64 = 10.0;
 /// What is expected of a speed along a beam.
 pub(crate) const SLOW_ENOUGH: &str = "less than 50 m/s: is it in mm/s or cm/s, or a code for a lost beam?";
 
@@ -364,6 +366,10 @@ impl BeamSample {
             }
             if !(self.sd_mps[beam] > 0.0 && self.sd_mps[beam] < LARGEST) {
                 return Err(bad("standard deviation", self.sd_mps[beam], "a finite number > 0"));
+            }
+            if self.sd_mps[beam] > MAX_BEAM_SD_MPS {
+                let expected = "at most 10 m/s: is it in mm/s? Flag a beam that says nothing invalid";
+                return Err(bad("standard deviation", self.sd_mps[beam], expected));
             }
         }
         Ok(())

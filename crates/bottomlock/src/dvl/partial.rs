@@ -52,7 +52,7 @@ pub struct Assumptions {
     pub virtual_beam_factor: f64,
     /// ε of Eq. 36, (m/s)².
     pub nullified_sway_var_m2ps2: f64,
-    /// Variance of the weak sway row, (m/s)², per epoch.
+    /// Variance of the weak sway row, (m/s)², once a second: pings that follow each other sooner share it.
     pub weak_sway_var_m2ps2: f64,
 }
 
@@ -65,6 +65,19 @@ impl Assumptions {
         require_positive("virtual_beam_factor", self.virtual_beam_factor)?;
         require_positive("nullified_sway_var_m2ps2", self.nullified_sway_var_m2ps2)?;
         require_positive("weak_sway_var_m2ps2", self.weak_sway_var_m2ps2)
+    }
+
+    /// The assumptions of a ping that follows the one before it after `interval_s`, if there was one.
+    ///
+    /// A sway that lasts is no new information at each ping: the weak row's variance is that of a second, so that a filter
+    /// claims the same at every ping rate above 1 Hz. Rarer pings keep it, which is cautious.
+    #[must_use]
+    pub fn of_ping(&self, interval_s: Option<f64>) -> Self {
+        let pings_a_second = interval_s.map_or(1.0, |interval_s| (1.0 / interval_s).max(1.0));
+        Self {
+            weak_sway_var_m2ps2: self.weak_sway_var_m2ps2 * pings_a_second,
+            ..*self
+        }
     }
 }
 

@@ -326,3 +326,19 @@ proptest! {
         }
     }
 }
+
+/// By hand: five pings a second share the row of a second, one a second keeps it, and so do rarer ones and the first.
+#[test]
+fn pings_within_a_second_share_the_weak_sway() {
+    let given = Assumptions::default();
+    let variance = |interval_s| given.of_ping(interval_s).weak_sway_var_m2ps2;
+    assert_eq!(variance(Some(0.2)), 10.0);
+    assert_eq!(variance(Some(1.0)), 2.0);
+    assert_eq!(variance(Some(3.0)), 2.0);
+    assert_eq!(variance(None), 2.0);
+    let others = Assumptions {
+        weak_sway_var_m2ps2: 2.0,
+        ..given.of_ping(Some(0.2))
+    };
+    assert_eq!(others, given);
+}

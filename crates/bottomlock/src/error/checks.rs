@@ -1,5 +1,7 @@
 //! Checks of numbers, each with an error that names the field.
 
+use std::f64::consts::PI;
+
 use super::{LARGEST, NavError, SPAN_NS};
 
 /// The likely mistake where a number is implausible.
@@ -70,6 +72,15 @@ pub(crate) fn require_plausible(
             hint,
         }),
     }
+}
+
+/// Checks 1 sigma of an angle: positive, and at most half a turn.
+///
+/// # Errors
+/// [`NavError::OutOfRange`] or [`NavError::Implausible`], which names the field.
+pub(crate) fn require_angle_sd(field: &'static str, time_ns: i64, sd_rad: f64) -> Result<(), NavError> {
+    require_positive(field, sd_rad)?;
+    require_plausible(field, time_ns, &[sd_rad], PI, " rad, half a turn: is it in degrees?")
 }
 
 /// Checks that a time is one of which differences can be taken.

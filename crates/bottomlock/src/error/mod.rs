@@ -8,8 +8,8 @@ use thiserror::Error;
 
 pub use self::checks::require_time;
 pub(crate) use self::checks::{
-    UNIT, require_finite, require_finite_squares, require_magnitude, require_non_negative, require_plausible,
-    require_positive, require_rising,
+    UNIT, require_angle_sd, require_finite, require_finite_squares, require_magnitude, require_non_negative,
+    require_plausible, require_positive, require_rising,
 };
 
 /// An error of the kernel, for bad input or for a numerical failure.

@@ -198,10 +198,14 @@ impl std::fmt::Display for ImuFault {
                     Quantity::Force => ("specific force", "m/s²"),
                 };
                 let axis = ["x", "y", "z"][*axis];
-                let what = if self.kind() == 1 { "clipped at" } else { "beyond" };
+                let (what, hint) = match (self.kind(), quantity) {
+                    (1, _) => ("clipped at", ""),
+                    (_, Quantity::Rate) => ("beyond", ": is it in deg/s?"),
+                    (_, Quantity::Force) => ("beyond", ": is it in mg or cm/s²?"),
+                };
                 write!(
                     text,
-                    "{name} {axis} is {value} {unit}, {what} the full scale of {limit} {unit}"
+                    "{name} {axis} is {value} {unit}, {what} the full scale of {limit} {unit}{hint}"
                 )
             }
             Self::Stuck { readings } => write!(text, "{readings} equal readings on all axes in a row: stuck"),

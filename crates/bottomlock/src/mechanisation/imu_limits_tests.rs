@@ -34,7 +34,7 @@ fn the_worst_axis_is_named() {
         .unwrap();
     assert_eq!(
         fault.to_string(),
-        "specific force y is -1000 m/s², beyond the full scale of 100 m/s²"
+        "specific force y is -1000 m/s², beyond the full scale of 100 m/s²: is it in mg or cm/s²?"
     );
     let clipped = ImuLimits::default()
         .range_fault(&reading([0.0, 0.0, 10.0], [0.0; 3]))

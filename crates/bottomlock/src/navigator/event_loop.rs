@@ -321,8 +321,9 @@ impl Navigator {
         let state = filter.state();
         // The gain works on readings divided by 1 + SF.
         let noise = terms.noise / (1.0 + state.dvl_scale_factor).powi(2);
-        let (valid, assumptions) = (ping.valid, &self.options.assumptions);
-        let fix = fix_estimator(method, geometry, valid, &noise, Some(&prior_cov), assumptions)?;
+        let interval_s = self.last_ping_ns.map(|last_ns| (ping.time_ns - last_ns) as f64 * 1e-9);
+        let (valid, assumptions) = (ping.valid, self.options.assumptions.of_ping(interval_s));
+        let fix = fix_estimator(method, geometry, valid, &noise, Some(&prior_cov), &assumptions)?;
         let port = match method {
             PartialMethod::Information => self.options.information_port,
             _ => InformationPort::Axes,

@@ -1,11 +1,14 @@
 //! Units of the first readings of a stream: bounds that no instrument under water exceeds, and the likely mistake.
 //!
 //! A single reading may be anything; a mean over a second may not. A vehicle under water is not in free fall, whatever waves and
-//! tow cables do to it, so the specific force averages to something near gravity.
+//! tow cables do to it, so the specific force averages to something near gravity, and points up by the estimate's attitude.
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{NavError, require_non_negative};
+use nalgebra::Vector3;
+
+use crate::error::{NavError, require_finite, require_non_negative};
+use crate::frames::{Platform, Vec3};
 use crate::navigator::events::Event;
 
 /// Interval over which the specific force is averaged, ns.
@@ -16,8 +19,13 @@ const LEAST_FORCE_MPS2: f64 = 2.0;
 const GREATEST_FORCE_MPS2: f64 = 80.0;
 /// Greatest mean of |f| without gravity, m/s²: half of gravity, and a turn of 1 rad/s at 5 m/s.
 const GREATEST_WEIGHTLESS_MPS2: f64 = 5.0;
+/// Greatest difference of the mean of f from that of a vehicle at rest, over gravity: free fall is 1, an instrument with its
+/// vertical axis level 1.4, one upside down 2.
+const GREATEST_MISFIT: f64 = 1.2;
 /// Most that one reading counts for, m/s²: a few wild ones say nothing of the units of the others.
 const MOST_COUNTED_MPS2: f64 = 200.0;
+/// The same of its direction: two g.
+const MOST_DIRECTED_MPS2: f64 = 20.0;
 /// Mean of |ω|, rad/s, above which it is taken for gravity where the specific force is too small: 290 degrees a second.
 const FORCE_LIKE_RATE_RADPS: f64 = 5.0;
 /// Inertial readings after which their rate is known, and their least mean interval, ns: 20 kHz.
@@ -31,6 +39,7 @@ pub struct FirstReadings {
     imu: Count,
     pings: Count,
     force_mps2: f64,
+    force_p_mps2: Vector3<f64>,
     rate_radps: f64,
     is_force_known: bool,
 }
@@ -86,6 +95,7 @@ impl FirstReadings {
     /// [`NavError::OutOfRange`] that names the number.
     pub(crate) fn check_restored(&self) -> Result<(), NavError> {
         require_non_negative("first specific forces", self.force_mps2)?;
+        require_finite("first specific forces", 0, self.force_p_mps2.as_slice())?;
         require_non_negative("first angular rates", self.rate_radps)
     }
 
@@ -95,17 +105,19 @@ impl FirstReadings {
         self.is_force_known && self.imu.readings >= READINGS.0
     }
 
-    /// The readings with one more, for a filter whose gravity is `gravity_mps2` (m/s²). Without gravity the specific force is
-    /// the vehicle's own acceleration.
+    /// The readings with one more, for a filter whose gravity is `gravity_mps2` (m/s²) and whose estimate has down along
+    /// `down_p`, where there is one. Without gravity the specific force is the vehicle's own acceleration.
     ///
     /// # Errors
     /// [`NavError::OutOfRange`] for a mean that no instrument under water gives, with the likely mistake.
-    pub fn with(&self, event: &Event, gravity_mps2: f64) -> Result<Self, NavError> {
+    pub fn with(&self, event: &Event, gravity_mps2: f64, down_p: Option<&Vec3<Platform>>) -> Result<Self, NavError> {
         match event {
             Event::Imu(sample) if !self.has_units() => {
+                let force = &sample.force_p_mps2.0;
                 let next = Self {
                     imu: self.imu.with(sample.time_ns),
-                    force_mps2: self.force_mps2 + sample.force_p_mps2.0.norm().min(MOST_COUNTED_MPS2),
+                    force_mps2: self.force_mps2 + force.norm().min(MOST_COUNTED_MPS2),
+                    force_p_mps2: self.force_p_mps2 + force.cap_magnitude(MOST_DIRECTED_MPS2),
                     rate_radps: self.rate_radps + sample.rate_p_radps.0.norm(),
                     ..*self
                 };
@@ -114,6 +126,7 @@ impl FirstReadings {
                     return Ok(next);
                 }
                 next.check_force(gravity_mps2)?;
+                down_p.map_or(Ok(()), |down| next.check_axes(gravity_mps2, &down.0))?;
                 Ok(Self {
                     is_force_known: true,
                     ..next
@@ -154,13 +167,31 @@ impl FirstReadings {
             expected,
         })
     }
+
+    /// Checks that the mean specific force points up: its component along down is near −g, where there is gravity.
+    fn check_axes(&self, gravity_mps2: f64, down_p: &Vector3<f64>) -> Result<(), NavError> {
+        let mean = self.force_p_mps2 / f64::from(self.imu.readings);
+        if gravity_mps2 == 0.0 || (mean + down_p * gravity_mps2).norm() <= GREATEST_MISFIT * gravity_mps2 {
+            return Ok(());
+        }
+        let along_down = mean.dot(down_p);
+        Err(NavError::OutOfRange {
+            field: "mean of force_p_mps2 along the estimate's down in the first second",
+            value: along_down,
+            expected: if along_down > 0.5 * gravity_mps2 {
+                "about -9.8 m/s²: axes are forward, starboard, down; is z up, as in ROS? Then turn y and z of forces and rates"
+            } else {
+                "about -9.8 m/s²: axes are forward, starboard, down; is the IMU mounted a quarter turn off, or the initial \
+                 attitude?"
+            },
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
-    use crate::frames::Vec3;
     use crate::mechanisation::ImuSample;
 
     /// Feeds 200 inertial readings at an interval; the message of the first error.
@@ -172,7 +203,7 @@ mod tests {
                 rate_p_radps: Vec3::new(0.0, 0.0, rate),
                 force_p_mps2: Vec3::new(0.0, 0.0, -force),
             };
-            match first.with(&Event::Imu(sample), 9.8) {
+            match first.with(&Event::Imu(sample), 9.8, None) {
                 Ok(next) => {
                     first = next;
                     None
@@ -211,7 +242,7 @@ mod tests {
         };
         let fed = |interval_ns: i64| {
             let mut first = FirstReadings::default();
-            (0..20).try_for_each(|k| first.with(&ping(k * interval_ns), 9.8).map(|next| first = next))
+            (0..20).try_for_each(|k| first.with(&ping(k * interval_ns), 9.8, None).map(|next| first = next))
         };
         assert!(fed(100).unwrap_err().to_string().contains("nanoseconds"));
         assert!(fed(200_000).is_err());
@@ -229,7 +260,7 @@ mod tests {
                 rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
                 force_p_mps2: Vec3::new(0.0, 0.0, -force),
             };
-            first = first.with(&Event::Imu(sample), 9.8).unwrap();
+            first = first.with(&Event::Imu(sample), 9.8, None).unwrap();
         }
         assert!(first.has_units());
     }
@@ -244,10 +275,10 @@ mod tests {
                 force_p_mps2: Vec3::new(0.0, 0.0, -1.0),
             })
         };
-        let first = FirstReadings::default().with(&sample(0), 9.8).unwrap();
-        let refused = first.with(&sample(1_000_000_000), 9.8);
+        let first = FirstReadings::default().with(&sample(0), 9.8, None).unwrap();
+        let refused = first.with(&sample(1_000_000_000), 9.8, None);
         assert!(refused.is_err());
-        assert_eq!(refused, first.with(&sample(1_000_000_000), 9.8));
+        assert_eq!(refused, first.with(&sample(1_000_000_000), 9.8, None));
     }
 
     /// A filter without gravity takes the vehicle's own acceleration, and refuses readings that hold gravity.
@@ -261,12 +292,40 @@ mod tests {
                     rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
                     force_p_mps2: Vec3::new(0.0, 0.0, -force),
                 };
-                first.with(&Event::Imu(sample), 0.0).map(|next| first = next)
+                first.with(&Event::Imu(sample), 0.0, None).map(|next| first = next)
             })
         };
         assert_eq!(of(0.0), Ok(()));
         assert_eq!(of(4.99), Ok(()));
         assert!(of(5.01).is_err());
         assert!(of(9.8).unwrap_err().to_string().contains("without gravity"));
+    }
+
+    /// Upside down and a quarter turn off are named; free fall, a roll of 60° and a filter without gravity are taken.
+    #[test]
+    fn axes_are_those_of_the_estimate() {
+        let of = |force: [f64; 3], roll: f64, gravity: f64| -> Result<(), NavError> {
+            let down = Vec3::<Platform>::new(0.0, f64::sin(roll), f64::cos(roll));
+            let mut first = FirstReadings::default();
+            (0..200_i64).try_for_each(|k| {
+                let sample = ImuSample {
+                    time_ns: k * 10_000_000,
+                    rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
+                    force_p_mps2: Vec3::from_array(force),
+                };
+                first
+                    .with(&Event::Imu(sample), gravity, Some(&down))
+                    .map(|next| first = next)
+            })
+        };
+        let words = |force, roll: f64| of(force, roll.to_radians(), 9.8).unwrap_err().to_string();
+        assert!(words([0.0, 0.0, 9.8], 0.0).contains("is z up"));
+        assert!(words([0.0, 9.8, 0.0], 0.0).contains("quarter turn"));
+        assert!(words([0.0, 0.0, -9.8], 180.0).contains("is z up"));
+        // 1.19 and 1.21 of gravity off.
+        assert_eq!(of([0.0, 1.19 * 9.8, -9.8], 0.0, 9.8), Ok(()));
+        assert!(of([0.0, 1.21 * 9.8, -9.8], 0.0, 9.8).is_err());
+        assert_eq!(of([0.0, 0.0, -9.8], 60.0_f64.to_radians(), 9.8), Ok(()));
+        assert_eq!(of([0.0, 0.0, 2.0], 0.0, 0.0), Ok(()));
     }
 }

@@ -15,6 +15,7 @@ use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
 use crate::filter::options::Options;
 use crate::filter::seconds_between;
+use crate::frames::Vec3;
 use crate::mechanisation::IMU_FAULTS;
 use crate::model::Model;
 use crate::navigator::events::{Event, STREAMS};
@@ -133,9 +134,9 @@ impl LiveNavigator {
             return Err(late);
         }
         self.now.navigators.require_plausible_motion()?;
-        let first = self
-            .first
-            .with(event, self.navigators().selected().filter().gravity_mps2())?;
+        let filter = self.navigators().selected().filter();
+        let down_p = filter.state().attitude_t_p.inverse() * Vec3::new(0.0, 0.0, 1.0);
+        let first = self.first.with(event, filter.gravity_mps2(), Some(&down_p))?;
         if self.waits(event) {
             self.require_room(event)?;
             self.now.navigators.require_measurable(event)?;

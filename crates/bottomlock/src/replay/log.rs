@@ -59,7 +59,7 @@ impl Log<'_> {
                 let Some(event) = self.get(stream, row) else { break };
                 let in_row = in_row(stream, row);
                 event.validate(geometry).map_err(&in_row)?;
-                first = first.with(&event, gravity_mps2).map_err(&in_row)?;
+                first = first.with(&event, gravity_mps2, None).map_err(&in_row)?;
                 let time_ns = event.time_ns();
                 if let Some(previous_ns) = previous_ns.filter(|&previous_ns| time_ns <= previous_ns) {
                     return Err(in_row(NavError::TimeNotIncreasing {
