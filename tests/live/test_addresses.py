@@ -45,7 +45,7 @@ async def taken(address: str, write: Callable[[], None] | None = None) -> bytes:
     found, opened = bytearray(), asyncio.Event()
     connection = Connection(
         source_address(address),
-        on_data=found.extend,
+        on_data=lambda data: found.extend(data) is None,
         on_connected=opened.set,
         on_state=lambda _: None,
         silence_s=60.0,

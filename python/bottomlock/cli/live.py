@@ -123,7 +123,13 @@ async def serve_page(running: Live, say: Say) -> None:
     section = running.config.health
     if section is None:
         return
-    server = HealthServer(lambda: status(running), section.host, section.port)
+    server = HealthServer(
+        lambda: status(running),
+        section.host,
+        section.port,
+        names=section.names,
+        say=lambda words: say(f"health page: {words}"),
+    )
     serving = asyncio.create_task(server.run())
     opened = asyncio.create_task(server.opened.wait())
     try:

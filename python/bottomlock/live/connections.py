@@ -4,50 +4,111 @@ import asyncio
 import contextlib
 import math
 import os
+import socket
 import stat
 import sys
+import time
 from collections.abc import Callable
 from typing import Any
 
 from bottomlock.address import Address
 from bottomlock.errors import DataError
+from bottomlock.live.listening import accept, listen
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0
 SHORTEST_SILENCE_S = 5.0
 """A connection is made anew after so long without a byte, or ten periods of its source."""
+SLOWED = "sends more than can be read: it has used up its share of the time"
+SECOND = "a second client sends at the same time: it is not read"
+HELD_S, DROPPING_S = 1.0, 0.01
+"""Where a client has given a reading within `HELD_S`, another is not read; its bytes are dropped, a piece in `DROPPING_S`."""
+MOST_CLIENTS = 8
+"""Connections that a listening source holds; a further one takes the place of that which is silent longest."""
 _BLOCK = 65_536
+_PIECE = 1024
+"""Bytes that are taken from a socket at once: between two pieces the others have their turn."""
 
-OnData = Callable[[bytes], None]
+OnData = Callable[[bytes], bool]
 OnState = Callable[[str], None]
 
 
-class _Stream(asyncio.Protocol):
-    """Hands on the bytes of a connection; `closed` is done when it ends."""
+class Allowance:
+    """A share of the loop's time for one source, so that it cannot stop the others.
 
-    def __init__(self, on_data: OnData, clients: set["_Stream"] | None = None) -> None:
+    Bytes that give a reading may take half of the time, others an eighth; both are averaged over about a second.
+    """
+
+    SHARE, FRUITLESS, BURST_S = 0.5, 4.0, 0.5
+
+    def __init__(self) -> None:
+        self._left_s, self._at = self.BURST_S, 0.0
+
+    def wait_s(self, now: float) -> float:
+        """How long nothing may be taken, s; 0 where the share is not used up."""
+        self._left_s = min(self._left_s + self.SHARE * (now - self._at), self.BURST_S)
+        self._at = now
+        return max(-self._left_s, 0.0) / self.SHARE
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing of it is used."""
+        return self._left_s == self.BURST_S
+
+    def spend(self, took_s: float, *, fruitful: bool) -> None:
+        """Counts the time that some bytes took."""
+        self._left_s -= took_s if fruitful else self.FRUITLESS * took_s
+
+
+class _Stream(asyncio.Protocol):
+    """Hands on the bytes of a pipe or serial line; `closed` is done when it ends.
+
+    `on_data` says for how long no more may be taken, s.
+    """
+
+    def __init__(self, on_data: Callable[["_Stream", bytes], float]) -> None:
         self.closed: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        self.transport: asyncio.BaseTransport | None = None
-        self._on_data, self._clients = on_data, clients
+        self.transport: Any = None
+        self.heard = asyncio.get_running_loop().time()
+        self._on_data = on_data
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self.transport = transport
-        if self._clients is not None:
-            self._clients.add(self)
 
     def data_received(self, data: bytes) -> None:
-        self._on_data(data)
+        loop = asyncio.get_running_loop()
+        self.heard = loop.time()
+        wait_s = self._on_data(self, data)
+        if wait_s > 0.0:
+            self.transport.pause_reading()
+            loop.call_later(wait_s, self._resume)
+
+    def _resume(self) -> None:
+        if not self.closed.done() and not self.transport.is_closing():
+            self.transport.resume_reading()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        if self._clients is not None:
-            self._clients.discard(self)
         if not self.closed.done():
             self.closed.set_result(words_of(exc) if exc else "closed by the other side")
+
+
+class _Pieces(_Stream, asyncio.BufferedProtocol):
+    """The same of a socket, which is read in small pieces."""
+
+    def __init__(self, on_data: Callable[[_Stream, bytes], float]) -> None:
+        super().__init__(on_data)
+        self._buffer = bytearray(_PIECE)
+
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - asyncio's
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        self.data_received(bytes(self._buffer[:nbytes]))
 
 
 class _Datagrams(asyncio.DatagramProtocol):
     """Hands on the bytes of each datagram."""
 
-    def __init__(self, on_data: OnData) -> None:
+    def __init__(self, on_data: Callable[[bytes], object]) -> None:
         self._on_data = on_data
 
     def datagram_received(self, data: bytes, addr: Any) -> None:  # noqa: ANN401, ARG002 - asyncio's
@@ -65,7 +126,7 @@ class Connection:
 
     Args:
         address: where its bytes come from.
-        on_data: is given the bytes as they come.
+        on_data: is given the bytes as they come, and says whether they gave a reading.
         on_connected: is called at each connection.
         on_state: is given what happens, in words.
         silence_s: longest time without a byte before a connection is made anew.
@@ -74,6 +135,7 @@ class Connection:
     Attributes:
         state: what the connection does now, in words.
         attempts: how often it was tried to open.
+        dropped: datagrams beyond the source's share of the time, and pieces of a second client, which were not read.
     """
 
     def __init__(
@@ -90,6 +152,9 @@ class Connection:
         self.address = address
         self.state = "not opened yet"
         self.attempts = 0
+        self.dropped = 0
+        self._allowance = Allowance()
+        self._fruitful = False
         self._on_data, self._on_connected, self._on_state = on_data, on_connected, on_state
         self._silence_s = max(silence_s, SHORTEST_SILENCE_S)
         self._heard = 0.0
@@ -101,7 +166,34 @@ class Connection:
 
     def _take(self, data: bytes) -> None:
         self._heard = asyncio.get_running_loop().time()
-        self._on_data(data)
+        began = time.perf_counter()
+        self._fruitful = self._on_data(data)
+        self._allowance.spend(time.perf_counter() - began, fruitful=self._fruitful)
+
+    def _take_all(self, _: _Stream, data: bytes) -> float:
+        self._take(data)
+        return 0.0
+
+    def _take_within_share(self, _: _Stream, data: bytes) -> float:
+        """Takes bytes; how long no more may be taken, s."""
+        self._tell_share()
+        self._take(data)
+        return self._tell_share()
+
+    def _take_datagram(self, data: bytes) -> None:
+        if self._tell_share() > 0.0:
+            self.dropped += 1
+        else:
+            self._take(data)
+
+    def _tell_share(self) -> float:
+        """Says where the share is used up, and where all of it is there again; how long nothing may be taken, s."""
+        wait_s = self._allowance.wait_s(time.perf_counter())
+        if wait_s > 0.0:
+            self._say(SLOWED)
+        elif self.state == SLOWED and self._allowance.is_whole:
+            self._say("connected")
+        return wait_s
 
     async def run(self) -> None:
         """Opens the source, and again whenever it ends; returns at the end of a file.
@@ -147,12 +239,12 @@ class Connection:
         if address.kind == "serial":
             create = _serial_connection()
             transport, protocol = await create(
-                loop, lambda: _Stream(self._take), address.path, baudrate=address.baud
+                loop, lambda: _Stream(self._take_within_share), address.path, baudrate=address.baud
             )
         else:
             async with asyncio.timeout(LONGEST_WAIT_S):
                 transport, protocol = await loop.create_connection(
-                    lambda: _Stream(self._take), address.host, address.port
+                    lambda: _Pieces(self._take_within_share), address.host, address.port
                 )
         self._on_transport(transport)
         self._opened("connected")
@@ -174,7 +266,7 @@ class Connection:
 
     async def _datagrams(self) -> str:
         transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: _Datagrams(self._take), local_addr=(self.address.host, self.address.port)
+            lambda: _Datagrams(self._take_datagram), local_addr=(self.address.host, self.address.port)
         )
         self._opened("listening")
         try:
@@ -184,19 +276,46 @@ class Connection:
         return "closed"
 
     async def _server(self) -> str:
-        clients: set[_Stream] = set()
+        clients: list[_Stream] = []
+        speaker: _Stream | None = None
+        heard = -math.inf
 
-        def client() -> _Stream:
-            self._on_connected()
-            return _Stream(self._take, clients)
+        def take(client: _Stream, data: bytes) -> float:
+            nonlocal speaker, heard
+            now = asyncio.get_running_loop().time()
+            if client is not speaker:
+                if speaker is not None and not speaker.closed.done() and now - heard < HELD_S:
+                    self.dropped += 1
+                    self._say(SECOND)
+                    return DROPPING_S
+                # A record that another client has begun does not go on here; who sends nothing changes nothing.
+                speaker = client
+                if self.state != SLOWED:
+                    self._say("connected")
+                self._on_connected()
+            wait_s = self._take_within_share(client, data)
+            if self._fruitful:
+                heard = now
+            return wait_s
 
-        server = await asyncio.get_running_loop().create_server(client, self.address.host, self.address.port)
+        async def add(client: socket.socket) -> None:
+            _, stream = await asyncio.get_running_loop().connect_accepted_socket(
+                lambda: _Pieces(take), client
+            )
+            clients[:] = [one for one in clients if not one.closed.done()]
+            if len(clients) == MOST_CLIENTS:
+                clients.pop(clients.index(min(clients, key=lambda one: one.heard))).transport.abort()
+            clients.append(stream)
+
+        servers = await listen(self.address.host, self.address.port)
         self._say("listening")
         try:
-            await asyncio.Event().wait()
+            await asyncio.gather(*(accept(server, add, self._say) for server in servers))
         finally:
-            # Not waited for: a client that stays would hold up the end from Python 3.12 on.
-            server.close()
+            for one in servers:
+                one.close()
+            for stream in clients:
+                stream.transport.abort()
         return "closed"
 
     async def _pipe(self) -> str | None:
@@ -206,7 +325,7 @@ class Connection:
         else:
             # Not blocking: a FIFO opens before there is a writer.
             pipe = os.fdopen(os.open(self.address.path, os.O_RDONLY | os.O_NONBLOCK), "rb", 0)
-        transport, protocol = await loop.connect_read_pipe(lambda: _Stream(self._take), pipe)
+        transport, protocol = await loop.connect_read_pipe(lambda: _Stream(self._take_all), pipe)
         self._opened("connected")
         try:
             why = await protocol.closed

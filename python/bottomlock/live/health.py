@@ -5,21 +5,28 @@ Read only, and on the loopback address unless the configuration says otherwise. 
 
 import asyncio
 import contextlib
+import ipaddress
 import json
 import math
-from collections.abc import Callable
+import socket
+from collections.abc import Callable, Sequence
 from importlib import resources
 from typing import Any
 
 import numpy as np
 
 from bottomlock.live.estimator import Estimator
+from bottomlock.live.listening import accept, listen
 from bottomlock.live.runner import Live
 from bottomlock.live.states import ORDER
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.rotation import angles
 
 EVENT_S = 0.25
 """Time between two events of the page."""
-_REQUEST_BYTES, _REQUEST_S, _CLIENTS = 8192, 5.0, 32
+_REQUEST_BYTES, _REQUEST_S = 8192, 5.0
+_CLIENTS, _STREAMS = 32, 16
+"""Most connections at a time, and most of them that follow the events."""
 _AXES = ("surge", "sway", "heave")
 
 
@@ -29,6 +36,7 @@ def status(live: Live) -> dict[str, Any]:
     estimator, machine = engine.estimator, engine.machine
     known = estimator.estimate(engine.state, engine.reset_counter)
     sd = [None] * 3 if known is None else [_number(math.sqrt(v)) for v in np.diag(known.covariance_m2ps2)]
+    attitude, attitude_sd = _attitude(known)
     return {
         "name": engine.config.name,
         "mode": engine.config.mode,
@@ -39,6 +47,8 @@ def status(live: Live) -> dict[str, Any]:
         "internal_errors": live.faults,
         "velocity_mps": [None] * 3 if known is None else [_number(v) for v in known.velocity_p_mps],
         "velocity_sd_mps": sd,
+        "attitude_rpy_rad": attitude,
+        "attitude_sd_rad": attitude_sd,
         "estimate_age_s": None if known is None else _age_s(now_ns, known.time_ns),
         "beams": [
             {"velocity_mps": _number(v), "used": bool(used)}
@@ -52,6 +62,15 @@ def status(live: Live) -> dict[str, Any]:
         "ports": [_port(live, place) for place in range(len(engine.ports))],
         "raw_log": None if live.log is None else {"file": live.log.path.name, "bytes": live.log.bytes},
     }
+
+
+def _attitude(known: Estimate | None) -> tuple[list[float | None], list[float | None]]:
+    """Roll, pitch and yaw of the platform, rad, and 1 sigma of its rotation about north, east and down; None in mode velocity."""
+    if known is None or known.attitude_t_p is None or known.navigation_covariance is None:
+        return [None] * 3, [None] * 3
+    return list(map(_number, angles(known.attitude_t_p))), [
+        _number(math.sqrt(v)) for v in np.diag(known.navigation_covariance)[3:6]
+    ]
 
 
 def _reference(estimator: Estimator) -> dict[str, dict[str, float]]:
@@ -86,6 +105,7 @@ def _source(live: Live, place: int, now_ns: int) -> dict[str, Any]:
         "skipped": dict(one.reader.skipped),
         "refused": dict(one.refused),
         "bytes_dropped": one.reader.framer.dropped,
+        "pieces_not_read": connection.dropped,
         "clock_steps": one.clock.steps,
         "late": one.clock.late,
     }
@@ -126,6 +146,12 @@ def metrics(shown: dict[str, Any]) -> str:
     for key, unit in (("velocity_mps", "Velocity"), ("velocity_sd_mps", "1 sigma of the velocity")):
         values = zip(_AXES, shown[key], strict=True)
         add(key, "gauge", f"{unit}, m/s", [({"axis": axis}, value) for axis, value in values])
+    for key, what in (
+        ("attitude_rpy_rad", "Attitude"),
+        ("attitude_sd_rad", "1 sigma about north, east, down"),
+    ):
+        turns = zip(("roll", "pitch", "yaw"), shown[key], strict=True)
+        add(key, "gauge", f"{what}, rad", [({"angle": angle}, value) for angle, value in turns])
     add("nis", "gauge", "NIS of the last ping over its degrees of freedom", [({}, shown["ping"]["nis"])])
     beams = enumerate(shown["beams"], 1)
     add(
@@ -144,6 +170,11 @@ def metrics(shown: dict[str, Any]) -> str:
         ("records", "counter", "Records"),
         ("taken", "counter", "Readings or pings that were taken"),
         ("bytes_dropped", "counter", "Bytes that belonged to no record"),
+        (
+            "pieces_not_read",
+            "counter",
+            "Datagrams beyond the source's share of the time, and pieces of a second client",
+        ),
         ("clock_steps", "counter", "Steps of the clock"),
         ("connections", "counter", "Connections"),
     ):
@@ -163,13 +194,28 @@ class HealthServer:
     """Serves the page on the running loop.
 
     Args:
-        show: gives the status.
+        show: gives the status; asked once in `EVENT_S` at most, however many clients there are.
         host, port: where; port 0 takes a free one.
+        names: host names under which it may be asked, beside addresses, localhost and `host`. A page of the web whose name
+            was pointed at this address asks under its own name, and gets nothing.
+        say: is told when the system has no room for a client.
     """
 
-    def __init__(self, show: Callable[[], dict[str, Any]], host: str, port: int) -> None:
-        self._show, self._host, self._port = show, host, port
-        self._clients = 0
+    def __init__(
+        self,
+        show: Callable[[], dict[str, Any]],
+        host: str,
+        port: int,
+        *,
+        names: Sequence[str] = (),
+        say: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._source, self._host, self._port, self._say = show, host, port, say
+        self._names = {name.lower() for name in ("localhost", host, *names)}
+        self._shown: tuple[float, dict[str, Any]] | None = None
+        self._silent: dict[asyncio.StreamWriter, None] = {}
+        self._clients: dict[asyncio.StreamWriter, asyncio.Task[None]] = {}
+        self._streams = 0
         self.url = ""
         self.opened = asyncio.Event()
 
@@ -179,34 +225,77 @@ class HealthServer:
         Raises:
             OSError: where the address cannot be used.
         """
-        server = await asyncio.start_server(self._client, self._host, self._port, limit=_REQUEST_BYTES)
+        servers = await listen(self._host, self._port)
         host = f"[{self._host}]" if ":" in self._host else self._host
-        self.url = f"http://{host}:{server.sockets[0].getsockname()[1]}/"
+        self.url = f"http://{host}:{servers[0].getsockname()[1]}/"
         self.opened.set()
         try:
-            await asyncio.Event().wait()
+            await asyncio.gather(*(accept(server, self._add, self._say) for server in servers))
         finally:
-            # Not waited for: a client that stays would hold up the end from Python 3.12 on.
-            server.close()
+            for server in servers:
+                server.close()
+            for task in self._clients.values():
+                task.cancel()
+
+    def _show(self) -> dict[str, Any]:
+        now = asyncio.get_running_loop().time()
+        if self._shown is None or now - self._shown[0] >= EVENT_S:
+            self._shown = now, self._source()
+        return self._shown[1]
+
+    async def _add(self, client: socket.socket) -> None:
+        """A further client, in place of the one that has asked nothing for longest where there is no room."""
+        if len(self._clients) >= _CLIENTS:
+            if not self._silent:
+                client.close()
+                return
+            oldest = next(iter(self._silent))
+            del self._silent[oldest]
+            self._clients.pop(oldest).cancel()
+            oldest.transport.abort()
+        loop = asyncio.get_running_loop()
+        reader = asyncio.StreamReader(limit=_REQUEST_BYTES)
+        protocol = asyncio.StreamReaderProtocol(reader)
+        transport, _ = await loop.connect_accepted_socket(lambda: protocol, client)
+        writer = asyncio.StreamWriter(transport, protocol, reader, loop)
+        self._silent[writer] = None
+        self._clients[writer] = asyncio.create_task(self._client(reader, writer))
 
     async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._clients += 1
         try:
             async with asyncio.timeout(_REQUEST_S):
                 request = await reader.readuntil(b"\r\n\r\n")
-            if self._clients > _CLIENTS:
-                writer.write(_reply(503, "text/plain", b"too many clients\n"))
+            self._silent.pop(writer, None)
+            first, *headers = request.split(b"\r\n")
+            if not self._is_meant(headers):
+                writer.write(_reply(421, "text/plain", _NOT_MEANT))
             else:
-                await self._answer(request.split(b"\r\n", 1)[0].split(b" "), writer)
+                await self._answer(first.split(b" "), writer)
             await writer.drain()
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             pass  # a client that went away, or never asked anything
         except asyncio.CancelledError:
-            pass  # the program ends
+            pass  # the program ends, or another client has its place
         finally:
-            self._clients -= 1
+            self._silent.pop(writer, None)
+            self._clients.pop(writer, None)
             with contextlib.suppress(OSError):
                 writer.close()
+
+    def _is_meant(self, headers: list[bytes]) -> bool:
+        """Whether a request is to this host; one without a host comes from no browser."""
+        hosts = [line.split(b":", 1)[1].strip() for line in headers if line.lower().startswith(b"host:")]
+        return len(hosts) < 2 and all(self._is_ours(host.decode("latin-1")) for host in hosts)
+
+    def _is_ours(self, host: str) -> bool:
+        name = host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
+        if name.lower().rstrip(".") in self._names:
+            return True
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
 
     async def _answer(self, request: list[bytes], writer: asyncio.StreamWriter) -> None:
         if len(request) < 2 or request[0] != b"GET":
@@ -222,8 +311,14 @@ class HealthServer:
             writer.write(_reply(200 if good else 503, "application/json", json.dumps(shown).encode() + b"\n"))
         elif path == b"/metrics":
             writer.write(_reply(200, "text/plain; version=0.0.4", metrics(self._show()).encode()))
+        elif path == b"/events" and self._streams >= _STREAMS:
+            writer.write(_reply(503, "text/plain", b"too many clients\n"))
         elif path == b"/events":
-            await self._events(writer)
+            self._streams += 1
+            try:
+                await self._events(writer)
+            finally:
+                self._streams -= 1
         else:
             writer.write(_reply(404, "text/plain", b"there are /, /health, /metrics and /events\n"))
 
@@ -240,7 +335,14 @@ class HealthServer:
             await asyncio.sleep(EVENT_S)
 
 
-_WORDS = {200: "OK", 404: "Not Found", 405: "Method Not Allowed", 503: "Service Unavailable"}
+_NOT_MEANT = b"asked under another name than localhost or an address: list it in health.names\n"
+_WORDS = {
+    200: "OK",
+    404: "Not Found",
+    405: "Method Not Allowed",
+    421: "Misdirected Request",
+    503: "Service Unavailable",
+}
 
 
 def _reply(code: int, kind: str, body: bytes) -> bytes:

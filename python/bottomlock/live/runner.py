@@ -76,10 +76,12 @@ class Live:
             words = f"port {section.port}: "
             yield open_sink(sink_address(section.to), lambda state, words=words: self._say(words + state))  # type: ignore[misc]
 
-    def arrive(self, place: int, data: bytes) -> None:
-        """Bytes of a source: through the engine to the sinks, then to the raw log."""
-        now_ns = self.clock()
+    def arrive(self, place: int, data: bytes) -> bool:
+        """Bytes of a source: through the engine to the sinks, then to the raw log; whether they gave a reading."""
+        now_ns, source = self.clock(), self.engine.sources[place]
+        taken = source.used
         self._deliver("in", place, now_ns, data, lambda: self.engine.arrive(place, now_ns, data))
+        return source.used > taken
 
     def connected(self, place: int) -> None:
         """A source was connected."""

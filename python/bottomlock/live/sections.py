@@ -245,6 +245,7 @@ class HealthSection(Section):
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65_535)] = 8770
+    names: tuple[str, ...] = ()
 
 
 VelocityMethod = Literal["info", "plcf", "lc"]

@@ -4,6 +4,7 @@ Estimates are of the moment: what cannot be written at once is dropped and count
 """
 
 import asyncio
+import socket
 import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -12,8 +13,11 @@ from typing import IO, Any, TypeVar
 from bottomlock.address import Address
 from bottomlock.errors import OutputError
 from bottomlock.live.connections import FIRST_WAIT_S, LONGEST_WAIT_S, Connection, words_of
+from bottomlock.live.listening import accept, listen
 
 MOST_WAITING_BYTES = 65_536
+MOST_CLIENTS = 32
+"""Clients of one TCP server."""
 
 T = TypeVar("T")
 
@@ -78,7 +82,7 @@ class _Stream(Sink):
         self._transport: Any = None
         self._connection = Connection(
             address,
-            on_data=lambda _: None,
+            on_data=lambda _: False,
             on_connected=lambda: None,
             on_state=on_state,
             silence_s=float("inf"),
@@ -103,48 +107,62 @@ class _Stream(Sink):
         await self._connection.run()
 
 
+class _Client(asyncio.Protocol):
+    """A receiver of a TCP server; what it sends is not read."""
+
+    def __init__(self, changed: Callable[["_Client"], None]) -> None:
+        self.transport: Any = None
+        self.closed = False
+        self._changed = changed
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self.transport = transport
+        self._changed(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's
+        self.closed = True
+        self._changed(self)
+
+
 class _Server(Sink):
-    """A TCP server: every client gets every message."""
+    """A TCP server: every client gets every message; with `MOST_CLIENTS` of them a further one is sent away."""
 
     def __init__(self, address: Address) -> None:
         self._address = address
-        self._clients: set[asyncio.StreamWriter] = set()
+        self._clients: set[_Client] = set()
 
     def write(self, data: bytes) -> None:
         for client in self._clients:
             if client.transport.get_write_buffer_size() > MOST_WAITING_BYTES:
                 self.dropped += 1
             else:
-                client.write(data)
+                client.transport.write(data)
         if not self._clients:
             self.dropped += 1
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._clients.add(writer)
+    def _changed(self, client: _Client) -> None:
+        (self._clients.discard if client.closed else self._clients.add)(client)
         self.state = f"{len(self._clients)} clients"
-        try:
-            while await reader.read(4096):
-                pass
-        except (OSError, asyncio.CancelledError):
-            # Cancelled with the loop: nothing goes on after it.
-            pass
-        finally:
-            self._clients.discard(writer)
-            self.state = f"{len(self._clients)} clients"
-            writer.close()
+
+    async def _add(self, client: socket.socket) -> None:
+        if len(self._clients) == MOST_CLIENTS:
+            client.close()
+            return
+        await asyncio.get_running_loop().connect_accepted_socket(lambda: _Client(self._changed), client)
+
+    def _say(self, words: str) -> None:
+        self.state = words
 
     async def run(self) -> None:
-        server = await self.opened(
-            lambda: asyncio.start_server(self._serve, self._address.host, self._address.port)
-        )
+        servers = await self.opened(lambda: listen(self._address.host, self._address.port))
         self.state = "0 clients"
         try:
-            await asyncio.Event().wait()
+            await asyncio.gather(*(accept(server, self._add, self._say) for server in servers))
         finally:
-            # Not waited for: a client that stays would hold up the end from Python 3.12 on.
-            server.close()
+            for server in servers:
+                server.close()
             for client in self._clients:
-                client.close()
+                client.transport.close()
 
 
 class _File(Sink):
