@@ -1,9 +1,11 @@
-"""Clients and bytes in great number against a running `bottomlock live`: `python -m tests.attack.live_floods [SECONDS]`.
+"""Clients and bytes in great number against a running `bottomlock live`.
 
-A DVL over a port that listens, an IMU, the health page, raw log and checkpoint, and a listener that counts the messages. Every phase takes
-SECONDS (20): nothing else, 1,000 connections to the page that ask nothing, short connections to page and DVL's port, requests of the
-page, and three kinds of garbage on the DVL's port. Ends with exit code 1 where a phase sends less than nine tenths of what
-it sends without company, or is silent for half a second.
+    python -m tests.attack.live_floods [SECONDS]
+
+A DVL over a port that listens, an IMU, the health page, raw log and checkpoint, and a listener that counts the
+messages. Every phase takes SECONDS (20): nothing else, 500 connections to the page that ask nothing and are renewed,
+short connections to page and DVL's port, requests of the page, and three kinds of garbage on the DVL's port. Ends with exit
+code 1 where a phase sends less than nine tenths of what is sent without company, or is silent for half a second.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from tests.live.processes import Instruments, free_port, start
@@ -35,7 +38,7 @@ LEAST_SHARE, LONGEST_SILENCE_S = 0.9, 0.5
 def connected(port: int) -> socket.socket:
     """A connection that never waits."""
     one = socket.socket()
-    one.setblocking(False)
+    one.settimeout(0.0)
     one.connect_ex(("127.0.0.1", port))
     return one
 
@@ -68,69 +71,78 @@ def relayed(instruments: Instruments, port: int) -> Iterator[None]:
         thread.join()
 
 
-def phases(page: int, dvl: int) -> Iterator[tuple[str, Callable[[], contextlib.AbstractContextManager[Act]]]]:
-    """Name and what is done again and again while the phase lasts."""
+Phase = Callable[[], contextlib.AbstractContextManager[Act]]
 
-    @contextlib.contextmanager
-    def nothing() -> Iterator[Act]:
-        yield lambda: None
 
-    @contextlib.contextmanager
-    def idle() -> Iterator[Act]:
-        held: list[socket.socket] = []
+@contextlib.contextmanager
+def nothing() -> Iterator[Act]:
+    """No company."""
+    yield lambda: None
+
+
+@contextlib.contextmanager
+def idle(port: int) -> Iterator[Act]:
+    """Connections that ask nothing, the oldest replaced."""
+    held: list[socket.socket] = []
+
+    def act() -> None:
+        if len(held) == 500:
+            held.pop(0).close()
+        held.append(connected(port))
+
+    yield act
+    for one in held:
+        one.close()
+
+
+@contextlib.contextmanager
+def short(*ports: int) -> Iterator[Act]:
+    """Connections that end at once."""
+    turns = itertools.cycle(ports)
+    yield lambda: connected(next(turns)).close()
+
+
+@contextlib.contextmanager
+def requests(port: int) -> Iterator[Act]:
+    """Eight clients that ask again and again."""
+    stop = threading.Event()
+
+    def ask() -> None:
+        while not stop.is_set():
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1.0) as one:
+                one.sendall(b"GET /metrics HTTP/1.1\r\n\r\n")
+                one.recv(65_536)
+
+    threads = [threading.Thread(target=ask) for _ in range(8)]
+    for one in threads:
+        one.start()
+    yield lambda: None
+    stop.set()
+    for one in threads:
+        one.join()
+
+
+@contextlib.contextmanager
+def garbage(port: int, data: bytes) -> Iterator[Act]:
+    """Bytes that are no report, as many as are taken."""
+    with socket.create_connection(("127.0.0.1", port)) as one:
+        one.settimeout(0.0)
 
         def act() -> None:
-            if len(held) == 500:
-                held.pop(0).close()
-            held.append(connected(page))
+            with contextlib.suppress(OSError):
+                one.send(data)
 
         yield act
-        for one in held:
-            one.close()
 
-    @contextlib.contextmanager
-    def short() -> Iterator[Act]:
-        ports = itertools.cycle([page, dvl])
-        yield lambda: connected(next(ports)).close()
 
-    @contextlib.contextmanager
-    def requests() -> Iterator[Act]:
-        stop = threading.Event()
-
-        def ask() -> None:
-            while not stop.is_set():
-                with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", page), 1.0) as one:
-                    one.sendall(b"GET /metrics HTTP/1.1\r\n\r\n")
-                    one.recv(65_536)
-
-        threads = [threading.Thread(target=ask) for _ in range(8)]
-        for one in threads:
-            one.start()
-        yield lambda: None
-        stop.set()
-        for one in threads:
-            one.join()
-
-    def garbage(data: bytes) -> Callable[[], contextlib.AbstractContextManager[Act]]:
-        @contextlib.contextmanager
-        def phase() -> Iterator[Act]:
-            with socket.create_connection(("127.0.0.1", dvl)) as one:
-                one.setblocking(False)
-
-                def act() -> None:
-                    with contextlib.suppress(OSError):
-                        one.send(data)
-
-                yield act
-
-        return phase
-
+def phases(page: int, dvl: int) -> Iterator[tuple[str, Phase]]:
+    """Name of each, and what is done again and again while it lasts."""
     yield "no company", nothing
-    yield "500 idle connections to the page, renewed", idle
-    yield "short connections", short
-    yield "requests of the page", requests
+    yield "500 idle connections to the page, renewed", partial(idle, page)
+    yield "short connections", partial(short, page, dvl)
+    yield "requests of the page", partial(requests, page)
     for name, data in GARBAGE.items():
-        yield f"garbage: {name}", garbage(data)
+        yield f"garbage: {name}", partial(garbage, dvl, data)
     yield "no company again", nothing
 
 
@@ -191,7 +203,6 @@ def main(seconds: float) -> int:
             finally:
                 process.terminate()
                 words = process.communicate(timeout=20)[1].decode()
-                (Path(tempfile.gettempdir()) / "live_floods.txt").write_text(words)
                 print(
                     f"{len(words):,} characters on the terminal, {len(re.findall('Traceback', words))} tracebacks"
                 )

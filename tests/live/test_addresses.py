@@ -43,9 +43,14 @@ async def until(condition: Callable[[], bool]) -> None:
 async def taken(address: str, write: Callable[[], None] | None = None) -> bytes:
     """What a source gives of `DATA`, which `write` puts there once it is open."""
     found, opened = bytearray(), asyncio.Event()
+
+    def take(data: bytes) -> bool:
+        found.extend(data)
+        return True
+
     connection = Connection(
         source_address(address),
-        on_data=lambda data: found.extend(data) is None,
+        on_data=take,
         on_connected=opened.set,
         on_state=lambda _: None,
         silence_s=60.0,

@@ -65,7 +65,11 @@ def test_others_do_not_break_a_record_that_has_begun() -> None:
     """Forty short connections and twenty that stay, between the halves of a record: no new connection, no byte lost."""
     found = bytearray()
 
-    async def use(port: int, _: Connection) -> None:
+    def take(data: bytes) -> bool:
+        found.extend(data)
+        return True
+
+    async def use(port: int, __: Connection) -> None:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(b"first half, ")
         while not found:  # noqa: ASYNC110
@@ -80,7 +84,7 @@ def test_others_do_not_break_a_record_that_has_begun() -> None:
             one.close()
         writer.close()
 
-    _, said, connected = listened(use, lambda data: found.extend(data) is None)
+    _, said, connected = listened(use, take)
     assert bytes(found) == b"first half, second half"
     assert connected == 1
     assert said.count("connected") == 1
@@ -89,7 +93,7 @@ def test_others_do_not_break_a_record_that_has_begun() -> None:
 def test_a_listening_source_holds_few_clients() -> None:
     """Of thirty that stay silent, the ones that have been silent longest are sent away for the next."""
 
-    async def use(port: int, _: Connection) -> int:
+    async def use(port: int, __: Connection) -> int:
         clients = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
         reads = [asyncio.ensure_future(reader.read(1)) for reader, _ in clients]
         while sum(one.done() for one in reads) < 30 - MOST_CLIENTS:  # noqa: ASYNC110
@@ -116,7 +120,7 @@ def test_bytes_that_are_nothing_wait_and_are_not_lost() -> None:
         time.sleep(0.02)
         return False
 
-    async def use(port: int, _: Connection) -> None:
+    async def use(port: int, __: Connection) -> None:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(bytes(12 * 1024))
         while len(found) < 12 * 1024:  # noqa: ASYNC110
@@ -145,7 +149,7 @@ def test_the_page_answers_beside_idle_clients() -> None:
 
     answer, held = served(lambda: status(flown()), use)
     assert b"200 OK" in answer
-    assert held <= health._CLIENTS  # noqa: SLF001 - its bound
+    assert held <= health._CLIENTS
 
 
 def test_followers_do_not_take_the_whole_page() -> None:

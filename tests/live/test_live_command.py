@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import struct
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -184,3 +185,48 @@ def test_a_fault_of_ours_stops_the_sending_and_is_said() -> None:
     assert engine.state == "UNSAFE"
     assert "ZeroDivisionError" in engine.machine.why
     assert any("nothing is sent any more" in word for word in words)
+
+
+def test_every_flipped_bit_of_the_framing_is_seen(tmp_path: Path) -> None:
+    """Kind, length and number of each record: where the log ends and why; never "the same bits" alone."""
+    content = write_log(tmp_path)
+    changed = tmp_path / "changed.mcap"
+    at, ends, silent = 8, [], []
+    while at < len(content):
+        length = struct.unpack_from("<Q", content, at + 1)[0]
+        ends.append((at, content[at]))
+        at += 9 + length
+    random = np.random.default_rng(1)
+    for start, kind in ends:
+        for byte in (0, 1, 2, 3, 8, 11) if kind == 5 else (0, 1, 2):
+            flipped = bytearray(content)
+            flipped[start + byte] ^= 1 << int(random.integers(8))
+            changed.write_bytes(flipped)
+            try:
+                result = replay_log(config(), changed)
+            except DataError:
+                continue
+            last = start == ends[-1][0]
+            if not (result.damaged or result.first_difference or (last and result.end)):
+                silent.append((start, kind, byte, result.text()))
+    assert not silent
+
+
+def test_a_log_says_where_it_ends(tmp_path: Path) -> None:
+    """Closed, killed, damaged; of a damaged one nothing behind is played, and the command ends with an error."""
+    killed = tmp_path / "killed.mcap"
+    content = write_log(tmp_path)
+    (closed,) = tmp_path.glob("2*.mcap")
+    assert replay_log(config(), closed).end == ""
+    killed.write_bytes(content[:-3])
+    result = replay_log(config(), killed)
+    assert (result.damaged, result.end.partition(" at byte")[0]) == (False, "cut off")
+    assert "the same bits; cut off at byte" in result.text()
+    at = content.index(b"\x05", len(content) // 2)
+    while struct.unpack_from("<Q", content, at + 1)[0] > 5000:
+        at = content.index(b"\x05", at + 1)
+    killed.write_bytes(content[: at + 2] + bytes([content[at + 2] ^ 64]) + content[at + 3 :])
+    result = replay_log(config(), killed)
+    assert result.damaged
+    assert result.end.startswith(f"damaged at byte {at} of {len(content)}: a record of ")
+    assert 0 < result.entries < 21

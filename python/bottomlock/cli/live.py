@@ -147,5 +147,5 @@ async def serve_page(running: Live, say: Say) -> None:
 def _replay(settings: LiveConfig, log: Path) -> None:
     result = replay_log(settings, log)
     console.print(result.text(), highlight=False, soft_wrap=True)
-    if result.first_difference:
+    if result.first_difference or result.damaged:
         sys.exit(EXIT_DEPARTURE)

@@ -21,7 +21,7 @@ SHORTEST_SILENCE_S = 5.0
 SLOWED = "sends more than can be read: it has used up its share of the time"
 SECOND = "a second client sends at the same time: it is not read"
 HELD_S, DROPPING_S = 1.0, 0.01
-"""Where a client has given a reading within `HELD_S`, another is not read; its bytes are dropped, a piece in `DROPPING_S`."""
+"""Where a client has given a reading within `HELD_S`, another is not read: a piece of it in `DROPPING_S` is dropped."""
 MOST_CLIENTS = 8
 """Connections that a listening source holds; a further one takes the place of that which is silent longest."""
 _BLOCK = 65_536

@@ -65,7 +65,7 @@ def status(live: Live) -> dict[str, Any]:
 
 
 def _attitude(known: Estimate | None) -> tuple[list[float | None], list[float | None]]:
-    """Roll, pitch and yaw of the platform, rad, and 1 sigma of its rotation about north, east and down; None in mode velocity."""
+    """Roll, pitch, yaw of the platform, rad, and 1 sigma of its rotation about north, east, down; None without."""
     if known is None or known.attitude_t_p is None or known.navigation_covariance is None:
         return [None] * 3, [None] * 3
     return list(map(_number, angles(known.attitude_t_p))), [
@@ -196,8 +196,8 @@ class HealthServer:
     Args:
         show: gives the status; asked once in `EVENT_S` at most, however many clients there are.
         host, port: where; port 0 takes a free one.
-        names: host names under which it may be asked, beside addresses, localhost and `host`. A page of the web whose name
-            was pointed at this address asks under its own name, and gets nothing.
+        names: host names under which it may be asked, beside addresses, localhost and `host`. A page of the web
+            whose name was pointed at this address asks under its own name, and gets nothing.
         say: is told when the system has no room for a client.
     """
 

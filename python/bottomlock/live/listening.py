@@ -1,4 +1,4 @@
-"""Connections of others: accepted one after another, no faster than the estimator can bear, and never without a bound."""
+"""Connections of others: accepted one after another, no faster than the estimator can bear, within bounds."""
 
 import asyncio
 import errno
@@ -31,7 +31,7 @@ async def listen(host: str, port: int) -> list[socket.socket]:
             one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             if family == socket.AF_INET6:
                 one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
-            one.setblocking(False)
+            one.setblocking(False)  # noqa: FBT003 - has no keyword
             one.bind(address)
             one.listen(BACKLOG)
     except OSError:

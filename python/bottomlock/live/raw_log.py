@@ -1,10 +1,12 @@
 """The raw log: every byte with its time of arrival, and every byte that was sent, as MCAP without chunks.
 
 Without chunks a record is in the file as soon as it is written, so a log that ends in the middle of a record, after a
-kill or a loss of power, is read up to there. Topics: `in/<source>`, `connected/<source>`, `out/<place>/<port>`.
+kill or a loss of power, is read up to there. Messages count from 1, so that a damaged length or kind of a record, which
+would hide what follows, is told from such an end. Topics: `in/<source>`, `connected/<source>`, `out/<place>/<port>`.
 """
 
 import contextlib
+import mmap
 import struct
 import time
 from collections.abc import Iterator, Sequence
@@ -15,6 +17,10 @@ from typing import IO, Any, Literal
 from bottomlock.errors import DataError, OutputError
 
 Kind = Literal["in", "connected", "out"]
+_RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
+"""Kind and length of a record; channel, number and two times of a message."""
+_KINDS = {"header": 1, "footer": 2, "channel": 4, "message": 5, "attachment": 9, "data end": 15}
+_MAGIC_BYTES = 8
 START = "start"
 """Name of the attachment that holds what the engine started from."""
 
@@ -84,7 +90,7 @@ class RawLog:
             self._channels[kind, place] = self._writer.register_channel(
                 topic, "application/octet-stream", 0, {"kind": kind, "place": str(place)}
             )
-        self.bytes = 0
+        self.bytes = self._messages = 0
         self.flush()
 
     def write(self, kind: Kind, place: int, time_ns: int, data: bytes) -> None:
@@ -94,7 +100,9 @@ class RawLog:
             OutputError: where the disk is full or gone.
         """
         try:
-            self._writer.add_message(self._channels[kind, place], time_ns, data, time_ns)
+            self._messages += 1
+            number = self._messages % 2**32
+            self._writer.add_message(self._channels[kind, place], time_ns, data, time_ns, number)
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
         self.bytes += len(data)
@@ -128,10 +136,19 @@ def _new_file(folder: Path, name: str) -> tuple[Path, IO[bytes]]:
 
 @dataclass(frozen=True)
 class ReadLog:
-    """A raw log that is read: what the engine started from, and its entries in the order in which they were written."""
+    """A raw log that is read.
+
+    Attributes:
+        start: what the engine started from.
+        entries: in the order in which they were written, up to where the log ends or is damaged.
+        end: where and why it ends before the end of the file; "" for one that was closed.
+        damaged: whether that is damage. A kill leaves a log that was cut off.
+    """
 
     start: dict[str, bytes]
     entries: Iterator[Entry]
+    end: str
+    damaged: bool
 
 
 def read_raw_log(path: Path) -> ReadLog:
@@ -145,18 +162,57 @@ def read_raw_log(path: Path) -> ReadLog:
         file = path.open("rb")
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    end, damaged, sound = _end_of(path)
     start: dict[str, bytes] = {}
-    records = _records(path, file)
+    records = _records(path, file, sound)
     for kind, record in records:
         if kind == "Attachment":
             start[record.name.removeprefix(f"{START}/")] = record.data
         elif kind == "Channel":
-            return ReadLog(start, _entries(path, record, records))
+            return ReadLog(start, _entries(path, record, records), end, damaged)
     raise DataError(f"{path}: has no channels, expected a raw log of `bottomlock live`")
 
 
-def _records(path: Path, file: IO[bytes]) -> Iterator[tuple[str, Any]]:
-    """The records of a file up to its end, or to where it was cut off."""
+def _end_of(path: Path) -> tuple[str, bool, int]:
+    """Where and why a log ends, "" where it was closed; whether it is damaged; the bytes before that."""
+    if path.stat().st_size <= _MAGIC_BYTES:
+        return "", False, path.stat().st_size
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        at, last = _MAGIC_BYTES, 0
+        while at + _RECORD.size <= len(data):
+            kind, length = _RECORD.unpack_from(data, at)
+            if kind == _KINDS["data end"]:
+                return "", False, len(data)
+            follows = at + _RECORD.size + length
+            why = "" if kind in _KINDS.values() else f"a record of kind {kind}"
+            if kind == _KINDS["message"] and not why and follows <= len(data):
+                number = _MESSAGE.unpack_from(data, at + _RECORD.size)[1] if length >= _MESSAGE.size else -1
+                # Logs of earlier versions have no numbers.
+                if number != last + 1 and (number or last):
+                    why = f"message {number} after {last}"
+                last = number
+            if why or (follows > len(data) and _goes_on(data, at, last)):
+                why = why or f"a record of {length} bytes"
+                return f"damaged at byte {at} of {len(data)}: {why}", True, at
+            if follows > len(data):
+                break
+            at = follows
+        return f"cut off at byte {at} of {len(data)}, in the middle of a record", False, at
+
+
+def _goes_on(data: mmap.mmap, at: int, last: int) -> bool:
+    """Whether a message follows one that seems to be the last, so that its length cannot be right."""
+    place = at
+    while (place := data.find(struct.pack("<I", last + 2), place + 1)) >= 0:
+        begin = place - _RECORD.size - 2
+        kind, length = _RECORD.unpack_from(data, begin)
+        if kind == _KINDS["message"] and _MESSAGE.size <= length <= len(data) - begin - _RECORD.size:
+            return True
+    return False
+
+
+def _records(path: Path, file: IO[bytes], sound: int) -> Iterator[tuple[str, Any]]:
+    """The records of a file up to its end, or to where it was cut off or damaged: byte `sound`."""
     from mcap.exceptions import EndOfFile, McapError  # noqa: PLC0415 - an extra
     from mcap.stream_reader import StreamReader  # noqa: PLC0415
 
@@ -166,7 +222,7 @@ def _records(path: Path, file: IO[bytes]) -> Iterator[tuple[str, Any]]:
         @staticmethod
         def read(size: int) -> bytes:
             data = file.read(size)
-            if len(data) < size:
+            if len(data) < size or file.tell() > sound:
                 raise EndOfFile
             return data
 

@@ -19,17 +19,21 @@ class Replayed:
         sent: messages in the log.
         entries: bytes and connections in the log.
         first_difference: in words; "" where all messages are equal to the bit.
+        end: where and why the log ends early; "" for one that was closed.
+        damaged: whether that is damage, behind which nothing was played.
     """
 
     messages: list[Message]
     sent: int
     entries: int
     first_difference: str
+    end: str
+    damaged: bool
 
     def text(self) -> str:
         """The outcome in a line."""
         what = f"{self.entries} arrivals, {self.sent} messages"
-        return f"{what}: {self.first_difference or 'the same bits'}"
+        return f"{what}: {self.first_difference or 'the same bits'}" + (f"; {self.end}" if self.end else "")
 
 
 def replay_log(config: LiveConfig, path: Path) -> Replayed:
@@ -65,4 +69,4 @@ def replay_log(config: LiveConfig, path: Path) -> Replayed:
         )
         messages += new
         open_.extend(new)
-    return Replayed(messages, sent, entries, difference)
+    return Replayed(messages, sent, entries, difference, log.end, log.damaged)
