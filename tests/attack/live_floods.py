@@ -4,7 +4,7 @@
 
 A DVL over a port that listens, an IMU, the health page, raw log and checkpoint, and a listener that counts the
 messages. Every phase takes SECONDS (20): nothing else, 500 connections to the page that ask nothing and are renewed,
-short connections to page and DVL's port, requests of the page, and three kinds of garbage on the DVL's port. Ends with exit
+short connections to page and DVL, requests of the page, and three kinds of garbage on the DVL's port. Ends with exit
 code 1 where a phase sends less than nine tenths of what is sent without company, or is silent for half a second.
 """
 
