@@ -147,6 +147,7 @@ class World:
         form: format of the DVL.
         offset_ns: the DVL's clock minus the host's, at a time in s.
         seed: of every noise.
+        outliers: fraction of the readings of beams with twelve times the noise.
     """
 
     seconds: float
@@ -154,6 +155,7 @@ class World:
     form: str = "waterlinked-json"
     offset_ns: Callable[[float], int] = lambda _: -1_000_000_000_000
     seed: int = 1
+    outliers: float = 0.0
     dvl_hz: float = 10.0
     imu_hz: float = 100.0
     pings: dict[int, np.ndarray] = field(default_factory=dict)
@@ -173,6 +175,8 @@ class World:
             t = (k + 0.5) / self.dvl_hz
             valid_ns = START_NS + round(t * 1e9)
             beams = geometry.beam_velocities(VELOCITY[np.newaxis])[0] + BEAM_SD * random.standard_normal(4)
+            if self.outliers:
+                beams += (random.random(4) < self.outliers) * 12.0 * BEAM_SD * random.standard_normal(4)
             lost = list(self.lost(t))
             beams[lost] = np.nan
             ranges = np.full(4, 12.0)

@@ -7,6 +7,7 @@ docs/ports.md say; decoders are pymavlink, rosbags and a struct of the tests, ne
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -117,41 +118,127 @@ def ros_full(data: bytes) -> Reading:
 PORTS: dict[str, tuple[dict[str, Any], Callable[[bytes], Reading]]] = {
     "ros_twist": ({"unseen_sd_mps": 100.0}, ros_full),
     "vision_position_delta": (
-        {"min_noise_mps": MIN_NOISE, "max_noise_mps": MAX_NOISE, "max_interval_s": 1e6},
+        {
+            "min_noise_mps": MIN_NOISE,
+            "max_noise_mps": MAX_NOISE,
+            "max_interval_s": 1e6,
+            "variance_factor": 1.0,
+        },
         ardupilot_delta,
     ),
-    "vision_speed_estimate": ({}, ardupilot_speed),
-    "odometry": ({}, px4_odometry),
+    "vision_speed_estimate": ({"variance_factor": 1.0}, ardupilot_speed),
+    "odometry": ({"variance_factor": 1.0}, px4_odometry),
     "microstrain": ({"unseen": "estimate"}, microstrain),
 }
-"""Settings of each port, and what its receiver makes of the bytes. The first has the whole covariance."""
+"""Settings of each port, and what its receiver makes of the bytes. The first has the whole covariance.
+
+Errors here are drawn anew for each message, so none is counted twice and the factor of mode navigation is 1."""
+
+
+EV_MAX_INTERVAL_S, STOPS_AFTER_S, MOST_RESETS = 0.2, 0.4, 5
+"""PX4: a stream starts with two samples strictly less than the first apart, and ends after the second without one."""
+EPOCH_US = 1_800_000_000_000_000
+"""Taken off the stamps, so that differences of seconds are exact."""
 
 
 @dataclass
 class Px4:
-    """PX4's gate and reset around the filter: after 1 s of rejections the velocity is set to the one sent."""
+    """PX4's external vision around the filter: when it starts and stops, its gate, and its resets.
+
+    After 1 s of rejections the velocity is set to the one sent, at most five times in a row; then the stream stops and
+    must start anew. Stamps are on PX4's clock by TIMESYNC where `synchronised`, else the message is of its arrival, s
+    since `EPOCH_US`.
+    """
 
     filter: Receiver
     gate: float = 3.0
-    passed_s: float = 0.0
-    now_s: float = 0.0
+    synchronised: bool = True
+    active: bool = False
+    starts: int = 0
     resets: int = 0
+    passed_s: float = 0.0
+    before_s: float | None = None
+    resets_in_a_row: int = 0
 
-    def message(self, data: bytes | None) -> None:
-        """A step in which a message came, or none."""
-        self.now_s += STEP_S
+    def message(self, data: bytes | None, now_s: float) -> None:
+        """A message that came at a time, or none."""
+        if self.active and self.before_s is not None and now_s - self.before_s > STOPS_AFTER_S:
+            self.active = False
         if data is None:
             return
-        reading = px4_odometry(data)
+        stamp_s = (mavlink(data).time_usec - EPOCH_US) * 1e-6 if self.synchronised else now_s
+        apart_s = None if self.before_s is None else round(stamp_s - self.before_s, 6)
+        self.before_s = stamp_s
+        if not self.active:
+            if apart_s is None or not 0.0 < apart_s < EV_MAX_INTERVAL_S:
+                return
+            self.active, self.passed_s, self.resets_in_a_row = True, stamp_s, 0
+            self.starts += 1
+        self._fuse(px4_odometry(data), stamp_s)
+
+    def _fuse(self, reading: Reading, now_s: float) -> None:
         residual, spread = self.filter.innovation(reading)
         if bool((residual**2 <= self.gate**2 * np.diag(spread)).all()):
             self.filter.update(reading)
-            self.passed_s = self.now_s
-        elif self.now_s - self.passed_s > 1.0:
+            self.passed_s, self.resets_in_a_row = now_s, 0
+        elif now_s - self.passed_s > 1.0:
+            if self.resets_in_a_row == MOST_RESETS:
+                self.active = False
+                return
             self.filter.velocity = reading.velocity
             covariance = self.filter.covariance
             covariance[:3, :] = covariance[:, :3] = 0.0
             # "bump the variance by a factor of 5 to make the reset less aggressive"
             covariance[:3, :3] = 5.0 * reading.covariance
-            self.passed_s = self.now_s
+            self.passed_s = now_s
             self.resets += 1
+            self.resets_in_a_row += 1
+
+
+@dataclass
+class ArduPilotAiding:
+    """When ArduPilot begins to aid by external odometry: the last message, less its delay, younger than 200 ms."""
+
+    delay_ms: float
+    stamp_s: float | None = None
+
+    def message(self, arrival_s: float) -> None:
+        """A message that came at a time; its own stamp is not used."""
+        self.stamp_s = arrival_s - 1e-3 * self.delay_ms
+
+    def may_start(self, now_s: float) -> bool:
+        """Whether it would begin now."""
+        return self.stamp_s is not None and now_s - self.stamp_s < 0.2
+
+
+def lost_by_sequence(messages: list[bytes]) -> int:
+    """Messages that a receiver counts as lost: gaps of the sequence of each system and component (pymavlink)."""
+    last: dict[tuple[int, int], int] = {}
+    lost = 0
+    for data in messages:
+        sequence, sender = data[4], (data[5], data[6])
+        if sender in last:
+            lost += (sequence - last[sender] - 1) % 256
+        last[sender] = sequence
+    return lost
+
+
+def waterlinked_client(data: bytes) -> list[dict[str, Any]]:
+    """Reports as the maker's TCP client reads them: split at a carriage return and a line feed (dvl-python)."""
+    *lines, _ = data.split(b"\r\n")
+    return [json.loads(line) for line in lines]
+
+
+def blueos_way_m(reports: list[dict[str, Any]]) -> Floats:
+    """(3,) way that BlueOS' extension adds up: velocity times `time`, ms since the report before."""
+    steps = [np.array([one["vx"], one["vy"], one["vz"]]) * one["time"] * 1e-3 for one in reports]
+    way: Floats = np.sum(steps, axis=0)
+    return way
+
+
+def px4_timesync(request_ns: int, answer: bytes, now_ns: int) -> int:
+    """Offset, ns, of the companion's clock from its own that PX4 computes of an answer (Timesync.cpp)."""
+    message = mavlink(answer)
+    assert message.ts1 == request_ns
+    assert message.tc1 > 0
+    return int(message.ts1 + now_ns - message.tc1 * 2) // 2

@@ -19,6 +19,7 @@ from bottomlock.ports.registry import PORTS, port
 from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, mavlink, mip, navigated, ping
 
 GEOMETRY = {"ros_dvl", "waterlinked_json", "pd0"}
+MAVLINK = {"vision_position_delta", "vision_speed_estimate", "odometry"}
 ALL = sorted(PORTS)
 FULL, OPPOSITE, SIDE, SINGLE = (
     MASKS["4 beams"],
@@ -30,6 +31,8 @@ FULL, OPPOSITE, SIDE, SINGLE = (
 
 def made(name: str, **settings: Any) -> Any:  # noqa: ANN401
     given: dict[str, Any] = {"geometry": JANUS} if name in GEOMETRY else {}
+    if name in MAVLINK:
+        given |= {"variance_factor": 1.0, "max_rate_hz": 5.0}
     if name == "pd0":
         given["receiver_sd_mps"] = 0.5
     return port(name, **(given | settings))

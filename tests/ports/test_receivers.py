@@ -216,13 +216,13 @@ def test_px4_resets_to_what_is_sent_and_is_consistent_afterwards() -> None:
     for run in range(runs):
         rng = np.random.default_rng((18, run))
         source = Source("navigation", MASKS["1 beam"], rng)
-        receiver = Px4(Receiver(TRUTH + 3.0))
-        one = port("odometry")
+        receiver = Px4(Receiver(TRUTH + 3.0), active=True, passed_s=0.0)
+        one = port("odometry", variance_factor=1.0, max_rate_hz=1.0 / STEP_S)
         bias = BIAS_SD * rng.standard_normal(3)
         for step in range(10):
             receiver.filter.predict(bias + ACCEL_NOISE * rng.standard_normal(3))
             bias = bias + BIAS_WALK * rng.standard_normal(3)
-            receiver.message(one.encode(source.estimate(step)))
+            receiver.message(one.encode(source.estimate(step)), step * STEP_S)
         assert receiver.resets == 1
         error = TRUTH - receiver.filter.velocity
         nees.append(float(error @ np.linalg.solve(receiver.filter.covariance[:3, :3], error)))
@@ -238,8 +238,8 @@ def test_px4_is_never_given_an_axis_that_nobody_knows() -> None:
     for k, name in enumerate(("2 opposite", "2 neighbours", "1 beam")):
         source = Source("velocity", MASKS[name], rng)
         for step in range(10 * k, 10 * k + 10):
-            receiver.message(one.encode(source.estimate(step)))
-    assert receiver.resets == 0
+            receiver.message(one.encode(source.estimate(step)), step * STEP_S)
+    assert receiver.starts == receiver.resets == 0
 
 
 @pytest.mark.parametrize("time_s", [0.1, 0.5, 3.0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from typing import Any
 
@@ -18,6 +17,7 @@ from bottomlock.io.rows import Rows
 from bottomlock.kernel import BeamGeometry, solve_velocity
 from bottomlock.ports.registry import port
 from tests.ports.cases import BEAM_SD, JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
+from tests.ports.receivers import waterlinked_client
 
 rosbags = pytest.importorskip("rosbags.typesys")
 
@@ -133,9 +133,11 @@ def test_water_linked_with_the_velocity_restored() -> None:
     small = np.diag([0.01, 0.02, 0.005]) ** 2
     estimate = navigated(beams=seen.beams, rank=2, covariance_m2ps2=small)
     one = port("waterlinked_json", geometry=JANUS)
+    assert one.encode(navigated(START - SECOND // 5, beams=seen.beams, covariance_m2ps2=small)) is None
+    assert one.reason == "no interval yet: the first estimate"
     data = one.encode(estimate)
     assert data is not None
-    report = json.loads(data)
+    (report,) = waterlinked_client(data)
     assert report["velocity_valid"] is True
     assert [report["vx"], report["vy"], report["vz"]] == TRUTH.tolist()
     np.testing.assert_array_equal(report["covariance"], estimate.covariance_m2ps2)

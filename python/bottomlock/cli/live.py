@@ -53,6 +53,8 @@ def live(
         return
     if not settings.port and not dry_run:
         raise ScenarioError(f"{config}: there is no [[port]], so nothing would be sent; --dry-run needs none")
+    for caution in settings.cautions():
+        _say(caution)
     clock = host_clock()
     engine, log = begin(settings, config.read_bytes(), say=_say, clock=clock, logged=not dry_run)
     send = _shown(settings, engine) if dry_run else None

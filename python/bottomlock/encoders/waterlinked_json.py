@@ -1,7 +1,8 @@
 """Water Linked over TCP: one JSON object a line, `json_v3.3`.
 
 `time_of_validity` is the reflection at the bottom, `time_of_transmission` the moment before sending, both µs. Numbers
-are written with all their digits. A lost beam has velocity 0 and distance -1, as recorded.
+are written with all their digits. A lost beam has velocity 0 and distance -1, as recorded. A line ends with a carriage
+return and a line feed, where the maker's own client splits.
 
 Source: Water Linked, "DVL TCP JSON API", json_v3.3; key order and marks from its example and from a recorded A50.
 """
@@ -71,4 +72,4 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         "time_of_validity": steps_of(ping.time_ns, 1000, 1, LATEST_NS // 1000, ping),
         "time_of_transmission": steps_of(ping.transmission_ns, 1000, 1, LATEST_NS // 1000, ping),
     }
-    return json.dumps(report, separators=(",", ":"), allow_nan=False).encode() + b"\n"
+    return json.dumps(report, separators=(",", ":"), allow_nan=False).encode() + b"\r\n"

@@ -105,13 +105,21 @@ class _Pieces(_Stream, asyncio.BufferedProtocol):
         self.data_received(bytes(self._buffer[:nbytes]))
 
 
-class _Datagrams(asyncio.DatagramProtocol):
-    """Hands on the bytes of each datagram."""
+class Datagrams(asyncio.DatagramProtocol):
+    """Hands on the bytes of each datagram, and sends the answer to whom it came from."""
 
-    def __init__(self, on_data: Callable[[bytes], object]) -> None:
-        self._on_data = on_data
+    def __init__(self, on_data: Callable[[bytes], object], answers: Callable[[bytes], bytes]) -> None:
+        self._on_data, self._answers = on_data, answers
+        self._transport: Any = None
 
-    def datagram_received(self, data: bytes, addr: Any) -> None:  # noqa: ANN401, ARG002 - asyncio's
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """As asyncio calls it."""
+        self._transport = transport
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:  # noqa: ANN401 - asyncio's
+        """As asyncio calls it."""
+        if answer := self._answers(data):
+            self._transport.sendto(answer, addr)
         self._on_data(data)
 
 
@@ -131,6 +139,7 @@ class Connection:
         on_state: is given what happens, in words.
         silence_s: longest time without a byte before a connection is made anew.
         on_transport: is given the transport of a stream at each connection, and None at its end.
+        answers: what to send back on bytes of a socket or serial line.
 
     Attributes:
         state: what the connection does now, in words.
@@ -147,7 +156,9 @@ class Connection:
         on_state: OnState,
         silence_s: float,
         on_transport: Callable[[Any], None] = lambda _: None,
+        answers: Callable[[bytes], bytes] = lambda _: b"",
     ) -> None:
+        self._answers = answers
         self._on_transport = on_transport
         self.address = address
         self.state = "not opened yet"
@@ -166,16 +177,18 @@ class Connection:
 
     def _take(self, data: bytes) -> None:
         self._heard = asyncio.get_running_loop().time()
-        began = time.perf_counter()
+        began = time.thread_time()
         self._fruitful = self._on_data(data)
-        self._allowance.spend(time.perf_counter() - began, fruitful=self._fruitful)
+        self._allowance.spend(time.thread_time() - began, fruitful=self._fruitful)
 
     def _take_all(self, _: _Stream, data: bytes) -> float:
         self._take(data)
         return 0.0
 
-    def _take_within_share(self, _: _Stream, data: bytes) -> float:
+    def _take_within_share(self, stream: _Stream, data: bytes) -> float:
         """Takes bytes; how long no more may be taken, s."""
+        if answer := self._answers(data):
+            stream.transport.write(answer)
         self._tell_share()
         self._take(data)
         return self._tell_share()
@@ -266,7 +279,8 @@ class Connection:
 
     async def _datagrams(self) -> str:
         transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: _Datagrams(self._take_datagram), local_addr=(self.address.host, self.address.port)
+            lambda: Datagrams(self._take_datagram, self._answers),
+            local_addr=(self.address.host, self.address.port),
         )
         self._opened("listening")
         try:

@@ -305,7 +305,7 @@ def _estimator(config: LiveConfig) -> Estimator:
 
         return NavigationEstimator(config)
     instrument = config.instrument()
-    return VelocityEstimator(instrument, config.velocity.method)
+    return VelocityEstimator(instrument, config.velocity)
 
 
 def _period_ns(sources: Iterable[SourceSection]) -> int:

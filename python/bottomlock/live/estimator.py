@@ -1,5 +1,6 @@
 """What the engine asks of an estimator, and the estimator of mode velocity: each ping solved by itself."""
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -7,11 +8,12 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import VelocityFixes, solve_velocity
+from bottomlock.live.beam_jumps import BeamJumps
 from bottomlock.live.closure import Closure
 from bottomlock.live.pings import Ping
 from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
 from bottomlock.live.reasons import Reasons
-from bottomlock.live.sections import VelocityMethod
+from bottomlock.live.sections import VelocityMethod, VelocitySection
 from bottomlock.ports.estimate import Beams, Estimate, State
 
 Floats = NDArray[np.float64]
@@ -125,8 +127,9 @@ def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
 class VelocityEstimator:
     """Mode velocity: what the beams of the last ping determine, and nothing else. See `Estimator`."""
 
-    def __init__(self, instrument: Instrument, method: VelocityMethod) -> None:
-        self._instrument, self._method = instrument, method
+    def __init__(self, instrument: Instrument, section: VelocitySection) -> None:
+        self._instrument, self._method = instrument, section.method
+        self._jumps = BeamJumps(instrument, section.acceleration_mps2)
         self._fixes: VelocityFixes | None = None
         self._beams: Beams | None = None
         self._before_ns: int | None = None
@@ -145,10 +148,12 @@ class VelocityEstimator:
 
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
         """Solves a ping."""
-        fixes = solve_ping(self._instrument, ping, self._method)
-        rank = int(fixes.rank[0])
         self.closure.add(ping.velocity_mps, ping.valid)
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
+        ping = replace(ping, valid=self._jumps.kept(time_ns, ping.velocity_mps, ping.valid))
+        fixes = solve_ping(self._instrument, ping, self._method)
+        rank = int(fixes.rank[0])
+        self.last.why = self._jumps.why
         self.last.used = fixes.beams_used[0]
         self.last.verdict = f"determines {rank} of 3 directions"
         self._fixes = fixes

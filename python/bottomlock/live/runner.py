@@ -18,10 +18,15 @@ from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.garbage import collected_between_readings
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.sinks import Sink, open_sink
+from bottomlock.ports.mavlink import MavlinkPort, Timesync
 
 SILENT_CONNECTION_PERIODS = 10.0
 
 Say = Callable[[str], None]
+
+
+def _nothing(_: bytes) -> bytes:
+    return b""
 
 
 def host_clock() -> Callable[[], int]:
@@ -69,12 +74,23 @@ class Live:
             on_connected=lambda: self.connected(place),
             on_state=lambda words: self._say(f"source {section.name}: {words}"),
             silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
+            answers=self._timesync() if section.format == "mavlink" else _nothing,
         )
 
     def _sinks(self) -> Iterator[Sink]:
-        for section in self.config.port:
+        for section, one in zip(self.config.port, self.engine.ports, strict=True):
             words = f"port {section.port}: "
-            yield open_sink(sink_address(section.to), lambda state, words=words: self._say(words + state))  # type: ignore[misc]
+            answers = self._timesync() if isinstance(one.port, MavlinkPort) else _nothing
+            yield open_sink(
+                sink_address(section.to),
+                lambda state, words=words: self._say(words + state),  # type: ignore[misc]
+                answers,
+            )
+
+    def _timesync(self) -> Callable[[bytes], bytes]:
+        """Answers on the clock of the estimates' stamps; they are no estimates, and not in the raw log."""
+        timesync = Timesync()
+        return lambda data: timesync.answers(data, self.clock())
 
     def arrive(self, place: int, data: bytes) -> bool:
         """Bytes of a source: through the engine to the sinks, then to the raw log; whether they gave a reading."""

@@ -253,6 +253,7 @@ VelocityMethod = Literal["info", "plcf", "lc"]
 
 
 class VelocitySection(Section):
-    """Mode velocity: how a ping is solved."""
+    """Mode velocity: how a ping is solved, and what no vehicle does from one ping to the next."""
 
     method: VelocityMethod = "info"
+    acceleration_mps2: Annotated[float, Field(gt=0, le=100)] = 1.0

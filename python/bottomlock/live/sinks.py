@@ -12,7 +12,7 @@ from typing import IO, Any, TypeVar
 
 from bottomlock.address import Address
 from bottomlock.errors import OutputError
-from bottomlock.live.connections import FIRST_WAIT_S, LONGEST_WAIT_S, Connection, words_of
+from bottomlock.live.connections import FIRST_WAIT_S, LONGEST_WAIT_S, Connection, Datagrams, words_of
 from bottomlock.live.listening import accept, listen
 
 MOST_WAITING_BYTES = 65_536
@@ -49,8 +49,8 @@ class Sink:
 
 
 class _Udp(Sink):
-    def __init__(self, address: Address) -> None:
-        self._address = address
+    def __init__(self, address: Address, answers: Callable[[bytes], bytes]) -> None:
+        self._address, self._answers = address, answers
         self._transport: asyncio.DatagramTransport | None = None
 
     def write(self, data: bytes) -> None:
@@ -64,7 +64,7 @@ class _Udp(Sink):
         # A receiver that is not there yet must not end the sending: asyncio hands such errors to the protocol.
         transport, _ = await self.opened(
             lambda: asyncio.get_running_loop().create_datagram_endpoint(
-                asyncio.DatagramProtocol, remote_addr=remote
+                lambda: Datagrams(lambda _: None, self._answers), remote_addr=remote
             )
         )
         self._transport = transport
@@ -76,9 +76,11 @@ class _Udp(Sink):
 
 
 class _Stream(Sink):
-    """A TCP connection or a serial line, kept open as a source is; what comes back is not read."""
+    """A TCP connection or a serial line, kept open as a source is; of what comes back only questions are answered."""
 
-    def __init__(self, address: Address, on_state: Callable[[str], None]) -> None:
+    def __init__(
+        self, address: Address, on_state: Callable[[str], None], answers: Callable[[bytes], bytes]
+    ) -> None:
         self._transport: Any = None
         self._connection = Connection(
             address,
@@ -87,6 +89,7 @@ class _Stream(Sink):
             on_state=on_state,
             silence_s=float("inf"),
             on_transport=self._use,
+            answers=answers,
         )
 
     def _use(self, transport: Any) -> None:  # noqa: ANN401 - asyncio's or the serial library's
@@ -195,15 +198,22 @@ class _File(Sink):
                 self._file.close()
 
 
-def open_sink(address: Address, on_state: Callable[[str], None]) -> Sink:
+def open_sink(
+    address: Address, on_state: Callable[[str], None], answers: Callable[[bytes], bytes] = lambda _: b""
+) -> Sink:
     """The sink of an address.
+
+    Args:
+        address: where to.
+        on_state: is told what a connection does.
+        answers: what to send back on bytes that come back, over UDP, TCP that connects, and serial lines.
 
     Raises:
         OutputError: for a file that cannot be opened.
         DataError: for a library that is not installed.
     """
     if address.kind == "udpout":
-        return _Udp(address)
+        return _Udp(address, answers)
     if address.kind == "tcpin":
         return _Server(address)
     if address.kind in {"file", "stdout"}:
@@ -212,4 +222,4 @@ def open_sink(address: Address, on_state: Callable[[str], None]) -> Sink:
         from bottomlock.live.zenoh_sink import ZenohSink  # noqa: PLC0415 - it needs what this module has
 
         return ZenohSink(address)
-    return _Stream(address, on_state)
+    return _Stream(address, on_state, answers)

@@ -62,13 +62,17 @@ INSTRUMENTS = {
     ),
 }  # fmt: skip
 
-_MAVLINK_IMU = (
-    "[[source]]",
-    'name = "autopilot"',
-    'address = "udpin:0.0.0.0:14660"   # a second telemetry stream with HIGHRES_IMU at 50 Hz or more',
-    'format = "mavlink"',
-    "rate_hz = 50",
-)
+
+def _mavlink_imu(address: str) -> tuple[str, ...]:
+    return (
+        "[[source]]",
+        'name = "autopilot"',
+        f'address = "{address}"   # a telemetry stream with HIGHRES_IMU at 50 Hz or more',
+        'format = "mavlink"',
+        "rate_hz = 50",
+    )
+
+
 _OWN_IMU = (
     "[[source]]",
     'name = "imu"',
@@ -83,23 +87,25 @@ AUTOPILOTS = {
         (
             'port = "vision_position_delta"',
             'to = "udpout:127.0.0.1:14550"',
-            "rate_hz = 10",
-            "settings.variance_factor = 2.0",
         ),
         "navigation",
         (
-            "set VISO_TYPE = 1, EK3_SRC1_VELXY = 6, EK3_SRC1_VELZ = 6, VISO_DELAY_MS (docs/ports.md)",
+            "set VISO_TYPE = 1, EK3_SRC1_VELXY = 6 (which fuses all three axes), VISO_DELAY_MS (docs/ports.md)",
             'without an IMU set mode = "velocity" and remove the sections that it names:',
             "ArduPilot then gets a velocity only while the beams determine all of it",
         ),
-        _MAVLINK_IMU,
+        _mavlink_imu("udpin:0.0.0.0:14660"),
     ),
     "px4": Autopilot(
         "PX4 EKF2, external vision velocity",
-        ('port = "odometry"', 'to = "udpout:127.0.0.1:14540"', "rate_hz = 5", 'settings.receiver = "px4"'),
+        ('port = "odometry"', 'to = "udpout:127.0.0.1:14580"', 'settings.receiver = "px4"'),
         "navigation",
-        ("set EKF2_EV_CTRL = 4 (velocity only), EKF2_EV_DELAY and EKF2_EV_POS_* (docs/ports.md)",),
-        _MAVLINK_IMU,
+        (
+            "set EKF2_EV_CTRL = 4 (velocity only), EKF2_EV_DELAY, EKF2_EV_NOISE_MD = 0, EKF2_EV_POS_* (docs/ports.md)",
+            "14580 is where the simulator listens; on a vehicle give its telemetry line, serial:DEVICE:BAUD",
+            "10 messages a second with twice the variance (the default): slower ones may never start PX4",
+        ),
+        _mavlink_imu("udpin:0.0.0.0:14540"),
     ),
     "microstrain": Autopilot(
         "MicroStrain CV7 or GQ7, MIP 0x13,0x2A",
@@ -108,10 +114,13 @@ AUTOPILOTS = {
         ("takes each axis by itself: the only port that gets all of a partial velocity without an IMU",),
     ),
     "ros2": Autopilot(
-        "ROS 2, geometry_msgs/VelocityWithCovarianceStamped as CDR",
-        ('port = "ros_velocity"', 'to = "udpout:127.0.0.1:14600"'),
+        "ROS 2, geometry_msgs/TwistWithCovarianceStamped as CDR",
+        ('port = "ros_twist"', 'to = "udpout:127.0.0.1:14600"'),
         "velocity",
-        ("the datagrams are CDR: a small node of yours, or a bridge, publishes them",),
+        (
+            "robot_localization takes this message as a twist; ros_velocity is for nodes of your own",
+            "the datagrams are CDR: a small node of yours, or a bridge, publishes them",
+        ),
     ),
     "text": Autopilot(
         "a line of text an estimate",

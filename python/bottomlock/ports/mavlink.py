@@ -7,7 +7,7 @@ Sources: message definitions of MAVLink (common.xml, ardupilotmega.xml). What th
 NavEKF3_core::writeBodyFrameOdom, and PX4's ekf2 (docs/ports.md).
 """
 
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,10 @@ from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
 
 Floats = NDArray[np.float64]
+
+MAX_RATE_HZ, VARIANCE_FACTOR = 10.0, 2.0
+"""PX4 begins to aid only while two messages are less than 200 ms apart, ArduPilot while the last one is younger than
+that: 5 Hz is too slow for both. Twice the messages with twice the variance say as much (docs/ports.md)."""
 
 VISUAL_INERTIAL_ODOMETRY = 197
 """MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY."""
@@ -63,6 +67,15 @@ class MavlinkPort(PortBase):
             srcComponent=self._whole("component_id", component_id, 1, 255),
         )
 
+    @property
+    def sender(self) -> tuple[int, int]:
+        """System and component, by which a receiver counts messages."""
+        return self._link.srcSystem, self._link.srcComponent
+
+    def counts_with(self, other: Self) -> None:
+        """Continues the sequence of another port of the same sender, since a receiver takes two for lost messages."""
+        self._link = other._link
+
     def _waits(self, estimate: Estimate) -> str | None:
         return super()._waits(estimate) if estimate.mode == "navigation" else None
 
@@ -79,5 +92,40 @@ class MavlinkPort(PortBase):
 
     def _pack(self, message: Any) -> bytes:  # noqa: ANN401 - the library is not typed
         data = bytes(message.pack(self._link))
+        self._link.seq = (self._link.seq + 1) % 256
+        return data
+
+
+ONBOARD_COMPUTER = 191
+"""MAV_COMP_ID_ONBOARD_COMPUTER."""
+_TIMESYNC = 111
+
+
+class Timesync:
+    """Answers to an autopilot's TIMESYNC, by which it puts our stamps on its own clock.
+
+    PX4 asks ten times a second; without answers it takes a message as of its arrival. The answers have a component of
+    their own, so that the estimates count without gaps.
+    """
+
+    def __init__(self) -> None:
+        self._dialect = dialect()
+        self._link = self._dialect.MAVLink(None, srcSystem=1, srcComponent=ONBOARD_COMPUTER)
+
+    def answers(self, data: bytes, now_ns: int) -> bytes:
+        """What to send back on these bytes, whole messages at `now_ns` of the clock of our stamps; mostly nothing."""
+        if _TIMESYNC not in data:
+            return b""
+        parser = self._dialect.MAVLink(None)
+        parser.robust_parsing = True
+        found = parser.parse_buffer(data) or []
+        return b"".join(
+            self._answer(message.ts1, now_ns)
+            for message in found
+            if message.get_type() == "TIMESYNC" and message.tc1 == 0
+        )
+
+    def _answer(self, asked_ns: int, now_ns: int) -> bytes:
+        data = bytes(self._dialect.MAVLink_timesync_message(tc1=now_ns, ts1=asked_ns).pack(self._link))
         self._link.seq = (self._link.seq + 1) % 256
         return data

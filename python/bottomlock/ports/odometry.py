@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bottomlock.errors import ScenarioError
 from bottomlock.ports.base import incomplete
 from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.mavlink import VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
 from bottomlock.ports.over_bound import diagonal_bound, scalar_bound, single_at_least
 
 Floats = NDArray[np.float64]
@@ -47,8 +47,8 @@ class Odometry(MavlinkPort):
         receiver: str = "px4",
         receiver_noise_mps: float | None = None,
         pose: bool = False,
-        max_rate_hz: float = 5.0,
-        variance_factor: float = 1.0,
+        max_rate_hz: float = MAX_RATE_HZ,
+        variance_factor: float = VARIANCE_FACTOR,
         system_id: int = 1,
         component_id: int = VISUAL_INERTIAL_ODOMETRY,
     ) -> None:

@@ -35,6 +35,8 @@ class _Restored(PortBase):
         self._encoder = encoder(self.format, geometry)
         self._limit_key, self._limit = limit[0], self._positive(*limit)
         self._number = 0
+        self._since_ns: int | None = None
+        """Time of the report before; of the first estimate where there is none."""
 
     def _refuses(self, estimate: Estimate) -> str | None:
         reason = incomplete(estimate)
@@ -49,6 +51,10 @@ class _Restored(PortBase):
             return f"σ is {sd:.3f} m/s, above {self._limit_key}, {self._limit}"
         return None
 
+    def _observe(self, estimate: Estimate, *, sent: bool) -> None:
+        if sent or self._since_ns is None:
+            self._since_ns = estimate.time_ns
+
     def _beam_velocities(self, estimate: Estimate) -> Floats:
         raise NotImplementedError
 
@@ -60,13 +66,11 @@ class _Restored(PortBase):
         sent_ns = (
             beams.transmission_ns if beams is not None and beams.transmission_ns is not None else time_ns
         )
-        interval_ns = beams.interval_ns if beams is not None else None
-        if interval_ns is None:
-            interval_ns = 0 if self._sent_ns is None else time_ns - self._sent_ns
+        since_ns = self._since_ns
         ping = Ping(
             time_ns=time_ns,
             transmission_ns=max(sent_ns, time_ns),
-            interval_ns=interval_ns,
+            interval_ns=0 if since_ns is None else time_ns - since_ns,
             number=self._number,
             beam_velocity_mps=self._beam_velocities(estimate),
             range_m=ranges,
@@ -83,7 +87,8 @@ class WaterLinkedJson(_Restored):
 
     The beams are those of the ping: a lost one stays lost. The covariance is whole; a receiver that takes only the
     figure of merit gets the root of its largest eigenvalue. BlueOS' extension takes 0.4 m/s for anything above, so that
-    is the limit of what is sent. Times are those of the host.
+    is the limit of what is sent. Times are those of the host. `time` is that since the report before, whatever lies
+    between: receivers add up velocity times `time`. The first estimate only begins the first interval.
 
     Args:
         geometry: the four beams, in the instrument's order.
@@ -98,6 +103,11 @@ class WaterLinkedJson(_Restored):
         self, *, geometry: BeamGeometry, max_fom_mps: float = 0.4, max_rate_hz: float | None = None
     ) -> None:
         super().__init__(geometry=geometry, limit=("max_fom_mps", max_fom_mps), max_rate_hz=max_rate_hz)
+
+    def _waits(self, estimate: Estimate) -> str | None:
+        return (
+            super()._waits(estimate) if self._since_ns is not None else "no interval yet: the first estimate"
+        )
 
     def _beam_velocities(self, estimate: Estimate) -> Floats:
         lost = np.full(self._geometry.beams, np.nan)

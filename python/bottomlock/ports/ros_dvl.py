@@ -15,7 +15,6 @@ from bottomlock.kernel import BeamGeometry
 from bottomlock.ports.base import PortBase
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Beams, Estimate
-from bottomlock.ports.rotation import matrix
 
 Floats = NDArray[np.float64]
 
@@ -62,7 +61,7 @@ class RosDvl(PortBase):
     def _message(self, estimate: Estimate) -> bytes:
         beams = estimate.beams
         assert beams is not None
-        north_east = self._over_ground(estimate)
+        course_speed = self._over_ground(estimate)
         writer = CdrWriter()
         writer.header(estimate.time_ns, self._frame_id)
         writer.uint8(_BOTTOM, 0)
@@ -71,7 +70,7 @@ class RosDvl(PortBase):
         covariance = np.where(np.outer(there, there), estimate.covariance_m2ps2, 0.0)
         covariance[~there, ~there] = _UNKNOWN
         writer.float64(*covariance.ravel().tolist())
-        writer.float64(altitude_m(beams, self._directions), *north_east)
+        writer.float64(altitude_m(beams, self._directions), *course_speed)
         writer.uint8(int(beams.valid.sum()))
         writer.float32(self._sound)
         writer.uint8(int(np.isfinite(beams.range_m).any()), int(beams.valid.any()))
@@ -85,11 +84,9 @@ class RosDvl(PortBase):
 
     @staticmethod
     def _over_ground(estimate: Estimate) -> tuple[float, float]:
-        """Course (rad, from north) and speed over ground; NaN where they are not known."""
-        if not estimate.complete or estimate.attitude_t_p is None:
-            return math.nan, math.nan
-        velocity = matrix(estimate.attitude_t_p) @ estimate.velocity_p_mps
-        return math.atan2(velocity[1], velocity[0]) % math.tau, math.hypot(velocity[0], velocity[1])
+        """Course (rad) and speed of the message's own x and y, as the makers' drivers fill them; NaN without both."""
+        x, y, _ = estimate.velocity_p_mps.tolist()
+        return math.atan2(y, x), math.hypot(x, y)
 
     def _used(self, estimate: Estimate) -> Floats:
         return estimate.covariance_m2ps2

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bottomlock.errors import ScenarioError
 from bottomlock.ports.base import incomplete
 from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.mavlink import VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
 from bottomlock.ports.over_bound import scalar_bound
 from bottomlock.ports.rotation import rotation_vector
 from bottomlock.units import ns_from_s
@@ -48,8 +48,8 @@ class VisionPositionDelta(MavlinkPort):
         min_noise_mps: float = 0.1,
         max_noise_mps: float = 0.9,
         max_interval_s: float = 2.0,
-        max_rate_hz: float = 5.0,
-        variance_factor: float = 1.0,
+        max_rate_hz: float = MAX_RATE_HZ,
+        variance_factor: float = VARIANCE_FACTOR,
         system_id: int = 1,
         component_id: int = VISUAL_INERTIAL_ODOMETRY,
     ) -> None:

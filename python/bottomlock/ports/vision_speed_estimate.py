@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.mavlink import VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
 from bottomlock.ports.over_bound import scalar_bound, single_at_least
 from bottomlock.ports.rotation import matrix, skew
 
@@ -35,8 +35,8 @@ class VisionSpeedEstimate(MavlinkPort):
         self,
         *,
         receiver_noise_mps: float | None = None,
-        max_rate_hz: float = 5.0,
-        variance_factor: float = 1.0,
+        max_rate_hz: float = MAX_RATE_HZ,
+        variance_factor: float = VARIANCE_FACTOR,
         system_id: int = 1,
         component_id: int = VISUAL_INERTIAL_ODOMETRY,
     ) -> None:

@@ -1,0 +1,192 @@
+"""What decides whether a receiver begins at all: rates, intervals, clocks, line ends, sequences, advice.
+
+Each of these was found with receivers that nobody here wrote: PX4's EKF2 compiled and run, the makers' own clients.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega
+
+from bottomlock.live.config import parse_config
+from bottomlock.live.templates import AUTOPILOTS, template
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.mavlink import Timesync
+from bottomlock.ports.registry import port
+from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML
+from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
+from tests.ports.receivers import (
+    ArduPilotAiding,
+    Px4,
+    Receiver,
+    blueos_way_m,
+    lost_by_sequence,
+    px4_timesync,
+    ros_full,
+    waterlinked_client,
+)
+
+
+def offered(seconds: float, dvl_hz: float, *, estimate_hz: float = 20.0) -> list[int]:
+    """Times at which mode navigation gives the ports an estimate: `estimate_hz` and after each ping."""
+    steady = np.arange(0.0, seconds, 1.0 / estimate_hz)
+    pings = np.arange(0.013, seconds, 1.0 / dvl_hz)
+    times = np.unique(np.round(np.concatenate((steady, pings)) * 1e9).astype(np.int64))
+    return [START + int(time) for time in times]
+
+
+@pytest.mark.parametrize("synchronised", [True, False])
+@pytest.mark.parametrize("dvl_hz", [2.0, 3.0, 4.0, 5.0, 7.0, 12.0])
+def test_px4_starts_and_stays_with_the_default_rate(dvl_hz: float, synchronised: bool) -> None:
+    """Whatever the DVL's rate, by stamps and by arrival with 30 ms of jitter; once in a minute, and never anew."""
+    random = np.random.default_rng(3)
+    one, px4 = port("odometry"), Px4(Receiver(TRUTH.copy()), synchronised=synchronised)
+    for time_ns in offered(60.0, dvl_hz):
+        data = one.encode(navigated(time_ns))
+        if data is not None:
+            px4.message(data, (time_ns - START) / SECOND + 0.03 * random.random())
+    assert (px4.starts, px4.active) == (1, True)
+
+
+def test_px4_does_not_start_with_the_rate_of_before() -> None:
+    """5 Hz: messages are 200 ms apart or more, and the limit is strict."""
+    one, px4 = port("odometry", max_rate_hz=5.0), Px4(Receiver(TRUTH.copy()))
+    for time_ns in offered(60.0, 4.0):
+        px4.message(one.encode(navigated(time_ns)), (time_ns - START) / SECOND)
+    assert px4.starts == 0
+
+
+@pytest.mark.parametrize("interval_s", [0.1, 0.2, 1.0 / 3.0])
+def test_ardupilot_starts_with_the_delay_that_is_advised(interval_s: float) -> None:
+    """The age alone: half an interval more reaches 200 ms at 3 Hz before the next message, and never starts."""
+    age_ms = 50.0
+    advised, before = ArduPilotAiding(age_ms), ArduPilotAiding(age_ms + 500.0 * interval_s)
+    for aiding in (advised, before):
+        aiding.message(10.0)
+    assert advised.may_start(10.0)
+    assert before.may_start(10.0) == (interval_s < 0.3)
+
+
+def test_timesync_is_answered_by_its_definition() -> None:
+    """PX4's offset is that of the clocks to half the way there and back; other messages are not answered."""
+    timesync, asks = Timesync(), ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1)
+    own_ns, ours_ns = 5 * SECOND, START
+    request = bytes(ardupilotmega.MAVLink_timesync_message(tc1=0, ts1=own_ns).pack(asks))
+    heartbeat = bytes(ardupilotmega.MAVLink_heartbeat_message(2, 12, 81, 0, 3, 3).pack(asks))
+    answer = timesync.answers(heartbeat + request, ours_ns + 1_000_000)
+    assert px4_timesync(own_ns, answer, own_ns + 2_000_000) == pytest.approx(own_ns - ours_ns, abs=1)
+    for other in (
+        heartbeat,
+        bytes(ardupilotmega.MAVLink_timesync_message(tc1=7, ts1=8).pack(asks)),
+        b"\x6f" * 40,
+        b"",
+    ):
+        assert timesync.answers(other, ours_ns) == b""
+    # Component and sequence of its own: the estimates count without gaps.
+    again = timesync.answers(request, ours_ns)
+    assert (answer[4], again[4], answer[6]) == (0, 1, 191)
+
+
+def test_two_ports_to_one_receiver_count_together() -> None:
+    """One sequence of one sender: no message is taken for lost. To another place, or as another component, apart."""
+    text = NAVIGATION_TOML.format(
+        dvl="tcp:127.0.0.1:9", imu="udpin:127.0.0.1:9", to="udpout:127.0.0.1:9", format="waterlinked-json"
+    ).replace(
+        'port = "probe"',
+        'port = "odometry"\nsettings.receiver = "ardupilot"\nsettings.receiver_noise_mps = 9.0',
+    )
+    text += '[[port]]\nport = "vision_speed_estimate"\nto = "udpout:127.0.0.1:9"\nrate_hz = 10\n'
+    ports = parse_config(text, place="test").ports()
+    sent = [
+        data for k in range(20) for one in ports if (data := one.encode(navigated(START + k * SECOND // 5)))
+    ]
+    assert len(sent) == 40
+    assert lost_by_sequence(sent) == 0
+    for other in ('to = "udpout:127.0.0.1:10"', 'to = "udpout:127.0.0.1:9"\nsettings.component_id = 198'):
+        apart = text.rpartition('to = "udpout:127.0.0.1:9"')
+        one, two = parse_config(apart[0] + other + apart[2], place="test").ports()
+        first, second = one.encode(navigated(START)), two.encode(navigated(START))
+        assert first is not None
+        assert second is not None
+        assert first[4] == second[4] == 0
+
+
+def test_the_makers_client_reads_every_report_and_the_way_adds_up() -> None:
+    """Mode navigation, estimates 53 ms apart and less, two beams: the way is that which the vehicle went."""
+    one = port("waterlinked_json", geometry=JANUS)
+    beams = from_beams(MASKS["2 neighbours"]).beams
+    small = np.diag([0.01, 0.02, 0.005]) ** 2
+    times = offered(30.0, 5.0)
+    data = b"".join(
+        one.encode(navigated(time_ns, beams=beams, covariance_m2ps2=small)) or b"" for time_ns in times
+    )
+    reports = waterlinked_client(data)
+    assert len(reports) == len(times) - 1
+    np.testing.assert_allclose(blueos_way_m(reports), TRUTH * (times[-1] - times[0]) / SECOND, rtol=1e-9)
+
+
+def test_the_way_of_mode_velocity_adds_up_over_lost_pings() -> None:
+    """A ping that cannot be sent belongs to the interval of the next."""
+    one = port("waterlinked_json", geometry=JANUS)
+    sent: list[bytes | None] = []
+    for k in range(50):
+        mask = MASKS["2 neighbours"] if k % 10 in {3, 4} else MASKS["4 beams"]
+        sent.append(one.encode(from_beams(mask, START + k * SECOND // 5)))
+    reports = waterlinked_client(b"".join(data for data in sent if data))
+    assert len(reports) == 39
+    np.testing.assert_allclose(blueos_way_m(reports), TRUTH * 49 / 5, rtol=1e-9)
+
+
+def configuration(autopilot: str) -> Any:  # noqa: ANN401
+    return parse_config(template("a50", autopilot), place="template")
+
+
+def test_templates_send_what_their_receivers_take() -> None:
+    """PX4's simulator listens on 14580; robot_localization has no input for a bare velocity."""
+    px4 = configuration("px4")
+    assert (px4.port[0].to, px4.port[0].port) == ("udpout:127.0.0.1:14580", "odometry")
+    assert [one.address for one in px4.source if one.format == "mavlink"] == ["udpin:0.0.0.0:14540"]
+    assert configuration("ros2").port[0].port == "ros_twist"
+    assert all(not configuration(name).cautions() for name in AUTOPILOTS)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("rate_hz = 5\n", "messages may be 0.25 s apart, and PX4 begins to aid only below 0.2 s"),
+        ("rate_hz = 20\n", ""),
+    ],
+)
+def test_a_rate_at_which_px4_never_starts_is_said(change: str, words: str) -> None:
+    text = template("a50", "px4").replace(
+        'settings.receiver = "px4"\n', f'settings.receiver = "px4"\n{change}'
+    )
+    assert [words in one for one in parse_config(text, place="test").cautions()] == [True] * bool(words)
+
+
+def test_mode_velocity_to_px4_and_speeds_without_positions_are_said() -> None:
+    places = {"dvl": "tcp:127.0.0.1:9", "to": "udpout:127.0.0.1:9", "format": "waterlinked-json"}
+    text = VELOCITY_TOML.format(**places).replace('port = "probe"', 'port = "odometry"')
+    assert parse_config(text, place="test").cautions() == []
+    slow = text.replace("rate_hz = 10", "rate_hz = 4")
+    assert "0.25 s apart" in parse_config(slow, place="test").cautions()[0]
+    lonely = NAVIGATION_TOML.format(**places, imu="udpin:127.0.0.1:9").replace(
+        'port = "probe"', 'port = "vision_speed_estimate"'
+    )
+    assert "EK3_SRC1_POSXY = 6" in parse_config(lonely, place="test").cautions()[0]
+
+
+@pytest.mark.parametrize(("unseen_sd_mps", "least", "most"), [(10.0, 1.0, 1.3), (100.0, 11.0, 12.0)])
+def test_a_zero_that_is_repeated_counts_as_often(unseen_sd_mps: float, least: float, most: float) -> None:
+    """75 pings of an unseen axis with σ 10 weigh as one of 1.15 m/s; with 100 as one of 11.5."""
+    variance = 1e6
+    for k in range(75):
+        estimate: Estimate = from_beams(MASKS["2 neighbours"], START + k * SECOND // 5)
+        data = port("ros_twist", unseen_sd_mps=unseen_sd_mps).encode(estimate)
+        assert data is not None
+
+        variance = 1.0 / (1.0 / variance + 1.0 / float(ros_full(data).covariance[1, 1]))
+    assert least < np.sqrt(variance) < most
