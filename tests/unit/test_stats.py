@@ -6,7 +6,7 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.statistics import campaign
-from bottomlock.statistics.rms import bootstrap_rms
+from bottomlock.statistics.rms import bootstrap_rms, rms_column
 from bottomlock.tables.campaign import ENSEMBLE, OUTCOMES, RUNS, SAMPLES
 from bottomlock.tables.check import check
 
@@ -64,6 +64,13 @@ def test_ensemble_by_hand() -> None:
     assert table["velocity_rms_over_runs_mps"].to_list() == pytest.approx([5.0, np.sqrt(0.5)])
     assert table["velocity_rms_over_runs_lo_mps"].to_list() == pytest.approx([5.0, 0.0])
     assert table["velocity_rms_over_runs_hi_mps"].to_list() == pytest.approx([5.0, 1.0])
+
+
+def test_nulls_are_left_out() -> None:
+    """√((3² + 4²)/2) with nulls among them as without; of nulls alone there is no RMS."""
+    column = pl.DataFrame({"x": [3.0, None, 4.0, None, None]})
+    assert column.select(rms_column("x")).item() == pytest.approx(np.sqrt(12.5))
+    assert column.filter(pl.col("x").is_null()).select(rms_column("x")).item() is None
 
 
 def test_bootstrap_covers_as_it_says() -> None:
