@@ -151,6 +151,18 @@ mod environment_tests {
         assert!(rate.0.x.abs() < 1e-20);
     }
 
+    /// At 45° south half of the squared rate is northwards, as in the north, and half is down: Ω/√2 = 5.156304e-5 rad/s.
+    #[test]
+    fn earth_rate_points_down_in_the_south() {
+        for (degrees, down) in [(-45.0, 5.156_304e-5), (45.0, -5.156_304e-5)] {
+            let rate = Environment::normal(f64::to_radians(degrees), 0.0).earth_rate_t_radps();
+            assert!(
+                (rate - Vec3::new(5.156_304e-5, 0.0, down)).0.amax() < 1e-11,
+                "{degrees}: {rate:?}"
+            );
+        }
+    }
+
     /// A latitude in degrees is rejected.
     #[test]
     fn latitude_in_degrees_is_rejected() {

@@ -261,3 +261,7 @@ impl DualFilter {
         Ok(())
     }
 }
+
+#[cfg(test)]
+#[path = "dual_filter_tests.rs"]
+mod tests;

@@ -131,33 +131,5 @@ fn hausman(difference: &Vector3<f64>, variance_reduction: &Matrix3<f64>) -> (f64
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dvl::geometry::Janus;
-    use crate::navigator::NavigatorSet;
-
-    /// The water states are those of the selected filter; where that has none there is no answer, whatever the others estimate.
-    #[test]
-    fn the_water_is_that_of_the_selected_filter() {
-        let (geometry, model) = (BeamGeometry::janus(Janus::X, 0.35).unwrap(), Model::table_2());
-        let mut bank = Bank::new(NavState::at_rest(0), &geometry, &model, &Options::default()).unwrap();
-        for (k, (_, aiding)) in SELECTOR_METHODS.into_iter().enumerate() {
-            bank.selected = k;
-            let set = NavigatorSet::Consistent(Box::new(bank.clone()));
-            let estimates = aiding == BeamAiding::SwayCurrent;
-            assert_eq!(set.water().is_some(), estimates);
-            assert_eq!(set.selected().filter().current_covariance().is_some(), estimates);
-        }
-    }
-
-    /// By hand: a sway difference of 0.3 m/s where the variance fell by 0.04 (m/s)²; surge, without reduction, is left
-    /// out.
-    #[test]
-    fn only_directions_with_variance_reduction_are_tested() {
-        let reduction = Matrix3::from_diagonal(&Vector3::new(0.0, 0.04, -1e-9));
-        let (statistic, degrees) = hausman(&Vector3::new(5.0, 0.3, 0.0), &reduction);
-        assert_eq!(degrees, 1);
-        assert!((statistic - 0.09 / 0.040_025).abs() < 1e-12);
-        assert_eq!(hausman(&Vector3::zeros(), &Matrix3::zeros()), (0.0, 0));
-    }
-}
+#[path = "selector_tests.rs"]
+mod tests;
