@@ -133,38 +133,41 @@ def test_two_integrated_motions_separate_as_the_transition_says() -> None:
     np.testing.assert_allclose(actual, predicted, atol=1e-8)
 
 
-def test_rest_on_a_turning_earth_is_rest() -> None:
+@pytest.mark.parametrize("latitude_deg", [32.8, -45.0])
+def test_rest_on_a_turning_earth_is_rest(latitude_deg: float) -> None:
     """Hand-worked: a gyro that reads Earth rate and an accelerometer that reads −g describe a vehicle that stays."""
     q = quaternion_from_euler(0.3, -0.4, 2.0)
     R = matrix_from_quaternion(q)
-    rate, force = R.T @ EARTH, R.T @ np.array([0, 0, -GRAVITY])
+    earth = mechanisation.earth_rate_tangent(np.deg2rad(latitude_deg))
+    rate, force = R.T @ earth, R.T @ np.array([0, 0, -GRAVITY])
     end = mechanisation.integrate(
         (np.zeros(3), q, np.zeros(3)),
         lambda _: rate,
         lambda _: force,
         GRAVITY,
-        EARTH,
+        earth,
         np.array([0.0, 100.0]),
     )
     assert np.abs(end.position[-1]).max() < 1e-8
     assert np.abs(end.quaternion[-1] - q).max() < 1e-10
 
 
-def test_coriolis_turns_a_free_body_to_the_right() -> None:
-    """Hand-worked: on the northern half of the Earth a free level motion north bends east by 2 Ω sin φ v t."""
+@pytest.mark.parametrize(("latitude_deg", "east_mps"), [(32.8, 1.5801e-3), (-45.0, -2.0625e-3)])
+def test_coriolis_turns_a_free_body_to_the_right_in_the_north(latitude_deg: float, east_mps: float) -> None:
+    """Hand-worked: after 10 s at 2 m/s to the north, by 2 Ω sin φ v t to the east; in the south to the west."""
     speed, seconds = 2.0, 10.0
     q = np.array([1.0, 0.0, 0.0, 0.0])
+    earth = mechanisation.earth_rate_tangent(np.deg2rad(latitude_deg))
     # Fixed in the tangent frame: the gyro reads Earth rate, the accelerometer only weight.
     end = mechanisation.integrate(
         (np.zeros(3), q, np.array([speed, 0.0, 0.0])),
-        lambda _: EARTH,
+        lambda _: earth,
         lambda _: np.array([0.0, 0.0, -GRAVITY]),
         GRAVITY,
-        EARTH,
+        earth,
         np.array([0.0, seconds]),
     )
-    expected = 2 * mechanisation.EARTH_RATE * np.sin(np.deg2rad(32.8)) * speed * seconds
-    assert end.velocity[-1, 1] == pytest.approx(expected, rel=1e-3)
+    assert end.velocity[-1, 1] == pytest.approx(east_mps, rel=1e-3)
 
 
 def test_steady_turn_closes_its_circle() -> None:

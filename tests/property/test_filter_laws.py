@@ -157,8 +157,11 @@ def test_ping_at_the_first_sample_uses_its_rate() -> None:
     np.testing.assert_allclose(report["residual"], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("period_ns", [0, 100_000_000])
-def test_prediction_is_van_loan_along_the_motion(period_ns: int) -> None:
+@pytest.mark.parametrize(
+    ("period_ns", "latitude_rad"),
+    [(0, settings.LATITUDE_RAD), (100_000_000, settings.LATITUDE_RAD), (100_000_000, -np.pi / 4)],
+)
+def test_prediction_is_van_loan_along_the_motion(period_ns: int, latitude_rad: float) -> None:
     """One second at 150 Hz: state against the differential equation, covariance against steps of Van Loan's Φ and Qd.
 
     Second order at 10 Hz stays within 1e-4 of the uncertainty. First order at 150 Hz drops F²dt²/2 in each of 150
@@ -169,6 +172,7 @@ def test_prediction_is_van_loan_along_the_motion(period_ns: int) -> None:
     rate, force = np.array([0.02, -0.03, 0.1]), np.array([0.3, 0.2, -9.7])
     velocity, quaternion = np.array([2.0, 0.1, -0.1]), quaternion_from_euler(0.1, 0.2, 0.5)
     model = settings.table_2()
+    model["environment"]["latitude_rad"] = latitude_rad
     before = initial(velocity, quaternion)
     P = np.diag(SIZES**2)
     P[3, 7] = P[7, 3] = 0.5 * SIZES[3] * SIZES[7]
@@ -187,7 +191,7 @@ def test_prediction_is_van_loan_along_the_motion(period_ns: int) -> None:
 
     true_rate = rate - np.asarray(before["gyro_bias_p_radps"])
     true_force = force - np.asarray(before["accel_bias_p_mps2"])
-    earth = earth_rate_tangent(settings.LATITUDE_RAD)
+    earth = earth_rate_tangent(latitude_rad)
     motion = integrate(
         (np.asarray(before["position_t_m"]), quaternion, velocity),
         lambda _: true_rate,

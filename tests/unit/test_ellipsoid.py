@@ -66,7 +66,7 @@ def navigated(truth: Truth, latitude_deg: float, earth: Literal["ellipsoid", "ta
     return navigator.state()
 
 
-@pytest.mark.parametrize("latitude_deg", [0.0, 45.0, 70.0, 85.0])
+@pytest.mark.parametrize("latitude_deg", [0.0, 45.0, -45.0, 70.0, 85.0])
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0, 215.0])
 def test_the_kernel_agrees_with_an_integration_in_geodetic_coordinates(
     latitude_deg: float, heading_deg: float
@@ -113,7 +113,9 @@ def test_a_tangent_plane_would_be_kilometres_off() -> None:
     assert np.linalg.norm(state["position_t_m"] - truth.position_t_m[-1]) > 1000.0
 
 
-@pytest.mark.parametrize(("latitude_deg", "heading_deg"), [(0.0, 90.0), (45.0, 0.0), (70.0, 90.0)])
+@pytest.mark.parametrize(
+    ("latitude_deg", "heading_deg"), [(0.0, 90.0), (45.0, 0.0), (-45.0, 215.0), (70.0, 90.0)]
+)
 @pytest.mark.parametrize(("earth", "verdict"), [("ellipsoid", "accepted"), ("tangent_plane", "rejected")])
 def test_gps_is_taken_after_fifty_kilometres(
     latitude_deg: float, heading_deg: float, earth: Literal["ellipsoid", "tangent_plane"], verdict: str
