@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
-from bottomlock.models import Calibration, Model
+from bottomlock.models import Calibration, DvlModel, GpsModel, Model
 from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
 from bottomlock.truth.truth import Truth, sample_times_ns
 from tools.recorded_tables import number
@@ -172,7 +172,7 @@ def _drawn(
         mounting_rad=true[:3],
         scale=scale,
     )
-    noise = model.dvl.beam_noise_sd_mps * random.normal(size=beams.shape)
+    noise = model.of(DvlModel).beam_noise_sd_mps * random.normal(size=beams.shape)
     log = {
         "imu_time_ns": drawn["imu_time_ns"],
         "force_p_mps2": drawn["imu_force_p_mps2"],
@@ -183,7 +183,7 @@ def _drawn(
     }
     if world.positions:
         rows = np.arange(int(10 * RATE_HZ), len(time_ns), int(10 * RATE_HZ))
-        sd = np.array(model.gps.position_sd_m)
+        sd = np.array(model.of(GpsModel).position_sd_m)
         log["gps_time_ns"] = time_ns[rows]
         log["gps_position_t_m"] = truth.position_t_m[rows] + sd * random.normal(size=(len(rows), 3))
     return log, drawn["initial"], true

@@ -19,7 +19,7 @@ import dataclasses
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,8 @@ from bottomlock import Navigator
 from bottomlock.bench.mission import Mission
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import BottomlockError
-from bottomlock.models import InitialState
+from bottomlock.kernel import Method
+from bottomlock.models import DepthModel, DvlModel, InitialState
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth.truth import Truth
@@ -166,9 +167,9 @@ def our_track(method: str, mission: Mission, positions: Positions | None) -> Tra
             attitude_t_p=start.attitude_t_p,
             velocity_p_mps=start.velocity_p_mps,
         ),
-        method=method,
+        method=cast(Method, method),
     )
-    imu, dvl, depth = mission.imu, mission.model.dvl, mission.model.depth
+    imu, dvl, depth = mission.imu, mission.model.of(DvlModel), mission.model.of(DepthModel)
     answers, pushed = [], int(np.searchsorted(imu.time_ns, start.time_ns, side="right"))
     beam_sd = np.full(mission.geometry.beams, dvl.beam_noise_sd_mps)
     try:

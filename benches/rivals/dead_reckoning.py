@@ -18,6 +18,7 @@ from benches.rivals.state import at_start
 from benches.rivals.strapdown import Earth, Motion, advance
 from benches.rivals.timeline import Stretch, stops
 from bottomlock.bench.mission import Estimates, Mission
+from bottomlock.models import DvlModel
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class DeadReckoner:
 
     def _cov(self, of_noise: Floats) -> Floats:
         """Of a solved velocity: the noise and the biases of the beams, and the scale factor along the velocity."""
-        dvl, velocity = self.mission.model.dvl, self.velocity_p_mps
+        dvl, velocity = self.mission.model.of(DvlModel), self.velocity_p_mps
         biased = 1.0 + (dvl.beam_bias_sd_mps / dvl.beam_noise_sd_mps) ** 2
         return biased * of_noise + dvl.scale_factor_sd**2 * np.outer(velocity, velocity)
 

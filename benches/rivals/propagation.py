@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from benches.rivals import rotations
 from benches.rivals.state import ACCEL_BIAS, GYRO_BIAS, MISALIGNMENT, POSITION, VELOCITY, Layout
 from benches.rivals.strapdown import Earth, Increment
-from bottomlock.models import Model
+from bottomlock.models import DepthModel, DvlModel, Model
 
 Floats = NDArray[np.float64]
 
@@ -32,22 +32,24 @@ def transition(layout: Layout, increment: Increment, duration_s: float, earth: E
     phi[POSITION, MISALIGNMENT] = -moved
     phi[POSITION, ACCEL_BIAS] = -0.5 * duration_s * rotation_s
     phi[POSITION, GYRO_BIAS] = moved @ rotation_s / 3.0
-    if model.depth.bias_sd_m > 0.0:
-        phi[layout.depth_bias, layout.depth_bias] = np.exp(-duration_s / model.depth.bias_time_s)
+    if model.of(DepthModel).bias_sd_m > 0.0:
+        phi[layout.depth_bias, layout.depth_bias] = np.exp(-duration_s / model.of(DepthModel).bias_time_s)
     return phi
 
 
 def noise(layout: Layout, phi: Floats, duration_s: float, model: Model) -> Floats:
     """Q (n, n) over a stretch, half of it before and half after the transition."""
-    imu, dvl = model.imu, model.dvl
+    imu, dvl = model.imu, model.of(DvlModel)
     density = np.zeros(layout.size)
     density[MISALIGNMENT], density[VELOCITY] = imu.gyro_noise_rad_rts**2, imu.accel_noise_mps_rts**2
     density[ACCEL_BIAS] = imu.accel_bias_walk_mps2_rts**2
     density[GYRO_BIAS] = imu.gyro_bias_walk_radps_rts**2
     density[layout.beam_bias] = dvl.beam_bias_walk_mps_rts**2
     density[layout.scale_factor] = dvl.scale_factor_walk_rts**2
-    if model.depth.bias_sd_m > 0.0:
-        density[layout.depth_bias] = 2.0 * model.depth.bias_sd_m**2 / model.depth.bias_time_s
+    if model.of(DepthModel).bias_sd_m > 0.0:
+        density[layout.depth_bias] = (
+            2.0 * model.of(DepthModel).bias_sd_m ** 2 / model.of(DepthModel).bias_time_s
+        )
     even: Floats = np.diag(0.5 * duration_s * density)
     out: Floats = phi @ even @ phi.T + even
     return out

@@ -14,6 +14,7 @@ from benches.rivals import rotations
 from benches.rivals.state import GYRO_BIAS, MISALIGNMENT, POSITION, Layout, State, velocity_rows
 from benches.rivals.strapdown import Earth
 from bottomlock.bench.mission import Mission
+from bottomlock.models import DepthModel, DvlModel
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ class Sensors:
         # Directions with what the wrong sound speed multiplies; lever arms.
         self.directions = mission.geometry.sound_speed_scale * mission.geometry.directions_p
         self.levers = mission.geometry.lever_arms_p_m
-        self.beam_var = mission.model.dvl.beam_noise_sd_mps**2
+        self.beam_var = mission.model.of(DvlModel).beam_noise_sd_mps ** 2
 
     def beams(self, velocity_mps: Floats, omega_p_radps: Floats) -> Measurement | None:
         """A row for each beam that returned (B,), NaN where none; None without any.
@@ -104,7 +105,7 @@ class Sensors:
                 + state.depth_bias[..., None]
             ),
             rows,
-            np.array([[self.mission.model.depth.sd_m**2]]),
+            np.array([[self.mission.model.of(DepthModel).sd_m ** 2]]),
         )
 
     def position(self, position_t_m: Floats, sd_m: float) -> Measurement:

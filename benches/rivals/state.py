@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from benches.rivals import rotations
 from benches.rivals.strapdown import Motion
 from bottomlock.bench.mission import Mission
+from bottomlock.models import DepthModel, DvlModel
 
 Floats = NDArray[np.float64]
 
@@ -123,8 +124,9 @@ def covariance_at_start(mission: Mission, layout: Layout) -> Floats:
     sd[VELOCITY] = model.initial.velocity_sd_mps
     sd[ACCEL_BIAS], sd[GYRO_BIAS] = model.imu.accel_bias_sd_mps2, model.imu.gyro_bias_sd_radps
     if mission.options.estimate_dvl:
-        sd[layout.beam_bias], sd[layout.scale_factor] = model.dvl.beam_bias_sd_mps, model.dvl.scale_factor_sd
-    sd[layout.depth_bias] = model.depth.bias_sd_m
+        dvl = model.of(DvlModel)
+        sd[layout.beam_bias], sd[layout.scale_factor] = dvl.beam_bias_sd_mps, dvl.scale_factor_sd
+    sd[layout.depth_bias] = model.of(DepthModel).bias_sd_m
     # v_t = R v_p: the error of the attitude at the start turns the velocity, too (δv_t = R δv_p − [v_t ×] ρ).
     state = at_start(mission, layout)
     to_tangent = np.eye(layout.size)

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_chec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bottomlock.kernel import JanusConfiguration, Method
+from bottomlock.kernel import FixMethod, JanusConfiguration, Method, OwnName
 from bottomlock.models import Environment, ImuModel, InitialState, Model, Options
 
 __all__ = [
@@ -449,7 +449,7 @@ class Navigator:
         options: Options,
         initial: InitialState | StateDict,
         *,
-        method: str = "tc",
+        method: Method | OwnName = "tc",
         covariance: ArrayLike | None = None,
         horizon_ns: int | None = None,
     ) -> Navigator: ...
@@ -528,7 +528,7 @@ def solve_velocity(
     velocity_mps: ArrayLike,
     valid: ArrayLike,
     *,
-    method: str,
+    method: FixMethod,
     beam_sd_mps: ArrayLike,
     prior_velocity_p_mps: ArrayLike | None = None,
     prior_cov_m2ps2: ArrayLike | None = None,

@@ -4,9 +4,10 @@ Who connects says `tcp:HOST:PORT`, who listens `tcpin:HOST:PORT`; who sends data
 them `udpin:HOST:PORT`. Without a host it is the loopback address.
 """
 
-import difflib
 from dataclasses import dataclass
 from typing import Literal
+
+from bottomlock.nearest import nearest
 
 Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "zenoh"]
 FORMS: dict[Kind, str] = {
@@ -120,8 +121,6 @@ def _path(kind: Kind, rest: str) -> Address:
 def _hint(word: str, kinds: tuple[Kind, ...]) -> str:
     likely = [FORMS[kind] for kind in _LIKELY.get(word, ()) if kind in kinds]
     if not likely:
-        likely = [
-            FORMS[kind] for kind in kinds if kind in difflib.get_close_matches(word, kinds, n=1, cutoff=0.4)
-        ]
+        likely = [FORMS[kind] for kind in kinds if kind == nearest(word, kinds)]
     says = f"{FORMS[word]}; " if word in FORMS and word in _LIKELY else ""
     return f"{says}did you mean {' or '.join(likely)}? " if likely else ""

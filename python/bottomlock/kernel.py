@@ -23,10 +23,9 @@ Examples:
     ('accepted', True)
 """
 
-import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NewType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +57,7 @@ from bottomlock._kernel import (
 )
 from bottomlock.errors import KernelError
 from bottomlock.kernel_words import geometry_line, geometry_table, navigator_line, navigator_table
+from bottomlock.nearest import did_you_mean
 
 if TYPE_CHECKING:
     import polars as pl
@@ -84,6 +84,7 @@ __all__ = [
     "KernelError",
     "Method",
     "Navigator",
+    "OwnName",
     "VelocityFixes",
     "check_settings",
     "covariance_history",
@@ -106,6 +107,9 @@ Method = Literal[
     "ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"
 ]  # fmt: skip
 """Name of an aiding method, one of `METHODS`."""
+
+OwnName = NewType("OwnName", str)
+"""Name of a method of one's own, which `own_method.register` returns."""
 
 FixMethod = Literal[
     "lc", "vb", "nsv", "plcf", "vhv", "elc", "info", "weak_sway",
@@ -228,8 +232,7 @@ def fix_method(name: str) -> FixMethod:
             f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator); of single "
             f"pings there are {', '.join(FIX_METHODS)}"
         )
-    close = difflib.get_close_matches(name, [*FIX_METHODS, *FIX_METHODS.values()], n=1)
-    hint = f", did you mean '{close[0]}'?" if close else ""
+    hint = did_you_mean(name, [*FIX_METHODS, *FIX_METHODS.values()])
     raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(FIX_METHODS)})")
 
 

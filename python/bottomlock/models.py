@@ -16,7 +16,6 @@ Examples:
     KernelError: options has no key 'gaate' (did you mean 'gate'?)
 """
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, ClassVar, Literal, Self, TypeVar, dataclass_transform, get_args
@@ -25,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.kernel import DEFAULT_OPTIONS, EARTH_RATE_RADPS, KernelError, check_settings
+from bottomlock.nearest import nearest
 
 WALK_TIME_S = 300.0
 """Correlation time of the slow error of an attitude reference where none is given, s: minutes, as of manoeuvres."""
@@ -47,8 +47,8 @@ class Settings:
         known = [field.name for field in fields(cls)]  # type: ignore[arg-type] # every subclass is a dataclass
         for key in given:
             if key not in known:
-                close = difflib.get_close_matches(key, known, n=1)
-                hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
+                close = nearest(key, known)
+                hint = f"did you mean '{close}'?" if close else f"known: {', '.join(known)}"
                 raise KernelError(f"{cls.place} has no key '{key}' ({hint})")
         required = [field.name for field in fields(cls) if field.default is MISSING]  # type: ignore[arg-type]
         missing = [key for key in required if key not in given]
@@ -108,6 +108,7 @@ def _as_typed(kind: Any, value: Any) -> Any:  # noqa: ANN401 - values come as us
 
 
 _T = TypeVar("_T")
+_Errors = TypeVar("_Errors", bound=Settings)
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -242,19 +243,33 @@ class AcousticPositionModel(Settings):
 
 @_settings
 class Model(Settings):
-    """Environment, and errors of all sensors, None where there is none: what `Scenario.kernel_model` returns."""
+    """Environment, and errors of the sensors: what `Scenario.kernel_model` returns.
+
+    A sensor that aids is None, which is the default, where there is none.
+    """
 
     place: ClassVar[str] = "model"
     environment: Environment
     imu: ImuModel
     initial: InitialModel
-    dvl: DvlModel
-    depth: DepthModel
-    magnetometer: MagnetometerModel
-    gps: GpsModel
+    dvl: DvlModel | None = None
+    depth: DepthModel | None = None
+    magnetometer: MagnetometerModel | None = None
+    gps: GpsModel | None = None
     dvl_outliers: DvlOutlierModel | None = None
     heading: HeadingModel | None = None
     acoustic_position: AcousticPositionModel | None = None
+
+    def of(self, kind: type[_Errors]) -> _Errors:
+        """The errors of a sensor that has to be there.
+
+        Raises:
+            KernelError: naming the sensor where there is none.
+        """
+        found = getattr(self, kind.place)
+        if not isinstance(found, kind):
+            raise KernelError(f"model.{kind.place} is None, expected a {kind.__name__}")
+        return found
 
 
 @_settings

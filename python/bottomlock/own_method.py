@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.errors import KernelError
-from bottomlock.kernel import METHODS, register_method
+from bottomlock.kernel import METHODS, OwnName, register_method
 
 Floats = NDArray[np.float64]
 
@@ -155,7 +155,7 @@ _LOADED: dict[str, str] = {}
 """Names of the methods by what they were loaded from."""
 
 
-def register(method: type[OwnMethod] | OwnMethod) -> str:
+def register(method: type[OwnMethod] | OwnMethod) -> OwnName:
     """Makes a class, or an object, a method by its name; one of that name from before is replaced. Returns the name.
 
     Raises:
@@ -173,7 +173,7 @@ def register(method: type[OwnMethod] | OwnMethod) -> str:
     except (TypeError, ValueError) as error:
         raise KernelError(f"{label} has no method ping(self, beams, prior) ({error})") from error
     register_method(name, label, _timed(made, _COSTS.setdefault(name, Cost())))
-    return name
+    return OwnName(name)
 
 
 def _made(method: type[OwnMethod] | OwnMethod, label: str) -> OwnMethod:

@@ -94,7 +94,7 @@ def test_shards_merge_to_the_table_of_one_run(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
     """Processes of their own, no word of theirs on the screen, and the same bytes."""
-    pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
+    pytest.importorskip("distributed", reason="not installed: pip install '.[dask]'")
     plain = command(*RUN, "--out", str(tmp_path / "plain"))
     # tests/unit/test_engines.py has two processes.
     call = [*RUN[:-2], "--engine", "dask", "--threads", "1", "--out", str(tmp_path / "cluster")]
@@ -110,7 +110,7 @@ def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
     """The terminal sends it to all processes: one line about it, and finished chunks are kept."""
-    pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
+    pytest.importorskip("distributed", reason="not installed: pip install '.[dask]'")
     call = ["run", "straight", "--runs", "5000", "--engine", "dask", "--threads", "1", "--out", "o"]
     flight = subprocess.Popen(
         [sys.executable, "-m", "bottomlock", *call],

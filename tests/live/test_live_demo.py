@@ -79,5 +79,5 @@ def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
     done = command("live-demo")
     assert done.returncode == 2
-    assert done.stderr.endswith("pip install 'bottomlock[mavlink]'\n")
+    assert done.stderr.endswith("pip install '.[mavlink]'` in the folder of bottomlock's sources\n")
     assert done.stderr.count("\n") == 1

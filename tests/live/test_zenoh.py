@@ -103,7 +103,9 @@ def test_an_absent_router_is_tried_again() -> None:
 def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """As for the other extras."""
     monkeypatch.setitem(sys.modules, "zenoh", None)
-    with pytest.raises(DataError, match=r"pip install 'bottomlock\[zenoh\]'$"):
+    with pytest.raises(
+        DataError, match=r"`pip install '\.\[zenoh\]'` in the folder of bottomlock's sources$"
+    ):
         open_sink(sink_address("zenoh:a/b"), lambda _: None)
 
 

@@ -70,7 +70,11 @@ def test_nothing_is_overwritten_in_silence(tmp_path: Path, convert: Run) -> None
         (b"hello\n", (), "format not recognised from the content"),
         (b"a,b\n1,2\n", (), "names no documented columns"),
         (b"", (), "format not recognised from the content"),
-        (seeds.SERIAL, ("--format", "pd7"), "--format is 'pd7', expected one of linkquest-csv"),
+        (
+            seeds.SERIAL,
+            ("--format", "pd7"),
+            "--format is 'pd7', did you mean 'pd6'? expected one of linkquest-csv",
+        ),
         (seeds.SERIAL, ("--format", "pd0"), "no ensemble with bottom track could be read"),
         (seeds.PD6, (), "PD6 holds no beam velocities"),
         (seeds.pd4(), (), "PD3, PD4 and PD5 hold no beam velocities"),
@@ -121,7 +125,7 @@ def test_the_examples_of_the_documentation(
 
 def test_a_bag_that_is_a_folder(tmp_path: Path, convert: Run) -> None:
     """A ROS 2 bag is a folder: its hash is that of its files."""
-    pytest.importorskip("rosbags", reason="bags need the extra bottomlock[ros]")
+    pytest.importorskip("rosbags", reason="bags need the extra .[ros]")
     bag, to = bags.write_ros2(tmp_path / "dive", 3), tmp_path / "beams.parquet"
     done = convert(bag, "--to", to)
     assert done.returncode == 0, done.stderr

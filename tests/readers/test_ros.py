@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("rosbags", reason="bags need the extra bottomlock[ros]")
+pytest.importorskip("rosbags", reason="bags need the extra .[ros]")
 
 from bottomlock.errors import DataError
 from bottomlock.io.formats import detect, read_recording

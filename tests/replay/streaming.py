@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import BeamGeometry, Navigator
-from bottomlock.models import Model, Options
+from bottomlock.models import DepthModel, MagnetometerModel, Model, Options
 
 Times = NDArray[np.int64]
 STREAMS = ("imu", "dvl", "depth", "attitude", "heading", "gps")
@@ -45,7 +45,7 @@ def push(
             time_ns, log["beam_velocity_mps"][row], log["beam_valid"][row], sd_mps=log["beam_sd_mps"][row]
         )
     if name == "depth":
-        return navigator.push_depth(time_ns, float(log["depth_m"][row]), sd_m=model.depth.sd_m)
+        return navigator.push_depth(time_ns, float(log["depth_m"][row]), sd_m=model.of(DepthModel).sd_m)
     if name == "heading":
         assert model.heading is not None
         sd_rad = model.heading.sd_rad
@@ -53,7 +53,7 @@ def push(
     if name == "attitude":
         roll, pitch, yaw = log["attitude_rpy_rad"][row]
         quaternion = np.roll(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(), 1)
-        sds = model.magnetometer
+        sds = model.of(MagnetometerModel)
         return navigator.push_attitude(
             time_ns, quaternion, roll_pitch_sd_rad=sds.roll_pitch_sd_rad, yaw_sd_rad=sds.yaw_sd_rad
         )

@@ -12,7 +12,7 @@ from bottomlock.cli.app import app
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import Navigator
-from bottomlock.models import Calibration, InitialState
+from bottomlock.models import Calibration, DvlModel, InitialState
 from bottomlock.replay.calibration import calibration_words, found, write_calibration
 from bottomlock.replay.case import Case, load_case, parse_case
 from bottomlock.replay.reading import read_streams
@@ -77,7 +77,9 @@ def test_written_and_taken_as_the_prior(replayed: ReplayResult, tmp_path: Path) 
     prior = prepare(again, streams, 0).options.calibration
     np.testing.assert_allclose(np.rad2deg(prior.mounting_sd_rad), sd[:3], rtol=1e-3)
     assert prior.clock_sd_s == pytest.approx(sd[3], rel=1e-3)
-    assert prepare(again, streams, 0).model.dvl.scale_factor_sd == pytest.approx(sd[4] / 100, rel=1e-3)
+    assert prepare(again, streams, 0).model.of(DvlModel).scale_factor_sd == pytest.approx(
+        sd[4] / 100, rel=1e-3
+    )
     turned = (
         streams.instrument.geometry.directions_p @ read_geometry(case.dvl.geometry).geometry.directions_p.T
     )

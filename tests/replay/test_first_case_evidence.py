@@ -387,4 +387,4 @@ def test_a_missing_model_is_named(dive: RovDive, tmp_path: Path, monkeypatch: py
     case, text = made(tmp_path, tables(tmp_path, dive))
     assert case.attitude is not None
     assert case.attitude.yaw_offset_deg == 0.0
-    assert "bottomlock[magnetic]" in " ".join(text.replace("#", "").split())
+    assert "pip install '.[magnetic]'" in " ".join(text.replace("#", "").split())

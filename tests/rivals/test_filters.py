@@ -31,7 +31,7 @@ from benches.rivals.timeline import Stretch, between, stops
 from benches.rivals.unscented import SigmaPoints, UnscentedFilter, moments
 from bottomlock.bench.mission import Mission
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.models import HeadingModel
+from bottomlock.models import DepthModel, DvlModel, HeadingModel
 from bottomlock.replay.streams import Inertial
 
 Floats = NDArray[np.float64]
@@ -236,7 +236,7 @@ def test_depth_as_the_paper_has_it(mission: Mission) -> None:
     mission = dataclasses.replace(
         mission,
         options=mission.options.replace(gate="off"),
-        model=mission.model.replace(depth=mission.model.depth.replace(bias_sd_m=0.0)),
+        model=mission.model.replace(depth=mission.model.of(DepthModel).replace(bias_sd_m=0.0)),
     )
     rival = ErrorStateFilter(mission, RightInvariant())
     for stop in stops(mission):
@@ -255,7 +255,7 @@ def test_depth_as_the_paper_has_it(mission: Mission) -> None:
     left = back @ covariance @ back.T
     H = np.zeros((3, size))
     H[:, POSITION] = np.eye(3)
-    information = np.diag([0.0, 0.0, 1.0 / mission.model.depth.sd_m**2])
+    information = np.diag([0.0, 0.0, 1.0 / mission.model.of(DepthModel).sd_m ** 2])
     prior = np.linalg.inv(H @ left @ H.T)
     R = motion.rotation
     inverse_s = prior - prior @ np.linalg.inv(R.T @ information @ R + prior) @ prior
@@ -274,7 +274,9 @@ def test_depth_as_the_paper_has_it(mission: Mission) -> None:
 @pytest.mark.parametrize("chart", [Additive(), RightInvariant()])
 def test_beams_are_their_velocity_when_all_are_there(chart: Chart, mission: Mission) -> None:
     """With four beams of equal noise and no states of the DVL, least squares loses nothing: LC equals the beams."""
-    dvl = mission.model.dvl.replace(beam_bias_sd_mps=0.0, scale_factor_sd=0.0, scale_factor_walk_rts=0.0)
+    dvl = mission.model.of(DvlModel).replace(
+        beam_bias_sd_mps=0.0, scale_factor_sd=0.0, scale_factor_walk_rts=0.0
+    )
     pings = dataclasses.replace(mission.pings, valid=np.ones_like(mission.pings.valid))
     filled = np.nan_to_num(pings.velocity_mps)
     whole = dataclasses.replace(

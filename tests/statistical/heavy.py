@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import bottomlock
-from bottomlock.models import Robust
+from bottomlock.models import DvlModel, Robust
 from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion
 from tests.statistical.ensembles import SEED
@@ -38,8 +38,8 @@ def streams(trajectory: str, *, heavy: bool, lost: tuple[int, ...]) -> tuple[Any
     truth = simulation.truth()
     plan: Any = bottomlock.measurement_schedule(simulation, truth)
     model = simulation.scenario.kernel_model(simulation.gravity_mps2)
-    scale = model.dvl.beam_noise_sd_mps
-    silent = model.replace(dvl=model.dvl.replace(beam_noise_sd_mps=0.0))
+    scale = model.of(DvlModel).beam_noise_sd_mps
+    silent = model.replace(dvl=model.of(DvlModel).replace(beam_noise_sd_mps=0.0))
     arrays: Any = truth.kernel_arrays()
     sample_ns = plan["sample_time_ns"][4::5]
     none: Any = np.empty(0, dtype=np.int64)
@@ -86,12 +86,12 @@ def run_tc(trajectory: str, name: str, *, heavy: bool, lost: tuple[int, ...] = (
     way = WAYS[name]
     simulation, model, sample_ns, true, runs = streams(trajectory, heavy=heavy, lost=lost)
     options = simulation.scenario.kernel_options().replace(**{key: way[key] for key in way if key != "scale"})
-    assumed = model.dvl.beam_noise_sd_mps * way.get("scale", 1.0)
+    assumed = model.of(DvlModel).beam_noise_sd_mps * way.get("scale", 1.0)
     square, nees = [], []
     for log, start in runs:
         out: Any = bottomlock.replay_log(
             simulation.geometry,
-            model.replace(dvl=model.dvl.replace(beam_noise_sd_mps=assumed)),
+            model.replace(dvl=model.of(DvlModel).replace(beam_noise_sd_mps=assumed)),
             options,
             ["tc"],
             log,

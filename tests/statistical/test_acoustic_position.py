@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import Method, Navigator
+from bottomlock.models import DvlModel
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band
@@ -63,7 +64,7 @@ def run_filter(method: Method, weigh: float) -> tuple[float, int, float]:
             )
             nis.append(report["nis"])
             if method == "tc":
-                sd_mps = np.full(4, readings._model.dvl.beam_noise_sd_mps)
+                sd_mps = np.full(4, readings._model.of(DvlModel).beam_noise_sd_mps)
                 navigator.push_beams(
                     int(time_ns), drawn["dvl_velocity_mps"][k], readings.valid[k], sd_mps=sd_mps
                 )

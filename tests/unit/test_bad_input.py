@@ -213,10 +213,10 @@ def test_a_model_out_of_range_names_the_key(part: str, key: str, value: Any) -> 
 
 
 def test_a_missing_key_is_named() -> None:
-    """A model without its DVL is rejected by name."""
+    """A model without its IMU is rejected by name."""
     model: dict[str, Any] = dict(settings.table_2())
-    del model["dvl"]
-    with pytest.raises(bottomlock.KernelError, match="dvl"):
+    del model["imu"]
+    with pytest.raises(bottomlock.KernelError, match="imu"):
         bottomlock.Navigator(JANUS, model, settings.options(), {"time_ns": 0})  # type: ignore[arg-type]
 
 

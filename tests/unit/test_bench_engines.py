@@ -18,7 +18,7 @@ from tests.unit.clusters import two_processes
 
 needs_dask = pytest.mark.skipif(
     find_spec("distributed") is None,
-    reason="the package distributed is not installed: pip install 'bottomlock[dask]'",
+    reason="the package distributed is not installed: pip install '.[dask]'",
 )
 pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning"),

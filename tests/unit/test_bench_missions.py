@@ -26,6 +26,7 @@ from bottomlock.bench.mission_list import (
 from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
+from bottomlock.models import DvlModel
 from bottomlock.replay.case import load_case
 from bottomlock.replay.run import replay_case
 from tests.unit.bench_missions import SEED, made, missions, short_specs
@@ -122,7 +123,7 @@ def test_a_loaded_mission_is_what_was_made() -> None:
     assert np.array_equal(mission.pings.velocity_mps[:, 0], beams, equal_nan=True)
     assert np.array_equal(mission.imu.omega_p_radps[:, 2], tables["imu"]["omega_z_radps"].to_numpy())
     assert np.allclose(mission.heading.value, tables["heading"]["yaw_rad"], atol=1e-12)
-    assert mission.model.dvl.beam_noise_sd_mps == levels()["dvl"][spec.dvl]["beam_noise_mps"]
+    assert mission.model.of(DvlModel).beam_noise_sd_mps == levels()["dvl"][spec.dvl]["beam_noise_mps"]
     assert mission.grid_ns[0] == mission.start.time_ns + 1_000_000_000
     assert mission.truth is not None
     assert np.array_equal(mission.truth.time_ns, mission.grid_ns)

@@ -29,7 +29,7 @@ from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 needs_dask = pytest.mark.skipif(
     find_spec("distributed") is None,
-    reason="the package distributed is not installed: pip install 'bottomlock[dask]'",
+    reason="the package distributed is not installed: pip install '.[dask]'",
 )
 pytestmark = [
     # Sockets of processes that are killed on purpose.
@@ -271,7 +271,7 @@ def test_settings_without_effect(settings: dict[str, Any], words: str) -> None:
 
 def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bottomlock.campaign.engine.find_spec", lambda _: None)
-    with pytest.raises(EngineError, match=r"pip install 'bottomlock\[dask\]'"):
+    with pytest.raises(EngineError, match=r"pip install '\.\[dask\]'"):
         check_engine("dask")
 
 

@@ -177,3 +177,55 @@ def test_a_key_in_another_s_place_is_named_with_it() -> None:
 def test_what_is_no_mapping_is_refused() -> None:
     with pytest.raises(KernelError, match="options is of type str, expected a dict"):
         kernel.Navigator(JANUS, MODEL, "tc", STATE)  # type: ignore[arg-type]
+
+
+SENSORS = ("dvl", "depth", "magnetometer", "gps", "dvl_outliers", "heading", "acoustic_position")
+
+
+def test_a_sensor_that_is_not_there_is_none() -> None:
+    """By default, or given as None: the same model, which a navigator takes with the readings of a push's own σ."""
+    parts: dict[str, Any] = {key: getattr(MODEL, key) for key in ("environment", "imu", "initial")}
+    bare, none = models.Model(**parts), dict.fromkeys(SENSORS)
+    assert bare == models.Model(**parts | none) == models.Model(**bare.as_dict())
+    assert [getattr(bare, key) for key in SENSORS] == [None] * len(SENSORS)
+    navigator = kernel.Navigator(JANUS, bare, OPTIONS, STATE, method="tc")
+    for k in range(16):
+        navigator.push_imu(k * 10_000_000, omega_p_radps=[0.0] * 3, force_p_mps2=[0.0, 0.0, -9.8])
+    reports = navigator.push_depth(150_000_000, 0.0, sd_m=0.1)
+    reports += navigator.push_attitude(150_000_000, [1, 0, 0, 0], roll_pitch_sd_rad=0.01, yaw_sd_rad=0.1)
+    assert [report["verdict"] for report in reports] == ["accepted"] * len(reports) != []
+    with pytest.raises(KernelError, match=r"model\.dvl is None, expected a DvlModel"):
+        bare.of(models.DvlModel)
+
+
+@pytest.mark.parametrize("part", ["environment", "imu", "initial"])
+def test_what_every_model_has_cannot_be_none(part: str) -> None:
+    with pytest.raises(KernelError, match=f"{part} is of type NoneType, expected"):
+        MODEL.replace(**{part: None})
+
+
+@pytest.mark.parametrize(
+    ("sensor", "columns", "said"),
+    [
+        ("dvl", {}, "dvl row 0: beam 1 .* standard deviation is 0"),
+        ("depth", {"depth_m": np.zeros(1)}, "depth sd_m is 0"),
+        ("magnetometer", {"attitude_rpy_rad": np.zeros((1, 3))}, "attitude roll_pitch_sd_rad is 0"),
+        ("gps", {"gps_position_t_m": np.zeros((1, 3))}, "gps sd is 0"),
+    ],
+)
+def test_readings_of_a_sensor_without_a_model_are_an_error(
+    sensor: str, columns: dict[str, Any], said: str
+) -> None:
+    """A recording whose readings have no σ of their own says of which sensor the model has none."""
+    time_ns = np.arange(200) * 10_000_000
+    log: Any = {
+        "imu_time_ns": time_ns, "force_p_mps2": np.tile([0.0, 0.0, -9.8], (200, 1)),
+        "omega_p_radps": np.zeros((200, 3)), "dvl_time_ns": time_ns[100:101],
+        "beam_velocity_mps": np.zeros((1, 4)), "beam_valid": np.ones((1, 4), dtype=bool),
+    }  # fmt: skip
+    stream = {"magnetometer": "attitude"}.get(sensor, sensor)
+    log |= columns | ({f"{stream}_time_ns": time_ns[100:101]} if columns else {})
+    with pytest.raises(KernelError, match=said):
+        kernel.replay_log(
+            JANUS, MODEL.replace(**{sensor: None}), OPTIONS, ["tc"], log, STATE, sample_time_ns=time_ns[-1:]
+        )

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator, error_model
-from bottomlock.models import InitialState, Model
+from bottomlock.models import DepthModel, DvlModel, InitialState, Model
 from bottomlock.observability import report, tables
 from bottomlock.observability.analysis import LEAST_GAP, Aiding, Finding, deviations, observe
 from bottomlock.observability.figures import deviation_figure
@@ -47,8 +47,8 @@ def without_noise(truth: Truth) -> Model:
     """Errors that are constant: what is learned is kept."""
     found = model(truth)
     imu = {key: 0.0 for key in found.imu.as_dict() if "noise" in key or "walk" in key}
-    dvl = {key: 0.0 for key in found.dvl.as_dict() if "walk" in key}
-    return found.replace(imu=found.imu.replace(**imu), dvl=found.dvl.replace(**dvl))
+    dvl = {key: 0.0 for key in found.of(DvlModel).as_dict() if "walk" in key}
+    return found.replace(imu=found.imu.replace(**imu), dvl=found.of(DvlModel).replace(**dvl))
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +198,7 @@ def test_deviations_are_the_filters(eight: Truth, beams: tuple[int, ...]) -> Non
     navigator = Navigator(JANUS, errors, options, initial, method="tc")
     valid = np.isin(np.arange(4) + 1, beams)
     readings = JANUS.beam_velocities(eight.velocity_p_mps)
-    sd = np.full(4, errors.dvl.beam_noise_sd_mps)
+    sd = np.full(4, errors.of(DvlModel).beam_noise_sd_mps)
     for k, time_ns in enumerate(eight.time_ns.tolist()):
         navigator.push_imu(time_ns, omega_p_radps=eight.omega_p_radps[k], force_p_mps2=eight.force_p_mps2[k])
         if time_ns in predicted.time_ns:
@@ -219,9 +219,9 @@ def test_information_grows_along_observable_directions_only(eight: Truth) -> Non
             initial,
             [*[errors.imu.accel_bias_sd_mps2] * 3, *[errors.imu.gyro_bias_sd_radps] * 3],
         )
-        noise_sd = np.full(len(found.rows), errors.dvl.beam_noise_sd_mps)
+        noise_sd = np.full(len(found.rows), errors.of(DvlModel).beam_noise_sd_mps)
         if aiding.depth:
-            noise_sd[len(aiding.beams) :: len(aiding.beams) + 1] = errors.depth.sd_m
+            noise_sd[len(aiding.beams) :: len(aiding.beams) + 1] = errors.of(DepthModel).sd_m
         white = found.rows / noise_sd[:, None] * initial
         learned = np.linalg.inv(np.eye(15) + white.T @ white)
         for row in found.basis:

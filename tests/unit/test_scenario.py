@@ -8,6 +8,7 @@ import pytest
 
 from bottomlock.config.scenario import copy_scenario, load_scenario, packaged_scenarios, parse_scenario
 from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.models import DepthModel, DvlModel
 
 TEXT = """
 name = "t"
@@ -31,10 +32,10 @@ def test_table_2_in_si() -> None:
     assert model.imu.accel_bias_sd_mps2 == pytest.approx(4.903e-3, rel=1e-3)
     assert model.imu.gyro_bias_sd_radps == pytest.approx(1.4544e-5, rel=1e-3)
     assert model.imu.gyro_bias_walk_radps_rts == pytest.approx(4.887e-7, rel=1e-3)
-    assert model.dvl.scale_factor_sd == pytest.approx(0.007)
-    assert model.dvl.scale_factor_walk_rts == pytest.approx(5e-5)
+    assert model.of(DvlModel).scale_factor_sd == pytest.approx(0.007)
+    assert model.of(DvlModel).scale_factor_walk_rts == pytest.approx(5e-5)
     assert model.initial.attitude_sd_rad == pytest.approx([0.00995, 0.00995, 0.0199], rel=1e-2)
-    assert model.depth.sd_m == pytest.approx(0.0193, rel=1e-2)
+    assert model.of(DepthModel).sd_m == pytest.approx(0.0193, rel=1e-2)
 
 
 def test_packaged_scenarios_load() -> None:

@@ -197,7 +197,7 @@ pub fn run_batch<'py>(
     let truths = Truths::new(truth)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
-    let methods = settings::methods(&methods)?;
+    let methods = settings::methods(py, &methods)?;
     let samples = crate::schedule::sample_count(schedule);
     crate::memory::require(batch_bytes(runs, methods.len(), samples), || {
         format!("{runs} runs of {} methods with {samples} samples", methods.len())

@@ -9,8 +9,6 @@ use pyo3::types::{PyBool, PyDict, PyString};
 use crate::arrays::vector;
 use crate::errors::invalid;
 
-/// How alike two keys are, by `difflib`'s ratio, for one to be proposed for the other.
-const ALIKE: f64 = 0.6;
 /// Characters of a value beyond which a message names its type alone.
 const LINE: usize = 60;
 
@@ -163,10 +161,9 @@ impl<'py> Keys<'py> {
     }
 }
 
-/// The name nearest to one given, if one is alike.
-fn nearest(py: Python<'_>, name: &str, names: &[String]) -> PyResult<Option<String>> {
-    let near = py
-        .import("difflib")?
-        .call_method1("get_close_matches", (name, names.to_vec(), 1, ALIKE))?;
-    Ok(near.extract::<Vec<String>>()?.into_iter().next())
+/// The name nearest to one given, if one is alike: by the package's own rule, which is imported with the first error.
+pub fn nearest(py: Python<'_>, name: &str, names: &[String]) -> PyResult<Option<String>> {
+    py.import("bottomlock.nearest")?
+        .call_method1("nearest", (name, names.to_vec()))?
+        .extract()
 }

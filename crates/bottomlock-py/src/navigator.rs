@@ -15,7 +15,7 @@ use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
 };
-use bottomlock::navigator::{LiveNavigator, Method, Snapshot};
+use bottomlock::navigator::{LiveNavigator, Snapshot};
 use nalgebra::Matrix3;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -75,6 +75,7 @@ impl Navigator {
     #[pyo3(signature = (geometry, model, options, initial, *, method="tc", covariance=None, horizon_ns=None))]
     #[allow(clippy::too_many_arguments)]
     fn new(
+        py: Python<'_>,
         geometry: &BeamGeometry,
         model: &Bound<'_, PyAny>,
         options: &Bound<'_, PyAny>,
@@ -84,7 +85,7 @@ impl Navigator {
         horizon_ns: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let horizon_ns = lock::horizon(horizon_ns)?;
-        let aiding = Method::named(method).map_err(raise)?.aiding;
+        let aiding = settings::method(py, method)?.aiding;
         let (model, options) = (settings::model(model)?, settings::options(options)?);
         let initial = state("initial", initial)?;
         let mut inner =

@@ -16,18 +16,27 @@ use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
 use bottomlock::mechanisation::Sampling;
 use bottomlock::model::{ImuModel, InitialModel, Model};
-use bottomlock::navigator::Method;
+use bottomlock::navigator::{METHODS, Method};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::vector;
 use crate::errors::{invalid, raise};
 use crate::imu_faults;
-use crate::keys::{Keys, read};
+use crate::keys::{Keys, nearest, read};
+
+/// The aiding method of a short name; the error names the nearest one.
+pub fn method(py: Python<'_>, name: &str) -> PyResult<Method> {
+    Method::named(name).or_else(|error| {
+        let known: Vec<_> = METHODS.iter().map(|method| method.name.to_owned()).collect();
+        let hint = nearest(py, name, &known)?.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+        Err(invalid(format!("{error}{hint}")))
+    })
+}
 
 /// Aiding methods of their short names.
-pub fn methods(names: &[String]) -> PyResult<Vec<Method>> {
-    names.iter().map(|name| Method::named(name).map_err(raise)).collect()
+pub fn methods(py: Python<'_>, names: &[String]) -> PyResult<Vec<Method>> {
+    names.iter().map(|name| method(py, name)).collect()
 }
 
 /// A unit quaternion, scalar first.
@@ -98,7 +107,7 @@ struct ModelKeys<'a, 'py>(&'a Keys<'py>);
 impl SectionReader for ModelKeys<'_, '_> {
     type Error = PyErr;
     fn section<S: Section>(&self) -> PyResult<S> {
-        if S::OPTIONAL && !self.0.has_value(S::NAME)? {
+        if !self.0.has_value(S::NAME)? {
             return Ok(S::default());
         }
         read(S::NAME, &self.0.item(S::NAME)?, |keys| S::read(keys))

@@ -76,7 +76,7 @@ def closure_table(audit: Audit) -> pl.DataFrame:
     return pl.concat([empty, *frames])
 
 
-def write_audit(audit: Audit, out: Path, *, html: bool = True) -> list[Path]:
+def write_audit(audit: Audit, out: str | Path, *, html: bool = True) -> list[Path]:
     """Writes audit.json, findings.parquet, beams.parquet, closure.parquet, the figures and audit.html.
 
     The same log gives the same bytes.
@@ -84,6 +84,7 @@ def write_audit(audit: Audit, out: Path, *, html: bool = True) -> list[Path]:
     Raises:
         OutputError: where the directory cannot be written.
     """
+    out = Path(out)
     content = numbers_of(audit)
     write_json(out / "audit.json", content)
     write_parquet(out / "findings.parquet", findings_table(audit.findings))

@@ -18,6 +18,7 @@ from bottomlock.bench.scores import energy_score, nees, negative_log_likelihood
 from bottomlock.bench.tasks import RANKED, climatology
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry, FixMethod, solve_velocity
+from bottomlock.models import DvlModel
 from bottomlock.replay.leave_out import VelocityWalk, random_walk
 from bottomlock.replay.random_errors import closure_directions
 from bottomlock.statistics.rms import rms
@@ -73,7 +74,7 @@ def masked_pings(mission: Mission) -> tuple[MaskedPings, Floats | None]:
         times,
         np.where(valid, mission.pings.velocity_mps[rows], np.nan),
         valid,
-        mission.model.dvl.beam_noise_sd_mps,
+        mission.model.of(DvlModel).beam_noise_sd_mps,
     )
     truth = mission.truth
     if truth is None:

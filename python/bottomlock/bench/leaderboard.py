@@ -20,7 +20,7 @@ OVERALL = "overall"
 
 def score_submissions(
     frames: Mapping[str, pl.DataFrame],
-    data: Path,
+    data: str | Path,
     specs: Sequence[MissionSpec],
     progress: Callable[[str, float], None] = lambda _words, _fraction: None,
 ) -> pl.DataFrame:
@@ -29,6 +29,7 @@ def score_submissions(
     Raises:
         DataError: for a mission that is not there or has no truth.
     """
+    data = Path(data)
     parts = [pl.DataFrame(schema=dict(SCORES))]
     for k, spec in enumerate(specs):
         progress(spec.name, k / len(specs))
@@ -42,14 +43,14 @@ def score_submissions(
     return pl.concat(parts)
 
 
-def read_submissions(paths: Sequence[Path]) -> dict[str, pl.DataFrame]:
+def read_submissions(paths: Sequence[str | Path]) -> dict[str, pl.DataFrame]:
     """Submissions by method, which is the name of the file.
 
     Raises:
         DataError: for a submission that breaks the rules, and two of one name.
     """
     frames: dict[str, pl.DataFrame] = {}
-    for path in paths:
+    for path in map(Path, paths):
         if path.stem in frames:
             raise DataError(
                 f"{path}: another submission is called '{path.stem}', expected a name for each method"

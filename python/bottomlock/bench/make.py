@@ -166,7 +166,7 @@ def truth_folder(out: Path, spec: MissionSpec) -> Path:
 def make_missions(
     specs: Sequence[MissionSpec],
     seed_of: Callable[[MissionSpec], int],
-    out: Path,
+    out: str | Path,
     progress: Callable[[str, int], None] = lambda _name, _done: None,
 ) -> dict[str, dict[str, str]]:
     """Makes and writes missions; one that is there whole, from the same seed and version, is kept.
@@ -178,6 +178,7 @@ def make_missions(
         OutputError: for a folder that holds something else, or cannot be written.
         ScenarioError: as `make_mission`.
     """
+    out = Path(out)
     for split in {spec.split for spec in specs}:
         folder = out / split
         strange = [one for one in folder.iterdir() if not (one / RECORD).exists()] if folder.is_dir() else []

@@ -4,7 +4,7 @@ import importlib
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from bottomlock.bench import dead_reckoning
 from bottomlock.bench.mission import Estimates, Mission, initial_state
 from bottomlock.errors import DataError
-from bottomlock.kernel import METHODS, Navigator, replay_log
+from bottomlock.kernel import METHODS, Method, Navigator, replay_log
+from bottomlock.models import DepthModel, DvlModel
+from bottomlock.nearest import did_you_mean
 from bottomlock.own_method import DEAD_RECKONING
 
 Estimator = Callable[[Mission], Estimates]
@@ -68,10 +70,10 @@ def currents(mission: Mission, method: str) -> tuple[NDArray[np.float64], NDArra
     NaN where the filter whose answer the method gives has no current.
     """
     navigator = Navigator(
-        mission.geometry, mission.model, mission.options, initial_state(mission), method=method
+        mission.geometry, mission.model, mission.options, initial_state(mission), method=cast(Method, method)
     )
     assert mission.model.heading is not None  # every mission has a heading sensor
-    sd_mps = np.full(mission.geometry.beams, mission.model.dvl.beam_noise_sd_mps)
+    sd_mps = np.full(mission.geometry.beams, mission.model.of(DvlModel).beam_noise_sd_mps)
     value, cov = np.full((len(mission.grid_ns), 2), np.nan), np.full((len(mission.grid_ns), 2, 2), np.nan)
     done = 0
     pings, depth, heading = mission.pings, mission.depth, mission.heading
@@ -90,7 +92,7 @@ def currents(mission: Mission, method: str) -> tuple[NDArray[np.float64], NDArra
             navigator.push_beams(int(pings.time_ns[row]), velocity, pings.valid[row], sd_mps=sd_mps)
         for row in _due(rows, "depth", depth.time_ns, now_ns):
             navigator.push_depth(
-                int(depth.time_ns[row]), float(depth.value[row]), sd_m=mission.model.depth.sd_m
+                int(depth.time_ns[row]), float(depth.value[row]), sd_m=mission.model.of(DepthModel).sd_m
             )
         for row in _due(rows, "heading", heading.time_ns, now_ns):
             navigator.push_heading(
@@ -125,8 +127,11 @@ def estimator(name: str) -> tuple[str, Estimator]:
     label, _, place = name.rpartition("=")
     module, _, function = place.partition(":")
     if not function:
-        known = ", ".join((*METHODS, DEAD_RECKONING))
-        raise DataError(f"'{name}' is no method (known: {known}), nor a rival, expected NAME=MODULE:FUNCTION")
+        known = (*METHODS, DEAD_RECKONING)
+        raise DataError(
+            f"unknown method '{name}'{did_you_mean(name, known)} (known: {', '.join(known)}), nor is it a rival, "
+            "NAME=MODULE:FUNCTION"
+        )
     try:
         found = getattr(importlib.import_module(module), function)
     except (ImportError, AttributeError) as error:

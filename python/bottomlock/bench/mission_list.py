@@ -7,6 +7,7 @@ from typing import Any
 
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.errors import DataError
+from bottomlock.nearest import did_you_mean
 
 SPLITS = ("train", "validation", "test")
 FACTORS = ("vehicle", "imu", "heading", "seabed", "current", "dvl", "loss", "noise")
@@ -74,11 +75,13 @@ def missions_of(
         raise DataError(f"no version is called '{version}' (known: {', '.join(versions)})")
     for split in splits or ():
         if split not in SPLITS:
-            raise DataError(f"no split is called '{split}' (known: {', '.join(SPLITS)})")
+            hint = did_you_mean(split, SPLITS)
+            raise DataError(f"no split is called '{split}'{hint} (known: {', '.join(SPLITS)})")
     known = {spec.name: spec for spec in mission_list()}
     for name in names or ():
         if name not in known:
-            raise DataError(f"no mission is called '{name}'; `bottomlock bench list` lists them")
+            hint = did_you_mean(name, known, ";")
+            raise DataError(f"no mission is called '{name}'{hint} `bottomlock bench list` lists them")
     chosen = tuple(
         spec
         for spec in mission_list()

@@ -58,7 +58,7 @@ WORDS: Mapping[str, str] = {
 }
 
 
-def write_page(scores: pl.DataFrame, out: Path, *, reference: str | None = None) -> Path:
+def write_page(scores: pl.DataFrame, out: str | Path, *, reference: str | None = None) -> Path:
     """Writes the page and the table of the leaderboard.
 
     Args:
@@ -69,6 +69,7 @@ def write_page(scores: pl.DataFrame, out: Path, *, reference: str | None = None)
     Raises:
         OutputError: where the directory cannot be written.
     """
+    out = Path(out)
     table = leaderboard(scores, reference)
     write_parquet(out / f"{NAME}.parquet", table)
     write_text(out / f"{NAME}.csv", table.write_csv(float_precision=6))

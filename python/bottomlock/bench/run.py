@@ -71,9 +71,9 @@ Tables = Iterator[tuple[Part, pl.DataFrame]]
 
 def run_missions(
     specs: Sequence[MissionSpec],
-    data: Path,
+    data: str | Path,
     estimators: Mapping[str, Estimator],
-    out: Path,
+    out: str | Path,
     *,
     shard: Shard | None = None,
     engine: str = "local",
@@ -102,6 +102,7 @@ def run_missions(
         DataError: for a mission that is not there or has changed, or estimates that break the rules of a submission.
         EngineError: for engines, schedulers and threads that do not go together, and a cluster that breaks down.
     """
+    data, out = Path(data), Path(out)
     check_engine(engine, threads=threads, scheduler=scheduler)
     if engine == "local" and threads:
         raise EngineError(

@@ -52,9 +52,14 @@ def build_simulations(scenarios: Sequence[Scenario]) -> list[Simulation]:
     """Loads and checks everything that the scenarios name, without any truth.
 
     Raises:
-        ScenarioError: for no scenario, two of one name, dead reckoning without an attitude reference, and what
-            `build_simulation` rejects.
+        ScenarioError: for what is no list of scenarios, no scenario, two of one name, dead reckoning without an
+            attitude reference, and what `build_simulation` rejects.
     """
+    given: Any = scenarios  # a caller without a type checker may give anything
+    if isinstance(given, Scenario | str) or not all(isinstance(one, Scenario) for one in given):
+        raise ScenarioError(
+            f"scenarios is {given!r:.60}, expected a list of Scenario, such as [load_scenario('straight')]"
+        )
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
         raise ScenarioError(f"expected scenarios of different names, got {names}")

@@ -14,6 +14,8 @@ from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.chunk import ChunkResult, run_chunk
 from bottomlock.campaign.partition import Chunk
 from bottomlock.errors import EngineError
+from bottomlock.extras import install
+from bottomlock.nearest import did_you_mean
 
 Engine = Literal["local", "dask"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -82,7 +84,9 @@ def check_engine(name: str, *, threads: int = 0, scheduler: str | None = None) -
         EngineError: for an unknown name, settings that have no effect, and a package that is not installed.
     """
     if name not in ENGINES:
-        raise EngineError(f"engine '{name}' is not known, expected {' or '.join(ENGINES)}")
+        raise EngineError(
+            f"engine '{name}' is not known{did_you_mean(name, ENGINES)} (known: {', '.join(ENGINES)})"
+        )
     if scheduler is not None and name != "dask":
         raise EngineError(f"scheduler {scheduler} is given with engine '{name}': only dask has schedulers")
     if scheduler is not None and not _is_address(scheduler):
@@ -90,7 +94,7 @@ def check_engine(name: str, *, threads: int = 0, scheduler: str | None = None) -
     if scheduler is not None and threads:
         raise EngineError(f"threads are given with scheduler {scheduler}, whose workers bring their own")
     if name == "dask" and find_spec("distributed") is None:
-        raise EngineError("engine 'dask' needs the package distributed: pip install 'bottomlock[dask]'")
+        raise EngineError(f"engine 'dask' needs the package distributed: {install('dask')}")
 
 
 def _is_address(text: str) -> bool:

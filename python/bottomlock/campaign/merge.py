@@ -24,7 +24,7 @@ _SHARED = ("configuration_hash", "nees_degrees", "order", "scenarios")
 
 
 def merge_shards(
-    out: Path, directories: Sequence[Path], *, force: bool = False, recover: bool = False
+    out: str | Path, directories: Sequence[str | Path], *, force: bool = False, recover: bool = False
 ) -> Results:
     """Joins all shards of a campaign; the tables are bit for bit those of the campaign run in one go.
 
@@ -44,10 +44,11 @@ def merge_shards(
     """
     if not directories:
         raise OutputError("no shard is named: expected the directories of all shards")
-    if any(out.resolve() == directory.resolve() for directory in directories):
+    out, folders = Path(out), [Path(directory) for directory in directories]
+    if any(out.resolve() == folder.resolve() for folder in folders):
         raise OutputError(f"{out}: is one of the shards; choose another directory for the campaign")
-    manifests = [_manifest(directory) for directory in directories]
-    order = _in_order(directories, manifests)
+    manifests = [_manifest(folder) for folder in folders]
+    order = _in_order(folders, manifests)
     source = ShardDirectories(order, _partitions(manifests[0]))
     clock = Clock(
         earlier_s=sum(manifest["wall_time_s"] for manifest in manifests),

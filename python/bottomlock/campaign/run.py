@@ -76,7 +76,7 @@ class Campaign:
 
 def run_campaign(
     scenarios: Sequence[Scenario],
-    out: Path,
+    out: str | Path,
     *,
     threads: int = 0,
     engine: Engine = "local",
@@ -109,6 +109,7 @@ def run_campaign(
         EngineError: for an engine that is not there or breaks down.
         KernelError: for input that the kernel rejects, naming run and method.
     """
+    out = Path(out)
     tables, manifest = _simulate(
         scenarios, out, None, threads, engine, scheduler, force=force, recover=recover, progress=progress
     )
@@ -118,7 +119,7 @@ def run_campaign(
 
 def run_shard(
     scenarios: Sequence[Scenario],
-    out: Path,
+    out: str | Path,
     shard: Shard,
     *,
     threads: int = 0,
@@ -136,6 +137,7 @@ def run_shard(
     Returns:
         The manifest.
     """
+    out = Path(out)
     _, manifest = _simulate(
         scenarios, out, shard, threads, engine, scheduler, force=force, recover=recover, progress=progress
     )

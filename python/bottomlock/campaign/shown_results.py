@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from bottomlock.errors import DataError
+from bottomlock.nearest import did_you_mean
 from bottomlock.notebook import html_table
 from bottomlock.pages.numbers import number
 from bottomlock.statistics.campaign import summary_table
@@ -95,7 +96,8 @@ class ShownResults:
         if trajectory is None and len(known) == 1:
             return known[0]
         if trajectory not in known:
-            raise DataError(f"trajectory is {trajectory!r}, expected one of {', '.join(known)}")
+            hint = did_you_mean(str(trajectory), known)
+            raise DataError(f"trajectory is {trajectory!r}{hint or ','} expected one of {', '.join(known)}")
         return trajectory
 
     def _runs_of(self, trajectory: str) -> int:

@@ -14,6 +14,7 @@ from bottomlock.campaign.partition import Partition
 from bottomlock.campaign.run import CampaignProgress, Results, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.nearest import did_you_mean
 from bottomlock.records import DIGESTS, read_record, write_record
 
 QUANTITIES = {
@@ -73,7 +74,7 @@ class Until:
 
 def run_until(
     scenarios: Sequence[Scenario],
-    out: Path,
+    out: str | Path,
     until: Until,
     *,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
@@ -95,10 +96,14 @@ def run_until(
     Raises:
         ScenarioError: for a method that a scenario does not fly; and as `run_campaign`.
     """
+    out = Path(out)
     for scenario in scenarios:
         if until.method not in scenario.campaign.methods:
-            known = ", ".join(scenario.campaign.methods)
-            raise ScenarioError(f"--until names method '{until.method}', {scenario.name} flies {known}")
+            known = scenario.campaign.methods
+            raise ScenarioError(
+                f"--until names method '{until.method}'{did_you_mean(until.method, known) or ','} "
+                f"{scenario.name} is run with {', '.join(known)}"
+            )
     sizes = {one.name: Partition.of(one).runs_per_chunk for one in scenarios}
     runs = {one.name: min(sizes[one.name], one.campaign.runs) for one in scenarios}
     while True:

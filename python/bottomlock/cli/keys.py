@@ -1,7 +1,6 @@
 """The command `bottomlock keys`: every key of the files that a user writes."""
 
 import dataclasses
-import difflib
 import json
 import sys
 from typing import Annotated, Literal
@@ -16,6 +15,7 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Columns, InstrumentFile
 from bottomlock.live.config import LiveConfig
+from bottomlock.nearest import did_you_mean
 from bottomlock.plant import HoveringVehicle, Vehicle
 from bottomlock.replay.case import Case
 
@@ -47,8 +47,7 @@ def keys(
     found = matching(reference(kind), word)
     if not found:
         names = {part for one in reference(kind) for part in (one.path, *(key.name for key in one.keys))}
-        close = difflib.get_close_matches(word, sorted(names), n=1)
-        hint = f", did you mean '{close[0]}'?" if close else ""
+        hint = did_you_mean(word, sorted(names))
         raise ScenarioError(f"no section or key of a {kind} file contains '{word}'{hint}")
     if as_json:
         sys.stdout.write(json.dumps([_content(one) for one in found], indent=2, ensure_ascii=False) + "\n")

@@ -19,6 +19,7 @@ from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live, Say, begin, host_clock
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
+from bottomlock.ports.mavlink import begin_dry_run
 
 
 def live(
@@ -47,6 +48,8 @@ def live(
     if init is not None:
         _init(config, init, autopilot)
         return
+    if dry_run:
+        begin_dry_run()
     settings = load_config(config)
     if replay is not None:
         _replay(settings, replay)
@@ -84,9 +87,9 @@ def _shown(settings: LiveConfig, engine: Engine) -> Callable[[Message], None]:
     def show(message: Message) -> None:
         section = settings.port[message.port]
         text = message.data.rstrip(b"\r\n").decode("ascii", "replace")
-        content = text if text.isprintable() else message.data.hex(" ")
+        content = text if text.isprintable() else f"{len(message.data)} bytes {message.data.hex(' ')}"
         console.print(
-            f"{engine.state} {section.port} to {section.to}, {len(message.data)} bytes: {content}",
+            f"{engine.state} {section.port} to {section.to}: {content}",
             soft_wrap=True,
             highlight=False,
         )

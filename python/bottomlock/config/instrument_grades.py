@@ -11,6 +11,7 @@ from pydantic import BaseModel, ModelWrapValidatorHandler
 from bottomlock import models
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.errors import ScenarioError
+from bottomlock.nearest import did_you_mean
 from bottomlock.units import mps2_from_mg, per_rt_s_from_per_rt_h, rad_from_deg, radps_from_deg_per_h
 
 M = TypeVar("M", bound=BaseModel)
@@ -70,7 +71,8 @@ def grade_of(kind: Kind, name: str) -> Grade:
     if name not in known:
         what = "vehicle" if kind == "water" else "grade"
         raise ScenarioError(
-            f"{what} is '{name}', expected one of {', '.join(known)}; bottomlock grades lists them"
+            f"{what} is '{name}'{did_you_mean(name, known) or ','} expected one of {', '.join(known)}; "
+            "bottomlock grades lists them"
         )
     return known[name]
 

@@ -1,6 +1,5 @@
 """The sections `[mission]` and `[seabed]` of a scenario, whose keys depend on their `kind`."""
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
@@ -9,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
+from bottomlock.nearest import did_you_mean
 
 Table = TypeVar("Table", bound=BaseModel)
 
@@ -146,8 +146,7 @@ def checked_table(kinds: dict[str, type[Table]], table: dict[str, Any], place: s
     """
     kind = table.get("kind")
     if kind not in kinds:
-        close = difflib.get_close_matches(str(kind), kinds, n=1)
-        hint = f", did you mean '{close[0]}'?" if close else f" (known: {', '.join(kinds)})"
+        hint = did_you_mean(str(kind), kinds, f" (known: {', '.join(kinds)})")
         raise ScenarioError(f"{place}: 'kind' is {kind!r}{hint}")
     try:
         return kinds[kind].model_validate(table)

@@ -1,6 +1,5 @@
 """Scenarios: TOML in human units to a frozen, validated `Scenario` with views in SI."""
 
-import difflib
 import hashlib
 import json
 from collections.abc import Iterable
@@ -29,6 +28,7 @@ from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Hea
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.nearest import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
@@ -244,8 +244,7 @@ def load_scenario(source: str | Path) -> Scenario:
             for entry in (resources.files("bottomlock.config") / "scenarios").iterdir()
             if entry.name.endswith(".toml")
         )
-        close = difflib.get_close_matches(str(source), names, n=1)
-        hint = f", did you mean '{close[0]}'?" if close else f" (packaged: {', '.join(names)})"
+        hint = did_you_mean(str(source), names, f" (packaged: {', '.join(names)})")
         raise ScenarioError(f"scenario '{source}' is neither a file nor a packaged scenario{hint}")
     return parse_scenario(read_text(path), place=str(path), folder=path.parent)
 
@@ -292,18 +291,19 @@ def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
     return scenario
 
 
-def copy_scenario(name: str, destination: Path) -> Path:
+def copy_scenario(name: str, destination: str | Path) -> Path:
     """Writes a packaged scenario out to edit; an existing file stays as it is.
 
     Raises:
         ScenarioError: for a name that is not packaged.
         OutputError: where the destination exists or cannot be written.
     """
+    destination = Path(destination)
     text = _packaged_text(name)
     if text is None:
-        raise ScenarioError(
-            f"no packaged scenario is called '{name}' (packaged: {', '.join(packaged_scenarios())})"
-        )
+        names = packaged_scenarios()
+        hint = did_you_mean(name, names, f" (packaged: {', '.join(names)})")
+        raise ScenarioError(f"no packaged scenario is called '{name}'{hint}")
     try:
         with destination.open("x", encoding="utf-8") as file:
             file.write(text)

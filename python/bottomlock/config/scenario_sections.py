@@ -1,6 +1,5 @@
 """The sections of a scenario file, in human units, each checked as it is read."""
 
-import difflib
 import math
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
@@ -22,6 +21,7 @@ from bottomlock.config.instrument_grades import filled_from_grade, imu_model
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
 from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration
+from bottomlock.nearest import did_you_mean
 from bottomlock.own_method import known_names
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -388,8 +388,7 @@ def check_methods(methods: Iterable[str]) -> None:
     seen: set[str] = set()
     for method in methods:
         if method not in known_names():
-            close = difflib.get_close_matches(method, known_names(), n=1)
-            hint = f", did you mean '{close[0]}'?" if close else ""
+            hint = did_you_mean(method, known_names())
             raise ValueError(
                 f"unknown method '{method}'{hint} (known: {', '.join(known_names())}; your own: MODULE:CLASS)"
             )

@@ -1,11 +1,10 @@
 """Error messages for settings files: place, key, value found, value expected, unit."""
 
-import difflib
-
 from pydantic import BaseModel, ValidationError
 
 from bottomlock.config.key_reference import key_of, model_at, section_models, section_paths
 from bottomlock.config.unit_of_key import unit_of
+from bottomlock.nearest import nearest
 
 _BOUNDS = {
     "greater_than": ("gt", ">"),
@@ -38,14 +37,14 @@ def _missing(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> s
 def _unknown(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> str:
     """The nearest key of the section, or the section that has the very key."""
     name, known = str(path[-1]), list(model_at(model, path[:-1]).model_fields)
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+    close = nearest(name, known)
     # Of a section that may be one of several models, another one may have the key: that is not its place.
     own = ".".join(part for part in map(str, path[:-1]) if not part[:1].isupper())
     elsewhere = [
         place for place, one in section_paths(model) if place not in {"", own} and name in one.model_fields
     ]
-    if close and (not elsewhere or difflib.SequenceMatcher(None, name, close[0]).ratio() > 0.8):
-        return f"unknown key '{key}', did you mean '{close[0]}'?"
+    if close and (not elsewhere or nearest(name, [close], alike=0.8)):
+        return f"unknown key '{key}', did you mean '{close}'?"
     if elsewhere:
         places = " or ".join(f"[{place}]" for place in elsewhere[:3])
         return f"unknown key '{key}', '{name}' is a key of {places}"

@@ -24,7 +24,7 @@ from bottomlock.dead_reckoning.track import (
 )
 from bottomlock.dead_reckoning.track_sd import AttitudeErrors, StructureFunction, VelocityErrors
 from bottomlock.kernel import STATUS, BeamGeometry, solve_velocity
-from bottomlock.models import InitialState, Model
+from bottomlock.models import DepthModel, DvlModel, InitialState, MagnetometerModel, Model
 
 LEVEL_TIME_S = 30.0
 """Longer than a turn of a vehicle's speed, short enough for gyros of 100 deg/h: 0.8 deg."""
@@ -76,11 +76,11 @@ def reckon(
         sample_ns: times of the estimates.
         depth_lever_p_m: (3,) of the depth sensor from the IMU.
     """
-    dvl, B = model.dvl, np.asarray(geometry.directions_p)
+    dvl, B = model.of(DvlModel), np.asarray(geometry.directions_p)
     velocities = _velocities(geometry, sensors, dvl.beam_noise_sd_mps)
     depths, depth = sensors.depths, None
     if depths is not None and len(depths.time_ns):
-        sd_m = float(np.hypot(model.depth.sd_m, model.depth.bias_sd_m))
+        sd_m = float(np.hypot(model.of(DepthModel).sd_m, model.of(DepthModel).bias_sd_m))
         depth = DepthAid(Depths(sample_ns, _latest(depths, sample_ns)), sd_m, depth_lever_p_m)
     return dead_reckon(
         velocities,
@@ -173,9 +173,9 @@ def _levelled(
 
 def attitude_errors(sensors: Sensors, model: Model) -> AttitudeErrors:
     """What the sources of level and yaw claim; white noise holds until the next reading."""
-    compass, heading = model.magnetometer, model.heading
-    own, held_s = sensors.attitudes, 0.0
+    heading, own, held_s = model.heading, sensors.attitudes, 0.0
     if own is not None and len(own.time_ns) > 1:
+        compass = model.of(MagnetometerModel)
         level = (compass.roll_pitch_offset_sd_rad, compass.roll_pitch_walk_sd_rad, compass.roll_pitch_sd_rad)
         yaw = (compass.yaw_offset_sd_rad, compass.yaw_walk_sd_rad, compass.yaw_sd_rad)
         walk_time_s, held_s = compass.walk_time_s, _interval_s(own.time_ns)

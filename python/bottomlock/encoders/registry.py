@@ -3,7 +3,6 @@
 A new one is a module with `NAME` and `encode(ping, instrument)`, and a line in `FORMATS`.
 """
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -15,6 +14,7 @@ from bottomlock.encoders.instrument import Instrument
 from bottomlock.encoders.ping import Ping
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import BeamGeometry
+from bottomlock.nearest import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,7 @@ def format_named(name: str) -> Format:
     for one in FORMATS:
         if one.name == name:
             return one
-    close = difflib.get_close_matches(name, NAMES, n=1, cutoff=0.4)
-    hint = f"did you mean '{close[0]}'? " if close else ""
-    raise ScenarioError(f"format '{name}' is unknown, {hint}known: {', '.join(NAMES)}")
+    raise ScenarioError(f"format '{name}' is unknown{did_you_mean(name, NAMES)} (known: {', '.join(NAMES)})")
 
 
 def encoder(name: str, geometry: BeamGeometry, *, start_ns: int = 0) -> Encoder:

@@ -1,12 +1,12 @@
 """Faults of an instrument and its line, drawn from a seed: which ping has which."""
 
-import difflib
 import math
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from bottomlock.errors import ScenarioError
+from bottomlock.nearest import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,8 @@ def parse_faults(text: str | None) -> Faults:
             continue
         key, equals, number = (piece.strip() for piece in part.partition("="))
         if key not in known:
-            close = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-            hint = f"did you mean '{close[0]}'? " if close else ""
-            raise ScenarioError(f"--faults: '{key}' is unknown, {hint}known: {', '.join(known)}")
+            hint = did_you_mean(key, known)
+            raise ScenarioError(f"--faults: '{key}' is unknown{hint} (known: {', '.join(known)})")
         if key in values:
             raise ScenarioError(f"--faults: '{key}' is given twice")
         try:

@@ -23,6 +23,7 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.columns import column_numbers, nanoseconds, number_series, read_rows
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
 from bottomlock.later import pl
+from bottomlock.nearest import did_you_mean
 from bottomlock.table_file import read_table_file
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -140,7 +141,10 @@ def _text_of(source: str | Path) -> tuple[str, str]:
     names = sorted(
         e.name.removesuffix(".toml") for e in (resources.files("bottomlock.config") / "geometries").iterdir()
     )
-    raise ScenarioError(f"geometry '{source}' is neither a file nor packaged (packaged: {', '.join(names)})")
+    raise ScenarioError(
+        f"geometry '{source}' is neither a file nor packaged{did_you_mean(str(source), names)} "
+        f"(packaged: {', '.join(names)})"
+    )
 
 
 def geometry_text(source: str | Path) -> str:

@@ -26,6 +26,7 @@ from bottomlock.io import (
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import show
+from bottomlock.nearest import did_you_mean
 from bottomlock.table_file import check_regular
 
 _HEAD = 65_536
@@ -189,7 +190,8 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
     """
     place = Path(path)
     if format is not None and format not in NAMES:
-        raise DataError(f"--format is '{format}', expected one of {', '.join(NAMES)}")
+        hint = did_you_mean(format, NAMES) or ","
+        raise DataError(f"--format is '{format}'{hint} expected one of {', '.join(NAMES)}")
     _check_there(place)
     name = format or (table.NAME if options.columns is not None else detect(place))
     for by_path in PATHS:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import DataError
+from bottomlock.extras import install
 from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import printable
@@ -58,9 +59,7 @@ def typestore(latest: bool = True) -> Any:  # noqa: ANN401, FBT001, FBT002 - the
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise DataError(
-            "bags and MCAP files need the library rosbags: python -m pip install 'bottomlock[ros]'"
-        ) from error
+        raise DataError(f"bags and MCAP files need the library rosbags: {install('ros')}") from error
     store = get_typestore(Stores.LATEST if latest else Stores.ROS1_NOETIC)
     for name in TYPES:
         store.register(get_types_from_msg(DEFINITION, name))

@@ -20,6 +20,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.columns import NS_OF, column_numbers, read_rows
 from bottomlock.io.track_points import Points, read_geojson, read_kml
 from bottomlock.later import pl
+from bottomlock.nearest import did_you_mean
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +92,8 @@ def _named(table: pl.DataFrame, columns: Mapping[str, str], place: str) -> pl.Da
     for name, theirs in columns.items():
         if name not in COLUMNS:
             raise DataError(
-                f"{place}: trajectory.columns has no key '{name}', expected one of {', '.join(COLUMNS)}"
+                f"{place}: trajectory.columns has no key '{name}'{did_you_mean(name, COLUMNS) or ','} expected one of "
+                f"{', '.join(COLUMNS)}"
             )
         if theirs not in table.columns:
             raise DataError(f"{place}: column '{theirs}' is missing (there are {_shown(table)})")

@@ -13,6 +13,7 @@ from typing import Any
 
 from bottomlock.address import Address
 from bottomlock.errors import DataError
+from bottomlock.extras import install
 from bottomlock.live.listening import accept, listen
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0
@@ -367,7 +368,7 @@ def _serial_connection() -> Any:  # noqa: ANN401 - an extra
     try:
         import serial_asyncio_fast  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise DataError("serial lines need pyserial-asyncio-fast: pip install 'bottomlock[live]'") from error
+        raise DataError(f"serial lines need pyserial-asyncio-fast: {install('live')}") from error
     return serial_asyncio_fast.create_serial_connection
 
 

@@ -20,6 +20,7 @@ from bottomlock.live.platform_attitude import PlatformAttitude
 from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import ImuFromAttitude
+from bottomlock.models import MagnetometerModel
 from bottomlock.ports.estimate import Beams, Estimate, State
 from bottomlock.ports.rotation import angles
 
@@ -174,7 +175,7 @@ class NavigationEstimator:
         assert self._attitude is not None
         model = self._settings.model
         if self._attitude.aids == "attitude":
-            noise = model.magnetometer
+            noise = model.of(MagnetometerModel)
             return navigator.push_attitude(
                 time_ns,
                 attitude_t_p,

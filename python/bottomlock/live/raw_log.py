@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from bottomlock.errors import DataError, OutputError
+from bottomlock.extras import install
 
 Kind = Literal["in", "connected", "out"]
 _RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
@@ -42,7 +43,7 @@ def _mcap() -> Any:  # noqa: ANN401 - an extra
     try:
         import mcap.writer  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise DataError("raw logs need mcap: pip install 'bottomlock[live]'") from error
+        raise DataError(f"raw logs need mcap: {install('live')}") from error
     return mcap
 
 

@@ -1,10 +1,10 @@
 """Commented configurations for a named instrument and autopilot: what `bottomlock live --init` writes."""
 
-import difflib
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 from bottomlock.errors import ScenarioError
+from bottomlock.nearest import did_you_mean
 
 Mode = Literal["velocity", "navigation"]
 _T = TypeVar("_T")
@@ -223,6 +223,5 @@ def template(instrument: str, autopilot: str) -> str:
 def _named(what: str, name: str, known: dict[str, _T]) -> _T:
     if name in known:
         return known[name]
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-    hint = f", did you mean '{close[0]}'?" if close else ""
+    hint = did_you_mean(name, known)
     raise ScenarioError(f"unknown {what} '{name}'{hint} (known: {', '.join(known)})")

@@ -11,6 +11,7 @@ from typing import Any
 
 from bottomlock.address import Address
 from bottomlock.errors import DataError
+from bottomlock.extras import install
 from bottomlock.live.sinks import Sink
 
 CDR_HEADER = b"\x00\x01\x00\x00"
@@ -20,7 +21,7 @@ def _zenoh() -> Any:  # noqa: ANN401 - an extra
     try:
         import zenoh  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise DataError("targets zenoh:KEY need eclipse-zenoh: pip install 'bottomlock[zenoh]'") from error
+        raise DataError(f"targets zenoh:KEY need eclipse-zenoh: {install('zenoh')}") from error
     return zenoh
 
 

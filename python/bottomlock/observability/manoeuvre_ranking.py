@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from bottomlock.kernel import BeamGeometry
-from bottomlock.models import Model
+from bottomlock.models import DvlModel, Model
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
 from bottomlock.tables.check import check
@@ -115,7 +115,7 @@ def _word(found: Finding, state: int) -> str:
 
 def _initial_sd(model: Model) -> list[float]:
     """Standard deviations of the 20 states at the start."""
-    initial, imu, dvl = model.initial, model.imu, model.dvl
+    initial, imu, dvl = model.initial, model.imu, model.of(DvlModel)
     return [
         *initial.position_sd_m,
         *initial.attitude_sd_rad,

@@ -83,7 +83,7 @@ def scenario_schedule(simulation: Simulation, truth: Truth) -> tuple[Schedule, S
     return schedule, every
 
 
-def observe_scenario(source: str | Path, out: Path) -> Observed:
+def observe_scenario(source: str | Path, out: str | Path) -> Observed:
     """Analyses a scenario's truth for every mask of its instrument, and ranks manoeuvres for its own mask.
 
     Writes observability.parquet (the truth, every mask; a further row where beams come and go), manoeuvres.parquet
@@ -98,6 +98,7 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
         DataError: for a truth of less than a second.
         OutputError: where the directory cannot be written.
     """
+    out = Path(out)
     scenario = load_scenario(source)
     simulation = build_simulation(scenario)
     truth, geometry = simulation.truth(), simulation.geometry
@@ -200,12 +201,13 @@ def _ranks(found: Finding, labels: dict[str, str]) -> pl.DataFrame:
     return frame.select(list(RANKS))
 
 
-def observe_paper(out: Path) -> Observed:
+def observe_paper(out: str | Path) -> Observed:
     """The six cases of Klein & Diamant 2015, both windows and both signs: tables and figures 1-6.
 
     Raises:
         OutputError: where the directory cannot be written.
     """
+    out = Path(out)
     table = paper_table()
     model = load_scenario(_ERRORS_OF).kernel_model(9.8125)
     sds, ranks = paper_histories(model)

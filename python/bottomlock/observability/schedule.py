@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import SENSORS
+from bottomlock.nearest import did_you_mean
 from bottomlock.simulation.sensor_times import epochs_ns
 
 Times = NDArray[np.int64]
@@ -62,7 +63,8 @@ class Schedule:
         others = others or {}
         for name in others:
             if name not in SENSORS:
-                raise DataError(f"schedule: there is no sensor '{name}', expected {', '.join(SENSORS)}")
+                hint = did_you_mean(name, SENSORS) or ","
+                raise DataError(f"schedule: there is no sensor '{name}'{hint} expected {', '.join(SENSORS)}")
         if beam_valid.ndim != 2 or len(beam_valid) != len(dvl_time_ns):
             raise DataError(
                 f"schedule: beam_valid has shape {beam_valid.shape}, expected ({len(dvl_time_ns)}, beams)"

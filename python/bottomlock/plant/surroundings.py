@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
+from bottomlock.extras import install
 from bottomlock.plant.maths import FloatArray, IntArray
 from bottomlock.plant.matrices import rotation_t_p
 
@@ -73,7 +74,7 @@ def world_magnetic_model(
         geomag = import_module("pygeomag")
     except ImportError as error:
         raise ScenarioError(
-            "magnetometer: the World Magnetic Model needs the package pygeomag: pip install 'bottomlock[magnetic]', "
+            f"magnetometer: the World Magnetic Model needs the package pygeomag: {install('magnetic')}, "
             "or give the declination itself"
         ) from error
     try:

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
+from bottomlock.nearest import did_you_mean
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.vehicle import Vehicle
 
@@ -53,6 +54,9 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
         return entry.read_text(encoding="utf-8"), name_or_path
     path = Path(name_or_path)
     if not path.is_file():
-        known = ", ".join(packaged_vehicles())
-        raise ScenarioError(f"vehicle '{name_or_path}': neither a packaged vehicle ({known}) nor a file")
+        known = packaged_vehicles()
+        hint = did_you_mean(str(name_or_path), known)
+        raise ScenarioError(
+            f"vehicle '{name_or_path}' is neither a packaged vehicle nor a file{hint} (packaged: {', '.join(known)})"
+        )
     return read_text(path), str(path)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.nearest import did_you_mean
 from bottomlock.ports.estimate import SILENT, Estimate
 from bottomlock.ports.port import Loss, loss_of
 from bottomlock.units import ns_from_s
@@ -134,7 +135,10 @@ class PortBase:
             ScenarioError: naming port, key and value.
         """
         if value not in known:
-            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected one of {', '.join(known)}")
+            hint = did_you_mean(str(value), known) or ","
+            raise ScenarioError(
+                f"port {self.name}: {key} is {value!r}{hint} expected one of {', '.join(known)}"
+            )
         return value
 
 

@@ -7,12 +7,15 @@ Sources: message definitions of MAVLink (common.xml, ardupilotmega.xml). What th
 NavEKF3_core::writeBodyFrameOdom, and PX4's ekf2 (docs/ports.md).
 """
 
+from functools import cache
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import ScenarioError, note
+from bottomlock.extras import install
 from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
 
@@ -26,18 +29,49 @@ VISUAL_INERTIAL_ODOMETRY = 197
 """MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY."""
 
 
+class _Fields:
+    """Stands for the library in a dry run: messages are packed as their names and fields, and none is parsed."""
+
+    MAVLink = staticmethod(lambda *_, **__: SimpleNamespace(seq=0, parse_buffer=lambda _: []))
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as of the library
+        def message(*values: object, **fields: object) -> SimpleNamespace:
+            words = [*map(str, values), *(f"{key}={value}" for key, value in fields.items())]
+            text = " ".join([name.removeprefix("MAVLink_").removesuffix("_message").upper(), *words])
+            return SimpleNamespace(pack=lambda _: text.encode())
+
+        return message
+
+
+_state = {"dry run": False}
+
+
+def begin_dry_run() -> None:
+    """Where the library is not installed, messages are shown as their fields from now on in this process."""
+    _state["dry run"] = True
+
+
+@cache
+def _stand_in(missing: str) -> _Fields:
+    note(
+        f"{missing}; until then MAVLink messages are shown as their fields, and MAVLink sources are not read"
+    )
+    return _Fields()
+
+
 def dialect() -> Any:  # noqa: ANN401 - the library is not typed
     """The library's module of the dialect "ardupilotmega", version 2.
 
     Raises:
-        ScenarioError: where the library is not installed.
+        ScenarioError: where the library is not installed, except in a dry run.
     """
     try:
         from pymavlink.dialects.v20 import ardupilotmega  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise ScenarioError(
-            "MAVLink needs the library pymavlink: python -m pip install 'bottomlock[mavlink]'"
-        ) from error
+        missing = f"MAVLink needs the library pymavlink: {install('mavlink')}"
+        if _state["dry run"]:
+            return _stand_in(missing)
+        raise ScenarioError(missing) from error
     return ardupilotmega
 
 

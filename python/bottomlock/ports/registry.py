@@ -3,13 +3,13 @@
 A new port is a file with a class and a line in `PORTS` below.
 """
 
-import difflib
 import inspect
 from collections.abc import Callable
 from typing import Any
 
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
+from bottomlock.nearest import did_you_mean
 from bottomlock.ports.mip import MicroStrain
 from bottomlock.ports.odometry import Odometry
 from bottomlock.ports.port import Port
@@ -62,5 +62,4 @@ def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of 
 
 
 def _nearest(word: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f", did you mean '{close[0]}'?" if close else f" (known: {', '.join(known) or 'none'})"
+    return did_you_mean(word, known, f" (known: {', '.join(known) or 'none'})")

@@ -13,7 +13,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Instrument, geometry_text
 from bottomlock.io.calibrated_file import Calibrated, calibrated_text, require_new
 from bottomlock.kernel import STATES
-from bottomlock.models import Calibration
+from bottomlock.models import Calibration, DvlModel
 from bottomlock.replay.axes import from_angles
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import Rerun
@@ -49,7 +49,9 @@ def calibration_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
 def _prior(rerun: Rerun) -> Floats:
     """(5,) 1 sigma of each parameter beforehand, SI."""
     prior = rerun.prepared.options.calibration
-    return np.array([*prior.mounting_sd_rad, prior.clock_sd_s, rerun.prepared.model.dvl.scale_factor_sd])
+    return np.array(
+        [*prior.mounting_sd_rad, prior.clock_sd_s, rerun.prepared.model.of(DvlModel).scale_factor_sd]
+    )
 
 
 def calibration_words(table: pl.DataFrame, methods: Sequence[str]) -> list[str]:

@@ -15,6 +15,7 @@ from bottomlock.dead_reckoning.track_sd import (
     white_noise,
 )
 from bottomlock.kernel import STATUS
+from bottomlock.models import DvlModel
 from bottomlock.replay.axes import quaternions
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
@@ -90,7 +91,7 @@ def reckon(
     attitudes, alignment = prepared.streams.attitudes, prepared.alignment
     if case.attitude is None or attitudes is None or len(attitudes.time_ns) < 2 or log is None:
         return None
-    dvl, instrument = prepared.model.dvl, prepared.streams.instrument
+    dvl, instrument = prepared.model.of(DvlModel), prepared.streams.instrument
     B = np.asarray(instrument.geometry.directions_p)
     depths, depth = prepared.streams.depths, case.depth
     reckoned = dead_reckon(

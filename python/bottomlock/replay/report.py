@@ -56,12 +56,13 @@ class Drawing:
     folded: bool = False
 
 
-def read_replay(folder: Path) -> ReplayTables:
+def read_replay(folder: str | Path) -> ReplayTables:
     """Reads the tables of a finished replay.
 
     Raises:
         DataError: for a directory without a replay, or a table that is missing or has changed since it was written.
     """
+    folder = Path(folder)
     manifest = read_record(folder / "manifest.json")
     if manifest is None or manifest.get("kind") != "replay":
         raise DataError(f"{folder}: holds no replay (no manifest.json of one); `bottomlock replay` makes one")
@@ -97,13 +98,14 @@ def is_replay(folder: Path) -> bool:
     return manifest is not None and manifest.get("kind") == "replay"
 
 
-def make_replay_report(folder: Path) -> Path:
+def make_replay_report(folder: str | Path) -> Path:
     """Writes `report.html` and `figures/` from the tables of a replay.
 
     Raises:
         DataError: as `read_replay`.
         OutputError: where the directory cannot be written.
     """
+    folder = Path(folder)
     tables = read_replay(folder)
     inline = []
     for drawing in drawings(tables):

@@ -305,13 +305,14 @@ def _check_owner(out: Path, configuration: str, *, force: bool) -> bool:
     return other
 
 
-def write_replay(replayed: ReplayResult, out: Path) -> None:
+def write_replay(replayed: ReplayResult, out: str | Path) -> None:
     """Writes the tables and, last, the manifest, which is their record; each file is written atomically.
 
     Raises:
         OutputError: where the directory cannot be written.
     """
     # Of an interrupted writing a manifest remains that is not complete.
+    out = Path(out)
     begun = {key: replayed.manifest[key] for key in ("kind", "configuration_hash")}
     write_record(out / MANIFEST, begun | {"status": "running"}, {})
     tables = {name: getattr(replayed, name) for name in TABLES}

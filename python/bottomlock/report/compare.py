@@ -1,7 +1,7 @@
 """Campaigns side by side as one page, with a table and a figure for each quantity."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from bottomlock.errors import DataError
 from bottomlock.figures.compare import compare_figure
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.nearest import did_you_mean
 from bottomlock.pages.render import render
 from bottomlock.statistics.compare import QUANTITIES, comparison_table, differing_settings, why_unpaired
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
@@ -33,7 +34,7 @@ class Comparison:
     page: Path
 
 
-def compare(folders: list[Path], out: Path, *, against: str | None = None) -> Comparison:
+def compare(folders: Sequence[str | Path], out: str | Path, *, against: str | None = None) -> Comparison:
     """Lays campaigns, or the variants in a folder, side by side; writes table, page and figures to `out`.
 
     Args:
@@ -46,14 +47,16 @@ def compare(folders: list[Path], out: Path, *, against: str | None = None) -> Co
             common trajectory.
         OutputError: where the directory cannot be written.
     """
-    found = campaign_folders(folders)
+    out = Path(out)
+    found = campaign_folders([Path(folder) for folder in folders])
     if len(found) < 2:
         raise DataError(
             f"{len(found)} campaign is named, expected two or more, or a folder of variants (bottomlock run --set)"
         )
     reference = next(iter(found)) if against is None else against
     if reference not in found:
-        raise DataError(f"--against is '{reference}', expected one of {', '.join(found)}")
+        hint = did_you_mean(reference, found) or ","
+        raise DataError(f"--against is '{reference}'{hint} expected one of {', '.join(found)}")
     campaigns = {label: read_campaign_tables(folder) for label, folder in found.items()}
     shared = [name for name in campaigns[reference].trajectories if _in_others(campaigns, reference, name)]
     if not shared:

@@ -34,7 +34,7 @@ class Report:
     claims: pl.DataFrame
 
 
-def make_report(folder: Path) -> Report:
+def make_report(folder: str | Path) -> Report:
     """Writes `report.html` and `figures/` from the tables of a finished campaign.
 
     Where the paper's scenarios were flown with its settings, its claims on them are tested, and `tables/claims.parquet`
@@ -44,6 +44,7 @@ def make_report(folder: Path) -> Report:
         DataError: for a directory that holds no finished campaign of this version, or a damaged one.
         OutputError: where the directory cannot be written.
     """
+    folder = Path(folder)
     campaign = read_campaign_tables(folder)
     errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
     paper = load_paper()

@@ -6,7 +6,7 @@ streaming navigator, whose results are the same bits.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bottomlock import kernel
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import ScenarioError
+from bottomlock.models import DvlModel
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.truth.truth import Truth
@@ -95,7 +96,11 @@ class Readings:
         The run ends at the last of these pings. A ping without a fix by the method yields nothing.
         """
         navigator = kernel.Navigator(
-            self.simulation.geometry, self._model, self._options, self._drawn["initial"], method=method
+            self.simulation.geometry,
+            self._model,
+            self._options,
+            self._drawn["initial"],
+            method=cast("kernel.Method", method),
         )
         wanted, last_ns = set(watched), int(self.ping_time_ns[max(watched)])
         # The reference method has every beam, as in a campaign.
@@ -132,7 +137,7 @@ class Readings:
         return [(time_ns, order[rank], k) for time_ns, rank, k in sorted(events)]
 
     def _ping(self, navigator: kernel.Navigator, k: int, valid: NDArray[np.bool_]) -> list[Any]:
-        sd_mps = np.full(len(valid), self._model.dvl.beam_noise_sd_mps)
+        sd_mps = np.full(len(valid), self._model.of(DvlModel).beam_noise_sd_mps)
         reports: list[Any] = navigator.push_beams(
             int(self.ping_time_ns[k]), self._drawn["dvl_velocity_mps"][k], valid, sd_mps=sd_mps
         )

@@ -70,7 +70,7 @@ def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]
 def run_consistency(
     scenarios: Sequence[Scenario],
     masks: Sequence[tuple[int, ...]],
-    out: Path,
+    out: str | Path,
     *,
     command: str = "",
     threads: int = 0,
@@ -94,6 +94,7 @@ def run_consistency(
         OutputError: if `out` cannot be written.
         KernelError: for input that the kernel rejects, naming run and method.
     """
+    out = Path(out)
     parts = []
     total = len(scenarios) * len(masks)
     hashed = configuration(scenarios, masks)

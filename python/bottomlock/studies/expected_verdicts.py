@@ -33,12 +33,13 @@ class Expectations(Section):
     expect: tuple[Expectation, ...]
 
 
-def read_expectations(path: Path) -> tuple[Expectation, ...]:
+def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     """The expectations in a TOML file.
 
     Raises:
         DataError: for a file that is not there, ill-formed TOML, unknown keys or verdicts, and an empty list.
     """
+    path = Path(path)
     if not path.is_file():
         raise DataError(f"{path}: no such file of expected verdicts")
     try:

@@ -13,6 +13,7 @@ from bottomlock.atomic_write import write_parquet
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.nearest import did_you_mean
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics import campaign
@@ -59,8 +60,10 @@ def select(found: Sequence[cases.Case], wanted: Sequence[str] | None) -> list[ca
     for name in dict.fromkeys(wanted):
         case = known.get(name) or known.get(f"beams_{name}")
         if case is None:
-            names = ", ".join(key.removeprefix("beams_") for key in known)
-            raise ScenarioError(f"unknown case '{name}' (known: {names})")
+            names = [key.removeprefix("beams_") for key in known]
+            raise ScenarioError(
+                f"unknown case '{name}'{did_you_mean(name, names)} (known: {', '.join(names)})"
+            )
         chosen.append(case)
     if not chosen:
         raise ScenarioError("no case is named")
@@ -89,7 +92,7 @@ def mean_beams(case: cases.Case) -> float:
 
 def run_masks(
     scenarios: Sequence[Scenario],
-    out: Path,
+    out: str | Path,
     *,
     wanted: Sequence[str] | None = None,
     threads: int = 0,
@@ -115,6 +118,7 @@ def run_masks(
         OutputError: if `out` cannot be written.
         KernelError: for input that the kernel rejects, naming run and method.
     """
+    out = Path(out)
     cases.beams_of(scenarios)
     by_scenario = [select(all_cases(scenario), wanted) for scenario in scenarios]
     parts = []

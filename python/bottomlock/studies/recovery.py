@@ -63,7 +63,7 @@ def two_beam_outages(scenario: Scenario) -> list[cases.Case]:
 
 def run_recovery(
     scenarios: Sequence[Scenario],
-    out: Path,
+    out: str | Path,
     *,
     progress: Callable[[str, int], None] = lambda _trajectory, _runs: None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
@@ -81,6 +81,7 @@ def run_recovery(
         ScenarioError: as `two_beam_outages` and `Readings`.
         OutputError: if `out` cannot be written.
     """
+    out = Path(out)
     parts = []
     for scenario in scenarios:
         outages = two_beam_outages(scenario)

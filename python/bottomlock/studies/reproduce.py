@@ -25,7 +25,7 @@ def sweep_runs(runs: int) -> int:
 
 
 def reproduce(
-    out: Path,
+    out: str | Path,
     *,
     runs: int = RUNS,
     seed: int | None = None,
@@ -52,6 +52,7 @@ def reproduce(
     Raises:
         As `run_campaign` and `make_report`.
     """
+    out = Path(out)
     scenarios = study_scenarios(runs, seed, methods)
     settings: Any = {"threads": threads, "force": force, "recover": recover, "progress": progress}
     # Held from the first campaign to the report.

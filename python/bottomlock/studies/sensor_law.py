@@ -20,6 +20,7 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import Method
+from bottomlock.nearest import did_you_mean
 from bottomlock.simulation.build import build_simulation
 from bottomlock.statistics import chi_squared
 from bottomlock.statistics.rms import rms
@@ -73,7 +74,8 @@ def variant(
     """
     unknown = [name for name in sensors if name not in SENSORS]
     if unknown:
-        raise ScenarioError(f"unknown sensor '{unknown[0]}' (known: {', '.join(SENSORS)})")
+        hint = did_you_mean(unknown[0], SENSORS)
+        raise ScenarioError(f"unknown sensor '{unknown[0]}'{hint} (known: {', '.join(SENSORS)})")
     if current_mps and scenario.trajectory.source != "vehicle":
         raise ScenarioError(
             f'scenario {scenario.name}: a current needs a vehicle, trajectory.source = "vehicle"'
@@ -101,7 +103,7 @@ def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]
 def run_sensor_law(
     scenarios: Sequence[Scenario],
     masks: Sequence[tuple[int, ...]],
-    out: Path,
+    out: str | Path,
     *,
     command: str = "",
     threads: int = 0,
@@ -125,6 +127,7 @@ def run_sensor_law(
         OutputError: where `out` cannot be written.
         KernelError: for input that the kernel rejects, naming run and method.
     """
+    out = Path(out)
     cells = [
         (scenario, mask, current)
         for scenario in scenarios

@@ -66,7 +66,7 @@ SETTINGS = (
 
 def run_sweep(
     scenarios: Sequence[Scenario],
-    out: Path,
+    out: str | Path,
     *,
     runs: int,
     threads: int = 0,
@@ -84,6 +84,7 @@ def run_sweep(
     Raises:
         As `run_campaign`.
     """
+    out = Path(out)
     parts = []
     for folder, setting, value in _cells():
         changed = [

@@ -146,7 +146,7 @@ def variant_runs(variants: Sequence[Variant]) -> int:
 
 def run_variants(
     variants: Sequence[Variant],
-    out: Path,
+    out: str | Path,
     *,
     threads: int = 0,
     engine: Engine = "local",
@@ -164,6 +164,7 @@ def run_variants(
         OutputError: for a directory that holds something else.
         As `run_campaign`.
     """
+    out = Path(out)
     known = _known(out)
     with ExitStack() as held:
         held.enter_context(locked(out))

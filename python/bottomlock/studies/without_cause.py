@@ -46,7 +46,7 @@ def variants(scenarios: Sequence[Scenario]) -> dict[str, list[Scenario]]:
 
 def run_without_causes(
     scenarios: Sequence[Scenario],
-    out: Path,
+    out: str | Path,
     *,
     threads: int = 0,
     force: bool = False,
@@ -58,6 +58,7 @@ def run_without_causes(
     Raises:
         As `run_campaign`.
     """
+    out = Path(out)
     for cause, changed in variants(scenarios).items():
         run_campaign(
             changed,

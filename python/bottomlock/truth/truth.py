@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import DataError
+from bottomlock.nearest import did_you_mean
 
 Array = NDArray[np.float64]
 
@@ -117,9 +118,10 @@ class Truth:
         from bottomlock.io.track import read_track  # noqa: PLC0415 - most truths are not from a file
         from bottomlock.truth import path, path_spline  # noqa: PLC0415 - which import this module
 
-        unknown = set(way) - {field.name for field in fields(path_spline.PathOptions)}
+        known = [field.name for field in fields(path_spline.PathOptions)]
+        unknown = set(way) - set(known)
         if unknown:
-            raise DataError(f"Truth.from_path has no key '{min(unknown)}'")
+            raise DataError(f"Truth.from_path has no key '{min(unknown)}'{did_you_mean(min(unknown), known)}")
         own = path.Path(read_track(Path(file), columns), path_spline.PathOptions(**way), depth_m=depth_m)
         latitude = own.track.latitude_rad if latitude_rad is None else latitude_rad
         if latitude is None:

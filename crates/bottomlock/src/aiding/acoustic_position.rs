@@ -19,7 +19,7 @@ use crate::random::Normals;
 
 model_section! {
     /// Errors of acoustic position fixes, 1 sigma per axis, tangent frame.
-    pub struct AcousticPositionModel in "acoustic_position" (optional) {
+    pub struct AcousticPositionModel in "acoustic_position" {
         /// Noise at zero range, σ₀, m.
         pub sd_m: f64,
         /// Noise per slant range, k.

@@ -30,7 +30,7 @@ model_section! {
 
 model_section! {
     /// Outliers among simulated beams; the filter does not model them.
-    pub struct DvlOutlierModel in "dvl_outliers" (optional) {
+    pub struct DvlOutlierModel in "dvl_outliers" {
         /// Fraction of readings of a beam that are outliers.
         pub outlier_fraction: Fraction,
         /// Noise of an outlier over that of a good reading.

@@ -185,7 +185,7 @@ macro_rules! models {
 
 /// Declares a section of a model, with how it is read and checked.
 macro_rules! model_section {
-    ($(#[$doc:meta])* pub struct $model:ident in $section:literal $(($optional:ident))? {
+    ($(#[$doc:meta])* pub struct $model:ident in $section:literal {
         $($(#[$field_doc:meta])* pub $field:ident: $kind:ty,)+
     }) => {
         $(#[$doc])*
@@ -196,7 +196,6 @@ macro_rules! model_section {
 
         impl $crate::aiding::sensor::Section for $model {
             const NAME: &'static str = $section;
-            const OPTIONAL: bool = !concat!("" $(, stringify!($optional))?).is_empty();
 
             fn read<N: $crate::aiding::sensor::Numbers>(numbers: &N) -> Result<Self, N::Error> {
                 Ok(Self {

@@ -18,7 +18,7 @@ use crate::random::Normals;
 
 model_section! {
     /// Errors of a heading sensor, 1 sigma.
-    pub struct HeadingModel in "heading" (optional) {
+    pub struct HeadingModel in "heading" {
         /// White noise, rad.
         pub sd_rad: f64,
         /// Constant offset, rad; 0 for none.

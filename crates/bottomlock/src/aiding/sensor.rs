@@ -168,12 +168,10 @@ pub trait Numbers {
     fn triple(&self, key: &'static str) -> Result<[f64; 3], Self::Error>;
 }
 
-/// A section of a model: numbers by key.
+/// A section of a model: numbers by key; all zero for a model without the sensor.
 pub trait Section: Copy + Default {
     /// Its name.
     const NAME: &'static str;
-    /// Whether it is optional, for a model without the sensor: all its numbers are then zero.
-    const OPTIONAL: bool;
 
     /// Reads it.
     ///

@@ -11,6 +11,7 @@ from threading import Lock
 import numpy as np
 
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.nearest import did_you_mean
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.streams import Flags, Floats
 from bottomlock.replay.tune.criterion import Criterion
@@ -199,7 +200,7 @@ class Estimate:
 
 
 def tune_case(
-    path: Path | Case,
+    path: str | Path | Case,
     *,
     fraction: float = 0.5,
     methods: Sequence[str] = METHODS,
@@ -227,8 +228,9 @@ def tune_case(
             f"fraction is {fraction:g}, expected 0.2 to 0.8: the rest of the recording judges"
         )
     if not methods or len(set(methods)) < len(methods) or not set(methods) <= set(MEASURED):
+        hint = next((did_you_mean(one, MEASURED) for one in methods if one not in MEASURED), "") or ","
         raise ScenarioError(
-            f"methods is {', '.join(methods) or 'empty'}, expected some of {', '.join(MEASURED)}, each once: the "
+            f"methods is {', '.join(methods) or 'empty'}{hint} expected some of {', '.join(MEASURED)}, each once: the "
             "others predict a velocity that they assume"
         )
     started = time.perf_counter()
