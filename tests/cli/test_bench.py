@@ -94,6 +94,7 @@ def test_check_score_and_page(data: Path, submissions: Path, tmp_path: Path) -> 
     files = sorted(submissions.glob("*.parquet"))
     scored = command("bench", "score", *files, "--data", data, "--out", tmp_path / "scores.parquet")
     assert scored.returncode == 0, scored.stderr
+    assert "missions of the split" not in scored.stdout
     for task in ("overall", "T1", "T2", "T3", "T4", "T5"):
         assert task in scored.stdout
     made = command("bench", "page", tmp_path / "scores.parquet", "--out", tmp_path / "page")
@@ -110,6 +111,27 @@ def test_check_score_and_page(data: Path, submissions: Path, tmp_path: Path) -> 
     assert "http" not in page.replace("http://www.w3.org", "")
     assert page.count("<figure>") == 6
     assert page.count("<svg") == page.count("</svg>")
+
+
+def test_a_part_of_a_split_is_scored_as_such(data: Path, submissions: Path, tmp_path: Path) -> None:
+    """By --missions, or where the others are not made; a submission that lacks what is there is refused."""
+    first, second = sorted(path.name for path in (data / "validation").iterdir())
+    few = tmp_path / "tc.parquet"
+    pl.read_parquet(submissions / "tc.parquet").filter(pl.col("mission") == first).write_parquet(few)
+    refused = command("bench", "score", few, "--data", data)
+    assert refused.returncode == 2
+    assert f"lacks 1 missions of the split validation, the first is '{second}'" in refused.stderr
+    assert "--missions" in refused.stderr
+    (tmp_path / "data" / "validation").mkdir(parents=True)
+    (tmp_path / "data" / "validation" / first).symlink_to(data / "validation" / first)
+    for words in (("--data", data, "--missions", first), ("--data", tmp_path / "data")):
+        scored = command("bench", "score", few, *words)
+        assert scored.returncode == 0, scored.stderr
+        assert "scored 1 of 2 missions of the split validation, version 1: no result" in scored.stdout
+        assert "T2" in scored.stdout
+    other = command("bench", "score", few, "--data", data, "--missions", second)
+    assert other.returncode == 2
+    assert "lacks 1 missions" in other.stderr
 
 
 def test_a_bad_submission_is_refused_with_row_and_column(submissions: Path, tmp_path: Path) -> None:

@@ -129,9 +129,10 @@ def score_beam_submissions(paths: Sequence[Path], frames: Sequence[pl.DataFrame]
             )
         else:
             velocity.append((path, method, check(frame, BEAM_SUBMISSION, place=str(path))))
-    answered = set().union(*(frame["mission"].unique() for _, _, frame in velocity))
+    names = set().union(*(frame["mission"].unique() for _, _, frame in velocity))
+    answered = {(spec.split, spec.version) for spec in specs if spec.name in names}
     for spec in specs:
-        if spec.name in answered:
+        if (spec.split, spec.version) in answered:
             mission = load_mission(data / spec.split / spec.name)
             for path, method, frame in velocity:
                 parts.append(velocity_scores(mission, velocity_answer(frame, mission, str(path)), method))

@@ -43,11 +43,13 @@ def score_submissions(
     return pl.concat(parts)
 
 
-def read_submissions(paths: Sequence[str | Path]) -> dict[str, pl.DataFrame]:
-    """Submissions by method, which is the name of the file.
+def read_submissions(
+    paths: Sequence[str | Path], asked: Sequence[MissionSpec] | None = None
+) -> dict[str, pl.DataFrame]:
+    """Submissions by method, which is the name of the file; each has answers for the missions `asked`, or all.
 
     Raises:
-        DataError: for a submission that breaks the rules, and two of one name.
+        DataError: for a submission that breaks the rules or answers no mission that is asked, and two of one name.
     """
     frames: dict[str, pl.DataFrame] = {}
     for path in map(Path, paths):
@@ -55,7 +57,10 @@ def read_submissions(paths: Sequence[str | Path]) -> dict[str, pl.DataFrame]:
             raise DataError(
                 f"{path}: another submission is called '{path.stem}', expected a name for each method"
             )
-        frames[path.stem] = check_submission(read_parquet(path), str(path))
+        frame = check_submission(read_parquet(path), str(path), asked=asked)
+        if asked is not None and not frame["mission"].is_in([spec.name for spec in asked]).any():
+            raise DataError(f"{path}: answers none of the {len(asked)} missions that are scored here")
+        frames[path.stem] = frame
     return frames
 
 

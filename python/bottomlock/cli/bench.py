@@ -221,11 +221,14 @@ def score(
     out: Annotated[Path | None, Parameter(alias="-o", help="Write the scores to this Parquet file.")] = None,
     split: Splits = None,
     version: Version = "1",
+    missions: Missions = None,
     reference: Annotated[
         str | None, Parameter(help="Method to which differences are taken; the first by default.")
     ] = None,
 ) -> None:
     """Score submissions on missions whose truth is there, and print the ranking.
+
+    A submission answers every one of these missions; where they are not the whole split, that is said.
 
     Parameters
     ----------
@@ -234,15 +237,16 @@ def score(
     """
     if not submissions:
         raise DataError("no submission is named, expected one or more Parquet files")
-    specs = _present(data, words(split), None, version)
+    specs = _present(data, words(split), words(missions), version)
     of_beams = [path for path in submissions if path.suffixes[:-1] in ([f".{BEAMS}"], [f".{PINGS}"])]
-    frames = read_submissions([path for path in submissions if path not in of_beams])
+    frames = read_submissions([path for path in submissions if path not in of_beams], specs)
     tables = [read_parquet(path) for path in of_beams]
     with study_bar(data) as report:
         scores = score_submissions(frames, data, specs, lambda name, fraction: report(name[:22], fraction))
         scores = pl.concat([score_beam_submissions(of_beams, tables, data, specs), scores])
     if out is not None:
         write_parquet(out, scores)
+    _print_part(scores)
     table = leaderboard(scores, reference)
     for task in (OVERALL, *(one for one in (VELOCITY_TASK, *TASKS, PINGS_TASK) if one in table["task"])):
         shown = narrow_table(f"{task}: {RANKED}", ["method"], ["mean", "95 %", "to the reference", "95 %"])
@@ -252,6 +256,21 @@ def score(
                 plain(row["difference"]), f"{plain(row['difference_lo'])} .. {plain(row['difference_hi'])}",
             )  # fmt: skip
         console.print(shown)
+
+
+def _print_part(scores: pl.DataFrame) -> None:
+    """Says of each split of which only a part was scored, how much of it."""
+    scored = set(scores["mission"])
+    whole: dict[tuple[str, str], list[str]] = {}
+    for spec in mission_list():
+        whole.setdefault((spec.version, spec.split), []).append(spec.name)
+    for (version, split), names in whole.items():
+        count = len(scored.intersection(names))
+        if 0 < count < len(names):
+            console.print(
+                f"scored {count} of {len(names)} missions of the split {split}, version {version}: no result for the "
+                "leaderboard, which is of all of them"
+            )
 
 
 def _present(
