@@ -7,6 +7,7 @@ import pytest
 
 from tests.cli.calls import command
 
+LONG = ("--runs", "2000000")
 ROBOSUB = Path(__file__).resolve().parents[2] / "data" / "logs" / "robosub"
 
 
@@ -69,6 +70,16 @@ def test_a_replay_that_cannot_begin_shows_no_bar(
         (["run", "straight", "--methods", "tcc"], "did you mean 'tc'"),
         (["masks", "straight", "--methods", "tcc"], "did you mean 'tc'"),
         (["compare", "nowhere"], "nowhere: no such directory"),
+        # Long ones: no estimate of their time comes before the error.
+        (["run", "straight", *LONG, "--set", "imu.gyro_bais_deg_per_h=1,2"], "did you mean"),
+        (["run", "straight", *LONG, "--set", "dvl.tilt_deg=20", "--shard", "1/2"], "--shard and --set"),
+        (
+            ["run", "straight", *LONG, "--until", "tc.velocity_rms<2%", "--shard", "1/2"],
+            "--until and --shard",
+        ),
+        (["run", "straight", *LONG, "--until", "tcc.velocity_rms<2%"], "did you mean 'tc'"),
+        (["run", "straight", *LONG, "--scheduler", "tcp://a:1"], "only dask has schedulers"),
+        (["run", "straight", *LONG, "--engine", "dsk"], "dsk"),
     ],
 )
 def test_campaigns_that_cannot_begin_are_refused_in_a_line(
@@ -80,3 +91,24 @@ def test_campaigns_that_cannot_begin_are_refused_in_a_line(
     assert expected in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "straight"),
+        ("run", "straight", "--shard", "1/2"),
+        ("run", "straight", "--set", "dvl.tilt_deg=20,30"),
+        ("reproduce",),
+    ],
+)
+def test_a_directory_of_something_else_is_refused_before_an_estimate(
+    tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    """Nothing in it is touched."""
+    (tmp_path / "mine.txt").write_text("mine")
+    done = command(*words, *LONG, "--out", tmp_path)
+    assert done.returncode == 2
+    assert "choose another directory" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]

@@ -129,6 +129,9 @@ def test_a_part_of_a_split_is_scored_as_such(data: Path, submissions: Path, tmp_
         assert scored.returncode == 0, scored.stderr
         assert "scored 1 of 2 missions of the split validation, version 1: no result" in scored.stdout
         assert "T2" in scored.stdout
+    unknown = command("bench", "score", few, "--data", tmp_path / "data", "--reference", "tcc")
+    assert (unknown.returncode, unknown.stdout) == (2, "")
+    assert "--reference is 'tcc', did you mean 'tc'?" in unknown.stderr
     other = command("bench", "score", few, "--data", data, "--missions", second)
     assert other.returncode == 2
     assert "lacks 1 missions" in other.stderr

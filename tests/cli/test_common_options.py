@@ -19,6 +19,7 @@ from bottomlock.errors import EXIT_INTERRUPTED
 from bottomlock.kernel import METHODS
 from tests.cli.calls import command, process
 
+BENCH = ("list", "make", "run", "beams", "check", "score", "page")
 SHORT = ("run", "straight", "-n", "2", "-s", "3", "-j", "1", "-m", "ins,tc")
 
 
@@ -48,6 +49,18 @@ def test_every_help_has_examples_that_are_right(name: str) -> None:
         called, _, ignored = app.parse_args(words, exit_on_error=False, print_error=False)
         assert callable(called)
         assert not ignored
+
+
+@pytest.mark.parametrize("words", [*((name,) for name in COMMANDS), *(("bench", name) for name in BENCH)])
+def test_every_help_names_its_arguments(words: tuple[str, ...]) -> None:
+    """The usage has the names of the panel below it; a default that is empty is not shown."""
+    shown = command(*words, "--help").stdout
+    usage = shown.splitlines()[0]
+    assert "ARGS" not in usage
+    assert "[default: ()]" not in shown
+    assert '[default: ""]' not in shown
+    arguments = re.findall(r"^│ (?:\* )? *([A-Z]+) ", shown, re.MULTILINE)
+    assert [name for name in arguments if name not in usage] == []
 
 
 @pytest.mark.parametrize("name", ["run", "consistency", "masks"])

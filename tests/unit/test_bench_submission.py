@@ -144,7 +144,7 @@ def test_an_estimate_is_from_readings_up_to_its_time_alone() -> None:
 def test_a_rival_is_imported_by_its_name() -> None:
     found: tuple[str, object] = estimator("mine=tests.unit.test_bench_submission:grid_ns")
     assert found == ("mine", grid_ns)
-    with pytest.raises(DataError, match="is no method"):
+    with pytest.raises(DataError, match="unknown method 'tcc', did you mean 'tc'"):
         estimator("tcc")
     with pytest.raises(DataError, match="cannot be imported"):
         estimator("tests.unit.nowhere:estimate")

@@ -1,6 +1,6 @@
 """From scores of methods on missions to the leaderboard: means, intervals over missions, paired differences, ranks."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from bottomlock.bench.mission_list import MissionSpec
 from bottomlock.bench.submission import check_submission, estimates_of
 from bottomlock.bench.tasks import RANKED, TASKS, scores_of
 from bottomlock.errors import DataError
+from bottomlock.nearest import did_you_mean
 from bottomlock.statistics.compare import difference_of, estimate_of
 from bottomlock.table_file import read_parquet
 from bottomlock.tables.bench import LEADERBOARD, SCORES
@@ -64,13 +65,28 @@ def read_submissions(
     return frames
 
 
+def check_reference(reference: str | None, methods: Collection[str]) -> None:
+    """Rejects a method to take differences to that is not among those scored.
+
+    Raises:
+        DataError: naming those there are.
+    """
+    if reference is not None and reference not in methods:
+        hint = did_you_mean(reference, methods) or ","
+        raise DataError(f"--reference is '{reference}'{hint} expected one of {', '.join(sorted(methods))}")
+
+
 def leaderboard(scores: pl.DataFrame, reference: str | None = None) -> pl.DataFrame:
     """The leaderboard (`tables.bench.LEADERBOARD`), best method first in each task and score.
 
     A row's value is the mean over missions, each mission alike, with a bootstrap interval over missions; the task
     "overall" is the mean over the tasks of the ranking score. The reference of the paired differences is the method
     that leads overall, or in a task that it does not answer the one that leads there, unless one is named.
+
+    Raises:
+        DataError: for a reference that has no scores.
     """
+    check_reference(reference, set(scores["method"]))
     scores = pl.concat([scores, _overall(scores)])
     means = _means(scores, OVERALL, RANKED)
     leader = reference or (means[0][0] if means else None)

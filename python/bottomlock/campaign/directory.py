@@ -43,19 +43,21 @@ def open_directory(
         OutputError: for a directory that holds anything else, is in use, or cannot be read.
         DataError: for a manifest that is damaged.
     """
-
-    def check_owner() -> None:
-        if is_occupied(out):
-            _check_owner(out, identity, shard, force=force, recover=recover)
-
-    check_owner()
+    check_owner(out, identity, shard, force=force, recover=recover)
     with locked(out):
         # Another process may have held it until now.
-        check_owner()
+        check_owner(out, identity, shard, force=force, recover=recover)
         yield
 
 
-def _check_owner(out: Path, identity: Identity, shard: Shard | None, *, force: bool, recover: bool) -> None:
+def check_owner(out: Path, identity: Identity, shard: Shard | None, *, force: bool, recover: bool) -> None:
+    """Rejects a directory that `open_directory` would reject for what it holds, and changes nothing.
+
+    Raises:
+        As `open_directory`.
+    """
+    if not is_occupied(out):
+        return
     chunk_records = list(out.glob("chunks/*/record-*.json")) if out.is_dir() else []
     try:
         manifest = read_record(out / MANIFEST) if out.is_dir() else None

@@ -17,7 +17,7 @@ import polars as pl
 from bottomlock.campaign.aggregate import Tables, open_aggregate
 from bottomlock.campaign.build import build_scenarios, build_simulations, true_paths
 from bottomlock.campaign.chunk_files import Identity, is_finished, read_chunk, write_chunk
-from bottomlock.campaign.directory import MANIFEST, open_directory, start_directory, write_tables
+from bottomlock.campaign.directory import MANIFEST, check_owner, open_directory, start_directory, write_tables
 from bottomlock.campaign.engine import ChunkSource, Engine, check_engine, open_engine
 from bottomlock.campaign.manifest import Clock, describe, identity_of
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
@@ -155,6 +155,23 @@ def campaign_directory(
     """
     with open_directory(out, identity_of(build_simulations(scenarios)), force=force, recover=recover):
         yield
+
+
+def check_campaign(
+    scenarios: Sequence[Scenario],
+    out: Path,
+    *,
+    shard: Shard | None = None,
+    force: bool = False,
+    recover: bool = False,
+) -> None:
+    """Rejects scenarios and a directory that a campaign would be rejected for, and changes nothing.
+
+    Raises:
+        As `run_campaign`.
+    """
+    identity = identity_of(build_simulations(scenarios))
+    check_owner(out, identity, shard, force=force, recover=recover)
 
 
 def _simulate(

@@ -55,6 +55,20 @@ class Until:
             )
         return cls(found["method"], found["quantity"], float(found["percent"]))
 
+    def check(self, scenarios: Sequence[Scenario]) -> None:
+        """Rejects a method that a scenario is not run with.
+
+        Raises:
+            ScenarioError: naming the scenario and its methods.
+        """
+        for scenario in scenarios:
+            known = scenario.campaign.methods
+            if self.method not in known:
+                raise ScenarioError(
+                    f"--until names method '{self.method}'{did_you_mean(self.method, known) or ','} "
+                    f"{scenario.name} is run with {', '.join(known)}"
+                )
+
     def half_width_percent(self, ensemble: pl.DataFrame, trajectory: str) -> float:
         """Half of the interval in percent of the error, on one trajectory at its last second.
 
@@ -97,13 +111,7 @@ def run_until(
         ScenarioError: for a method that a scenario does not fly; and as `run_campaign`.
     """
     out = Path(out)
-    for scenario in scenarios:
-        if until.method not in scenario.campaign.methods:
-            known = scenario.campaign.methods
-            raise ScenarioError(
-                f"--until names method '{until.method}'{did_you_mean(until.method, known) or ','} "
-                f"{scenario.name} is run with {', '.join(known)}"
-            )
+    until.check(scenarios)
     sizes = {one.name: Partition.of(one).runs_per_chunk for one in scenarios}
     runs = {one.name: min(sizes[one.name], one.campaign.runs) for one in scenarios}
     while True:

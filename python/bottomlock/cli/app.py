@@ -7,7 +7,7 @@ import traceback
 from typing import NoReturn
 
 import cyclopts
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from bottomlock.cli.common import peak_memory_mb, split_common
 from bottomlock.cli.console import EXIT_USAGE, errors, help_console, prepare_consoles
@@ -53,9 +53,29 @@ COMMANDS = {
 }
 """Module of `bottomlock.cli` and help line of each command."""
 GROUPS = frozenset({"bench"})
+USAGE = {
+    "run": "--out PATH [OPTIONS] SCENARIO...",
+    "compare": "[OPTIONS] DIRECTORY...",
+    "merge": "[OPTIONS] OUT SHARDS...",
+    "fly": "[OPTIONS] SCENARIO...",
+    "keys": "[OPTIONS] KIND [WORD]",
+    "masks": "--out PATH [OPTIONS] SCENARIO...",
+    "consistency": "--out PATH [OPTIONS] [SCENARIO...]",
+    "sensor-law": "--out PATH [OPTIONS] [SCENARIO...]",
+    "replay": "[OPTIONS] FILES...",
+    "observe": "--out PATH [OPTIONS] [CASE]",
+}
+"""Usage of the commands whose positional arguments may be several or be left out: they are named."""
+
+
+def _shown_default(value: object) -> str | None:
+    """A default on a help page; None for what says nothing."""
+    return None if value is None or value in ((), "") else str(value)
+
 
 app = App(
     name="bottomlock",
+    default_parameter=Parameter(show_default=_shown_default),
     help="Aided inertial navigation with whatever Doppler velocity log beams are left.",
     help_epilogue=(
         "With every command: -q, --quiet prints errors alone; -v, --verbose ends with times, and after an "
@@ -73,6 +93,7 @@ for _name, (_module, _help) in COMMANDS.items():
         help=_help,
         # A command with commands of its own brings its examples along.
         **({} if _name in GROUPS else {"help_epilogue": epilogue(_name)}),
+        **({"usage": f"Usage: bottomlock {_name} {USAGE[_name]}"} if _name in USAGE else {}),
     )
 
 

@@ -11,7 +11,13 @@ from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.bench.beam_submission import BEAMS, PINGS, our_beam_tables, score_beam_submissions
 from bottomlock.bench.beam_tasks import PINGS_TASK, VELOCITY_TASK
 from bottomlock.bench.digests import published
-from bottomlock.bench.leaderboard import OVERALL, leaderboard, read_submissions, score_submissions
+from bottomlock.bench.leaderboard import (
+    OVERALL,
+    check_reference,
+    leaderboard,
+    read_submissions,
+    score_submissions,
+)
 from bottomlock.bench.load import load_mission
 from bottomlock.bench.make import RECORD, make_missions
 from bottomlock.bench.methods import estimator
@@ -142,7 +148,8 @@ def run(
         ),
     ] = None,
     rival: Annotated[
-        tuple[str, ...], Parameter(help="NAME=MODULE:FUNCTION of another estimator; may be given again.")
+        tuple[str, ...],
+        Parameter(help="NAME=MODULE:FUNCTION of another estimator; may be given again.", negative=""),
     ] = (),
     split: Splits = None,
     version: Version = "1",
@@ -214,7 +221,7 @@ def check(
         console.print(f"{len(write_tum(frame, tum))} TUM files in {tum}")
 
 
-@bench.command
+@bench.command(usage="Usage: bottomlock bench score --data PATH [OPTIONS] SUBMISSIONS...")
 def score(
     *submissions: Path,
     data: Data,
@@ -240,6 +247,7 @@ def score(
     specs = _present(data, words(split), words(missions), version)
     of_beams = [path for path in submissions if path.suffixes[:-1] in ([f".{BEAMS}"], [f".{PINGS}"])]
     frames = read_submissions([path for path in submissions if path not in of_beams], specs)
+    check_reference(reference, {*frames, *(path.name.split(".")[0] for path in of_beams)})
     tables = [read_parquet(path) for path in of_beams]
     with study_bar(data) as report:
         scores = score_submissions(frames, data, specs, lambda name, fraction: report(name[:22], fraction))

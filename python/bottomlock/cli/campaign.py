@@ -6,9 +6,10 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from bottomlock.campaign.engine import check_engine
 from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Shard
-from bottomlock.campaign.run import run_campaign, run_shard
+from bottomlock.campaign.run import check_campaign, run_campaign, run_shard
 from bottomlock.campaign.until import QUANTITIES, Until, run_until
 from bottomlock.cli.campaign_output import print_results, progress_bar, say_cost
 from bottomlock.cli.compare import print_comparison
@@ -28,7 +29,14 @@ from bottomlock.cli.parameters import (
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.report.compare import compare
-from bottomlock.studies.variants import make_variants, parse_set, run_variants, variant_runs
+from bottomlock.studies.variants import (
+    Variant,
+    known_variants,
+    make_variants,
+    parse_set,
+    run_variants,
+    variant_runs,
+)
 
 
 def run(
@@ -78,17 +86,25 @@ def run(
         "threads": threads, "engine": engine, "scheduler": scheduler, "force": force, "recover": recover,
     }  # fmt: skip
     condition = None if until is None else Until.parse(until)
-    say_cost(loaded, threads=threads, parts=1 if part is None else part.n)
     if condition is not None and (set_ or part is not None):
         raise ScenarioError(
             f"--until and {'--set' if set_ else '--shard'} are both given, expected one of them"
         )
-    if set_:
-        _run_variants(loaded, set_, out, part, settings)
-        return
+    variants = _variants(loaded, set_, out, part) if set_ else []
+    if condition is not None:
+        condition.check(loaded)
+    check_engine(engine, threads=threads, scheduler=scheduler)
+    campaigns = [(one.scenarios, out / one.folder) for one in variants] or [(tuple(loaded), out)]
+    for scenarios, folder in campaigns:
+        check_campaign(scenarios, folder, shard=part, force=force, recover=recover)
+    # Whatever can be refused has been.
+    parts = 1 if part is None else part.n
+    say_cost([one for scenarios, _ in campaigns for one in scenarios], threads=threads, parts=parts)
     try:
-        with progress_bar() as progress:
-            if condition is not None:
+        with progress_bar(variant_runs(variants) if variants else None) as progress:
+            if variants:
+                run_variants(variants, out, progress=progress, **settings)
+            elif condition is not None:
                 results = run_until(loaded, out, condition, progress=progress, **settings)
             elif part is None:
                 results = run_campaign(loaded, out, progress=progress, **settings)
@@ -96,7 +112,11 @@ def run(
                 manifest = run_shard(loaded, out, part, progress=progress, **settings)
     except KeyboardInterrupt:
         interrupted(out)
-    if part is None:
+    if variants:
+        if len(variants) > 1:
+            print_comparison(compare([out], out))
+        console.print(f"{len(variants)} {'variant' if len(variants) == 1 else 'variants'} in {out}")
+    elif part is None:
         print_results(results, out, as_json=json)
     else:
         console.print(
@@ -104,29 +124,18 @@ def run(
         )
 
 
-def _run_variants(
-    scenarios: Sequence[Scenario],
-    sets: Sequence[str],
-    out: Path,
-    part: Shard | None,
-    settings: dict[str, Any],
-) -> None:
-    """Runs the variants and lays them side by side."""
+def _variants(
+    scenarios: Sequence[Scenario], sets: Sequence[str], out: Path, part: Shard | None
+) -> list[Variant]:
+    """The variants of --set, in a directory that can hold them."""
     if part is not None:
         raise ScenarioError("--shard and --set are both given, expected one of them")
     parsed = [parse_set(text) for text in sets]
     for key, _ in parsed:
         if [other for other, _ in parsed].count(key) > 1:
             raise ScenarioError(f"--set {key} is given twice, expected its values in one")
-    variants = make_variants(scenarios, dict(parsed))
-    try:
-        with progress_bar(variant_runs(variants)) as progress:
-            run_variants(variants, out, progress=progress, **settings)
-    except KeyboardInterrupt:
-        interrupted(out)
-    if len(variants) > 1:
-        print_comparison(compare([out], out))
-    console.print(f"{len(variants)} {'variant' if len(variants) == 1 else 'variants'} in {out}")
+    known_variants(out)
+    return make_variants(scenarios, dict(parsed))
 
 
 def merge(

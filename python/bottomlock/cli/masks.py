@@ -66,13 +66,13 @@ def masks(
     """
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads, world=world)
     wanted = split(cases)
-    outages = wanted is None and _outages_fit(loaded)
     kind, configuration = mask_study.KIND, mask_study.configuration(loaded)
     given = {"--world": world, "--runs": runs, "--seed": seed, "--methods": methods, "--cases": cases}
     command = command_line("masks", scenario, given)
     parts = mask_study.PARTS
     study_folder.check_owner(out, kind, configuration, parts=parts, force=force, recover=recover)
     chosen = [case for one in loaded for case in mask_study.select(mask_study.all_cases(one), wanted)]
+    outages = wanted is None and _outages_fit(loaded)
     with study_folder.claimed(out, kind, configuration, parts=parts, force=force, recover=recover):
         table, summary = _run(loaded, out, wanted=wanted, outages=outages, threads=threads, recover=recover)
         write_text(out / "masks.md", opening(table, summary, loaded, command) + markdown(table, summary))

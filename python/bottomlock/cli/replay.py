@@ -105,7 +105,7 @@ def replay(
     case = files[0]
     if case.suffix.lower() != ".toml":
         raise ScenarioError(
-            f"{case}: is no case (TOML); bottomlock replay --init {case} ... writes one from logs"
+            f"{case}: not a case file (TOML); bottomlock replay --init {case} ... writes one from logs"
         )
     check_threads(threads)
     if write_calibration is not None:

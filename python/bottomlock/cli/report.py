@@ -5,9 +5,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from bottomlock.campaign.run import check_campaign
 from bottomlock.cli.campaign_output import progress_bar, say_cost
 from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.parameters import ForceStudy, Recover, Seed, StudyOut, Threads, check_threads
+from bottomlock.errors import DataError
 from bottomlock.replay.report import is_replay, make_replay_report
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies import reproduce as whole_study
@@ -24,7 +26,9 @@ def reproduce(
 ) -> None:
     """Reproduce the 2017 paper: run its study, test its claims, write the report."""
     check_threads(threads)
-    say_cost(whole_study.study_scenarios(runs, seed), threads=threads)
+    scenarios = whole_study.study_scenarios(runs, seed)
+    check_campaign(scenarios, out, force=force, recover=recover)
+    say_cost(scenarios, threads=threads)
     try:
         with progress_bar(whole_study.study_runs(runs)) as progress:
             made = whole_study.reproduce(
@@ -51,6 +55,8 @@ def report(directory: Path) -> None:
     directory
         Directory of a finished campaign (`bottomlock run`) or of a replay (`bottomlock replay`).
     """
+    if directory.is_file():
+        raise DataError(f"{directory}: is a file, expected the folder of a campaign or a replay")
     if is_replay(directory):
         console.print(f"wrote {make_replay_report(directory)}")
     else:

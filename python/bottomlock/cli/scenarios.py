@@ -22,7 +22,8 @@ def scenarios(
 ) -> None:
     """List the packaged scenarios, or copy one."""
     if copy is not None:
-        console.print(f"wrote {copy_scenario(copy, to or Path(f'{copy}.toml'))}")
+        file = copy_scenario(copy, to or Path(f"{copy}.toml"))
+        console.print(f"wrote {file}; edit it, then: bottomlock run {file} --out out", soft_wrap=True)
         return
     if json:
         console.file.write(json_text(packaged_scenarios()))

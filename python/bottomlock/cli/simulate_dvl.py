@@ -17,6 +17,7 @@ from cyclopts import Parameter
 from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.console import console
 from bottomlock.config.scenario import load_scenario
+from bottomlock.config.toml_file import kinds_of
 from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.instruments.address import EXPECTED, parse_address
@@ -220,12 +221,12 @@ def _absent(option: str, readings: Readings) -> ScenarioError:
 
 
 def _is_case(path: Path) -> bool:
-    """Whether a TOML file is a replay case: its IMU is a file."""
+    """Whether a TOML file is a replay case."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(content.get("imu"), dict) and "file" in content["imu"]
+    return "replay case" in kinds_of(content)
 
 
 def _readings(

@@ -25,7 +25,7 @@ from bottomlock.config.scenario_sections import (
 )
 from bottomlock.config.scenario_words import line_of, table_of
 from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Heading, Magnetometer
-from bottomlock.config.toml_file import parse_toml, read_text
+from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.nearest import did_you_mean
@@ -219,7 +219,7 @@ def packaged_scenarios() -> dict[str, str]:
     names = sorted(
         entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")
     )
-    return {name: load_scenario(name).description for name in names}
+    return {name: _packaged(name).description for name in names}
 
 
 def _packaged_text(name: str) -> str | None:
@@ -227,17 +227,27 @@ def _packaged_text(name: str) -> str | None:
     return entry.read_text(encoding="utf-8") if entry.is_file() else None
 
 
+def _packaged(name: str) -> Scenario:
+    return parse_scenario(_packaged_text(name) or "", place=f"scenario {name}")
+
+
 def load_scenario(source: str | Path) -> Scenario:
     """A scenario from a packaged name or a TOML file.
+
+    A packaged name is taken as such; a `Note` says so where NAME.toml is in the working directory.
 
     Raises:
         ScenarioError: for a file that is not there or cannot be read, ill-formed TOML (with line and column), a missing
             or unknown key, or a value out of range; one line per fault.
     """
     path = Path(source)
-    packaged = _packaged_text(str(source)) if path.suffix != ".toml" else None
-    if packaged is not None:
-        return parse_scenario(packaged, place=f"scenario {source}")
+    if path.suffix != ".toml" and _packaged_text(str(source)) is not None:
+        note_file_beside("scenario", str(source))
+        return _packaged(str(source))
+    if path.is_dir():
+        raise ScenarioError(
+            f"{path}: is a folder, expected a scenario (TOML); `bottomlock report` takes a folder of results"
+        )
     if not path.is_file():
         names = sorted(
             entry.name.removesuffix(".toml")
@@ -259,7 +269,7 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
     Raises:
         ScenarioError: as `load_scenario`.
     """
-    content = parse_toml(text, place=place)
+    content = parse_toml(text, place=place, kind="scenario")
     own_methods_from(content.get("campaign"), folder)
     if "dvl" not in content:
         raise ScenarioError(f"{place}: there is no [dvl] section; a scenario needs one to aid the INS with")

@@ -1,34 +1,95 @@
-"""TOML files that a user writes: scenarios, cases, vehicles, geometries, column maps."""
+"""TOML files that a user writes: scenarios, cases, vehicles, geometries, column maps; and what others are."""
 
 import tomllib
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import ScenarioError, note
+
+Kind = Literal["scenario", "replay case", "live configuration", "DVL geometry", "vehicle", "column map"]
+
+_KINDS: dict[Kind, tuple[Callable[[dict[str, Any]], bool], str]] = {
+    "scenario": (lambda one: "trajectory" in one, "`bottomlock run` and others with a SCENARIO take it"),
+    "replay case": (
+        lambda one: any(isinstance(one.get(key), dict) and "file" in one[key] for key in ("dvl", "imu")),
+        "`bottomlock replay` and `bottomlock tune` take it",
+    ),
+    "live configuration": (lambda one: isinstance(one.get("source"), list), "`bottomlock live` takes it"),
+    "DVL geometry": (
+        lambda one: "configuration" in one,
+        "--geometry takes it, and the key dvl.geometry of a scenario, case or live configuration",
+    ),
+    "vehicle": (lambda one: "rigid_body" in one, "the key trajectory.vehicle of a scenario takes it"),
+    "column map": (
+        lambda one: isinstance(one.get("velocity"), list),
+        "`bottomlock convert --columns` takes it",
+    ),
+}
+"""How each kind of file is recognised, and what takes it."""
+
+_TABLE = (
+    "`bottomlock fix`, `audit` and `simulate-dvl` take a beam table, `bottomlock bench score` a submission"
+)
+_LOG = "`bottomlock convert` takes a DVL's log or a table of readings, `bottomlock replay --init` those of a dive"
 
 
 def read_text(path: Path) -> str:
     """The text of a file, without the byte order mark that editors on Windows put before it.
 
     Raises:
-        ScenarioError: naming the file, if it cannot be read as UTF-8.
+        ScenarioError: naming the file and what it is, if it cannot be read as UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
+        content = path.read_bytes()
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read ({error.strerror})") from error
+    if content.startswith(b"PAR1"):
+        raise ScenarioError(f"{path}: is a Parquet table, expected a TOML file; {_TABLE}")
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise ScenarioError(f"{path}: is text in UTF-16, expected UTF-8: save it with that encoding")
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        what = "is binary" if b"\0" in content else f"cannot be read as text in UTF-8 ({error})"
+        raise ScenarioError(f"{path}: {what}, expected a TOML file; {_LOG}") from error
 
 
-def parse_toml(text: str, *, place: str) -> dict[str, Any]:
+def parse_toml(text: str, *, place: str, kind: Kind | None = None) -> dict[str, Any]:
     """The tables of a TOML text; `place` names it in errors. Every TOML file of a user is read here.
 
     Raises:
-        ScenarioError: for ill-formed TOML, with its line, a number of thousands of digits, and brackets in brackets
-            without end.
+        ScenarioError: for ill-formed TOML, with its line, a number of thousands of digits, brackets in brackets
+            without end, and a file of another kind than `kind`, with what takes it.
     """
     try:
-        return tomllib.loads(text)
+        content = tomllib.loads(text)
     except ValueError as error:
-        raise ScenarioError(f"{place}: not valid TOML: {error}") from error
+        first = text.lstrip().partition("\n")[0]
+        is_log = first.startswith(("{", "$", ":")) or ("," in first and not set(first) & set("=#["))
+        hint = f"; it looks like readings: {_LOG}" if is_log else ""
+        raise ScenarioError(f"{place}: not valid TOML: {error}{hint}") from error
     except RecursionError as error:
         raise ScenarioError(f"{place}: not valid TOML: brackets are nested too deeply") from error
+    found = kinds_of(content)
+    if kind is not None and found and kind not in found:
+        raise ScenarioError(f"{place}: is a {found[0]}, expected a {kind}; {_KINDS[found[0]][1]}")
+    return content
+
+
+def kinds_of(content: dict[str, Any]) -> list[Kind]:
+    """What the tables of a file may be; empty for what is like none."""
+    return [kind for kind, (is_it, _) in _KINDS.items() if is_it(content)]
+
+
+def note_file_beside(kind: str, name: str) -> None:
+    """Says which of two is taken where a packaged name is also that of a file in the working directory."""
+    file = Path(f"{name}.toml")
+    if file.is_file():
+        _note_once(kind, name, file.resolve())
+
+
+@cache
+def _note_once(kind: str, name: str, _file: Path) -> None:
+    note(f"{kind} '{name}' is the packaged one; for the file in this folder write {name}.toml")

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from bottomlock import units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
 from bottomlock.config.calibration import StatedCalibration
-from bottomlock.config.toml_file import parse_toml, read_text
+from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.columns import column_numbers, nanoseconds, number_series, read_rows
@@ -137,6 +137,7 @@ def _text_of(source: str | Path) -> tuple[str, str]:
         return read_text(path), str(path)
     packaged = resources.files("bottomlock.config") / "geometries" / f"{source}.toml"
     if packaged.is_file():
+        note_file_beside("geometry", str(source))
         return packaged.read_text(encoding="utf-8"), f"geometry {source}"
     names = sorted(
         e.name.removesuffix(".toml") for e in (resources.files("bottomlock.config") / "geometries").iterdir()
@@ -164,7 +165,7 @@ def read_instrument_file(source: str | Path) -> InstrumentFile:
             range.
     """
     text, place = _text_of(source)
-    content = parse_toml(text, place=place)
+    content = parse_toml(text, place=place, kind="DVL geometry")
     try:
         return InstrumentFile.model_validate(content)
     except ValidationError as error:

@@ -406,7 +406,7 @@ def parse_config(text: str, *, place: str, folder: Path | None = None) -> LiveCo
     Raises:
         ScenarioError: as `load_config`.
     """
-    content = parse_toml(text, place=place)
+    content = parse_toml(text, place=place, kind="live configuration")
     if folder is not None:
         _from_folder(content, folder)
     try:

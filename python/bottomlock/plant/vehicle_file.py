@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from bottomlock.config.toml_file import parse_toml, read_text
+from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
 from bottomlock.nearest import did_you_mean
@@ -32,7 +32,7 @@ def load_vehicle(name_or_path: str | Path) -> AnyVehicle:
     2.0
     """
     text, label = _read(name_or_path)
-    return parse_vehicle(parse_toml(text, place=f"vehicle {label}"), label)
+    return parse_vehicle(parse_toml(text, place=f"vehicle {label}", kind="vehicle"), label)
 
 
 def parse_vehicle(tables: dict[str, Any], label: str) -> AnyVehicle:
@@ -50,6 +50,7 @@ def parse_vehicle(tables: dict[str, Any], label: str) -> AnyVehicle:
 
 def _read(name_or_path: str | Path) -> tuple[str, str]:
     if isinstance(name_or_path, str) and name_or_path in packaged_vehicles():
+        note_file_beside("vehicle", name_or_path)
         entry = resources.files("bottomlock.config") / "vehicles" / f"{name_or_path}.toml"
         return entry.read_text(encoding="utf-8"), name_or_path
     path = Path(name_or_path)

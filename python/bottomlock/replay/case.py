@@ -303,7 +303,7 @@ def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
     Raises:
         ScenarioError: as `load_case`.
     """
-    content = parse_toml(text, place=place)
+    content = parse_toml(text, place=place, kind="replay case")
     own_methods_from(content.get("replay"), folder)
     if folder is not None:
         _from_folder(content, folder)

@@ -165,7 +165,7 @@ def run_variants(
         As `run_campaign`.
     """
     out = Path(out)
-    known = _known(out)
+    known = known_variants(out)
     with ExitStack() as held:
         held.enter_context(locked(out))
         for variant in variants:
@@ -197,7 +197,7 @@ def _numbered(
     return lambda state: progress(replace(state, trajectory=f"{number} {state.trajectory}"))
 
 
-def _known(out: Path) -> dict[str, Any]:
+def known_variants(out: Path) -> dict[str, Any]:
     """The variants that a directory holds."""
     if not is_occupied(out):
         return {}
