@@ -42,7 +42,7 @@ def read_table_file(path: Path) -> pl.DataFrame:
     if path.suffix.lower() in _PARQUET:
         return read_parquet(path)
     # Text first: a number that cannot be read is then reported with its row, not dropped.
-    return _read(path, lambda: pl.read_csv(path, infer_schema=False))
+    return _read(path, lambda: pl.read_csv(path, infer_schema=False, glob=False))
 
 
 def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pl.DataFrame:
@@ -54,7 +54,7 @@ def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pl.DataFra
 
     def read() -> pl.DataFrame:
         check_parquet(path)
-        return pl.read_parquet(path, columns=None if columns is None else list(columns))
+        return pl.read_parquet(path, columns=None if columns is None else list(columns), glob=False)
 
     return _read(path, read)
 

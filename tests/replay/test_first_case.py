@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from bottomlock.errors import DataError, OutputError
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
-from tests.replay.rov_dive import RovDive, rov_dive, write_a50, write_csv
+from tests.replay.rov_dive import Floats, RovDive, rov_dive, write_a50, write_csv
 
 EPOCH_S = 1.7e9
 G = 9.80665
@@ -208,3 +209,72 @@ def test_recorded_files_without_times_or_right_handed_axes(
     row = tc_row(case)
     assert row["fixes_rejected"] < 10
     assert row["position_final_percent"] < 2.0
+
+
+def stamps(kind: str, seconds: Floats) -> Floats:
+    """Times as poor loggers write them."""
+    random = np.random.default_rng(0)
+    found = seconds.copy()
+    if kind == "repeats":
+        rows = random.choice(np.arange(1, len(found)), 20, replace=False)
+        found[rows] = found[rows - 1]
+    elif kind == "burst":
+        found[500:530] = found[500]
+    elif kind == "backward":
+        found[1000:1010] -= 0.5
+    elif kind == "jitter":
+        found += 0.012 * random.standard_normal(len(found))
+    else:
+        found = np.floor(found)
+    return found
+
+
+@pytest.mark.parametrize("column", ["t", "LOGCLK"])
+@pytest.mark.parametrize("kind", ["repeats", "burst", "backward", "jitter", "whole seconds"])
+def test_poor_stamps_keep_their_column(dive: RovDive, tmp_path: Path, kind: str, column: str) -> None:
+    """Few rows out of order are left out and named; stamps that jitter or are coarse begin an even rate."""
+    columns = {column: stamps(kind, dive.imu_s) + EPOCH_S} | dict(
+        zip(NAMES["short"], imu_columns(dive), strict=True)
+    )
+    case = made(
+        tmp_path,
+        write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S),
+        write_csv(tmp_path / "imu.csv", columns),
+    )
+    clock = case.readings.clock
+    assert clock.column == column
+    text = (tmp_path / "case.toml").read_text(encoding="utf-8")
+    if kind in {"jitter", "whole seconds"}:
+        assert clock.rate_hz == pytest.approx(50.0, rel=2e-4)
+        assert "the stamps are coarse or jitter by up to" in text
+    else:
+        assert (clock.rate_hz, clock.unordered) == (None, "drop")
+        assert re.search(
+            r"rows repeat a time or go back, the first of them row \d+: they are\s+(# )?left out", text
+        )
+    # Stamps cut to whole seconds are half a second early; the motion tells.
+    assert case.dvl.clock.offset_s == pytest.approx(-0.5 if kind == "whole seconds" else 0.0, abs=0.05)
+    row = tc_row(case)
+    assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0
+
+
+@pytest.mark.parametrize("given_deg", [0.0, 120.0, 211.0])
+def test_a_heading_that_nothing_tells_is_unknown(dive: RovDive, tmp_path: Path, given_deg: float) -> None:
+    """±180°: the track keeps its shape and claims nothing of its direction; it is called relative.
+
+    Gyros no better than the Earth's rate would else find a heading that is 170° wrong, and claim it to 24°.
+    """
+    columns = {"t": dive.imu_s} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
+    case = made(tmp_path, write_a50(dive, tmp_path / "dvl.json"), write_csv(tmp_path / "imu.csv", columns))
+    assert (case.start.heading_deg, case.start.heading_sd_deg) == (0.0, 180.0)
+    start = case.start.model_copy(update={"heading_deg": given_deg})
+    result = replay_case(case.model_copy(update={"start": start}).with_overrides(methods=["tc"]))
+    rows = result.samples.filter(pl.col("pass") == "forward").sort("time_ns")
+    assert np.rad2deg(rows["sd_misalignment_down_rad"].min()) > 170.0
+    true = np.interp(
+        rows["time_ns"] * 1e-9, np.linspace(0.0, 120.0, len(dive.rpy)), np.unwrap(dive.rpy[:, 2])
+    )
+    off = np.unwrap(np.deg2rad(rows["yaw_deg"].to_numpy()) - true)
+    assert np.ptp(off) < np.deg2rad(2.5)
+    assert "relative_track" in [one["kind"] for one in result.manifest["findings"]]
+    assert result.manifest["answer"]["verdict"] == "partly"

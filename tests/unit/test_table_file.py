@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import polars as pl
@@ -98,3 +99,21 @@ def test_times_beyond_64_bits(value: float, unit: str) -> None:
     with pytest.raises(DataError, match="row 1, column 'time_ns' is 18446744073709551615"):
         column_stamps(wide, Clock.model_validate({"column": "time_ns", "unit": "ns"}), place="a")
     assert column_numbers(table, "time_ns", "a")[1] == value
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+@pytest.mark.parametrize("name", ["c[1]", "a*", "b?", "{x,y}", "**"])
+def test_a_name_is_no_pattern(tmp_path: Path, name: str, suffix: str) -> None:
+    """The file of that name is read, and not the one that the name as a pattern fits."""
+    for stem, value in ((name, 1), ("c1", 2), ("ab", 3), ("bc", 4), ("x", 5)):
+        frame = pl.DataFrame({"a": [str(value)]})
+        path = tmp_path / f"{stem}{suffix}"
+        frame.write_csv(path) if suffix == ".csv" else path.write_bytes(parquet(frame))
+    assert read_table_file(tmp_path / f"{name}{suffix}")["a"].to_list() == ["1"]
+
+
+def parquet(frame: pl.DataFrame) -> bytes:
+    """Its bytes: the library writes no file of such a name."""
+    content = io.BytesIO()
+    frame.write_parquet(content)
+    return content.getvalue()

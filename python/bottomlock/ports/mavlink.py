@@ -32,7 +32,11 @@ VISUAL_INERTIAL_ODOMETRY = 197
 class _Fields:
     """Stands for the library in a dry run: messages are packed as their names and fields, and none is parsed."""
 
-    MAVLink = staticmethod(lambda *_, **__: SimpleNamespace(seq=0, parse_buffer=lambda _: []))
+    MAVLink = staticmethod(
+        lambda *_, srcSystem=0, srcComponent=0: SimpleNamespace(
+            seq=0, srcSystem=srcSystem, srcComponent=srcComponent, parse_buffer=lambda _: []
+        )
+    )
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as of the library
         def message(*values: object, **fields: object) -> SimpleNamespace:

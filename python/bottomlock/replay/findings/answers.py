@@ -3,18 +3,15 @@
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.axes import to_angles
 from bottomlock.replay.findings.against_reckoning import metres
+from bottomlock.replay.findings.heading_findings import start_correction
 from bottomlock.replay.motion.closure import closure_sd
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.statistics.replay import track_table
 
 Floats = NDArray[np.float64]
-NEAR_S = 1.5
-"""Time after the start within which the first sample tells of the start."""
 LEAST_APART_M = 0.01
 """Smaller distances between methods are not told."""
 
@@ -49,25 +46,12 @@ def _tracks(samples: pl.DataFrame, taken: str) -> list[str]:
 
 def _heading(prepared: PreparedRun, samples: pl.DataFrame, taken: str) -> list[str]:
     """What the whole log says of the heading at the start, where a method was smoothed."""
-    smoothed = samples.filter((pl.col("method") == taken) & (pl.col("pass") == "smoothed"))
-    if smoothed.is_empty():
+    found = start_correction(prepared, samples, taken)
+    if found is None:
         return []
-    first, alignment = smoothed.sort("time_ns").row(0, named=True), prepared.alignment
-    if first["time_ns"] - alignment.time_ns > NEAR_S * 1e9:
-        return []
-    inertial = prepared.streams.inertial
-    rows = slice(*np.searchsorted(inertial.time_ns, [alignment.time_ns, first["time_ns"] + 1]))
-    step_s = np.diff(inertial.time_ns[rows])[:, None] * 1e-9
-    attitude = alignment.attitude
-    for turn in Rotation.from_rotvec(inertial.omega_p_radps[rows][1:] * step_s) if len(step_s) else ():
-        attitude = attitude * turn
-    yaw_deg = float(np.rad2deg(to_angles(attitude)[2]))
-    change = (first["yaw_deg"] - yaw_deg + 180.0) % 360.0 - 180.0
-    sd = float(np.rad2deg(prepared.alignment.attitude_sd_rad[2]))
-    left = float(np.rad2deg(first["sd_misalignment_down_rad"]))
     text = (
-        f"Heading at the start: the whole log corrects it by {change:+.1f} deg, {abs(change) / max(sd, 1e-9):.1f} "
-        f"times its 1 sigma of {sd:.2g} deg ({taken}); {left:.2g} deg are left."
+        f"Heading at the start: the whole log corrects it by {found.change_deg:+.1f} deg, {found.sigmas:.1f} "
+        f"times its 1 sigma of {found.sd_deg:.2g} deg ({taken}); {found.left_deg:.2g} deg are left."
     )
     return [text]
 

@@ -19,6 +19,7 @@ from bottomlock.replay.findings.claims import claims_findings
 from bottomlock.replay.findings.earth_limits import earth_findings
 from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.replay.findings.finding import Finding, ranked
+from bottomlock.replay.findings.heading_findings import heading_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
 from bottomlock.replay.findings.sway import measured_sway
@@ -79,6 +80,7 @@ def diagnose(
         *_astray(agreed),
         *claims_findings(samples, methods),
         *earth_findings(prepared.model.environment, samples),
+        *([] if seen is None else heading_findings(prepared, samples, seen.method)),
     ]
     evidence = Evidence(
         verdict=verdict, state=state, causes=causes, further=further, seen=seen, closure=closure_words(prepared),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.errors import OutputError
 from bottomlock.io.beam_table import Recording, sidecar, write_recording
-from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.found import Found, Times
 
 Integers = NDArray[np.int64]
 
@@ -79,7 +79,7 @@ class Files:
         if times.time_ns is None:
             clock = {}
         if found.table.plain and columns is None and (times.column or times.time_ns is None):
-            clock |= _unordered(times.time_ns)
+            clock |= _even(times) or _unordered(times.time_ns)
             return self.relative(found.table.path), clock, roles
         content: dict[str, Any] = {} if times.time_ns is None else {"time_ns": times.time_ns}
         if columns is None:
@@ -94,8 +94,14 @@ class Files:
         write_parquet(path, pl.DataFrame(content).with_columns(pl.col(pl.Float64).fill_nan(None)))
         self.written.append(path)
         if times.time_ns is not None:
+            # Times that were evened are written as they are used.
             clock = {"column": "time_ns", "unit": "ns"} | _unordered(times.time_ns)
         return self.relative(path), clock, names
+
+
+def _even(times: Times) -> dict[str, float]:
+    """The clock's keys for rows at an even rate, whose stamps are only where it begins."""
+    return {} if times.rate_hz is None else {"rate_hz": times.rate_hz, "steady_within_s": times.within_s}
 
 
 def _unordered(time_ns: Integers | None) -> dict[str, str]:

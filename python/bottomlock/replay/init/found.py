@@ -20,6 +20,8 @@ EPOCHS = (("s", 5e8, 5e9), ("ms", 5e11, 5e12), ("us", 5e14, 5e15), ("ns", 5e17, 
 """Unix times from 1985 to 2128 in each unit."""
 RATES_HZ = {"imu": (8.0, 4000.0), "dvl": (0.05, 40.0)}
 ANY_RATE_HZ = (0.02, 1000.0)
+LEAST_EVEN, FEW, MOST_OFF_S = 50, 0.01, 1.1
+"""Rows, part of them that does not rise, and greatest deviation from an even rate, s, of rows that count as even."""
 
 
 @dataclass(eq=False)
@@ -31,6 +33,8 @@ class Times:
         column, unit: as a case's clock names them; column "" where the table is written again.
         why: how the unit was found.
         epoch: whether they are Unix times.
+        rate_hz, within_s: of rows at an even rate whose stamps are coarse or jitter, and by how much they do; None
+            where the stamps are the times.
     """
 
     time_ns: Integers | None
@@ -38,6 +42,31 @@ class Times:
     unit: str = "ns"
     why: str = ""
     epoch: bool = False
+    rate_hz: float | None = None
+    within_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Takes an even rate where more than a few stamps do not rise and no row is missing.
+
+        A few rows that repeat a time or go back are left to the clock, which leaves them out and says which.
+        """
+        if self.time_ns is None or len(self.time_ns) < LEAST_EVEN:
+            return
+        if float((np.diff(self.time_ns) <= 0).mean()) <= FEW:
+            return
+        row = np.arange(len(self.time_ns))
+        step_ns, begin_ns = np.polyfit(row, self.time_ns - self.time_ns[0], 1)
+        off_s = (self.time_ns - self.time_ns[0] - begin_ns - step_ns * row) * 1e-9
+        within_s = float(np.abs(off_s - np.median(off_s)).max())
+        if step_ns <= 0.0 or within_s > MOST_OFF_S:
+            return
+        self.rate_hz, self.within_s = float(f"{1e9 / step_ns:.8g}"), float(f"{1.2 * within_s:.2g}")
+        even = np.round(row * (1e9 / self.rate_hz)).astype(np.int64)
+        self.time_ns = even + int(np.median(self.time_ns - even))
+        self.why += (
+            f"; the stamps are coarse or jitter by up to {within_s:.2g} s, "
+            f"and the rows are even at {self.rate_hz:.4g} Hz"
+        )
 
 
 @dataclass(eq=False)
@@ -225,9 +254,22 @@ def table_times(table: AnyTable, kind: str) -> Times:
         return Times(written[0], why=written[1], epoch=written[2])
     first = frame.columns[0]
     value = numbers(frame[first])
-    if named(first) is None and np.isfinite(value).all() and len(value) > 3 and (np.diff(value) > 0.0).all():
+    if named(first) is None and np.isfinite(value).all() and len(value) > 3 and _counts(value):
         return _numeric_times(frame[first], value, first, "", kind)
     return Times(None, why="no column of times")
+
+
+def _counts(value: Floats) -> bool:
+    """Whether a column without a known name counts the time: it rises, or is even with the rows to a hundredth.
+
+    Repeats, steps back and jitter do not make another column of it; the clock names them.
+    """
+    if float((np.diff(value) > 0.0).mean()) > 1.0 - FEW:
+        return True
+    row = np.arange(len(value))
+    step, begin = np.polyfit(row, value - value[0], 1)
+    off = value - value[0] - begin - step * row
+    return bool(step > 0.0 and np.abs(off).max() < 0.01 * step * len(value))
 
 
 def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind: str) -> Times:
@@ -235,6 +277,9 @@ def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind:
     middle = float(np.nanmedian(value))
     steps = np.diff(value[np.isfinite(value)])
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else np.nan
+    if float((steps == 0.0).mean()) > 0.5:
+        # Whole seconds, or the like: the rate is that of the rows.
+        step = float(steps.mean()) or step
     epoch = next((u for u, least, most in EPOCHS if least < middle < most), None)
     if epoch is not None and (not unit or unit == epoch):
         why = f"a median of {middle:.4g} is a Unix time in {epoch}"

@@ -43,6 +43,7 @@ class ImuPart:
         rate_hz: of the readings.
         even_hz: rate of a clock whose stamps are not used as times; None for the stamps.
         made: whether they are made from an attitude, since no file holds any.
+        unordered, first_unordered: rows that repeat a time or go back, and the first of them.
         notes: remarks for the case.
     """
 
@@ -60,6 +61,7 @@ class ImuPart:
     rate_hz: float
     even_hz: float | None = None
     unordered: int = 0
+    first_unordered: int = 0
     handed: bool = False
     made: bool = False
     notes: tuple[str, ...] = field(default=())
@@ -161,5 +163,6 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
         found=found, time_ns=time_ns, rows=rows, force_s_mps2=force, omega_s_radps=omega, force=of_force,
         omega=of_omega,
         increments=increments, axes=axes, axes_why=why, axes_known=axis == 2 and sign > 0.0, handed=handed,
-        rate_hz=1.0 / step_s, even_hz=even_hz, unordered=int((whole & ~rises).sum()), notes=tuple(notes),
+        rate_hz=1.0 / step_s, even_hz=even_hz, unordered=int((whole & ~rises).sum()),
+        first_unordered=int(np.argmax(whole & ~rises)), notes=tuple(notes),
     )  # fmt: skip

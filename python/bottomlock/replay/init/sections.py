@@ -112,7 +112,10 @@ def _imu(imu: ImuPart, files: Files) -> Section:
     else:
         section.put("clock", clock, found.times.why)
         if imu.unordered and "unordered" in clock:
-            section.say(f"{imu.unordered} rows repeat a time or go back: they are left out")
+            section.say(
+                f"{imu.unordered} rows repeat a time or go back, the first of them row {imu.first_unordered}: they are "
+                "left out"
+            )
     section.put("force", [names[f"force{k}"] for k in range(3)])
     section.put("omega", [names[f"omega{k}"] for k in range(3)])
     if imu.increments:

@@ -7,6 +7,8 @@ from bottomlock.replay.init.text import Section
 
 WINDOW_S = 10.0
 SHORT_WINDOW_S = 2.0
+UNKNOWN_DEG = 180.0
+"""1 sigma of a heading that nothing tells. A heading, positions or gyros better than the Earth's rate find it."""
 UNDER_WAY_MPS = [2.0, 0.5, 0.5]
 """1 sigma of a velocity of which nothing is known."""
 
@@ -47,7 +49,9 @@ def put_start(section: Section, parts: Parts) -> None:
             "heading", "given", "nothing in the files gives it: the whole track turns with it", known=False
         )
         section.put("heading_deg", 0.0)
-        section.put("heading_sd_deg", 5.0)
+        section.put(
+            "heading_sd_deg", UNKNOWN_DEG, "unknown: the track is relative until something observes it"
+        )
     if has_ping:
         section.put("velocity", "beams")
     else:
