@@ -209,6 +209,8 @@ MISTAKES: dict[str, tuple[Mistake, str, str]] = {
     "DVL turned by 90 deg": (edited("dvl.toml", ("yaw_deg = 0.0", "yaw_deg = 90.0")), "axes", "imu.axes"),
     "IMU axes exchanged": (edited("case.toml", ('["x", "y", "z"]', '["y", "x", "z"]')), "axes", "imu.axes"),
     "IMU axis reversed": (edited("case.toml", ('["x", "y", "z"]', '["x", "-y", "z"]')), "axes", "imu.axes"),
+    "gyro z reversed": (table("imu", wz=-pl.col("wz")), "gyro_sign", "imu.omega"),
+    "gyro x reversed": (table("imu", wx=-pl.col("wx")), "gyro_sign", "imu.omega"),
     "beams reversed": (table("beams", **{f"beam{k}_mps": -BEAM[k] for k in BEAM}), "axes", "dvl.file"),
     "DVL clock 0.3 s": (table("beams", time_ns=pl.col("time_ns") + 300_000_000), "clock", "dvl.clock.offset_s"),
     "tenfold gyro bias": (table("imu", wx=pl.col("wx") + 1e-3, wy=pl.col("wy") - 8e-4), "gyro_offset", "gyro_bias"),

@@ -270,7 +270,7 @@ def test_a_heading_that_nothing_tells_is_unknown(dive: RovDive, tmp_path: Path, 
     start = case.start.model_copy(update={"heading_deg": given_deg})
     result = replay_case(case.model_copy(update={"start": start}).with_overrides(methods=["tc"]))
     rows = result.samples.filter(pl.col("pass") == "forward").sort("time_ns")
-    assert np.rad2deg(rows["sd_misalignment_down_rad"].min()) > 170.0
+    assert np.rad2deg(rows["sd_misalignment_down_rad"].to_numpy()).min() > 170.0
     true = np.interp(
         rows["time_ns"] * 1e-9, np.linspace(0.0, 120.0, len(dive.rpy)), np.unwrap(dive.rpy[:, 2])
     )

@@ -61,3 +61,35 @@ def test_a_dive_at_a_constant_depth_says_nothing_of_the_depth_sensor(tmp_path: P
     )
     kinds = {one["kind"] for one in replay_case(load_case(path)).manifest["findings"]}
     assert not kinds & {"depth_scale", "depth_sign"}
+
+
+PAIRS = (
+    ("DVL clock 0.3 s", "mounting yaw 10 deg"),
+    ("gyro z reversed", "DVL clock 0.3 s"),
+    ("sound speed 5 %", "gyro z reversed"),
+    ("mounting yaw 10 deg", "tenfold gyro bias"),
+    ("DVL turned by 90 deg", "gyro z reversed"),
+)
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_of_two_mistakes_none_is_named_that_is_not_there(pair: tuple[str, str], tmp_path: Path) -> None:
+    """Causes of the motion are mistakes that were made, or there is none that explains it."""
+    dive = rov_dive(11)
+    for name in pair:
+        mistaken(dive, tmp_path, name) if name == pair[0] else MISTAKES[name][0](tmp_path)
+    kinds = [one["kind"] for one in replay_case(load_case(tmp_path / "case.toml")).manifest["findings"]]
+    made = {MISTAKES[name][1] for name in pair}
+    motion = {
+        "mounting",
+        "axes",
+        "clock",
+        "gyro_offset",
+        "scale",
+        "lever_arm",
+        "gyro_unit",
+        "gyro_sign",
+        "unexplained",
+    }
+    assert motion & set(kinds) <= made | {"unexplained"}, kinds
+    assert motion & set(kinds)

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.finding import Finding
+from bottomlock.replay.findings.motion_findings import ANEW
 from bottomlock.replay.motion.gyros import slope
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.stream_sections import ImuStream
@@ -72,7 +73,7 @@ def _unit(case: Case, ratio: float, correlation: float, turns: Turns) -> Finding
         f"The unit of the angular rate is wrong: {right} taken for {stated}.",
         f"Slope of the gyros over the turns of the recorded attitude: {ratio:.3g} as stated, {ratio / factor:.3g} with "
         f"{right}, expected 1; correlation {correlation:.2f} over {len(turns.gyros)} intervals of {STEP_S:g} s.",
-        f'Set imu.omega_unit = "{right}" (now "{stated}").', "imu.omega_unit",
+        f'Set imu.omega_unit = "{right}" (now "{stated}"), and imu.errors anew: {ANEW}.', "imu.omega_unit",
     )  # fmt: skip
 
 

@@ -189,7 +189,7 @@ def _against_imu(
     # Not the free fit: at a constant speed it may lean on a mounting that nothing shows.
     best = comparison.causes[0].match if comparison.causes else comparison.stated
     gyros = comparison.causes[0].gyros if comparison.causes else 1.0
-    if gyros == 1.0 and abs(best.gravity - 9.81) < 0.5:
+    if np.all(np.asarray(gyros) == 1.0) and abs(best.gravity - 9.81) < 0.5:
         found.append(checks.level_finding(alignment, best))
         found.append(checks.depth_finding(case, streams, recorded, best))
     return found

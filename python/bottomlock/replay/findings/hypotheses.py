@@ -21,7 +21,9 @@ SIGMAS = 5.0
 MATERIAL = {"rotation": np.deg2rad(1.5), "scale": 0.012, "clock": 0.03, "gyro_bias": 0.0, "lever": 0.25}
 BIAS_FACTOR = 4.0
 """A gyro bias is a finding beyond this many claimed standard deviations."""
-SIMPLER = ("units", "axes", "clock", "scale", "gyro_bias", "rotation", "lever")
+REMOVED = 0.5
+"""Part of what all mistakes together explain that a cause must explain alone; else it is not the cause."""
+SIMPLER = ("units", "gyros", "axes", "clock", "scale", "gyro_bias", "rotation", "lever")
 """Order in which causes that explain alike are preferred."""
 
 
@@ -32,7 +34,7 @@ class Cause:
     name: str
     match: Match
     drop: float
-    gyros: float = 1.0
+    gyros: float | Floats = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +45,13 @@ class Comparison:
         stated: the fit with everything near what is stated.
         free: the best fit with everything free.
         causes: that explain the difference, the likeliest first.
+        unexplained: whether there is a difference that none of them removes.
     """
 
     stated: Match
     free: Match
     causes: list[Cause]
+    unexplained: bool
 
 
 def tight_priors(gyro_bias_radps: float, accel_bias_mps2: float) -> dict[str, float]:
@@ -78,6 +82,13 @@ def _axes() -> dict[str, tuple[Floats, float]]:
     return found
 
 
+GYROS = {
+    "x": np.array([-1.0, 1.0, 1.0]),
+    "y": np.array([1.0, -1.0, 1.0]),
+    "z": np.array([1.0, 1.0, -1.0]),
+    "x, y and z": -np.ones(3),
+}
+"""Axes about which the angular rate has the wrong sign."""
 UNITS = {"deg/s taken for rad/s": np.pi / 180.0, "rad/s taken for deg/s": 180.0 / np.pi}
 
 
@@ -108,12 +119,19 @@ def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Co
         *_continuous(recorded, tight, stated, sigma),
         *_repeat(recorded, tight, stated, suspects, sigma),
     ]
-    kept = [one for one in causes if one.drop > max(LEAST_DROP, LEAST_PART * stated.cost)]
+    material = [one for one in causes if one.drop > max(LEAST_DROP, LEAST_PART * stated.cost)]
+    least = min([free.cost, *(one.match.cost for one in causes)])
+    kept = [one for one in material if _removes(one, stated, least)]
     best = max((one.drop for one in kept), default=0.0)
     alike = [one for one in kept if one.drop >= ENOUGH * best]
     alike.sort(key=lambda one: (SIMPLER.index(one.name.split(":")[0]), -one.drop))
     rest = sorted((one for one in kept if one not in alike), key=lambda one: -one.drop)
-    return Comparison(stated, free, alike[:1] + _others(alike[1:] + rest, best))
+    return Comparison(stated, free, alike[:1] + _others(alike[1:] + rest, best), bool(material) and not kept)
+
+
+def _removes(cause: Cause, stated: Match, least_cost: float) -> bool:
+    """Whether most of what any fit removes is gone with the cause."""
+    return cause.drop >= REMOVED * (stated.cost - least_cost)
 
 
 def _others(causes: list[Cause], best: float) -> list[Cause]:
@@ -155,6 +173,10 @@ def _discrete(recorded: Recorded, tight: dict[str, float], sigma: float) -> list
         one = fit(recorded.with_gyros(factor), some, sigma_mps=sigma)
         if one is not None:
             found.append(Cause(f"units:{words}", one, 0.0, factor))
+    for words, signs in GYROS.items():
+        one = fit(recorded.with_gyros(signs), some, sigma_mps=sigma)
+        if one is not None:
+            found.append(Cause(f"gyros:{words}", one, 0.0, signs))
     found.sort(key=lambda one: one.match.cost)
     again = []
     for cause in found[:3]:

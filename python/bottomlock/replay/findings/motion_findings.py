@@ -8,6 +8,8 @@ from bottomlock.replay.findings.hypotheses import Cause, Comparison
 from bottomlock.replay.init.guess import axis_names
 from bottomlock.replay.stream_sections import Axes
 
+ANEW = "noise and offset of the gyros may be in the wrong unit too; delete grade and its keys, or run --init again"
+"""What a wrong unit of the gyros leaves behind."""
 SOUND_SPEED = 0.06
 """A larger error of scale is no speed of sound: the geometry has another tilt."""
 
@@ -20,7 +22,20 @@ def motion_findings(case: Case, comparison: Comparison, tilt_rad: float) -> list
         comparison: of the velocity with the inertial readings.
         tilt_rad: mean tilt of the stated beams.
     """
+    if comparison.unexplained:
+        return [_unexplained(comparison)]
     return [_words(case, cause, comparison, tilt_rad) for cause in comparison.causes]
+
+
+def _unexplained(comparison: Comparison) -> Finding:
+    stated = comparison.stated
+    return Finding(
+        "unexplained", "fault", stated.cost,
+        "The DVL's velocity does not follow the inertial readings, and no single mistake explains it.",
+        f"It departs by {1e3 * stated.sigma_mps:.0f} mm/s a ping, chi-squared {stated.cost:.0f} of {3 * stated.pings}; "
+        "no unit, sign, order of axes, clock, scale, mounting, gyro offset or lever arm alone removes half of that.",
+        "More than one is wrong, or something else: check the files one after another, and run replay --init again.",
+    )  # fmt: skip
 
 
 def _words(case: Case, cause: Cause, comparison: Comparison, tilt_rad: float) -> Finding:
@@ -34,12 +49,18 @@ def _words(case: Case, cause: Cause, comparison: Comparison, tilt_rad: float) ->
     )
     text, advice, key = {
         "clock": _clock, "scale": _scale, "gyro_bias": _gyro_bias, "rotation": _rotation, "lever": _lever,
-        "axes": _axes, "units": _units,
+        "axes": _axes, "units": _units, "gyros": _gyros,
     }[name](case, cause, what, tilt_rad)  # fmt: skip
     return Finding(_KINDS.get(name, name), "fault", cause.drop, text, evidence, advice, key)
 
 
-_KINDS = {"rotation": "mounting", "gyro_bias": "gyro_offset", "lever": "lever_arm", "units": "gyro_unit"}
+_KINDS = {
+    "rotation": "mounting",
+    "gyro_bias": "gyro_offset",
+    "lever": "lever_arm",
+    "units": "gyro_unit",
+    "gyros": "gyro_sign",
+}
 _Words = tuple[str, str, str]
 
 
@@ -136,7 +157,7 @@ def _axes(case: Case, cause: Cause, what: str, _: float) -> _Words:
             "seabed along it."
         )  # fmt: skip
         return "The sign of the beams is reversed.", remedy, key
-    if cause.gyros < 0.0:
+    if np.all(np.asarray(cause.gyros) < 0.0):
         # f' = Q f with Q the axes of the IMU as they should be: Mᵀ takes what is stated to what is.
         right = axis_names(M.T @ _matrix(case.readings.axes))
         return (
@@ -177,10 +198,19 @@ def _matrix(axes: Axes) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
     return matrix
 
 
+def _gyros(case: Case, _: Cause, what: str, __: float) -> _Words:
+    columns = ", ".join(case.readings.omega)
+    return (
+        f"The angular rate about {what} has the wrong sign.",
+        f"Write the rate about {what} with the other sign (imu.omega is {columns}, imu.axes applies to forces too).",
+        "imu.omega",
+    )
+
+
 def _units(case: Case, _: Cause, what: str, __: float) -> _Words:
     right = what.split(" ", maxsplit=1)[0]
     return (
         f"The unit of the angular rate is wrong: {what}.",
-        f'Set imu.omega_unit = "{right}" (now "{case.readings.omega_unit}").',
+        f'Set imu.omega_unit = "{right}" (now "{case.readings.omega_unit}"), and imu.errors anew: {ANEW}.',
         "imu.omega_unit",
     )

@@ -14,8 +14,8 @@ from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
 from bottomlock.tables.replay import FORWARD
 
 OF_FILTERS_ALONE = {
-    "gyro_unit", "gyro_offset", "start_level", "start_velocity", "start_heading", "depth_sign", "depth_scale",
-    "beam_noise", "other_dive",
+    "gyro_unit", "gyro_sign", "gyro_offset", "start_level", "start_velocity", "start_heading", "depth_sign",
+    "depth_scale", "beam_noise", "other_dive",
 }  # fmt: skip
 """Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
 

@@ -50,8 +50,8 @@ class Recorded:
     time_ns: Integers
     velocity_p_mps: Floats
 
-    def with_gyros(self, factor: float) -> "Recorded":
-        """The same with the rates multiplied."""
+    def with_gyros(self, factor: float | Floats) -> "Recorded":
+        """The same with the rates multiplied, all alike or each axis (3,) by its own."""
         return Recorded(
             self.imu_time_ns,
             self.force_p_mps2,
