@@ -206,6 +206,7 @@ def test_methods_that_predict_what_was_measured(tmp_path: Path) -> None:
     done = command("tune", path, "--methods", "tc,lc")
     assert done.returncode == 2
     assert "methods is tc, lc, expected some of tc, vb_exact, info, sway_current" in done.stderr
+    assert "did you mean 'info'" in command("tune", path, "--methods", "inof").stderr
     done = command("tune", path, "--methods", "info", "--threads", "2")
     assert done.returncode == 0, done.stderr
     record = json.loads((tmp_path / "case_tuned.json").read_text(encoding="utf-8"))

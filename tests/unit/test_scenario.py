@@ -156,7 +156,7 @@ def test_unknown_name_suggests(tmp_path: Path) -> None:
     """A slip of the pen in a packaged name is answered by the nearest name; a directory is no file."""
     with pytest.raises(ScenarioError, match="did you mean 'straight'"):
         load_scenario("strait")
-    with pytest.raises(ScenarioError, match="neither a file"):
+    with pytest.raises(ScenarioError, match="is a folder"):
         load_scenario(tmp_path)
 
 

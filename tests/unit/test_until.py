@@ -128,7 +128,7 @@ def test_another_form_is_refused_with_an_example(text: str) -> None:
 
 
 def test_a_method_that_does_not_fly_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match="'vb', straight flies ins, lc, tc"):
+    with pytest.raises(ScenarioError, match="'vb', straight is run with ins, lc, tc"):
         run_until([short(4)], tmp_path / "o", Until("vb", "velocity_rms", 2.0))
     assert not (tmp_path / "o").exists()
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.nearest import did_you_mean
+from bottomlock.own_method import known_names
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.streams import Flags, Floats
 from bottomlock.replay.tune.criterion import Criterion
@@ -228,7 +229,8 @@ def tune_case(
             f"fraction is {fraction:g}, expected 0.2 to 0.8: the rest of the recording judges"
         )
     if not methods or len(set(methods)) < len(methods) or not set(methods) <= set(MEASURED):
-        hint = next((did_you_mean(one, MEASURED) for one in methods if one not in MEASURED), "") or ","
+        unknown = [one for one in methods if one not in known_names()]
+        hint = (did_you_mean(unknown[0], MEASURED) if unknown else "") or ","
         raise ScenarioError(
             f"methods is {', '.join(methods) or 'empty'}{hint} expected some of {', '.join(MEASURED)}, each once: the "
             "others predict a velocity that they assume"
