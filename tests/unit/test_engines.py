@@ -255,7 +255,7 @@ def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"name": "spark"}, "engine 'spark' is not known, expected local or dask"),
+        ({"name": "spark"}, "engine 'spark' is not known"),
         ({"name": "local", "scheduler": "tcp://a:1"}, "given with engine 'local': only dask"),
         ({"name": "dask", "scheduler": "nowhere"}, "expected an address such as tcp://host:8786"),
         ({"name": "dask", "scheduler": "http://a:1"}, "expected an address such as"),

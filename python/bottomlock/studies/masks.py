@@ -61,9 +61,9 @@ def select(found: Sequence[cases.Case], wanted: Sequence[str] | None) -> list[ca
         case = known.get(name) or known.get(f"beams_{name}")
         if case is None:
             names = [key.removeprefix("beams_") for key in known]
-            raise ScenarioError(
-                f"unknown case '{name}'{did_you_mean(name, names)} (known: {', '.join(names)})"
-            )
+            # Sets of beams are numbers: none is a slip of another.
+            hint = did_you_mean(name, [one for one in names if not one.isdigit()])
+            raise ScenarioError(f"unknown case '{name}'{hint} (known: {', '.join(names)})")
         chosen.append(case)
     if not chosen:
         raise ScenarioError("no case is named")

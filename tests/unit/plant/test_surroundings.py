@@ -122,7 +122,7 @@ def test_the_package_gives_the_test_values_of_the_model(
 
 def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygeomag", None)
-    with pytest.raises(ScenarioError, match=r"bottomlock\[magnetic\]"):
+    with pytest.raises(ScenarioError, match=r"pip install '\.\[magnetic\]'"):
         world_magnetic_model(0.5, 0.5, 2026.0)
 
 

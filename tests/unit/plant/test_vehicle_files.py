@@ -145,7 +145,9 @@ def test_a_bare_number_is_refused(tables: dict[str, Any]) -> None:
 
 
 def test_a_missing_file_is_named() -> None:
-    with pytest.raises(ScenarioError, match=r"'nautilus': neither a packaged vehicle .*tauv.* nor a file"):
+    with pytest.raises(
+        ScenarioError, match=r"'nautilus' is neither a packaged vehicle nor a file \(packaged: .*tauv"
+    ):
         load_vehicle("nautilus")
 
 
