@@ -7,8 +7,10 @@ import polars as pl
 import pytest
 
 from bottomlock.bench import mission_list as lists
+from bottomlock.bench.leaderboard import read_submissions
 from bottomlock.bench.methods import estimate
 from bottomlock.bench.mission import Estimates, Mission
+from bottomlock.errors import DataError
 from bottomlock.tables.bench import LEADERBOARD, SUBMISSION
 from bottomlock.tables.check import check
 from tests.cli.calls import command
@@ -132,6 +134,8 @@ def test_a_part_of_a_split_is_scored_as_such(data: Path, submissions: Path, tmp_
     unknown = command("bench", "score", few, "--data", tmp_path / "data", "--reference", "tcc")
     assert (unknown.returncode, unknown.stdout) == (2, "")
     assert "--reference is 'tcc', did you mean 'tc'?" in unknown.stderr
+    with pytest.raises(DataError, match="answers none of the 1 missions"):
+        read_submissions([str(few)], [spec for spec in lists.mission_list() if spec.split == "test"])
     other = command("bench", "score", few, "--data", data, "--missions", second)
     assert other.returncode == 2
     assert "lacks 1 missions" in other.stderr
