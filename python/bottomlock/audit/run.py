@@ -21,6 +21,7 @@ from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import Mounting, find_mounting
 from bottomlock.audit.mounting_findings import mounting_findings
 from bottomlock.audit.signature import find_signature, signature_findings
+from bottomlock.audit.single_beams import noisy_findings, stuck_findings
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry
@@ -104,6 +105,7 @@ def audit_log(
     findings = [
         *defects.time_findings(log),
         *defects.stale_findings(log, same),
+        *stuck_findings(log, same),
         *zeros,
         *copies,
         *defects.range_findings(log),
@@ -115,6 +117,7 @@ def audit_log(
         reading_zero = [beam - 1 for one in zeros for beam in one.beams]
         whole &= (log.velocity_mps[:, reading_zero] != 0.0).all(axis=1)
         assessment = assess_beams(log, whole, directions, [one.beams for one in copies])
+    findings += noisy_findings(log, assessment.full, assessment.rows)
     findings += assessment.findings + converter_findings(log) + _error_velocity_findings(log, assessment)
     depth, mounting, others = _against_reference(log, assessment, whole, mounted, reference, imu, depths)
     return Audit(log, same, assessment, depth, mounting, ranked(findings + others), geometry_name, directions)

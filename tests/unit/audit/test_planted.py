@@ -157,10 +157,27 @@ def test_heavy_tails() -> None:
     assert found(make_log(14, heavy=True)) == {("heavy_tails", ())}
 
 
-def test_unequal_noise_is_no_fault() -> None:
-    """One beam five times noisier than the rest biases the plain regression by degrees; here nothing is found."""
+def test_a_stuck_beam() -> None:
+    """700 pings at one value; a run of nine is looked over, as a coarse resolution makes it."""
+    log = make_log(17, decimals=3)
+    y = log.velocity_mps.copy()
+    y[200:900, 1] = y[200, 1]
+    audit = audit_log(replace(log, velocity_mps=y), stated=STATED)
+    (stuck,) = [one for one in audit.findings if one.kind == "stuck_beam"]
+    assert (stuck.severity, stuck.beams, stuck.size) == ("fault", (2,), 700.0)
+    assert "row 200" in stuck.evidence
+    y = log.velocity_mps.copy()
+    y[500:509, 1] = y[500, 1]
+    assert "stuck_beam" not in {
+        one.kind for one in audit_log(replace(log, velocity_mps=y), stated=STATED).findings
+    }
+
+
+def test_a_noisy_beam_is_named_and_is_no_fault() -> None:
+    """One beam five times noisier than the rest biases the plain regression by degrees; here it is only named."""
     audit = audit_log(make_log(15, unequal=True, sd_mps=0.03), stated=STATED)
-    assert audit.findings == []
+    assert [(one.kind, one.severity) for one in audit.findings] == [("noisy_beam", "warning")]
+    assert audit.findings[0].size == pytest.approx(5.0, rel=0.2)
     assert audit.assessment.matrix is not None
     np.testing.assert_allclose(np.rad2deg(audit.assessment.matrix.tilt_rad), 22.0, atol=0.02)
     y, own = audit.log.velocity_mps, audit.log.instrument_mps
