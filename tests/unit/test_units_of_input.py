@@ -9,10 +9,12 @@ import polars as pl
 import pytest
 
 from bottomlock import kernel
+from bottomlock.audit.logs import read_log
 from bottomlock.config.scenario import load_scenario
-from bottomlock.errors import ScenarioError
-from bottomlock.io.beams import read_geometry
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.io.beams import Columns, read_geometry, read_times
 from bottomlock.kernel import BeamGeometry, KernelError, Method
+from bottomlock.table_file import read_table_file
 from tests.unit.test_models import JANUS, LOG, MODEL, OPTIONS, STATE
 
 SECOND = 1_000_000_000
@@ -219,3 +221,21 @@ def test_vectors_of_a_push_have_names() -> None:
     with pytest.raises(TypeError):
         navigator().push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])  # type: ignore[call-arg]
     assert "rad/s" in str(kernel.Navigator.push_imu.__doc__)
+
+
+@pytest.mark.parametrize("step", [200, 200_000])
+def test_pings_in_milli_and_microseconds_are_named(step: int, tmp_path: Path) -> None:
+    """By `fix` and `audit`, which have no filter that would refuse them; 5 Hz in nanoseconds is taken."""
+    beams = {f"beam{k}_mps": 0.1 * np.arange(20) for k in range(1, 5)}
+    flags = {f"beam{k}_valid": np.ones(20, dtype=bool) for k in range(1, 5)}
+    for factor, fails in ((1, True), (200_000_000 // step, False)):
+        frame = pl.DataFrame({"time_ns": np.arange(20) * step * factor} | beams | flags)
+        frame.write_csv(tmp_path / "log.csv")
+        for read in (read_log, lambda path: read_times(read_table_file(path), Columns(), str(path))):
+            if fails:
+                with pytest.raises(
+                    DataError, match=rf"rises by {step} ns a row .*is it in micro- or milliseconds"
+                ):
+                    read(tmp_path / "log.csv")
+            else:
+                read(tmp_path / "log.csv")

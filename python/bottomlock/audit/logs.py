@@ -11,7 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beams import Columns, beam_flags, times_as_they_stand
+from bottomlock.io.beams import LEAST_READING_NS, Columns, beam_flags, times_as_they_stand
 from bottomlock.io.columns import column_numbers, read_rows
 
 AXES = ("x", "y", "z")
@@ -211,7 +211,7 @@ class Depths:
 
 
 def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:
-    time_ns = times_as_they_stand(table, Columns(), place)
+    time_ns = times_as_they_stand(table, Columns(), place, LEAST_READING_NS)
     steps = np.flatnonzero(np.diff(time_ns) <= 0)
     if steps.size:
         row = int(steps[0]) + 1

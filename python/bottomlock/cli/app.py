@@ -114,6 +114,8 @@ def main() -> None:
         words = " ".join(str(error).split())
         words = words if words.endswith("...") else words.removesuffix(".")
         _fail(f"{words}; see `{' '.join(['bottomlock', *(error.command_chain or ())])} --help`")
+    except MemoryError:
+        _fail("the memory does not suffice; take a part of the file, or a machine with more")
     except BottomlockError as error:
         if common.verbose:
             errors.print(traceback.format_exc().rstrip())

@@ -225,11 +225,33 @@ def instrument_of(settings: InstrumentFile, *, place: str) -> Instrument:
     )
 
 
-def times_as_they_stand(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
+LEAST_PING_NS, LEAST_READING_NS = 1_000_000, 50_000
+"""Least steps of the times of pings and of inertial readings: no instrument is faster."""
+
+
+def check_steps(time_ns: NDArray[np.int64], least_ns: int, place: str, column: str) -> None:
+    """Checks that times are in nanoseconds, by the median step of ten rows or more.
+
+    Raises:
+        DataError: naming the column and the likely unit.
+    """
+    steps = np.diff(time_ns)
+    rising = steps[steps > 0]
+    if len(rising) < 9 or float(np.median(rising)) >= least_ns:
+        return
+    raise DataError(
+        f"{place}: column '{column}' rises by {np.median(rising):.0f} ns a row in the median, expected {least_ns} or "
+        "more, since no instrument is that fast: is it in micro- or milliseconds?"
+    )
+
+
+def times_as_they_stand(
+    table: pl.DataFrame, columns: Columns, place: str, least_ns: int = LEAST_PING_NS
+) -> NDArray[np.int64]:
     """Times of a table, ns (n,), in the order of the file, which may repeat or go back.
 
     Raises:
-        DataError: naming row and column, for a time that is missing or no number.
+        DataError: naming row and column, for a time that is missing or no number, and for steps below `least_ns`.
     """
     if columns.time not in table.columns and columns.time == Columns().time:
         known = ", ".join(table.columns[:12])
@@ -245,7 +267,9 @@ def times_as_they_stand(table: pl.DataFrame, columns: Columns, place: str) -> ND
     missing = series.is_null().arg_true()
     if len(missing):
         raise DataError(f"{place}: row {missing[0]}, column '{columns.time}' has no time")
-    return np.asarray(series.to_numpy(), dtype=np.int64)
+    times = np.asarray(series.to_numpy(), dtype=np.int64)
+    check_steps(times, least_ns, place, columns.time)
+    return times
 
 
 def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
