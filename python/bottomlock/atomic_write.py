@@ -10,6 +10,7 @@ import hashlib
 import io
 import json
 import os
+import secrets
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -36,9 +37,14 @@ def write_parquet(path: Path, frame: pl.DataFrame) -> str:
 
     Uncompressed: noise does not compress, and compressing it costs more than writing it.
     """
+    return write_bytes(path, parquet_bytes(frame))
+
+
+def parquet_bytes(frame: pl.DataFrame) -> memoryview:
+    """A table as `write_parquet` writes it."""
     content = io.BytesIO()
     frame.write_parquet(content, compression="uncompressed", statistics=False)
-    return write_bytes(path, content.getbuffer())
+    return content.getbuffer()
 
 
 def json_text(content: dict[str, Any]) -> str:
@@ -75,12 +81,10 @@ def link_or_copy(old: Path, new: Path) -> None:
 
 
 def _replace(path: Path, write: Callable[[Path], None]) -> None:
-    """Writes under a temporary name, then renames; the name's end says what `unfinished` finds."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    """Writes under a temporary name that nobody can foresee, then renames."""
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
     try:
         make_folder(path.parent)
-        # A link that a killed process of the same number left must not be written through.
-        temporary.unlink(missing_ok=True)
         write(temporary)
         temporary.replace(path)
         _sync_folder(path.parent)
@@ -95,7 +99,8 @@ def _replace(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def _write(path: Path, content: bytes | memoryview) -> None:
-    with path.open("wb") as file:
+    # Never one that is there or behind a link; with the rights of the umask, unlike the files of `tempfile`.
+    with path.open("xb") as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())

@@ -1,12 +1,11 @@
-"""An output directory while a command writes to it: locked for all others, and emptied only of what is ours."""
+"""An output directory while a command writes to it: locked for all others."""
 
 import json
 import os
-import shutil
 import socket
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -158,23 +157,3 @@ def _words(holder: dict[str, Any]) -> str:
     if not holder:
         return "another process"
     return f"process {holder.get('pid')} on {holder.get('host')} since {holder.get('since')}"
-
-
-def remove_parts(out: Path, names: Iterable[str]) -> None:
-    """Removes files and folders of ours, to start over: all of them, or none where one is a symbolic link.
-
-    Raises:
-        OutputError: for a link, through which nothing is removed, and what cannot be removed.
-    """
-    paths = [out / name for name in names]
-    for path in paths:
-        if path.is_symlink():
-            raise OutputError(
-                f"{path}: is a symbolic link, and --force removes nothing through links; "
-                "remove the link yourself, or choose another directory"
-            )
-    for path in paths:
-        try:
-            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be removed ({error.strerror or error})") from error

@@ -11,6 +11,7 @@ from bottomlock.bench.leaderboard import read_submissions
 from bottomlock.bench.methods import estimate
 from bottomlock.bench.mission import Estimates, Mission
 from bottomlock.errors import DataError
+from bottomlock.records import read_record, write_record
 from bottomlock.tables.bench import LEADERBOARD, SUBMISSION
 from bottomlock.tables.check import check
 from tests.cli.calls import command
@@ -85,6 +86,20 @@ def test_a_second_run_keeps_what_is_there_and_a_damaged_part_is_run_again(
     same = [name for name in SUBMISSION if name != "wall_s"]
     again = pl.read_parquet(submissions / "tc.parquet").select(same)
     assert again.equals(pl.read_parquet(before).select(same))
+    path = next((submissions / "missions" / "tc").glob("*.record.json"))
+    record = read_record(path)
+    assert record is not None
+    write_record(path, record | {"key": "of other data"}, record["digests"])
+    done = command(*words)
+    assert done.returncode == 2
+    assert (
+        "holds estimates of other data, another version or another source; choose another directory"
+        in done.stderr
+    )
+    assert "1 of 6 run" in command(*words, "--force").stdout
+    (submissions / "tc.parquet").write_bytes(b"mine")
+    assert "tc.parquet: has changed since it was written" in command(*words).stderr
+    assert command(*words, "--force").returncode == 0
 
 
 def test_check_score_and_page(data: Path, submissions: Path, tmp_path: Path) -> None:
@@ -113,6 +128,20 @@ def test_check_score_and_page(data: Path, submissions: Path, tmp_path: Path) -> 
     assert "http" not in page.replace("http://www.w3.org", "")
     assert page.count("<figure>") == 6
     assert page.count("<svg") == page.count("</svg>")
+    refused: tuple[tuple[str | Path, ...], ...] = (
+        ("check", submissions / "tc.parquet", "--tum", tmp_path / "tum"),
+        ("beams", "--data", data, "--out", submissions),
+        ("score", *files, "--data", data, "--out", tmp_path / "scores.parquet"),
+        ("score", files[0], "--data", data, "--out", files[0], "--force"),
+        ("make", "--out", tmp_path / "m", "--write-digests", tmp_path / "scores.parquet"),
+        ("page", tmp_path / "scores.parquet", "--out", tmp_path / "page", "--reference", "tc"),
+        ("page", tmp_path / "scores.parquet", "--out", tmp_path / "tum"),
+    )
+    for words in refused:
+        done = command("bench", *words)
+        assert done.returncode == 2, words
+        assert "--force" in done.stderr or "is read by this command" in done.stderr
+    assert not (tmp_path / "m").exists()
 
 
 def test_a_part_of_a_split_is_scored_as_such(data: Path, submissions: Path, tmp_path: Path) -> None:

@@ -9,13 +9,16 @@ import sys
 import time
 from contextlib import nullcontext
 from functools import partial
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
+from rich.text import Text
 
 import bottomlock
+from bottomlock.cli.console import SafeConsole, narrow_table
 from bottomlock.observability import report
 from bottomlock.observability.tables import manoeuvre_table
 from bottomlock.truth.manoeuvres import MANOEUVRES
@@ -139,7 +142,7 @@ def test_scenarios_lists_and_copies(tmp_path: Path) -> None:
     assert (tmp_path / "straight.toml").is_file()
     again = command("scenarios", "--copy", "straight", cwd=tmp_path)
     assert again.returncode == 2
-    assert "exists already" in again.stderr
+    assert "is there already; choose another name, or use --force" in again.stderr
 
 
 def test_fix_turns_pings_into_velocities(tmp_path: Path) -> None:
@@ -259,6 +262,47 @@ def test_a_path_is_printed_as_it_is(tmp_path: Path, name: str) -> None:
     done = command(*RUN, "--seed", "7", "--out", name, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith(f"bottomlock: {name}: holds a campaign of another configuration")
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("o\x1b[2J\x1b]0;root\x07", r"o\x1b[2J\x1b]0;root\x07"),
+        ("o\r\x08\x9b31m", r"o\r\x08\x9b31m"),
+        ("o\u202egpj", r"o\u202egpj"),
+    ],
+)
+def test_control_characters_are_printed_as_codes(tmp_path: Path, name: str, shown: str) -> None:
+    """In a file name, in what was typed and in what a file holds: none clears a screen or turns a name round."""
+    done = command(*RUN, "--out", name, cwd=tmp_path)
+    assert done.returncode == 0
+    assert f"tables in {shown}\n" in done.stdout
+    done = command(*RUN, "--seed", "7", "--out", name, cwd=tmp_path)
+    assert done.stderr.startswith(f"bottomlock: {shown}: holds a campaign of another configuration")
+    done = command("run", name, "--out", "p", cwd=tmp_path)
+    assert done.stderr.startswith(f"bottomlock: {shown}: is a folder, expected a scenario")
+    pl.DataFrame({f"v{name}": [1.0], "time": [name]}).write_csv(tmp_path / "log.csv")
+    done = command(
+        "fix", "log.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.parquet", cwd=tmp_path
+    )
+    assert done.returncode == 2
+    assert not set(done.stdout + done.stderr) & {"\x1b", "\x07", "\x08", "\x9b", "\r", "\u202e"}
+
+
+def test_a_table_with_control_characters_is_aligned() -> None:
+    """In a terminal with colours of our own; a cell is as wide as it is printed."""
+    written = StringIO()
+    shown = SafeConsole(file=written, markup=False, force_terminal=True, width=80)
+    table = narrow_table("t", ["name"], ["number"])
+    table.add_row("a\x1b[2J", "1")
+    table.add_row("tc", "2")
+    shown.print(table)
+    shown.print(Text("b\x1b[31m", style="bold red"))
+    text = written.getvalue()
+    assert " a\\x1b[2J       1  \n tc             2  \n" in text
+    assert "\x1b[1;31mb\\x1b[31m" in text
+    assert "\x1b[2J" not in text
+    assert "\x1b[31m" not in text
 
 
 def test_a_name_that_is_no_text_in_a_terminal(tmp_path: Path) -> None:

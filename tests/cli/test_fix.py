@@ -36,7 +36,7 @@ def fixes(log: Path, *switches: str) -> tuple[pl.DataFrame, str]:
     """Table and output of the command; words are joined by single spaces."""
     out = log.with_suffix(".parquet")
     done = command(
-        "fix", str(log), "--geometry", "x_janus_20", "--method", "lc", "--out", str(out), *switches
+        "fix", str(log), "--geometry", "x_janus_20", "--method", "lc", "--out", str(out), "--force", *switches
     )
     assert done.returncode == 0, done.stderr
     return pl.read_parquet(out), " ".join(done.stdout.split())

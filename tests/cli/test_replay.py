@@ -166,7 +166,7 @@ def test_score_with_and_without_measured_noise(tmp_path: Path) -> None:
     out = tmp_path / "scores.parquet"
     covered = []
     for switch in ("--robust", "--no-robust"):
-        done = command(*arguments, "--out", str(out), switch)
+        done = command(*arguments, "--out", str(out), "--force", switch)
         assert done.returncode == 0, done.stderr
         assert ("beam noise, all pings: claimed sd 42 mm/s" in done.stdout) == (switch == "--robust")
         lc = pl.read_parquet(out).filter((pl.col("method") == "lc") & (pl.col("component") == "beam"))

@@ -156,6 +156,6 @@ def test_files_are_not_overwritten(tmp_path: Path) -> None:
     log.write_text("mine")
     done = bottomlock(*RUN, "--dvl", f"file:{log}", "--speed", "max")
     assert (done.returncode, log.read_text()) == (2, "mine")
-    assert "is there already; --force overwrites it" in done.stderr
+    assert "is there already; choose another name, or use --force to replace it" in done.stderr
     assert bottomlock(*RUN, "--dvl", f"file:{log}", "--speed", "max", "--force").returncode == 0
     assert log.read_bytes().startswith(b'{"time":')

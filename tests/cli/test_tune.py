@@ -115,7 +115,7 @@ def test_nothing_is_overwritten(folder: Path) -> None:
     """The case itself never, a tuned one with --force alone; another folder would lose the case's files."""
     for out, words in (
         ("case_tuned.toml", "is there already"),
-        ("case.toml", "is the case itself"),
+        ("case.toml", "is read by this command"),
         ("tuned.txt", "expected a name that ends in .toml"),
     ):
         done = command("tune", folder / "case.toml", "--out", folder / out)

@@ -58,7 +58,9 @@ def test_nothing_is_overwritten_in_silence(tmp_path: Path, convert: Run) -> None
     assert convert(log, "--to", to).returncode == 0
     again = convert(log, "--to", to)
     assert again.returncode == 2
-    assert again.stderr.splitlines() == [f"bottomlock: {to}: is there already; --force overwrites it"]
+    assert again.stderr.splitlines() == [
+        f"bottomlock: {to}: is there already; choose another name, or use --force to replace it"
+    ]
     to.unlink()
     assert "beams.json: is there already" in convert(log, "--to", to).stderr
     assert convert(log, "--to", to, "--force").returncode == 0

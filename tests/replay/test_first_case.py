@@ -188,7 +188,7 @@ def test_what_cannot_be_used_is_said_in_one_line(dive: RovDive, tmp_path: Path) 
         )
     assert not (tmp_path / "case.toml").exists()
     make_case([log, tmp_path / "imu.csv"], tmp_path / "case.toml")
-    with pytest.raises(OutputError, match="exists already"):
+    with pytest.raises(OutputError, match="is there already"):
         make_case([log, tmp_path / "imu.csv"], tmp_path / "case.toml")
     for line in (tmp_path / "case.toml").read_text(encoding="utf-8").splitlines():
         assert len(line) < 140

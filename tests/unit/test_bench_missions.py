@@ -24,7 +24,7 @@ from bottomlock.bench.mission_list import (
     recorded,
 )
 from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, OutputError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.models import DvlModel
 from bottomlock.replay.case import load_case
@@ -185,7 +185,9 @@ def test_what_is_there_whole_is_kept_and_what_has_changed_is_made_again(
     (tmp_path / "train" / names[0] / "beams.parquet").write_bytes(b"cut")
     assert make_missions(specs, lambda _: 5, tmp_path) == first
     assert calls == [*names, *names]
-    assert make_missions(specs, lambda _: 6, tmp_path) != first
+    with pytest.raises(OutputError, match=r"differs in: seed or version; .* --force"):
+        make_missions(specs, lambda _: 6, tmp_path)
+    assert make_missions(specs, lambda _: 6, tmp_path, force=True) != first
     assert len(calls) == 6
 
 

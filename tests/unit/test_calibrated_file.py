@@ -12,7 +12,7 @@ from bottomlock.audit.mounting import Mounting
 from bottomlock.config.calibration import CalibrationSection, StatedCalibration
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beams import read_geometry
-from bottomlock.io.calibrated_file import Calibrated, calibrated_text, require_new
+from bottomlock.io.calibrated_file import Calibrated, calibrated_text, require_toml
 
 FILE = """# bench of 3 March
 name = "dvl"  # the new one
@@ -104,11 +104,7 @@ def test_bad_keys_are_named(tmp_path: Path, line: str, words: str) -> None:
         read_geometry(tmp_path / "dvl.toml")
 
 
-def test_nothing_is_overwritten(tmp_path: Path) -> None:
-    there = tmp_path / "dvl.toml"
-    there.touch()
-    with pytest.raises(OutputError, match="--force"):
-        require_new(there, force=False)
-    require_new(there, force=True)
+def test_a_name_that_is_none_of_a_toml_file() -> None:
+    require_toml(Path("dvl.toml"))
     with pytest.raises(OutputError, match="toml"):
-        require_new(tmp_path / "dvl.json", force=True)
+        require_toml(Path("dvl.json"))

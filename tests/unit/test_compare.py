@@ -1,6 +1,7 @@
 """Campaigns side by side: values and differences against numbers made by hand, pairing and its reasons, the page."""
 
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,16 @@ def test_what_is_not_paired_says_why(pair: tuple[Path, Path], tmp_path: Path, ch
     widths = [one["difference_hi"].to_numpy() - one["difference_lo"].to_numpy() for one in (rows, paired)]
     assert (widths[0] > widths[1]).all()
     assert "Not paired" in made.page.read_text(encoding="utf-8")
+
+
+def test_no_text_is_a_formula_in_a_spreadsheet(pair: tuple[Path, Path], tmp_path: Path) -> None:
+    """A folder that is called like one; negative numbers stay numbers."""
+    formula = shutil.copytree(pair[0], tmp_path / "=1+1")
+    compare([pair[1], formula], tmp_path / "out")
+    lines = (tmp_path / "out" / "compare.csv").read_text(encoding="utf-8").splitlines()
+    assert sum(line.startswith("'=1+1,straight,") for line in lines) > 5
+    assert not any(cell.startswith(("=", "+", "@")) for line in lines for cell in line.split(","))
+    assert any(cell.startswith("-0.1") for line in lines for cell in line.split(","))
 
 
 def test_campaigns_without_a_common_trajectory_are_refused(pair: tuple[Path, Path], tmp_path: Path) -> None:

@@ -1,13 +1,16 @@
 """Engines: a cluster whose workers die gives the bits of one thread, and what is not there is said in a line."""
 
+import json
 import logging
 import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,7 +23,7 @@ from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Chunk, Shard
 from bottomlock.campaign.run import CampaignProgress, run_campaign, run_shard
 from bottomlock.config.scenario import load_scenario
-from bottomlock.errors import EngineError
+from bottomlock.errors import EngineError, Note
 from bottomlock.kernel import KernelError
 from bottomlock.simulation.build import build_simulation
 from tests.analytic import analytic
@@ -239,6 +242,77 @@ def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # no
     with pytest.raises(EngineError, match="the same command resumes"):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address, progress=leave)
     assert run_campaign([short()], tmp_path, threads=1).runs.height == 15
+
+
+@needs_dask
+def test_waiting_for_workers_is_said(tmp_path: Path, threads: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
+    """At the start and in mid-campaign, once until one comes; a short wait is not worth a word."""
+    from bottomlock.campaign import dask_engine
+
+    monkeypatch.setattr(dask_engine, "SILENCE_S", 0.1)
+    words = "has no worker: waiting for workers, at most "
+    threads.scale(0)
+    with pytest.warns(Note, match=words) as said, pytest.raises(EngineError, match="no worker in"):
+        run_campaign([short()], tmp_path / "o", engine="dask", scheduler=threads.scheduler_address)
+    assert len(said) == 1
+    there: dict[str, int] = {}
+    workers = dask_engine.Workers(SimpleNamespace(status="running", nthreads=lambda: there), "scheduler a")
+    workers._check_workers()
+    time.sleep(0.2)
+    for _ in range(2):
+        with pytest.warns(Note, match=words):
+            workers._check_workers()
+        # Not again: a warning is an error here.
+        workers._check_workers()
+        there["w"] = 1
+        workers._check_workers()
+        there.clear()
+        time.sleep(0.2)
+    time.sleep(0.4)
+    with pytest.raises(EngineError, match="has had no worker for"):
+        workers._check_workers()
+
+
+@needs_dask
+@pytest.mark.slow
+@pytest.mark.parametrize("pause_s", [0.0, 0.5])
+def test_a_scheduler_that_is_killed_before_the_first_chunk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pause_s: float
+) -> None:
+    """What the client then raises depends on the moment: a lost connection, cancelled futures, or that it is closed."""
+    from bottomlock.campaign import dask_engine
+
+    file = tmp_path / "scheduler.json"
+    cli = [sys.executable, "-m"]
+    found = ["--scheduler-file", str(file), "--no-dashboard"]
+    scheduler, worker = (
+        subprocess.Popen([*cli, *words, *found], stderr=subprocess.DEVNULL)
+        for words in (
+            ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"],
+            ["distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny"],
+        )
+    )
+    hold = dask_engine.Workers.hold
+
+    def held(self: Any, value: object) -> Any:  # noqa: ANN401
+        future = hold(self, value)
+        scheduler.kill()
+        time.sleep(pause_s)
+        return future
+
+    monkeypatch.setattr(dask_engine.Workers, "hold", held)
+    try:
+        deadline = time.monotonic() + 60.0
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        address = json.loads(file.read_text(encoding="utf-8"))["address"]
+        with pytest.raises(EngineError, match=r"^scheduler tcp:\S+ is lost; .* the same command resumes$"):
+            run_campaign([short()], tmp_path / "o", engine="dask", scheduler=address)
+    finally:
+        for process in (scheduler, worker):
+            process.kill()
+            process.wait()
+    assert run_campaign([short()], tmp_path / "o", threads=1).runs.height == 15
 
 
 @needs_dask

@@ -11,12 +11,16 @@ import sys
 import threading
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from bottomlock import atomic_write
 from bottomlock.campaign.run import run_campaign
-from bottomlock.errors import Note, OutputError
-from bottomlock.output_folder import LOCK, is_occupied, locked, remove_parts
+from bottomlock.errors import DataError, Note, OutputError
+from bottomlock.output_folder import LOCK, is_occupied, locked
+from bottomlock.overwriting import Result, remove_named
+from bottomlock.records import read_record, write_record
+from bottomlock.studies import study_folder
 from tests.unit.small_campaign import short
 
 HOLD = """
@@ -114,11 +118,25 @@ def test_all_parts_are_removed_or_none(tmp_path: Path) -> None:
     (tmp_path / "a" / "x").touch()
     (tmp_path / "b").symlink_to(tmp_path / "a")
     with pytest.raises(OutputError, match="b: is a symbolic link"):
-        remove_parts(tmp_path, ["a", "b"])
+        remove_named(tmp_path, ["a", "b"])
+    assert (tmp_path / "a" / "x").exists()
+    with pytest.raises(OutputError, match="b: is a symbolic link"):
+        remove_named(tmp_path, ["a/x", "b/x"])
     assert (tmp_path / "a" / "x").exists()
     (tmp_path / "b").unlink()
-    remove_parts(tmp_path, ["a", "b"])
+    remove_named(tmp_path, ["a/x", "b/x"])
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["../thesis", "a/../../thesis", "{absolute}", ""])
+def test_a_name_in_a_record_leads_nowhere_else(tmp_path: Path, name: str) -> None:
+    """A record that came with a folder of others names what it likes."""
+    thesis = tmp_path / "thesis"
+    thesis.touch()
+    (tmp_path / "o" / "a").mkdir(parents=True)
+    with pytest.raises(OutputError, match="which is no file below its folder; nothing was changed"):
+        remove_named(tmp_path / "o", [name.format(absolute=thesis)])
+    assert thesis.exists()
 
 
 def test_a_file_is_replaced_and_never_changed_in_place(tmp_path: Path) -> None:
@@ -158,10 +176,57 @@ def test_a_file_is_on_the_disk_before_its_name(tmp_path: Path, monkeypatch: pyte
     assert steps == ["folder", "folder", "file", "rename", "folder"]
 
 
-def test_an_old_temporary_link_is_not_written_through(tmp_path: Path) -> None:
-    """A killed process left a link under the name that this one uses."""
+def test_a_temporary_name_cannot_be_foreseen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another user of the folder cannot lay a link under it beforehand; if one is there all the same, it is kept."""
+    monkeypatch.setattr("secrets.token_hex", lambda _: "seen")
     shard = tmp_path / "shard"
     shard.write_bytes(b"theirs")
-    (tmp_path / f".table.{os.getpid()}.part").hardlink_to(shard)
-    atomic_write.write_bytes(tmp_path / "table", b"ours")
+    (tmp_path / ".table.seen.part").symlink_to(shard)
+    with pytest.raises(OutputError, match=r"table: cannot be written .*nothing was changed"):
+        atomic_write.write_bytes(tmp_path / "table", b"ours")
     assert shard.read_bytes() == b"theirs"
+    monkeypatch.undo()
+    names = set[str]()
+    monkeypatch.setattr(Path, "replace", lambda self, _: names.add(self.name))
+    for _ in range(2):
+        atomic_write.write_bytes(tmp_path / "table", b"ours")
+    assert len(names) == 2
+    assert not any(str(os.getpid()) in name.split(".") for name in names)
+
+
+def test_a_study_starts_over_without_the_user_s_files(tmp_path: Path) -> None:
+    """Its parts and their records go, in folders and beside; what no record names stays, and keeps its folder."""
+    parts = ("cells", "other", "table.md", study_folder.MANIFEST)
+    with study_folder.claimed(tmp_path, "kind", "a", parts=parts):
+        for folder in ("cells", "other/deeper"):
+            path = tmp_path / folder / "part.parquet"
+            study_folder.finished_part(path, "a", lambda: pl.DataFrame({"x": [1]}))
+        (tmp_path / "table.md").touch()
+        own = [tmp_path / name for name in ("notes.txt", "cells/notes.txt", "cells/part.json")]
+        for path in own:
+            path.write_text("{}", encoding="utf-8")
+    with study_folder.claimed(tmp_path, "kind", "b", parts=parts, force=True):
+        left = [path for path in tmp_path.rglob("*") if path.is_file() and path.name != LOCK]
+    assert sorted(left) == sorted([*own, tmp_path / study_folder.MANIFEST])
+    assert not (tmp_path / "other").exists()
+
+
+def test_a_result_whose_record_is_of_others(tmp_path: Path) -> None:
+    """One that names a file elsewhere changes nothing, one that is damaged says what to do, a cut result goes on."""
+    thesis = tmp_path / "thesis"
+    thesis.write_text("years of work", encoding="utf-8")
+    result = Result(tmp_path / "o", "audit", "audit", {"log": "a"})
+    result.write({"a.txt": "ours"})
+    record = read_record(result.record)
+    assert record is not None
+    write_record(result.record, record, {"../thesis": "0" * 64})
+    with pytest.raises(OutputError, match=r"names '../thesis', which is no file below its folder"):
+        result.write({"b.txt": "ours"}, force=True)
+    assert thesis.exists()
+    assert sorted(path.name for path in result.out.iterdir()) == ["a.txt", "audit.record.json"]
+    result.record.write_text("{", encoding="utf-8")
+    with pytest.raises(DataError, match="remove it and the files of that result"):
+        result.check(force=True)
+    write_record(result.record, record | {"status": "running"}, {"a.txt": "0" * 64, "b.txt": "1" * 64})
+    assert result.write({"b.txt": "ours"}) == [result.out / "b.txt"]
+    assert sorted(path.name for path in result.out.iterdir()) == ["audit.record.json", "b.txt"]

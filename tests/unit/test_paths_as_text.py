@@ -28,7 +28,6 @@ ENTRY_POINTS = {
     "replay.run": ["replay_case", "write_replay"],
     "replay.report": ["read_replay", "make_replay_report"],
     "replay.tune.run": ["tune_case"],
-    "audit.page": ["write_audit"],
     "bench.leaderboard": ["score_submissions", "read_submissions"],
     "bench.make": ["make_missions"],
     "bench.run": ["run_missions"],

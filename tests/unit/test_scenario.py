@@ -165,11 +165,11 @@ def test_copy_never_overwrites(tmp_path: Path) -> None:
     path = copy_scenario("straight", tmp_path / "mine.toml")
     assert load_scenario(path) == load_scenario("straight")
     path.write_text("mine", encoding="utf-8")
-    with pytest.raises(OutputError, match="exists already"):
+    with pytest.raises(OutputError, match="is there already"):
         copy_scenario("straight", path)
     assert path.read_text(encoding="utf-8") == "mine"
     with pytest.raises(OutputError, match="cannot be written"):
-        copy_scenario("straight", tmp_path / "no" / "such" / "place.toml")
+        copy_scenario("straight", path / "place.toml")
     with pytest.raises(ScenarioError, match="no packaged scenario"):
         copy_scenario("bent", tmp_path / "x.toml")
 

@@ -1,19 +1,19 @@
 """Output of an audit: tables, figures and one page."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from bottomlock.atomic_write import write_bytes, write_json, write_parquet, write_text
+from bottomlock.atomic_write import json_text, parquet_bytes
 from bottomlock.audit import figures
 from bottomlock.audit.findings import findings_table
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.overwriting import Files
 from bottomlock.pages.render import render
 
 CAPTIONS = {
@@ -76,38 +76,29 @@ def closure_table(audit: Audit) -> pl.DataFrame:
     return pl.concat([empty, *frames])
 
 
-def write_audit(audit: Audit, out: str | Path, *, html: bool = True) -> list[Path]:
-    """Writes audit.json, findings.parquet, beams.parquet, closure.parquet, the figures and audit.html.
+def audit_files(audit: Audit) -> Files:
+    """The contents of audit.json, findings.parquet, beams.parquet, closure.parquet, the figures and audit.html.
 
     The same log gives the same bytes.
-
-    Raises:
-        OutputError: where the directory cannot be written.
     """
-    out = Path(out)
     content = numbers_of(audit)
-    write_json(out / "audit.json", content)
-    write_parquet(out / "findings.parquet", findings_table(audit.findings))
-    write_parquet(out / "beams.parquet", beams_table(audit))
-    write_parquet(out / "closure.parquet", closure_table(audit))
-    written = [out / name for name in ("audit.json", "findings.parquet", "beams.parquet", "closure.parquet")]
+    files: Files = {
+        "audit.json": json_text(content),
+        "findings.parquet": parquet_bytes(findings_table(audit.findings)),
+        "beams.parquet": parquet_bytes(beams_table(audit)),
+        "closure.parquet": parquet_bytes(closure_table(audit)),
+    }
     inline = []
     for name, figure in drawings(audit).items():
         svg = svg_text(figure)
-        write_bytes(out / f"{name}.png", png_bytes(figure))
-        write_text(out / f"{name}.svg", svg)
-        written += [out / f"{name}.png", out / f"{name}.svg"]
+        files |= {f"{name}.png": png_bytes(figure), f"{name}.svg": svg}
         inline.append((name, Markup(inline_svg(svg, f"audit_{name}", CAPTIONS[name])), CAPTIONS[name]))  # noqa: S704
-    if html:
-        content = {
-            "audit": audit,
-            "figures": inline,
-            "beams": beams_table(audit).to_dicts(),
-            "numbers": content,
-            "dump": json.dumps(content, indent=2, sort_keys=True),
-            "deg": lambda value: float(np.rad2deg(value)),
-        }
-        page = render("audit.html.j2", content)
-        write_text(out / "audit.html", page)
-        written.append(out / "audit.html")
-    return written
+    content = {
+        "audit": audit,
+        "figures": inline,
+        "beams": beams_table(audit).to_dicts(),
+        "numbers": content,
+        "dump": json.dumps(content, indent=2, sort_keys=True),
+        "deg": lambda value: float(np.rad2deg(value)),
+    }
+    return files | {"audit.html": render("audit.html.j2", content)}

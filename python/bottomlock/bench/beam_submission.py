@@ -56,6 +56,11 @@ def ping_table(answer: Answer) -> pl.DataFrame:
     return pl.DataFrame(columns, schema=dict(PING_SUBMISSION)).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
+def beam_table_names() -> list[str]:
+    """The stems of the files of our submissions of T1 and T5."""
+    return [f"{name}.{BEAMS}" for name in VELOCITY_ENTRANTS] + [f"{name}.{PINGS}" for name in PING_ENTRANTS]
+
+
 def our_beam_tables(missions: Sequence[Mission]) -> dict[str, pl.DataFrame]:
     """Our submissions of T1 over these missions, and of T5, by the stem of the file."""
     tables: dict[str, pl.DataFrame] = {}

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
-from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.atomic_write import parquet_bytes
 from bottomlock.bench.beam_errors import with_errors
 from bottomlock.bench.case_text import case_text, instrument_text
 from bottomlock.bench.digests import digest, rounded
@@ -20,8 +20,9 @@ from bottomlock.bench.worlds import simulation_of
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, OutputError
 from bottomlock.kernel import kernel_version
+from bottomlock.overwriting import Files, Result
 from bottomlock.plant.telemetry import euler_rad
-from bottomlock.records import read_record, read_recorded, write_record
+from bottomlock.records import read_record, read_recorded
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.table_file import read_parquet
@@ -135,27 +136,39 @@ def _start(spec: MissionSpec, seed: int, scenario: Scenario, truth: Truth) -> di
     }
 
 
-def write_mission(made: MadeMission, out: Path, key: str = "") -> None:
+def mission_results(spec: MissionSpec, out: Path, key: str) -> tuple[Result, Result]:
+    """A mission's folder, and that of its truth: the same, or for a test mission one in the folder `sealed`."""
+    made_from = {"seed or version": key}
+    mission = Result(out / spec.split / spec.name, "mission", "bench make", made_from, resumes=True)
+    place = truth_folder(out, spec)
+    return mission, mission if place == mission.out else Result(
+        place, "truth", "bench make", made_from, resumes=True
+    )
+
+
+def write_mission(made: MadeMission, out: Path, key: str, *, force: bool = False) -> None:
     """Writes a mission's folder; the truth of a test mission goes to the folder `sealed`.
 
-    `key`, of `key_of`, says from what it was made.
+    Args:
+        made: the mission.
+        out: folder of the missions.
+        key: of `key_of`: from what it was made.
+        force: replace a mission of another key.
 
     Raises:
-        OutputError: where the folder cannot be written.
+        OutputError: for a folder of something else, a mission of another key without `force`, and a folder that cannot
+            be written.
     """
-    folder = out / made.spec.split / made.spec.name
-    files = {
-        f"{name}.parquet": write_parquet(folder / f"{name}.parquet", table)
-        for name, table in made.tables.items()
-    }
-    files[INSTRUMENT] = write_text(folder / INSTRUMENT, made.instrument)
-    files[CASE] = write_text(folder / CASE, made.case)
-    place = truth_folder(out, made.spec)
-    truth = write_parquet(place / TRUTH, made.truth)
-    if place == folder:
-        files[TRUTH] = truth
-    content = {"kind": "bench mission", "split": made.spec.split, "key": key} | made.digests()
-    write_record(folder / RECORD, content, files)
+    files: Files = {f"{name}.parquet": parquet_bytes(table) for name, table in made.tables.items()}
+    files |= {INSTRUMENT: made.instrument, CASE: made.case}
+    truth: Files = {TRUTH: parquet_bytes(made.truth)}
+    mission, apart = mission_results(made.spec, out, key)
+    if apart is mission:
+        files |= truth
+    else:
+        apart.write(truth, force=force)
+    content = {"split": made.spec.split, "key": key} | made.digests()
+    mission.write(files, force=force, more=content)
 
 
 def truth_folder(out: Path, spec: MissionSpec) -> Path:
@@ -168,14 +181,24 @@ def make_missions(
     seed_of: Callable[[MissionSpec], int],
     out: str | Path,
     progress: Callable[[str, int], None] = lambda _name, _done: None,
+    *,
+    force: bool = False,
 ) -> dict[str, dict[str, str]]:
     """Makes and writes missions; one that is there whole, from the same seed and version, is kept.
+
+    Args:
+        specs: the missions.
+        seed_of: the seed of each.
+        out: folder of the missions.
+        progress: called with a mission's name and the number of those before it.
+        force: replace missions of another seed or version.
 
     Returns:
         The digests of each mission by name.
 
     Raises:
-        OutputError: for a folder that holds something else, or cannot be written.
+        OutputError: for a folder that holds something else, or a mission of another seed or version without `force`,
+            before any is made; and for a folder that cannot be written.
         ScenarioError: as `make_mission`.
     """
     out = Path(out)
@@ -187,13 +210,16 @@ def make_missions(
                 f"{folder}: holds '{strange[0].name}', expected missions alone; choose another folder"
             )
     digests = {}
-    for done, spec in enumerate(specs):
+    keys = {spec: key_of(spec, seed_of(spec)) for spec in specs}
+    for spec, key in keys.items():
+        for result in mission_results(spec, out, key):
+            result.check(force=force)
+    for done, (spec, key) in enumerate(keys.items()):
         progress(spec.name, done)
-        key = key_of(spec, seed_of(spec))
         kept = _kept(spec, out, key)
         if kept is None:
             made = make_mission(spec, seed_of(spec))
-            write_mission(made, out, key)
+            write_mission(made, out, key, force=force)
             kept = made.digests()
         digests[spec.name] = kept
     progress("", len(specs))

@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 from markupsafe import Markup
 
-from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.atomic_write import parquet_bytes
 from bottomlock.bench.beam_tasks import PINGS_TASK, VELOCITY_TASK
 from bottomlock.bench.leaderboard import OVERALL, leaderboard
 from bottomlock.bench.mission_list import FACTORS, SPLITS, levels, mission_list
@@ -15,9 +15,15 @@ from bottomlock.bench.tasks import CURRENT, NAVIGATION, RANKED, RECOVERY
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.leaderboard import leaderboard_figure
 from bottomlock.figures.palette import svg_text
+from bottomlock.io.beam_table import sha256_of
+from bottomlock.overwriting import Files, Result
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.statistics.chi_squared import mean_band
+from bottomlock.table_file import read_parquet
+from bottomlock.tables.bench import SCORES
+from bottomlock.tables.check import check
+from bottomlock.tables.spreadsheet import csv_text
 
 NAME = "leaderboard"
 """Of the written files: `leaderboard.html`, `.parquet` and `.csv`."""
@@ -58,21 +64,28 @@ WORDS: Mapping[str, str] = {
 }
 
 
-def write_page(scores: pl.DataFrame, out: str | Path, *, reference: str | None = None) -> Path:
+def write_page(
+    file: str | Path, out: str | Path, *, reference: str | None = None, force: bool = False
+) -> Path:
     """Writes the page and the table of the leaderboard.
 
     Args:
-        scores: `tables.bench.SCORES`.
+        file: Parquet file of scores (`tables.bench.SCORES`).
         out: directory for `leaderboard.html`, `.parquet` and `.csv`.
         reference: method to which differences are taken; the one that leads by default.
+        force: replace the leaderboard of other scores.
 
     Raises:
-        OutputError: where the directory cannot be written.
+        DataError: for a file that holds no scores.
+        OutputError: for a directory of something else, or of other scores without `force`, and where it cannot be
+            written.
     """
-    out = Path(out)
+    file, out = Path(file), Path(out)
+    scores = check(read_parquet(file), SCORES, place=str(file))
+    made_from = {"scores": sha256_of(file), "reference": reference or ""}
+    result = Result(out, NAME, "bench page", made_from, [file])
+    result.check(force=force)
     table = leaderboard(scores, reference)
-    write_parquet(out / f"{NAME}.parquet", table)
-    write_text(out / f"{NAME}.csv", table.write_csv(float_precision=6))
     missions = set(scores["mission"])
     specs = [spec for spec in mission_list() if spec.name in missions]
     content = {
@@ -86,9 +99,13 @@ def write_page(scores: pl.DataFrame, out: str | Path, *, reference: str | None =
         "version": " and ".join(dict.fromkeys(spec.version for spec in specs)),
         "methods": table["method"].n_unique(),
     }
-    page = out / f"{NAME}.html"
-    write_text(page, render("leaderboard.html.j2", content))
-    return page
+    files: Files = {
+        f"{NAME}.parquet": parquet_bytes(table),
+        f"{NAME}.csv": csv_text(table, float_precision=6),
+        f"{NAME}.html": render("leaderboard.html.j2", content),
+    }
+    result.write(files, force=force)
+    return out / f"{NAME}.html"
 
 
 def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:

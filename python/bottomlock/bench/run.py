@@ -11,7 +11,7 @@ from pathlib import Path
 
 import polars as pl
 
-from bottomlock.atomic_write import write_parquet
+from bottomlock.atomic_write import parquet_bytes
 from bottomlock.bench.load import load_mission
 from bottomlock.bench.make import RECORD
 from bottomlock.bench.methods import Estimator
@@ -19,8 +19,9 @@ from bottomlock.bench.mission import Mission
 from bottomlock.bench.mission_list import MissionSpec
 from bottomlock.bench.submission import check_submission, join, table_of
 from bottomlock.campaign.engine import check_engine
-from bottomlock.errors import DataError, EngineError, ScenarioError
+from bottomlock.errors import DataError, EngineError, OutputError, ScenarioError
 from bottomlock.kernel import METHODS
+from bottomlock.overwriting import Result, digests_of
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.records import read_record, read_recorded_table, record_of, write_recorded_table
 from bottomlock.tables.versions import bit_versions
@@ -79,6 +80,7 @@ def run_missions(
     engine: str = "local",
     scheduler: str | None = None,
     threads: int = 0,
+    force: bool = False,
     progress: Callable[[str, float], None] = lambda _words, _fraction: None,
 ) -> int:
     """Runs every estimator on every mission of a shard; what is there from the same data and version is kept.
@@ -93,6 +95,7 @@ def run_missions(
             do not depend on it, their wall times do.
         scheduler: dask: address of a scheduler.
         threads: dask: worker processes on this machine; 0 for as many as there are cores.
+        force: replace estimates of other data, another version or another source of a rival.
         progress: called with the mission's name and the fraction done.
 
     Returns:
@@ -100,6 +103,7 @@ def run_missions(
 
     Raises:
         DataError: for a mission that is not there or has changed, or estimates that break the rules of a submission.
+        OutputError: for estimates of other data, another version or source without `force`, before anything is run.
         EngineError: for engines, schedulers and threads that do not go together, and a cluster that breaks down.
     """
     data, out = Path(data), Path(out)
@@ -115,7 +119,7 @@ def run_missions(
         for k, spec in enumerate(specs)
         if shard.holds(k)
         for part in _parts_of(spec, data, estimators)
-        if not _is_done(part_path(out, part.method, spec), part.key)
+        if not _is_done(part_path(out, part.method, spec), part.key, force=force)
     ]
     with _engine(engine, scheduler, threads) if due else nullcontext(_here) as run:
         for k, (part, table) in enumerate(run(due, data, estimators)):
@@ -204,16 +208,29 @@ def key_of(name: str, call: Estimator, data_digest: str) -> str:
     return hashlib.sha256(f"{name}\0{data_digest}\0{source}".encode()).hexdigest()
 
 
-def _is_done(path: Path, key: str) -> bool:
-    """Whether the estimates are there and of this key."""
+def _is_done(path: Path, key: str, *, force: bool) -> bool:
+    """Whether the estimates are there and of this key.
+
+    Raises:
+        OutputError: for estimates of another one without `force`.
+    """
     try:
         record = read_record(record_of(path))
     except DataError:
         return False
-    return record is not None and record.get("key") == key and path.is_file()
+    if record is None or not path.is_file():
+        return False
+    if record.get("key") != key and not force:
+        raise OutputError(
+            f"{path}: holds estimates of other data, another version or another source; choose another directory or "
+            "use --force to replace them"
+        )
+    return bool(record.get("key") == key)
 
 
-def write_submissions(specs: Sequence[MissionSpec], methods: Sequence[str], out: Path) -> list[Path]:
+def write_submissions(
+    specs: Sequence[MissionSpec], methods: Sequence[str], out: Path, *, force: bool = False
+) -> list[Path]:
     """Joins the estimates of each method that has every mission to a submission `METHOD.parquet`.
 
     Returns:
@@ -221,8 +238,9 @@ def write_submissions(specs: Sequence[MissionSpec], methods: Sequence[str], out:
 
     Raises:
         DataError: for a file that has changed since it was written.
+        OutputError: for a submission that is not of ours, or has changed since it was written without `force`.
     """
-    written = []
+    written: list[Path] = []
     for method in methods:
         paths = [part_path(out, method, spec) for spec in specs]
         if not all(path.is_file() for path in paths):
@@ -233,6 +251,7 @@ def write_submissions(specs: Sequence[MissionSpec], methods: Sequence[str], out:
             if record is None:
                 raise DataError(f"{path}: has no record; remove it and run again")
             tables.append(read_recorded_table(path, record, remedy="remove it and run again"))
-        written.append(out / f"{method}.parquet")
-        write_parquet(written[-1], join(tables))
+        made_from = digests_of(out, map(record_of, paths))
+        result = Result(out, method, "bench run", made_from, beside=True)
+        written += result.write({f"{method}.parquet": parquet_bytes(join(tables))}, force=force)
     return written

@@ -9,19 +9,21 @@ import logging
 import signal
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import dask
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Worker, WorkerPlugin, wait
+from distributed.comm import CommClosedError
 
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.chunk import ChunkResult, run_chunk
 from bottomlock.campaign.engine import ChunkResults
 from bottomlock.campaign.partition import Chunk
-from bottomlock.errors import BottomlockError, EngineError
+from bottomlock.errors import BottomlockError, EngineError, note
 from bottomlock.tables.versions import bit_versions, versions_in_words
 
 CONNECT_S = 10.0
@@ -29,6 +31,9 @@ CONNECT_S = 10.0
 
 PATIENCE_S = 60.0
 """How long a client waits without any worker, s."""
+
+SILENCE_S = 5.0
+"""After how long it says so, s."""
 
 POLL_S = 2.0
 CHUNKS_PER_THREAD = 2
@@ -71,11 +76,55 @@ class Workers:
         self._client = client
         self._address = address
         self._last_seen_s = time.monotonic()
+        self._has_said = False
+
+    def await_first(self) -> None:
+        """Waits for a worker, and says so after `SILENCE_S`.
+
+        Raises:
+            EngineError: when the scheduler is lost, or none has come after `PATIENCE_S`.
+        """
+        end_s = time.monotonic() + PATIENCE_S
+        wait_s = min(SILENCE_S, PATIENCE_S)
+        # Never a wait of 0 s, which would have no end.
+        while wait_s > 0.0:
+            with suppress(TimeoutError), self._told():
+                self._client.wait_for_workers(1, timeout=wait_s)
+                return
+            wait_s = end_s - time.monotonic()
+            if wait_s > 0.0:
+                self._say_waiting()
+        raise EngineError(f"{self._address}: no worker in {PATIENCE_S:.0f} s")
+
+    def _say_waiting(self) -> None:
+        if not self._has_said:
+            note(f"{self._address} has no worker: waiting for workers, at most {PATIENCE_S:.0f} s")
+        self._has_said = True
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Whatever the client raises when its scheduler goes becomes one error.
+
+        Raises:
+            EngineError: naming the scheduler.
+        """
+        try:
+            yield
+        except (BottomlockError, TimeoutError):
+            raise
+        except Exception as error:
+            # Which of many it is depends on what the client is doing at that moment.
+            if not isinstance(error, CommClosedError | CancelledError) and self._client.status == "running":
+                raise
+            raise self._lost() from error
+
+    def _lost(self) -> EngineError:
+        return EngineError(f"{self._address} is lost; finished parts are kept: the same command resumes")
 
     def hold(self, value: object) -> Any:  # noqa: ANN401 - distributed is untyped
         """A future of a value that stands for it in calls; the workers fetch it from one another."""
         # A truth of ten minutes is more than Dask expects in a task, and goes out once.
-        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):
+        with self._told(), dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):
             return self._client.submit(_hold, value, pure=False)
 
     def run(
@@ -105,7 +154,9 @@ class Workers:
                 while waiting and len(running) < self._room():
                     # The remaining number as priority: parts start in order.
                     priority, part = len(waiting), waiting.pop()
-                    future = self._client.submit(_answer, call, *given(part), pure=False, priority=priority)
+                    arguments = given(part)
+                    with self._told():
+                        future = self._client.submit(_answer, call, *arguments, pure=False, priority=priority)
                     running[future] = part
                 for future in self._done(list(running)):
                     answer: _Answer[R] | None = self._result(future, words(running[future]))
@@ -114,7 +165,8 @@ class Workers:
                         yield running.pop(future), answer.result
         finally:
             if running and self._client.status == "running":
-                self._client.cancel(list(running), force=True)
+                with suppress(CommClosedError, CancelledError):
+                    self._client.cancel(list(running), force=True)
 
     def _room(self) -> int:
         """Largest number of parts in progress; the number of workers may change."""
@@ -122,15 +174,14 @@ class Workers:
 
     def _threads(self) -> dict[str, int]:
         if self._client.status != "running":
-            raise EngineError(
-                f"the scheduler {self._address} is lost; finished parts are kept: the same command resumes"
-            )
-        threads: dict[str, int] = self._client.nthreads()
-        return threads
+            raise self._lost()
+        with self._told():
+            threads: dict[str, int] = self._client.nthreads()
+            return threads
 
     def _done(self, futures: list[Any]) -> Iterator[Any]:
         try:
-            with self._client.as_current():
+            with self._told(), self._client.as_current():
                 done = wait(futures, timeout=POLL_S, return_when="FIRST_COMPLETED").done
         except TimeoutError:
             self._check_workers()
@@ -138,20 +189,23 @@ class Workers:
             yield from done
 
     def _check_workers(self) -> None:
-        """Gives up after `PATIENCE_S` without a worker."""
+        """Says so after `SILENCE_S` without a worker, and gives up after `PATIENCE_S`."""
         now = time.monotonic()
         if self._threads():
-            self._last_seen_s = now
+            self._last_seen_s, self._has_said = now, False
         elif now - self._last_seen_s > PATIENCE_S:
             raise EngineError(
                 f"{self._address} has had no worker for {PATIENCE_S:.0f} s; "
                 "finished parts are kept: the same command resumes"
             )
+        elif now - self._last_seen_s > SILENCE_S:
+            self._say_waiting()
 
     def _result(self, future: Any, words: str) -> Any:  # noqa: ANN401 - distributed is untyped
         """The answer; None when the worker died before it could be fetched, and the part is run again."""
         try:
-            answer = future.result(timeout=PATIENCE_S)
+            with self._told():
+                answer = future.result(timeout=PATIENCE_S)
         except TimeoutError:
             self._check_workers()
             return None
@@ -236,9 +290,22 @@ def open_workers(scheduler: str | None, *, workers: int) -> Iterator[Workers]:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except OSError as error:
         raise EngineError(f"scheduler {scheduler}: does not answer ({str(error).splitlines()[0]})") from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=PATIENCE_S)
-        except TimeoutError as error:
-            raise EngineError(f"scheduler {scheduler}: no worker in {PATIENCE_S:.0f} s") from error
-        yield Workers(client, f"scheduler {scheduler}")
+    with _without_traces(), client:
+        workers_there = Workers(client, f"scheduler {scheduler}")
+        workers_there.await_first()
+        yield workers_there
+
+
+@contextmanager
+def _without_traces() -> Iterator[None]:
+    """Without the traces that a client logs when its scheduler goes: that comes back as an error."""
+    levels = {
+        logger: logger.level for logger in map(logging.getLogger, ("distributed", "distributed.client"))
+    }
+    for logger in levels:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in levels.items():
+            logger.setLevel(level)

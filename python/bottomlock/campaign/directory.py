@@ -12,7 +12,8 @@ from bottomlock.campaign.aggregate import Tables
 from bottomlock.campaign.chunk_files import Identity
 from bottomlock.campaign.partition import Shard
 from bottomlock.errors import DataError, OutputError
-from bottomlock.output_folder import is_occupied, locked, remove_parts
+from bottomlock.output_folder import is_occupied, locked
+from bottomlock.overwriting import named_in, remove_named
 from bottomlock.records import read_record, read_recorded_table
 from bottomlock.tables.campaign import PATHS
 from bottomlock.tables.check import check
@@ -21,7 +22,6 @@ from bottomlock.tables.versions import versions_in_words
 MANIFEST = "manifest.json"
 TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet", "choices.parquet")
 TRUTH = "truth.parquet"
-_OURS = ("chunks", *TABLES, TRUTH, MANIFEST)
 
 
 @contextmanager
@@ -132,11 +132,13 @@ def shard_of(manifest: Mapping[str, Any]) -> Shard | None:
 def start_directory(out: Path, *, force: bool = False) -> None:
     """Removes the temporary files of a process that was killed while writing, and with `force` a campaign's files.
 
+    These are what the records of the directory and of its chunks name.
+
     Raises:
         OutputError: for a part that is a symbolic link, and what cannot be removed.
     """
     if force:
-        remove_parts(out, _OURS)
+        remove_named(out, {*TABLES, TRUTH, *named_in(out, ["chunks"])})
     # `atomic_write` names them.
     for pattern in (".*.json.*.part", ".*.parquet.*.part"):
         for path in (*out.glob(pattern), *out.glob(f"chunks/*/{pattern}")):

@@ -17,12 +17,21 @@ import polars as pl
 from bottomlock.campaign.aggregate import Tables, open_aggregate
 from bottomlock.campaign.build import build_scenarios, build_simulations, true_paths
 from bottomlock.campaign.chunk_files import Identity, is_finished, read_chunk, write_chunk
-from bottomlock.campaign.directory import MANIFEST, check_owner, open_directory, start_directory, write_tables
+from bottomlock.campaign.directory import (
+    MANIFEST,
+    TABLES,
+    TRUTH,
+    check_owner,
+    open_directory,
+    start_directory,
+    write_tables,
+)
 from bottomlock.campaign.engine import ChunkSource, Engine, check_engine, open_engine
 from bottomlock.campaign.manifest import Clock, describe, identity_of
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
 from bottomlock.campaign.shown_results import ShownResults
 from bottomlock.config.scenario import Scenario
+from bottomlock.overwriting import check_apart, remove_outdated
 from bottomlock.records import write_record
 
 
@@ -191,6 +200,10 @@ def _simulate(
     check_engine(engine, threads=threads, scheduler=scheduler)
     simulations = build_simulations(scenarios)
     identity = identity_of(simulations)
+    check_apart(
+        [out / name for name in (*TABLES, TRUTH)],
+        [file for scenario in scenarios for file in scenario.files()],
+    )
     # The directory comes before the truth, which may take long: a directory that is not ours is rejected at once.
     with open_directory(out, identity, shard=shard, force=force, recover=recover):
         built = build_scenarios(simulations)
@@ -250,6 +263,9 @@ def execute(
     written = write_tables(out, campaign.paths, tables)
     manifest = description | clock.times() | {"status": "shard" if tables is None else "complete"}
     write_record(out / MANIFEST, manifest, written)
+    # A report of this campaign, and a page that compares it with its neighbours.
+    for folder in (out, out.parent):
+        remove_outdated(folder)
     return tables, manifest
 
 

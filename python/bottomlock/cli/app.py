@@ -98,7 +98,8 @@ for _name, (_module, _help) in COMMANDS.items():
 
 
 def _fail(message: str) -> NoReturn:
-    for line in message.splitlines():
+    # Not splitlines: a carriage return of a file name starts no line of ours.
+    for line in message.split("\n"):
         errors.print(f"bottomlock: {line}")
     sys.exit(EXIT_USAGE)
 

@@ -12,11 +12,14 @@ from rich.text import Text
 from bottomlock.atomic_write import write_text
 from bottomlock.audit.geometry_file import geometry_text
 from bottomlock.audit.logs import read_depths, read_inertial, read_reference
-from bottomlock.audit.page import beams_table, write_audit
+from bottomlock.audit.page import audit_files, beams_table
 from bottomlock.audit.run import Audit, audit_file
 from bottomlock.cli.console import console
-from bottomlock.io.calibrated_file import require_new
+from bottomlock.cli.force import Force
+from bottomlock.io.beam_table import sha256_of
+from bottomlock.io.calibrated_file import require_toml
 from bottomlock.io.formats import converted_first
+from bottomlock.overwriting import Result, check_free
 
 _COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
 
@@ -48,9 +51,7 @@ def audit(
             help="TOML file to which the estimated geometry is written, with mounting, scale and clock."
         ),
     ] = None,
-    force: Annotated[
-        bool, Parameter(negative="", help="Replace the file of --write where it is there already.")
-    ] = False,
+    force: Force = False,
 ) -> None:
     """Audit a DVL log: beam directions, order, signs, defects, mounting.
 
@@ -61,15 +62,25 @@ def audit(
     log
         A beam table (`bottomlock convert` writes one), or a CSV or Parquet file whose columns the geometry maps.
     """
+    read = {"log": log, "attitude": attitude, "imu": imu, "depth": depth}
+    if geometry is not None:
+        read["geometry"] = Path(geometry)
+    files = {name: path for name, path in read.items() if path is not None and path.is_file()}
+    made_from = {name: sha256_of(path) for name, path in files.items()} | {
+        name: str(path) for name, path in read.items() if path is not None and name not in files
+    }
+    result = Result(out, "audit", "audit", made_from, list(files.values()))
+    result.check(force=force)
     if write is not None:
-        require_new(write, force=force)
+        require_toml(write)
+        check_free(write, inputs=files.values(), force=force)
     reference = None if attitude is None else read_reference(attitude)
     inertial = None if imu is None else read_inertial(imu)
     depths = None if depth is None else read_depths(depth)
     with converted_first(log):
         made = audit_file(log, geometry=geometry, reference=reference, imu=inertial, depths=depths)
     text = None if write is None else geometry_text(made)
-    write_audit(made, out)
+    result.write(audit_files(made), force=force)
     for part in shown(made):
         console.print(part, highlight=False)
     if write is not None and text is not None:

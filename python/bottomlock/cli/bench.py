@@ -8,7 +8,13 @@ import polars as pl
 from cyclopts import App, Parameter
 
 from bottomlock.atomic_write import write_parquet, write_text
-from bottomlock.bench.beam_submission import BEAMS, PINGS, our_beam_tables, score_beam_submissions
+from bottomlock.bench.beam_submission import (
+    BEAMS,
+    PINGS,
+    beam_table_names,
+    our_beam_tables,
+    score_beam_submissions,
+)
 from bottomlock.bench.beam_tasks import PINGS_TASK, VELOCITY_TASK
 from bottomlock.bench.digests import published
 from bottomlock.bench.leaderboard import (
@@ -30,15 +36,16 @@ from bottomlock.bench.tasks import RANKED, TASKS
 from bottomlock.cli.console import console, narrow_table
 from bottomlock.cli.engine_parameters import EngineName, Scheduler
 from bottomlock.cli.examples import epilogue
+from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import check_threads
 from bottomlock.cli.parameters import split as words
 from bottomlock.cli.study_output import study_bar
 from bottomlock.errors import DataError
 from bottomlock.kernel import METHODS
+from bottomlock.overwriting import check_free
 from bottomlock.pages.numbers import plain
 from bottomlock.table_file import read_parquet
-from bottomlock.tables.bench import BLOCKS, SCORES
-from bottomlock.tables.check import check as tables_check
+from bottomlock.tables.bench import BLOCKS
 
 bench = App(
     name="bench",
@@ -77,6 +84,7 @@ def make(
         Path | None,
         Parameter(help="Write the digests to this file instead of comparing them with the published ones."),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Make missions: readings, case file, truth; and compare their digests with the published ones."""
     named = words(split)
@@ -89,6 +97,8 @@ def make(
         raise DataError(
             "the test split is made from a seed that is not in the package: give it with --seed-file"
         )
+    if write_digests is not None:
+        check_free(write_digests, inputs=[] if seed_file is None else [seed_file], force=force)
     sealed = None if seed_file is None else read_seed(seed_file)
 
     def seed_of(spec: MissionSpec) -> int:
@@ -96,7 +106,7 @@ def make(
 
     with study_bar(out) as report:
         digests = make_missions(
-            specs, seed_of, out, lambda name, done: report(name[:22], done / max(1, len(specs)))
+            specs, seed_of, out, lambda name, done: report(name[:22], done / max(1, len(specs))), force=force
         )
     console.print(f"{len(digests)} missions in {out}")
     if write_digests is not None:
@@ -163,6 +173,7 @@ def run(
         int,
         Parameter(alias="-j", help="Worker processes of --engine dask on this machine; 0 for one per core."),
     ] = 0,
+    force: Force = False,
 ) -> None:
     """Run methods and rivals on missions; finished missions are kept, and submissions written."""
     specs = _present(data, words(split), words(missions), version)
@@ -174,10 +185,10 @@ def run(
     with study_bar(out) as report:
         ran = run_missions(
             specs, data, estimators, out, shard=None if shard is None else Shard.parse(shard),
-            engine=engine, scheduler=scheduler, threads=threads,
+            engine=engine, scheduler=scheduler, threads=threads, force=force,
             progress=lambda name, fraction: report(name[:22], fraction),
         )  # fmt: skip
-        written = write_submissions(specs, list(estimators), out)
+        written = write_submissions(specs, list(estimators), out, force=force)
     console.print(
         f"{ran} of {len(specs) * len(estimators)} run in {time.perf_counter() - began:.1f} s, {len(written)} "
         f"submissions in {out}"
@@ -191,9 +202,11 @@ def beams(
     out: Annotated[Path, Parameter(alias="-o", help="Directory for the submissions.")],
     split: Splits = None,
     version: Version = "1",
+    force: Force = False,
 ) -> None:
     """Write our submissions of T1 (velocity from the beams of a ping) and T5 (real pings with beams left out)."""
     specs = _present(data, words(split), None, version)
+    check_free(*(out / f"{name}.parquet" for name in beam_table_names()), force=force)
     missions = [load_mission(data / spec.split / spec.name, truth=False) for spec in specs]
     for name, table in our_beam_tables(missions).items():
         write_parquet(out / f"{name}.parquet", table)
@@ -208,6 +221,7 @@ def check(
     tum: Annotated[
         Path | None, Parameter(help="Also write a TUM file per mission into this directory.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Check a submission against its rules; the first fault is named with row and column."""
     frame = check_submission(read_parquet(submission), str(submission))
@@ -218,6 +232,9 @@ def check(
         "answered: " + ", ".join(f"{block} {count / frame.height:.1%}" for block, count in answered.items())
     )
     if tum is not None:
+        check_free(
+            *(tum / f"{name}.tum" for name in frame["mission"].unique()), inputs=[submission], force=force
+        )
         console.print(f"{len(write_tum(frame, tum))} TUM files in {tum}")
 
 
@@ -232,6 +249,7 @@ def score(
     reference: Annotated[
         str | None, Parameter(help="Method to which differences are taken; the first by default.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Score submissions on missions whose truth is there, and print the ranking.
 
@@ -244,6 +262,8 @@ def score(
     """
     if not submissions:
         raise DataError("no submission is named, expected one or more Parquet files")
+    if out is not None:
+        check_free(out, inputs=submissions, force=force)
     specs = _present(data, words(split), words(missions), version)
     of_beams = [path for path in submissions if path.suffixes[:-1] in ([f".{BEAMS}"], [f".{PINGS}"])]
     frames = read_submissions([path for path in submissions if path not in of_beams], specs)
@@ -310,6 +330,7 @@ def page(
     reference: Annotated[
         str | None, Parameter(help="Method to which differences are taken; the one that leads by default.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write the leaderboard as one self-contained page, from the scores alone.
 
@@ -318,5 +339,4 @@ def page(
     scores
         The file that `bottomlock bench score --out` has written.
     """
-    table = tables_check(read_parquet(scores), SCORES, place=str(scores))
-    console.print(f"{write_page(table, out, reference=reference)}")
+    console.print(f"{write_page(scores, out, reference=reference, force=force)}")

@@ -15,17 +15,8 @@ from bottomlock.cli.campaign_output import print_results, progress_bar, say_cost
 from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.engine_parameters import EngineName, Scheduler
-from bottomlock.cli.parameters import (
-    CampaignOut,
-    ForceCampaign,
-    Json,
-    Methods,
-    Recover,
-    Runs,
-    Seed,
-    Threads,
-    load_scenarios,
-)
+from bottomlock.cli.force import ForceCampaign
+from bottomlock.cli.parameters import CampaignOut, Json, Methods, Recover, Runs, Seed, Threads, load_scenarios
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.report.compare import compare
@@ -113,8 +104,8 @@ def run(
     except KeyboardInterrupt:
         interrupted(out)
     if variants:
-        if len(variants) > 1:
-            print_comparison(compare([out], out))
+        if len(variants) > 1 or (out / "compare.record.json").is_file():
+            print_comparison(compare([out], out, force=settings["force"]))
         console.print(f"{len(variants)} {'variant' if len(variants) == 1 else 'variants'} in {out}")
     elif part is None:
         print_results(results, out, as_json=json)

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from bottomlock.cli.console import console, narrow_table
+from bottomlock.cli.force import Force
 from bottomlock.errors import OutputError
 from bottomlock.pages.numbers import plain
 from bottomlock.report.compare import Comparison
@@ -29,6 +30,7 @@ def compare(
     against: Annotated[
         str | None, Parameter(help="The campaign that differences are taken to; the first by default.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Lay campaigns or variants side by side: table, differences, page.
 
@@ -42,7 +44,8 @@ def compare(
     """
     if out is None and len(directory) != 1:
         raise OutputError("--out is missing, expected a directory for page, table and figures")
-    print_comparison(lay_side_by_side(list(directory), directory[0] if out is None else out, against=against))
+    folder = directory[0] if out is None else out
+    print_comparison(lay_side_by_side(list(directory), folder, against=against, force=force))
 
 
 def print_comparison(made: Comparison) -> None:

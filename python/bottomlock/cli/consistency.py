@@ -10,16 +10,8 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors, narrow_table
-from bottomlock.cli.parameters import (
-    ForceStudy,
-    Methods,
-    Recover,
-    Seed,
-    StudyOut,
-    Threads,
-    World,
-    load_scenarios,
-)
+from bottomlock.cli.force import ForceStudy
+from bottomlock.cli.parameters import Methods, Recover, Seed, StudyOut, Threads, World, load_scenarios
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.studies import consistency as consistency_study
@@ -67,7 +59,9 @@ def consistency(
     command = command_line("consistency", scenario, given)
     configuration = consistency_study.configuration(loaded, sets)
     kind, parts = consistency_study.KIND, consistency_study.PARTS
-    with study_folder.claimed(out, kind, configuration, parts=parts, force=force, recover=recover):
+    with study_folder.claimed(
+        out, kind, configuration, parts=parts, scenarios=loaded, force=force, recover=recover
+    ):
         with study_bar(out) as report:
             table = consistency_study.run_consistency(
                 loaded,

@@ -6,15 +6,18 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from rich.console import Console
 
 from bottomlock.errors import EXIT_INTERRUPTED, Note
 
 if TYPE_CHECKING:
+    from rich.console import ConsoleOptions, RenderableType
     from rich.progress import Progress
+    from rich.segment import Segment
     from rich.table import Table
+    from rich.text import Text
 
     from bottomlock.cli.common import Common
 
@@ -26,10 +29,33 @@ EXIT_NOTHING_VALID = 1
 
 EXIT_USAGE = 2
 
+# Of C0, DEL and C1 all but tab and line feed, which rich lays out; and what reverses the order of what is read.
+_CONTROLS = {*range(0x20), *range(0x7F, 0xA0), *range(0x202A, 0x202F), *range(0x2066, 0x206A)} - {0x09, 0x0A}
+_CODES = {code: chr(code).encode("unicode_escape").decode() for code in _CONTROLS}
+
+
+class SafeConsole(Console):
+    """A console that prints control characters of file names and messages as their codes, so that they do nothing.
+
+    Those of rich itself, of bars and colours, pass.
+    """
+
+    def render_str(self, text: str, **settings: Any) -> "Text":  # noqa: ANN401 - as rich has them
+        """Text from a string, measured as it will be printed."""
+        return super().render_str(text.translate(_CODES), **settings)
+
+    def render(
+        self, renderable: "RenderableType", options: "ConsoleOptions | None" = None
+    ) -> "Iterator[Segment]":
+        """Pieces of anything, for texts that were no strings."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=segment.text.translate(_CODES))
+
+
 # No markup: a path such as `out[/red]` is printed as it is. What has colours is a `rich.text.Text`.
-console = Console(stderr=False, markup=False, emoji=False)
+console = SafeConsole(stderr=False, markup=False, emoji=False)
 help_console = Console(stderr=False, markup=False, emoji=False)
-errors = Console(stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False)
+errors = SafeConsole(stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False)
 
 FILE_COLUMNS = 1000
 """Width of what is printed into a file or a pipe: no line is broken and no cell of a table is cut."""

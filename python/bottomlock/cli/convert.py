@@ -19,11 +19,13 @@ from rich.progress import (
 from rich.table import Table
 
 from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, errors
+from bottomlock.cli.force import Force
 from bottomlock.errors import OutputError
 from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, sidecar, write_recording
 from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.progress import progress_to
 from bottomlock.io.rows import Options
+from bottomlock.overwriting import check_free
 from bottomlock.replay.init.column_map import write_map
 
 SHOWN = 28
@@ -74,7 +76,7 @@ def convert(
             help="Where the clock is the sum of intervals: that of every report, or not of reports that repeat."
         ),
     ] = "reports",
-    force: Annotated[bool, Parameter(negative="", help="Overwrite an existing table.")] = False,
+    force: Force = False,
 ) -> None:
     """Convert a recorded DVL log to a beam table.
 
@@ -92,7 +94,11 @@ def convert(
             f"wrote {to}; now: bottomlock convert {file} --to beams.parquet --columns {to}", soft_wrap=True
         )
         return
-    _check_output(file, to, force=force)
+    if to.suffix.lower() != ".parquet":
+        raise OutputError(f"{to}: expected a name that ends in .parquet")
+    _check_account(file, to)
+    inputs = [file, *(file.iterdir() if file.is_dir() else ()), *([] if columns is None else [columns])]
+    check_free(to, sidecar(to), inputs=inputs, force=force)
     options = Options(
         instrument_only=instrument_only,
         keep_stale=keep_stale,
@@ -116,15 +122,13 @@ def convert(
         sys.exit(EXIT_NOTHING_VALID)
 
 
-def _check_output(file: Path, to: Path, *, force: bool) -> None:
-    """Checks the name of the table, and that neither it nor its account overwrites a file."""
-    if to.suffix.lower() != ".parquet":
-        raise OutputError(f"{to}: expected a name that ends in .parquet")
-    for path in (to, sidecar(to)):
-        if path.exists() and not force:
-            raise OutputError(f"{path}: is there already; --force overwrites it")
-        if path.exists() and path.resolve() == file.resolve():
-            raise OutputError(f"{path}: is the file to be read")
+def _check_account(file: Path, to: Path) -> None:
+    """Says why a log in JSON needs a table of another name."""
+    if sidecar(to).exists() and file.exists() and sidecar(to).samefile(file):
+        raise OutputError(
+            f"{sidecar(to)}: is the log, and the account of {to.name} has the same name; choose another name for --to, "
+            f"such as {to.stem}_beams.parquet"
+        )
 
 
 @contextlib.contextmanager

@@ -11,11 +11,13 @@ from rich.table import Table
 from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console
+from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Robust
 from bottomlock.errors import DataError, OutputError
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.io.formats import converted_first
 from bottomlock.kernel import FIX_METHODS, FixMethod, fix_method, solve_velocity
+from bottomlock.overwriting import check_free
 from bottomlock.replay.robust_fix import RobustFixes, solve_robust
 
 
@@ -26,6 +28,7 @@ def fix(
     method: Annotated[str, Parameter(help=f"Method: {', '.join(FIX_METHODS)}.")],
     out: Annotated[Path, Parameter(alias="-o", help="Parquet file for the fixes.")],
     robust: Robust = True,
+    force: Force = False,
 ) -> None:
     """Solve recorded pings for velocity fixes with covariance.
 
@@ -36,6 +39,7 @@ def fix(
     """
     if out.suffix.lower() != ".parquet":
         raise OutputError(f"{out}: expected a name that ends in .parquet")
+    check_free(out, inputs=(log, Path(geometry)), force=force)
     instrument = read_geometry(geometry)
     with converted_first(log, instrument.columns.time):
         pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)

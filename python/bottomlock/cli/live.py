@@ -11,14 +11,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from bottomlock.atomic_write import write_text
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
-from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.cli.force import Force
+from bottomlock.errors import ScenarioError
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live, Say, begin, host_clock
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
+from bottomlock.overwriting import check_apart, check_free
 from bottomlock.ports.mavlink import begin_dry_run
 
 
@@ -37,6 +40,7 @@ def live(
         Path | None,
         Parameter(help="Play a raw log again, and compare with what was sent; exit code 1 where it differs."),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Navigate live: from DVL, IMU and depth to the ports of an autopilot.
 
@@ -46,11 +50,12 @@ def live(
         TOML file; docs/live.md describes it. With --init, the file to write.
     """
     if init is not None:
-        _init(config, init, autopilot)
+        _init(config, init, autopilot, force=force)
         return
     if dry_run:
         begin_dry_run()
     settings = load_config(config)
+    check_apart(*_files(config, settings))
     if replay is not None:
         _replay(settings, replay)
         return
@@ -64,16 +69,18 @@ def live(
     _run(Live(settings, engine, say=_say, log=log, send=send, clock=clock))
 
 
-def _init(config: Path, instrument: str, autopilot: str) -> None:
-    """Writes a configuration; an existing file stays as it is."""
+def _files(config: Path, settings: LiveConfig) -> tuple[list[Path], list[Path]]:
+    """The files that are written, and those that are read."""
+    written = [Path(one.to.removeprefix("file:")) for one in settings.port if one.to.startswith("file:")]
+    written += [] if settings.checkpoint is None else [Path(settings.checkpoint.file)]
+    return written, [config, Path(settings.dvl.geometry)]
+
+
+def _init(config: Path, instrument: str, autopilot: str, *, force: bool) -> None:
+    """Writes a configuration."""
     text = template(instrument, autopilot)
-    try:
-        with config.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise OutputError(f"{config}: exists already, nothing was overwritten") from error
-    except OSError as error:
-        raise OutputError(f"{config}: cannot be written ({error.strerror or error})") from error
+    check_free(config, force=force)
+    write_text(config, text)
     console.print(f"wrote {config}; edit it, then: bottomlock live --dry-run {config}", soft_wrap=True)
 
 

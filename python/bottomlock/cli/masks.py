@@ -11,8 +11,8 @@ from rich.table import Table
 from bottomlock.atomic_write import write_text
 from bottomlock.campaign.run import CampaignProgress
 from bottomlock.cli.console import console, errors, narrow_table
+from bottomlock.cli.force import ForceStudy
 from bottomlock.cli.parameters import (
-    ForceStudy,
     Methods,
     Recover,
     Runs,
@@ -73,7 +73,9 @@ def masks(
     study_folder.check_owner(out, kind, configuration, parts=parts, force=force, recover=recover)
     chosen = [case for one in loaded for case in mask_study.select(mask_study.all_cases(one), wanted)]
     outages = wanted is None and _outages_fit(loaded)
-    with study_folder.claimed(out, kind, configuration, parts=parts, force=force, recover=recover):
+    with study_folder.claimed(
+        out, kind, configuration, parts=parts, scenarios=loaded, force=force, recover=recover
+    ):
         table, summary = _run(loaded, out, wanted=wanted, outages=outages, threads=threads, recover=recover)
         write_text(out / "masks.md", opening(table, summary, loaded, command) + markdown(table, summary))
         run = [line.replace("`", "") for line in what_was_run(loaded, command)]

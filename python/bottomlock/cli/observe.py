@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.console import console
+from bottomlock.cli.force import Force
 from bottomlock.errors import ScenarioError
 from bottomlock.observability.console import console_lines
 from bottomlock.observability.report import observe_paper, observe_scenario
@@ -19,6 +20,7 @@ def observe(
         bool,
         Parameter(negative="", help="Analyse the six cases of Klein & Diamant 2015 in place of a scenario."),
     ] = False,
+    force: Force = False,
 ) -> None:
     """Analyse which states can be estimated, and which manoeuvre helps.
 
@@ -31,7 +33,7 @@ def observe(
     """
     if paper == (case is not None):
         raise ScenarioError("expected either a scenario or --paper")
-    made = observe_paper(out) if case is None else observe_scenario(case, out)
+    made = observe_paper(out, force=force) if case is None else observe_scenario(case, out, force=force)
     for part in console_lines(made):
         console.print(part, highlight=False)
     figures = "a figure" if len(made.figures) == 1 else f"{len(made.figures)} figures"

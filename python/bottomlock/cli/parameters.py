@@ -48,13 +48,6 @@ Robust = Annotated[
         help="Measure the beam noise and its tail on the closure of the log, and reject outliers among the beams."
     ),
 ]
-ForceCampaign = Annotated[
-    bool, Parameter(negative="", help="Start over in a directory that holds another campaign.")
-]
-ForceStudy = Annotated[
-    bool, Parameter(negative="", help="Start over in a directory that holds another study.")
-]
-
 Recover = Annotated[
     bool,
     Parameter(

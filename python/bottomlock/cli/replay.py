@@ -15,11 +15,13 @@ from rich.text import Text
 from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console, errors, late_bar, narrow_table
+from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Robust, Threads, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
-from bottomlock.io.calibrated_file import require_new
+from bottomlock.io.calibrated_file import require_toml
+from bottomlock.overwriting import check_free
 from bottomlock.pages.numbers import number
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.calibration import calibration_words, writing_method
@@ -108,10 +110,11 @@ def replay(
             f"{case}: not a case file (TOML); bottomlock replay --init {case} ... writes one from logs"
         )
     check_threads(threads)
-    if write_calibration is not None:
-        require_new(write_calibration, force=force)
     loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
+    inputs = (case, Path(loaded.dvl.geometry), *loaded.files().values())
     if write_calibration is not None:
+        require_toml(write_calibration)
+        check_free(write_calibration, inputs=inputs, force=force)
         writing_method(loaded, read_geometry(loaded.dvl.geometry))
     reruns = run_count(loaded) * (1 + len(loaded.what_if))
     columns = (
@@ -122,7 +125,7 @@ def replay(
         TimeRemainingColumn(),
     )
     try:
-        with open_folder(out, loaded.content_hash(), force=force):
+        with open_folder(out, loaded.content_hash(), inputs=inputs, force=force):
             with late_bar(Progress(*columns, console=errors)) as bar:
                 task = bar.add_task("", total=reruns)
 
@@ -132,7 +135,7 @@ def replay(
 
                 replayed = replay_case(loaded, threads=threads, progress=report)
                 write_replay(replayed, out)
-            page = make_replay_report(out)
+            page = make_replay_report(out, force=force)
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
@@ -189,6 +192,7 @@ def score(
         ),
     ] = 3.0,
     robust: Robust = True,
+    force: Force = False,
 ) -> None:
     """Leave beams out of recorded pings and measure the error of each method.
 
@@ -201,6 +205,8 @@ def score(
     """
     if out is not None and out.suffix.lower() != ".parquet":
         raise OutputError(f"{out}: expected a name that ends in .parquet")
+    if out is not None:
+        check_free(out, inputs=(log, Path(geometry)), force=force)
     if not (np.isfinite(walk_mps_per_rt_s) and walk_mps_per_rt_s > 0.0):
         raise ScenarioError(f"--walk-mps-per-rt-s is {walk_mps_per_rt_s}, expected more than 0 m/s/√s")
     if not closure_gate >= 0.0:

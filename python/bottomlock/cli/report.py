@@ -8,7 +8,8 @@ from cyclopts import Parameter
 from bottomlock.campaign.run import check_campaign
 from bottomlock.cli.campaign_output import progress_bar, say_cost
 from bottomlock.cli.console import console, interrupted
-from bottomlock.cli.parameters import ForceStudy, Recover, Seed, StudyOut, Threads, check_threads
+from bottomlock.cli.force import Force, ForceStudy
+from bottomlock.cli.parameters import Recover, Seed, StudyOut, Threads, check_threads
 from bottomlock.errors import DataError
 from bottomlock.replay.report import is_replay, make_replay_report
 from bottomlock.report.page import Report, make_report
@@ -45,7 +46,7 @@ def reproduce(
     print_report(made)
 
 
-def report(directory: Path) -> None:
+def report(directory: Path, *, force: Force = False) -> None:
     """Write report.html and figures from the tables of a campaign or a replay.
 
     Where a campaign flew the paper's scenarios with its settings, the report tests the paper's claims, too.
@@ -58,9 +59,9 @@ def report(directory: Path) -> None:
     if directory.is_file():
         raise DataError(f"{directory}: is a file, expected the folder of a campaign or a replay")
     if is_replay(directory):
-        console.print(f"wrote {make_replay_report(directory)}")
+        console.print(f"wrote {make_replay_report(directory, force=force)}")
     else:
-        print_report(make_report(directory))
+        print_report(make_report(directory, force=force))
 
 
 def print_report(made: Report) -> None:

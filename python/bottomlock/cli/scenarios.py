@@ -8,6 +8,7 @@ from rich.table import Table
 
 from bottomlock.atomic_write import json_text
 from bottomlock.cli.console import console
+from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Json
 from bottomlock.config.scenario import copy_scenario, packaged_scenarios
 
@@ -19,10 +20,11 @@ def scenarios(
         Path | None, Parameter(help="File to write; NAME.toml in this directory by default.")
     ] = None,
     json: Json = False,
+    force: Force = False,
 ) -> None:
     """List the packaged scenarios, or copy one."""
     if copy is not None:
-        file = copy_scenario(copy, to or Path(f"{copy}.toml"))
+        file = copy_scenario(copy, to or Path(f"{copy}.toml"), force=force)
         console.print(f"wrote {file}; edit it, then: bottomlock run {file} --out out", soft_wrap=True)
         return
     if json:

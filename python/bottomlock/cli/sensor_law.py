@@ -5,7 +5,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.console import console, narrow_table
-from bottomlock.cli.parameters import ForceStudy, Recover, Seed, StudyOut, Threads, load_scenarios
+from bottomlock.cli.force import ForceStudy
+from bottomlock.cli.parameters import Recover, Seed, StudyOut, Threads, load_scenarios
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import sensor_law as study
@@ -41,7 +42,7 @@ def sensor_law(
     command = command_line("sensor-law", scenario, given)
     configuration = study.configuration(loaded, sets)
     with study_folder.claimed(
-        out, study.KIND, configuration, parts=study.PARTS, force=force, recover=recover
+        out, study.KIND, configuration, parts=study.PARTS, scenarios=loaded, force=force, recover=recover
     ):
         with study_bar(out) as report:
             table = study.run_sensor_law(

@@ -8,13 +8,17 @@ import numpy as np
 import polars as pl
 from cyclopts import Parameter
 
-from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.atomic_write import parquet_bytes
+from bottomlock.campaign.manifest import identity_of
 from bottomlock.cli.console import console
-from bottomlock.config.scenario import load_scenario
+from bottomlock.cli.force import Force
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
-from bottomlock.figures.flight import flight_figure, save_figure
+from bottomlock.figures.flight import flight_figure
+from bottomlock.figures.palette import png_bytes
 from bottomlock.io.beams import InstrumentFile
+from bottomlock.overwriting import Files, Result
 from bottomlock.plant import telemetry
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.closure import closure
@@ -39,6 +43,7 @@ def fly(
             help="Number of a run: write its sensor readings, a table per sensor, and the DVL's geometry."
         ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure.
 
@@ -53,27 +58,47 @@ def fly(
         raise ScenarioError(f"--sensors is {sensors}, expected a run number, 0 or more")
     if out is None and not dry_run:
         raise ScenarioError("no directory is named, expected --out DIR, or --dry-run")
-    for name in scenario:
-        loaded = load_scenario(name)
-        if loaded.trajectory.source == "file":
-            if vehicle is not None:
-                raise ScenarioError(f"--vehicle is given, but the trajectory of {loaded.name} is a file")
-            _along_path(build_simulation(loaded), None if dry_run else out, sensors)
-        else:
-            change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
-            _of_vehicle(build_simulation(loaded.with_trajectory(**change)), None if dry_run else out, sensors)
-    if not dry_run:
+    simulations = [build_simulation(_with_vehicle(load_scenario(name), vehicle)) for name in scenario]
+    names = [one.scenario.name for one in simulations]
+    if len(set(names)) != len(names):
+        raise ScenarioError(f"expected scenarios of different names, got {names}")
+    result = None
+    if out is not None and not dry_run:
+        made_from = {one.scenario.name: identity_of([one])["configuration_hash"] for one in simulations}
+        if sensors is not None:
+            made_from["--sensors"] = str(sensors)
+        inputs = [file for one in simulations for file in one.scenario.files()]
+        result = Result(out, "fly", "fly", made_from, [*map(Path, scenario), *inputs])
+        result.check(force=force)
+    files: Files = {}
+    for simulation in simulations:
+        shown = _along_path if simulation.scenario.trajectory.source == "file" else _of_vehicle
+        files |= shown(simulation, sensors, dry_run=dry_run)
+    if result is not None:
+        result.write(files, force=force)
         console.print(f"tables and figures in {out}")
 
 
-def _of_vehicle(simulation: Simulation, out: Path | None, sensors: int | None) -> None:
+def _with_vehicle(scenario: Scenario, vehicle: str | None) -> Scenario:
+    """The scenario with its own vehicle or another one; unless its trajectory is a file."""
+    if scenario.trajectory.source != "file":
+        change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
+        return scenario.with_trajectory(**change)
+    if vehicle is not None:
+        raise ScenarioError(f"--vehicle is given, but the trajectory of {scenario.name} is a file")
+    return scenario
+
+
+def _of_vehicle(simulation: Simulation, sensors: int | None, *, dry_run: bool) -> Files:
+    """Prints what the motion is like; the files are none of a dry run."""
     name, flight = simulation.scenario.name, simulation.flight()
     frame = telemetry(flight)
-    if out is not None:
+    files: Files = {}
+    if not dry_run:
         beams = _beams(simulation, flight.truth)
-        _write(simulation, flight.truth, beams, out, sensors)
-        write_parquet(out / f"{name}_telemetry.parquet", frame)
-        save_figure(flight_figure(frame, beams), out / f"{name}.png")
+        files = _files(simulation, flight.truth, beams, sensors)
+        files[f"{name}_telemetry.parquet"] = parquet_bytes(frame)
+        files[f"{name}.png"] = png_bytes(flight_figure(frame, beams))
     legs = frame.filter("leg") if frame["leg"].any() else frame
     cross_track_rms_m = float(rms(legs["cross_track_m"].to_numpy()))
     speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
@@ -81,12 +106,13 @@ def _of_vehicle(simulation: Simulation, out: Path | None, sensors: int | None) -
         f"{name}: {speed.mean():.3f} m/s, cross-track {cross_track_rms_m:.2f} m RMS, "
         f"largest sway {np.abs(sway).max():.3f} m/s"
     )
+    return files
 
 
-def _along_path(simulation: Simulation, out: Path | None, sensors: int | None) -> None:
+def _along_path(simulation: Simulation, sensors: int | None, *, dry_run: bool) -> Files:
+    """As `_of_vehicle`, of a trajectory from a file."""
     truth, summary = simulation.along_path()
-    if out is not None:
-        _write(simulation, truth, _beams(simulation, truth), out, sensors)
+    files = {} if dry_run else _files(simulation, truth, _beams(simulation, truth), sensors)
     position_m, attitude_rad = closure(simulation, truth)
     console.print(f"{simulation.scenario.name}:")
     for line in summary.lines():
@@ -96,17 +122,20 @@ def _along_path(simulation: Simulation, out: Path | None, sensors: int | None) -
         f"{1000.0 * position_m:.2g} mm and {attitude_rad:.1g} rad",
         soft_wrap=True,
     )
+    return files
 
 
-def _write(simulation: Simulation, truth: Truth, beams: pl.DataFrame, out: Path, sensors: int | None) -> None:
+def _files(simulation: Simulation, truth: Truth, beams: pl.DataFrame, sensors: int | None) -> Files:
     """Truth and beams, and with `sensors` the readings of that run and the DVL's geometry."""
     name = simulation.scenario.name
-    write_parquet(out / f"{name}_truth.parquet", pl.DataFrame(_wide(truth)))
-    write_parquet(out / f"{name}_beams.parquet", beams)
+    tables = {"truth": pl.DataFrame(_wide(truth)), "beams": beams}
     if sensors is not None:
-        for sensor, readings in sensor_streams(simulation, truth, run=sensors).items():
-            write_parquet(out / f"{name}_run{sensors}_{sensor}.parquet", readings)
-        write_text(out / f"{name}_dvl.toml", geometry_file(simulation.scenario.dvl))
+        streams = sensor_streams(simulation, truth, run=sensors)
+        tables |= {f"run{sensors}_{sensor}": readings for sensor, readings in streams.items()}
+    files: Files = {f"{name}_{end}.parquet": parquet_bytes(table) for end, table in tables.items()}
+    if sensors is not None:
+        files[f"{name}_dvl.toml"] = geometry_file(simulation.scenario.dvl)
+    return files
 
 
 def geometry_file(dvl: Dvl) -> str:

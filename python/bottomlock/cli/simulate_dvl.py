@@ -16,6 +16,7 @@ from cyclopts import Parameter
 
 from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.console import console
+from bottomlock.cli.force import Force
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.toml_file import kinds_of
 from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named
@@ -28,6 +29,8 @@ from bottomlock.instruments.play import Channel, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records
 from bottomlock.instruments.sent_table import sent_table
+from bottomlock.overwriting import check_free
+from bottomlock.replay.case import load_case
 
 DEFAULT_START = "2026-01-01T00:00:00"
 
@@ -75,7 +78,7 @@ def simulate_dvl(
     wait: Annotated[
         bool, Parameter(help="Start when every TCP server has a client; --no-wait starts at once.")
     ] = True,
-    force: Annotated[bool, Parameter(negative="", help="Overwrite files.")] = False,
+    force: Force = False,
 ) -> None:
     """Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.
 
@@ -94,7 +97,11 @@ def simulate_dvl(
     addresses = {
         name: parse_address(text, f"--{name}") for name, text in channels.items() if text is not None
     }
-    _check_truth(truth, force=force)
+    if truth is not None and truth.suffix.lower() != ".parquet":
+        raise OutputError(f"{truth}: expected a name that ends in .parquet")
+    written = [] if truth is None else [truth]
+    written += [Path(one.path) for one in addresses.values() if one.kind == "file"]
+    check_free(*written, inputs=_inputs(source, geometry), force=force)
     readings, own_seed = _readings(source, geometry, run=run, seed=seed, altitude_m=altitude_m)
     if duration_s is not None:
         readings = readings.first_seconds(duration_s)
@@ -207,13 +214,16 @@ def _check(*, run: int, latency_ms: float, altitude_m: float, duration_s: float 
         raise ScenarioError(f"--duration-s is {duration_s:g}, expected seconds above 0")
 
 
-def _check_truth(truth: Path | None, *, force: bool) -> None:
-    if truth is None:
-        return
-    if truth.suffix.lower() != ".parquet":
-        raise OutputError(f"{truth}: expected a name that ends in .parquet")
-    if truth.exists() and not force:
-        raise OutputError(f"{truth}: is there already; --force overwrites it")
+def _inputs(source: str, geometry: str | None) -> list[Path]:
+    """The files that are read."""
+    path = Path(source)
+    named = [path, *([] if geometry is None else [Path(geometry)])]
+    if path.suffix.lower() != ".toml":
+        return named
+    if _is_case(path):
+        case = load_case(path)
+        return [*named, Path(case.dvl.geometry), *case.files().values()]
+    return [*named, *load_scenario(source).files()]
 
 
 def _absent(option: str, readings: Readings) -> ScenarioError:

@@ -9,6 +9,7 @@ from rich import progress as bars
 from rich.text import Text
 
 from bottomlock.cli.console import console, errors, late_bar, narrow_table
+from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Threads, check_threads
 from bottomlock.errors import EXIT_INTERRUPTED, ScenarioError
 from bottomlock.replay.case import load_case
@@ -37,9 +38,7 @@ def tune(
         ),
     ] = ",".join(METHODS),
     threads: Threads = 0,
-    force: Annotated[
-        bool, Parameter(negative="", help="Replace a tuned case that is there already.")
-    ] = False,
+    force: Force = False,
 ) -> None:
     """Find the noise of a recorded dive from the recording itself, without a reference.
 
@@ -56,6 +55,7 @@ def tune(
     target = case.with_name(f"{case.stem}_tuned.toml") if out is None else out
     require_free(case, target, force=force)
     loaded = load_case(case)
+    require_free(case, target, inputs=[Path(loaded.dvl.geometry), *loaded.files().values()], force=force)
     names = tuple(name.strip() for name in methods.split(",") if name.strip())
     journal = journal_of(target, loaded, fraction, names)
     if journal.passes:

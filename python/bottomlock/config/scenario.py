@@ -10,6 +10,7 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from bottomlock import models, units
+from bottomlock.atomic_write import write_text
 from bottomlock.config.mission_sections import faults_of
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario_sections import (
@@ -27,8 +28,9 @@ from bottomlock.config.scenario_words import line_of, table_of
 from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
-from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.errors import ScenarioError
 from bottomlock.nearest import did_you_mean
+from bottomlock.overwriting import check_free
 
 Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
@@ -100,6 +102,12 @@ class Scenario(Section):
         exclude |= {"imu": {"limits"}}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def files(self) -> list[Path]:
+        """The files that it names."""
+        content = self.model_dump(mode="json", include={section for section, _ in _FILES})
+        named = [(content.get(section) or {}).get(key) for section, key in _FILES]
+        return [Path(one) for one in named if isinstance(one, str) and Path(one).suffix]
 
     def __repr__(self) -> str:
         """Name, path, beams, sensors and runs in a line."""
@@ -301,12 +309,12 @@ def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
     return scenario
 
 
-def copy_scenario(name: str, destination: str | Path) -> Path:
-    """Writes a packaged scenario out to edit; an existing file stays as it is.
+def copy_scenario(name: str, destination: str | Path, *, force: bool = False) -> Path:
+    """Writes a packaged scenario out to edit; an existing file is replaced with `force` alone.
 
     Raises:
         ScenarioError: for a name that is not packaged.
-        OutputError: where the destination exists or cannot be written.
+        OutputError: where the destination is there without `force`, or cannot be written.
     """
     destination = Path(destination)
     text = _packaged_text(name)
@@ -314,11 +322,6 @@ def copy_scenario(name: str, destination: str | Path) -> Path:
         names = packaged_scenarios()
         hint = did_you_mean(name, names, f" (packaged: {', '.join(names)})")
         raise ScenarioError(f"no packaged scenario is called '{name}'{hint}")
-    try:
-        with destination.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise OutputError(f"{destination}: exists already, nothing was overwritten") from error
-    except OSError as error:
-        raise OutputError(f"{destination}: cannot be written ({error.strerror})") from error
+    check_free(destination, force=force)
+    write_text(destination, text)
     return destination

@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -70,20 +69,6 @@ def flight_figure(telemetry: pl.DataFrame, beams: pl.DataFrame | None = None) ->
         panels[0].set_xlim(float(time_s[0]), float(time_s[-1]))
         figure.suptitle(str(telemetry["trajectory"][0]).replace("_", " "))
     return figure
-
-
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure by its suffix (.svg, .png, .pdf); the same figure gives the same bytes as SVG.
-
-    Raises:
-        OutputError: the place cannot be written or the suffix is unknown.
-    """
-    metadata = {"Date": None} if path.suffix == ".svg" else {}
-    try:
-        with mpl.rc_context(_STYLE):
-            figure.savefig(path, dpi=150, metadata=metadata)
-    except (OSError, ValueError) as error:
-        raise OutputError(f"figure {path}: cannot be written: {error}") from error
 
 
 def _require(frame: pl.DataFrame, columns: tuple[str, ...]) -> None:

@@ -164,7 +164,9 @@ class File:
         try:
             self._stream = self._path.open("wb" if self._force else "xb")
         except FileExistsError as error:
-            raise OutputError(f"{self._path}: is there already; --force overwrites it") from error
+            raise OutputError(
+                f"{self._path}: is there already; choose another name, or use --force to replace it"
+            ) from error
         except OSError as error:
             raise OutputError(f"{self._path}: cannot be written ({error.strerror or error})") from error
 

@@ -36,16 +36,14 @@ class Calibrated:
     clock_sd_s: float | None
 
 
-def require_new(path: Path, *, force: bool) -> None:
-    """Refuses a name that is none of a TOML file, or that of a file which is there already.
+def require_toml(path: Path) -> None:
+    """Refuses a name that is none of a TOML file.
 
     Raises:
         OutputError: naming it.
     """
     if path.suffix.lower() != ".toml":
         raise OutputError(f"{path}: expected a name that ends in .toml")
-    if path.exists() and not force:
-        raise OutputError(f"{path}: is there already; choose another name, or use --force to replace it")
 
 
 def mounting_lines(rpy_rad: NDArray[np.float64]) -> list[str]:

@@ -3,17 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
 
-from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.atomic_write import parquet_bytes
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.sensors import SENSORS
-from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.figures.flight import save_figure
+from bottomlock.errors import ScenarioError
+from bottomlock.figures.palette import png_bytes
+from bottomlock.kernel import kernel_version
 from bottomlock.observability.analysis import Aiding, Deviations, Finding, Kind, deviations, observe
 from bottomlock.observability.figures import deviation_figure, figure_names
 from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
@@ -29,6 +30,7 @@ from bottomlock.observability.tables import (
     paper_table,
     table_row,
 )
+from bottomlock.overwriting import Files, Result
 from bottomlock.pages.sheet import Picture
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
@@ -83,7 +85,7 @@ def scenario_schedule(simulation: Simulation, truth: Truth) -> tuple[Schedule, S
     return schedule, every
 
 
-def observe_scenario(source: str | Path, out: str | Path) -> Observed:
+def observe_scenario(source: str | Path, out: str | Path, *, force: bool = False) -> Observed:
     """Analyses a scenario's truth for every mask of its instrument, and ranks manoeuvres for its own mask.
 
     Writes observability.parquet (the truth, every mask; a further row where beams come and go), manoeuvres.parquet
@@ -91,16 +93,20 @@ def observe_scenario(source: str | Path, out: str | Path) -> Observed:
     deviations.parquet, ranks.parquet, manoeuvre_ranking.parquet, two figures and
     observability.html. The measurement times are those of the
     campaign's first run (`scenario_schedule`); the truth is the vehicle's controlled on the truth. Manoeuvres are
-    ranked with all the beams that ever return, and without GPS if anything else aids.
+    ranked with all the beams that ever return, and without GPS if anything else aids. With `force` the analysis of
+    another scenario in the directory is replaced.
 
     Raises:
         ScenarioError: for a scenario that cannot be read, that nothing aids, or with more than 5000 epochs.
         DataError: for a truth of less than a second.
-        OutputError: where the directory cannot be written.
+        OutputError: for a directory of something else, or of another scenario without `force`, and where it cannot be
+            written.
     """
     out = Path(out)
     scenario = load_scenario(source)
     simulation = build_simulation(scenario)
+    result = _result(out, {scenario.name: simulation.fingerprint()}, [Path(source), *scenario.files()])
+    result.check(force=force)
     truth, geometry = simulation.truth(), simulation.geometry
     scheduled, every = scenario_schedule(simulation, truth)
     own = Aiding.scheduled(scheduled)
@@ -127,8 +133,7 @@ def observe_scenario(source: str | Path, out: str | Path) -> Observed:
     ranking = manoeuvre_ranking(geometry, _under_water(own), model, kind=kind, rates_hz=_rates_hz(scenario))
     every_mask = manoeuvre_table(geometry)
     tables = {"observability": table, "deviations": sds, "ranks": ranks, "manoeuvre_ranking": ranking}
-    _write(out, tables | {"manoeuvres": every_mask})
-    paths = tuple(out / "figures" / f"{name}.png" for name in (scenario.name, "masks_by_manoeuvres"))
+    names = (scenario.name, "masks_by_manoeuvres")
     title = f"{scenario.name.replace('_', ' ')}, aided by {own_name}"
     words = (
         "Standard deviation of every state, and rank of the window, against time.",
@@ -138,10 +143,9 @@ def observe_scenario(source: str | Path, out: str | Path) -> Observed:
         deviation_figure(sds, ranks, scenario.name, title=title),
         mask_figure(every_mask, title="masks by manoeuvres, 20 states"),
     )
-    pictures = [
-        _saved(figure, path, caption) for figure, path, caption in zip(drawn, paths, words, strict=True)
-    ]
-    return _with_page(Observed(table, own_name, ranking, paths), pictures, out)
+    drawings = [_Drawing(*one) for one in zip(names, words, drawn, strict=True)]
+    tables |= {"manoeuvres": every_mask}
+    return _written(result, Observed(table, own_name, ranking, ()), tables, drawings, force=force)
 
 
 def _check_schedule(scenario: Scenario, own: Aiding, every: Schedule) -> None:
@@ -201,38 +205,55 @@ def _ranks(found: Finding, labels: dict[str, str]) -> pl.DataFrame:
     return frame.select(list(RANKS))
 
 
-def observe_paper(out: str | Path) -> Observed:
+def observe_paper(out: str | Path, *, force: bool = False) -> Observed:
     """The six cases of Klein & Diamant 2015, both windows and both signs: tables and figures 1-6.
 
     Raises:
-        OutputError: where the directory cannot be written.
+        OutputError: as `observe_scenario`.
     """
     out = Path(out)
+    result = _result(out, {"Klein & Diamant 2015": kernel_version()})
+    result.check(force=force)
     table = paper_table()
     model = load_scenario(_ERRORS_OF).kernel_model(9.8125)
     sds, ranks = paper_histories(model)
-    _write(out, {"observability": table, "deviations": sds, "ranks": ranks})
     names = figure_names([case.name for case in PAPER_CASES])
-    paths, pictures = [], []
+    drawings = []
     for case in PAPER_CASES:
-        path = out / "figures" / f"{names[case.name]}.png"
         title = f"{case.name} (Klein & Diamant 2015, figure {case.figure})"
         unobservable = _unobservable_directions(table.filter(case=case.name, model=case.model("paper")))
         figure = deviation_figure(sds, ranks, case.name, title=title, unobservable=unobservable)
-        pictures.append(_saved(figure, path, f"{case.name}: standard deviations and rank against time."))
-        paths.append(path)
-    return _with_page(Observed(table, None, None, tuple(paths)), pictures, out)
+        words = f"{case.name}: standard deviations and rank against time."
+        drawings.append(_Drawing(names[case.name], words, figure))
+    tables = {"observability": table, "deviations": sds, "ranks": ranks}
+    return _written(result, Observed(table, None, None, ()), tables, drawings, force=force)
 
 
-def _saved(figure: Figure, path: Path, caption: str) -> Picture:
-    """A figure written as PNG, and as it stands on the page."""
-    save_figure(figure, _made(path))
-    return Picture.of(figure, path.stem, caption)
+class _Drawing(NamedTuple):
+    name: str
+    caption: str
+    figure: Figure
 
 
-def _with_page(made: Observed, pictures: Sequence[Picture], out: Path) -> Observed:
-    write_text(out / "observability.html", page(made.table, made.manoeuvres, pictures))
-    return made
+def _result(out: Path, made_from: dict[str, str], inputs: Sequence[Path] = ()) -> Result:
+    return Result(out, "observe", "observe", made_from, inputs)
+
+
+def _written(
+    result: Result,
+    made: Observed,
+    tables: dict[str, pl.DataFrame],
+    drawings: Sequence[_Drawing],
+    *,
+    force: bool,
+) -> Observed:
+    """Tables, figures and page on the disk, and where the figures are."""
+    pictures = [Picture.of(one.figure, one.name, one.caption) for one in drawings]
+    figures: Files = {f"figures/{one.name}.png": png_bytes(one.figure) for one in drawings}
+    files = {f"{name}.parquet": parquet_bytes(frame) for name, frame in tables.items()}
+    html = page(made.table, made.manoeuvres, pictures)
+    result.write(figures | files | {"observability.html": html}, force=force)
+    return replace(made, figures=tuple(result.out / name for name in figures))
 
 
 _ROOM = 9
@@ -250,16 +271,3 @@ def _unobservable_directions(rows: pl.DataFrame) -> list[str]:
 
 def _with(frame: pl.DataFrame, labels: dict[str, str]) -> pl.DataFrame:
     return frame.with_columns(**{name: pl.lit(value) for name, value in labels.items()})
-
-
-def _made(path: Path) -> Path:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{path.parent}: cannot be made ({error.strerror})") from error
-    return path
-
-
-def _write(out: Path, tables: dict[str, pl.DataFrame]) -> None:
-    for name, frame in tables.items():
-        write_parquet(out / f"{name}.parquet", frame)

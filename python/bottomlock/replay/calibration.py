@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 from bottomlock.atomic_write import write_text
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Instrument, geometry_text
-from bottomlock.io.calibrated_file import Calibrated, calibrated_text, require_new
+from bottomlock.io.calibrated_file import Calibrated, calibrated_text
 from bottomlock.kernel import STATES
 from bottomlock.models import Calibration, DvlModel
+from bottomlock.overwriting import check_free
 from bottomlock.replay.axes import from_angles
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import Rerun
@@ -124,8 +125,8 @@ def write_calibration(
     """Writes a copy of the DVL's file with the estimates and their 1 sigma, which a replay takes as its prior.
 
     Raises:
-        OutputError: for a file that is there already without `force`, or that cannot be written.
+        OutputError: for a file that is there already without `force`, is read, or cannot be written.
         ScenarioError: as `writing_method`.
     """
-    require_new(path, force=force)
+    check_free(path, inputs=[Path(case.dvl.geometry)], force=force)
     write_text(path, calibrated_text(geometry_text(case.dvl.geometry), found(instrument, table, case)))

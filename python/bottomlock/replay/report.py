@@ -9,11 +9,11 @@ import polars as pl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from bottomlock.atomic_write import write_bytes, write_text
 from bottomlock.errors import DataError
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.models import Robust
+from bottomlock.overwriting import Files, Result, digests_of
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.featured import featured
 from bottomlock.pages.render import render
@@ -98,20 +98,30 @@ def is_replay(folder: Path) -> bool:
     return manifest is not None and manifest.get("kind") == "replay"
 
 
-def make_replay_report(folder: str | Path) -> Path:
+def make_replay_report(folder: str | Path, *, force: bool = False) -> Path:
     """Writes `report.html` and `figures/` from the tables of a replay.
+
+    Args:
+        folder: directory of the replay.
+        force: replace a report that has changed since it was written.
 
     Raises:
         DataError: as `read_replay`.
-        OutputError: where the directory cannot be written.
+        OutputError: for a file of these names that is not of ours, one that has changed since it was written without
+            `force`, and where the directory cannot be written.
     """
     folder = Path(folder)
     tables = read_replay(folder)
+    result = Result(folder, "report", "report", digests_of(folder, [folder / "manifest.json"]), beside=True)
+    result.check(force=force)
+    files: Files = {}
     inline = []
     for drawing in drawings(tables):
         svg = svg_text(drawing.figure)
-        write_text(folder / "figures" / f"{drawing.name}.svg", svg)
-        write_bytes(folder / "figures" / f"{drawing.name}.png", png_bytes(drawing.figure))
+        files |= {
+            f"figures/{drawing.name}.svg": svg,
+            f"figures/{drawing.name}.png": png_bytes(drawing.figure),
+        }
         inline.append(
             {
                 "name": drawing.name,
@@ -122,7 +132,8 @@ def make_replay_report(folder: str | Path) -> Path:
             }
         )
     page = folder / "report.html"
-    write_text(page, render("replay.html.j2", _content(tables) | {"figures": inline}))
+    files[page.name] = render("replay.html.j2", _content(tables) | {"figures": inline})
+    result.write(files, force=force)
     return page
 
 

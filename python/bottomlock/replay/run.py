@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -14,7 +14,8 @@ from bottomlock import kernel
 from bottomlock.atomic_write import write_parquet
 from bottomlock.errors import DataError, OutputError
 from bottomlock.kernel import KernelError
-from bottomlock.output_folder import is_occupied, locked, remove_parts
+from bottomlock.output_folder import is_occupied, locked
+from bottomlock.overwriting import check_apart, named_in, remove_named
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.records import read_record, write_record
 from bottomlock.replay import compare, rerun
@@ -42,14 +43,7 @@ PARTS = ("samples", "innovations", "pings")
 CALIBRATION = "calibration"
 """Made of such parts too, and written where the filter has the states."""
 KIND = "replay"
-_OURS = (
-    "figures",
-    *(f"{table}.parquet" for table in TABLES),
-    "reference.parquet",
-    f"{CALIBRATION}.parquet",
-    "report.html",
-    MANIFEST,
-)
+_FILES = tuple(f"{table}.parquet" for table in (*TABLES, "reference", CALIBRATION))
 NAMED = 10
 """Rejected inertial readings that the manifest and the page name."""
 
@@ -270,20 +264,25 @@ def _sha256(path: Path) -> str:
 
 
 @contextmanager
-def open_folder(out: Path, configuration: str, *, force: bool = False) -> Iterator[None]:
+def open_folder(
+    out: Path, configuration: str, *, inputs: Iterable[Path] = (), force: bool = False
+) -> Iterator[None]:
     """Holds an output directory: new, empty, or with a replay of the same case, which is overwritten.
 
-    Nothing is changed in a directory that is rejected. With `force` the files of another replay are removed.
+    Nothing is changed in a directory that is rejected. With `force` the files of another replay are removed: those
+    that its records name.
 
     Raises:
-        OutputError: for a directory with other content, in use, or with a replay of another case without `force`.
+        OutputError: for a directory with other content, in use, or with a replay of another case without `force`; and
+            for one of its files among the `inputs`.
         DataError: for a manifest that is damaged.
     """
+    check_apart([out / name for name in (*_FILES, *named_in(out))], inputs)
     _check_owner(out, configuration, force=force)
     with locked(out):
         # Another process may have held it until now.
         if _check_owner(out, configuration, force=force):
-            remove_parts(out, _OURS)
+            remove_named(out, {*_FILES, *named_in(out)})
         yield
 
 
@@ -323,4 +322,6 @@ def write_replay(replayed: ReplayResult, out: str | Path) -> None:
     digests = {
         f"{name}.parquet": write_parquet(out / f"{name}.parquet", table) for name, table in tables.items()
     }
+    # Of an earlier replay of the case, which may have had a calibration or a reference.
+    remove_named(out, set(_FILES) - digests.keys())
     write_record(out / MANIFEST, replayed.manifest, digests)

@@ -9,15 +9,17 @@ from typing import Any
 import polars as pl
 from markupsafe import Markup
 
-from bottomlock.atomic_write import write_bytes, write_parquet, write_text
+from bottomlock.atomic_write import parquet_bytes
 from bottomlock.errors import DataError
 from bottomlock.figures.compare import compare_figure
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.nearest import did_you_mean
+from bottomlock.overwriting import Files, Result, digests_of
 from bottomlock.pages.render import render
 from bottomlock.statistics.compare import QUANTITIES, comparison_table, differing_settings, why_unpaired
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
+from bottomlock.tables.spreadsheet import csv_text
 from bottomlock.tables.variants import campaign_folders
 
 NAME = "compare"
@@ -34,18 +36,22 @@ class Comparison:
     page: Path
 
 
-def compare(folders: Sequence[str | Path], out: str | Path, *, against: str | None = None) -> Comparison:
+def compare(
+    folders: Sequence[str | Path], out: str | Path, *, against: str | None = None, force: bool = False
+) -> Comparison:
     """Lays campaigns, or the variants in a folder, side by side; writes table, page and figures to `out`.
 
     Args:
         folders: directories of campaigns or of variants.
         out: directory for `compare.html`, `compare.parquet`, `compare.csv` and `figures/`.
         against: label of the campaign that differences are taken to; the first by default.
+        force: replace a comparison of other campaigns, or of other tables of theirs, in a directory of its own.
 
     Raises:
         DataError: for fewer than two campaigns, one that is not finished, an unknown label, and campaigns without a
             common trajectory.
-        OutputError: where the directory cannot be written.
+        OutputError: for a directory of something else but these campaigns, a comparison of others without `force`, and
+            where the directory cannot be written.
     """
     out = Path(out)
     found = campaign_folders([Path(folder) for folder in folders])
@@ -57,6 +63,12 @@ def compare(folders: Sequence[str | Path], out: str | Path, *, against: str | No
     if reference not in found:
         hint = did_you_mean(reference, found) or ","
         raise DataError(f"--against is '{reference}'{hint} expected one of {', '.join(found)}")
+    made_from = digests_of(out, [folder / "manifest.json" for folder in found.values()]) | {
+        "against": reference
+    }
+    beside = any(out.resolve() == folder.resolve() for folder in (*map(Path, folders), *found.values()))
+    result = Result(out, NAME, NAME, made_from, beside=beside)
+    result.check(force=force)
     campaigns = {label: read_campaign_tables(folder) for label, folder in found.items()}
     shared = [name for name in campaigns[reference].trajectories if _in_others(campaigns, reference, name)]
     if not shared:
@@ -66,18 +78,20 @@ def compare(folders: Sequence[str | Path], out: str | Path, *, against: str | No
         )
     table = comparison_table(campaigns, reference)
     unpaired = _unpaired(campaigns, reference)
-    write_parquet(out / f"{NAME}.parquet", table)
-    write_text(out / f"{NAME}.csv", table.write_csv(float_precision=10))
+    files: Files = {
+        f"{NAME}.parquet": parquet_bytes(table),
+        f"{NAME}.csv": csv_text(table, float_precision=10),
+    }
     content = {
         "campaigns": campaigns,
         "numbers": {label: number for number, label in enumerate(campaigns, start=1)},
         "reference": reference,
         "settings": differing_settings(campaigns),
         "unpaired": unpaired,
-        "parts": [_part(table, campaigns, name, out) for name in _trajectories(campaigns)],
+        "parts": [_part(table, campaigns, name, files) for name in _trajectories(campaigns)],
     }
     page = out / f"{NAME}.html"
-    write_text(page, render("compare.html.j2", content))
+    result.write(files | {page.name: render("compare.html.j2", content)}, force=force)
     return Comparison(table, reference, unpaired, page)
 
 
@@ -101,9 +115,12 @@ def _unpaired(campaigns: Mapping[str, CampaignTables], reference: str) -> dict[s
 
 
 def _part(
-    table: pl.DataFrame, campaigns: Mapping[str, CampaignTables], trajectory: str, out: Path
+    table: pl.DataFrame,
+    campaigns: Mapping[str, CampaignTables],
+    trajectory: str,
+    files: Files,
 ) -> dict[str, Any]:
-    """A trajectory's part of the page; writes its figures."""
+    """A trajectory's part of the page; its figures go to the files."""
     rows = table.filter(pl.col("trajectory") == trajectory)
     quantities = []
     for number, quantity in enumerate(QUANTITIES):
@@ -112,8 +129,7 @@ def _part(
             continue
         figure = compare_figure(table, trajectory, quantity)
         svg, name = svg_text(figure), f"{NAME}_{trajectory}_{re.sub('[^a-z]+', '_', quantity.lower())}"
-        write_text(out / "figures" / f"{name}.svg", svg)
-        write_bytes(out / "figures" / f"{name}.png", png_bytes(figure))
+        files |= {f"figures/{name}.svg": svg, f"figures/{name}.png": png_bytes(figure)}
         title = f"{quantity[0].upper()}{quantity[1:]} on {trajectory.replace('_', ' ')}"
         caption = f"{title}, 95 % intervals; numbers as above."
         if quantity == "NEES":

@@ -8,9 +8,10 @@ from typing import Any
 import polars as pl
 from markupsafe import Markup
 
-from bottomlock.atomic_write import write_bytes, write_parquet, write_text
+from bottomlock.atomic_write import parquet_bytes
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.overwriting import Files, Result, digests_of
 from bottomlock.pages.featured import featured
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
@@ -34,27 +35,37 @@ class Report:
     claims: pl.DataFrame
 
 
-def make_report(folder: str | Path) -> Report:
+def make_report(folder: str | Path, *, force: bool = False) -> Report:
     """Writes `report.html` and `figures/` from the tables of a finished campaign.
 
     Where the paper's scenarios were flown with its settings, its claims on them are tested, and `tables/claims.parquet`
     holds the verdicts. The same tables give the same bytes.
 
+    Args:
+        folder: directory of the campaign.
+        force: replace a report that has changed since it was written.
+
     Raises:
         DataError: for a directory that holds no finished campaign of this version, or a damaged one.
-        OutputError: where the directory cannot be written.
+        OutputError: for a file of these names that is not of ours, one that has changed since it was written without
+            `force`, and where the directory cannot be written.
     """
     folder = Path(folder)
     campaign = read_campaign_tables(folder)
+    records = (
+        folder / "manifest.json",
+        folder / "sweep.record.json",
+        *sorted(folder.glob("without_*/manifest.json")),
+    )
+    result = Result(folder, "report", "report", digests_of(folder, records), beside=True)
+    result.check(force=force)
+    files: Files = {}
     errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
     paper = load_paper()
     theirs = flown(campaign, paper)
     claims = claims_table(campaign, errors, paper).filter(pl.col("trajectory").is_in(theirs))
     if theirs:
-        write_parquet(folder / "tables" / "claims.parquet", claims)
-    else:
-        # Of a campaign that was here before.
-        (folder / "tables" / "claims.parquet").unlink(missing_ok=True)
+        files["tables/claims.parquet"] = parquet_bytes(claims)
     advice = advise(campaign, errors)
     choice = choose(advice)
     recommended = (
@@ -63,8 +74,10 @@ def make_report(folder: str | Path) -> Report:
     paths, inline = [], []
     for drawing in drawings(campaign, errors, paper, recommended):
         svg = svg_text(drawing.figure)
-        write_text(folder / "figures" / f"{drawing.name}.svg", svg)
-        write_bytes(folder / "figures" / f"{drawing.name}.png", png_bytes(drawing.figure))
+        files |= {
+            f"figures/{drawing.name}.svg": svg,
+            f"figures/{drawing.name}.png": png_bytes(drawing.figure),
+        }
         paths += [folder / "figures" / f"{drawing.name}.{suffix}" for suffix in ("svg", "png")]
         inline.append(
             {
@@ -80,7 +93,7 @@ def make_report(folder: str | Path) -> Report:
     shown = {name: featured(campaign.methods(name), recommended) for name in campaign.trajectories}
     content = _content(campaign, paper, claims)
     content |= {"advice": advice, "choice": choice, "featured": shown, "figures": inline}
-    write_text(page, render("report.html.j2", content))
+    result.write(files | {page.name: render("report.html.j2", content)}, force=force)
     return Report(page, paths, claims)
 
 

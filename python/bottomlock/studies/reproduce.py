@@ -62,7 +62,7 @@ def reproduce(
         sweep = run_sweep(scenarios, out / "sweep", runs=sweep_runs(runs), **settings)
         identity = {"configuration_hash": manifest["configuration_hash"]}
         write_recorded_table(out / "sweep.parquet", sweep, identity)
-        return make_report(out)
+        return make_report(out, force=force)
 
 
 def study_scenarios(

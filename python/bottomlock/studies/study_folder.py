@@ -12,7 +12,8 @@ import polars as pl
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, OutputError, note
 from bottomlock.kernel import kernel_version
-from bottomlock.output_folder import LOCK, is_occupied, locked, remove_parts
+from bottomlock.output_folder import LOCK, is_occupied, locked
+from bottomlock.overwriting import check_apart, named_in, remove_named
 from bottomlock.records import (
     MissingFileError,
     read_record,
@@ -88,6 +89,7 @@ def claimed(
     configuration: str,
     *,
     parts: Iterable[str],
+    scenarios: Iterable[Scenario] = (),
     force: bool = False,
     recover: bool = False,
 ) -> Iterator[None]:
@@ -97,16 +99,23 @@ def claimed(
     parts have records of their own.
 
     Raises:
-        OutputError: for a directory that holds something else, is in use, or cannot be read or written.
+        OutputError: for a directory that holds something else, or a file of the `scenarios`, is in use, or cannot be
+            read or written.
         DataError: for a manifest that is damaged.
     """
     parts = tuple(parts)
+
+    def ours() -> set[str]:
+        # Of a folder among the parts what its records name.
+        return {*(one for one in parts if not (out / one).is_dir()), *named_in(out, parts)}
+
+    check_apart([out / name for name in ours()], [file for one in scenarios for file in one.files()])
     check_owner(out, kind, configuration, parts=parts, force=force, recover=recover)
     with locked(out):
         # Another process may have held it until now.
         check_owner(out, kind, configuration, parts=parts, force=force, recover=recover)
         if force:
-            remove_parts(out, parts)
+            remove_named(out, ours())
         write_manifest(out, kind, configuration, status="running")
         yield
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from bottomlock.atomic_write import write_text
 from bottomlock.errors import DataError, OutputError
+from bottomlock.overwriting import check_free
 from bottomlock.replay.init.any_table import read_any_table
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.dvl_part import dvl_of_velocity
@@ -20,8 +21,7 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
     """
     if to.suffix.lower() != ".toml":
         raise OutputError(f"{to}: expected a name that ends in .toml, the column map to write")
-    if to.exists() and not force:
-        raise OutputError(f"{to}: exists already, nothing was overwritten; --force overwrites it")
+    check_free(to, inputs=[file], force=force)
     table = read_any_table(file)
     times = table_times(table, "dvl")
     if not table.plain or not times.column:

@@ -1,6 +1,7 @@
 """The tables of a first case: the user's own where a replay can read them, else written again beside the case."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.atomic_write import write_parquet, write_text
-from bottomlock.errors import OutputError
 from bottomlock.io.beam_table import Recording, sidecar, write_recording
+from bottomlock.overwriting import check_free
 from bottomlock.replay.init.found import Found, Times
 
 Integers = NDArray[np.int64]
@@ -24,11 +25,13 @@ class Files:
     Attributes:
         case: the case.
         force: whether files are overwritten.
+        inputs: the recorded files, which never are.
         written: what was written beside it.
     """
 
     case: Path
     force: bool = False
+    inputs: Sequence[Path] = ()
     written: list[Path] = field(default_factory=list)
 
     def relative(self, path: Path) -> str:
@@ -49,10 +52,9 @@ class Files:
         """Checks that a file may be written.
 
         Raises:
-            OutputError: where it exists already.
+            OutputError: where it exists already without `force`, or is one of the recorded files.
         """
-        if path.exists() and not self.force:
-            raise OutputError(f"{path}: exists already, nothing was overwritten; --force overwrites it")
+        check_free(path, inputs=self.inputs, force=self.force)
 
     def recording(self, recording: Recording, source: Path) -> str:
         """Writes a beam table and its account."""

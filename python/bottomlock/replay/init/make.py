@@ -67,7 +67,7 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False) -> Made:
         DataError: for files without an IMU and an attitude, or without a DVL, or one that cannot be read.
         OutputError: where a file exists already or cannot be written.
     """
-    target = Files(out, force)
+    target = Files(out, force, files)
     target.check(out)
     sources = read_sources(files)
     parts = choose(sources)

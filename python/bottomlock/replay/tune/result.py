@@ -1,7 +1,7 @@
 """A tuned case as a file: the user's text with the new values, each with its 1 sigma and gain, and a record in JSON."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from bottomlock.config.toml_edit import edited
 from bottomlock.config.toml_file import read_text
 from bottomlock.errors import OutputError
 from bottomlock.io.beams import geometry_text
+from bottomlock.overwriting import check_apart, check_free
 from bottomlock.records import read_record, write_record
 from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.run import file_digests
@@ -35,24 +36,21 @@ def dvl_file_of(out: Path) -> Path:
     return out.with_name(f"{out.stem}_dvl.toml")
 
 
-def require_free(path: Path, out: Path, *, force: bool) -> None:
+def require_free(path: Path, out: Path, *, inputs: Iterable[Path] = (), force: bool) -> None:
     """Checks where the tuned case is to go.
 
     Raises:
-        OutputError: for a name that is not that of a TOML file, the case itself, another folder, and a file that is
-            there already without `force`.
+        OutputError: for a name that is not that of a TOML file, the case itself or one of the files it reads, another
+            folder, and a file that is there already without `force`.
     """
     if out.suffix.lower() != ".toml":
         raise OutputError(f"{out}: expected a name that ends in .toml, the tuned case to write")
-    if out.resolve() == path.resolve():
-        raise OutputError(f"{out}: is the case itself; choose another name for the tuned one")
     if out.parent.resolve() != path.parent.resolve():
         raise OutputError(
             f"{out}: the case names its files relative to {path.parent}; write the tuned case into the same folder"
         )
-    for one in (out, dvl_file_of(out)):
-        if one.exists() and not force:
-            raise OutputError(f"{one}: is there already; choose another name, or use --force to replace it")
+    check_apart([record_of(out)], [path, *inputs])
+    check_free(out, dvl_file_of(out), inputs=[path, *inputs], force=force)
 
 
 def rounded(one: TunedParameter) -> float:

@@ -1,0 +1,355 @@
+"""What a command writes over: nothing unasked, nothing that it reads, and with --force what is of ours alone."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from bottomlock.audit.logs import BeamLog
+from bottomlock.errors import OutputError
+from bottomlock.overwriting import digest_of
+from bottomlock.records import read_record
+from bottomlock.replay.init.files import Files
+from tests.cli.calls import command
+from tests.live.world import NAVIGATION_TOML
+from tests.unit.audit.synthetic import make_log
+
+RUN = ("run", "straight", "--methods", "lc,tc", "--threads", "1", "--out", "o")
+
+
+def log_table(log: BeamLog) -> pl.DataFrame:
+    """A beam table of a synthetic log."""
+    columns: dict[str, Any] = {"time_ns": log.time_ns}
+    for k in range(log.beams):
+        columns |= {f"beam{k + 1}_mps": log.velocity_mps[:, k], f"beam{k + 1}_valid": log.valid[:, k]}
+    return pl.DataFrame(columns)
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two logs and a geometry file."""
+    folder = tmp_path_factory.mktemp("logs")
+    for seed, name in ((1, "a"), (2, "b")):
+        log_table(make_log(seed)).write_parquet(folder / f"{name}.parquet")
+    (folder / "dvl.toml").write_text("beams = 4\ntilt_deg = 22.0\n", encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def here(logs: Path, tmp_path: Path) -> Path:
+    """A folder of one's own with the logs."""
+    return Path(shutil.copytree(logs, tmp_path / "here"))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+FIX = ("fix", "a.parquet", "--geometry", "x_janus_20", "--method", "lc", "--out")
+SCORE = ("score", "a.parquet", "--geometry", "x_janus_20", "--out")
+
+
+@pytest.mark.parametrize("words", [FIX, SCORE], ids=["fix", "score"])
+def test_a_file_is_replaced_with_force_alone(here: Path, words: tuple[str, ...]) -> None:
+    (here / "f.parquet").write_bytes(b"years of work")
+    done = command(*words, "f.parquet", cwd=here)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "bottomlock: f.parquet: is there already; choose another name, or use --force to replace it\n"
+    )
+    assert (here / "f.parquet").read_bytes() == b"years of work"
+    assert command(*words, "f.parquet", "--force", cwd=here).returncode == 0
+    assert pl.read_parquet(here / "f.parquet").height > 0
+
+
+def _itself(_: Path) -> str:
+    return "a.parquet"
+
+
+def _by_another_path(here: Path) -> str:
+    return f"../{here.name}/a.parquet"
+
+
+def _by_link(here: Path) -> str:
+    (here / "link.parquet").symlink_to("a.parquet")
+    return "link.parquet"
+
+
+def _by_hard_link(here: Path) -> str:
+    os.link(here / "a.parquet", here / "hard.parquet")
+    return "hard.parquet"
+
+
+@pytest.mark.parametrize("name", [_itself, _by_another_path, _by_link, _by_hard_link])
+@pytest.mark.parametrize("words", [FIX, SCORE], ids=["fix", "score"])
+def test_the_log_is_never_written_over(
+    here: Path, words: tuple[str, ...], name: Callable[[Path], str]
+) -> None:
+    """By whatever name, and not even with --force."""
+    out = name(here)
+    before = contents(here)
+    done = command(*words, out, "--force", cwd=here)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"bottomlock: {out}: is read by this command (a.parquet)")
+    assert contents(here) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        (("audit", "a.parquet", "--geometry", "dvl.toml", "--out", "o", "--write", "dvl.toml"), "dvl.toml"),
+        (("convert", "--init", "map.toml", "--to", "map.toml"), "map.toml"),
+        (("convert", "raw.json", "--to", "raw.parquet"), "raw.json"),
+        (("convert", "a.parquet", "--to", "a.parquet"), "a.parquet"),
+        (("simulate-dvl", "a.parquet", "--geometry", "dvl.toml", "--truth", "a.parquet"), "a.parquet"),
+        (("simulate-dvl", "a.parquet", "--geometry", "dvl.toml", "--dvl", "file:dvl.toml"), "dvl.toml"),
+    ],
+)
+def test_no_command_writes_over_what_it_reads(here: Path, words: tuple[str, ...], file: str) -> None:
+    for name in ("map.toml", "raw.json"):
+        (here / name).write_text("{}", encoding="utf-8")
+    before = contents(here)
+    done = command(*words, "--force", cwd=here)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"bottomlock: {file}: is ")
+    assert contents(here) == before
+
+
+def test_a_first_case_leaves_the_log_that_has_the_name_of_its_table(here: Path) -> None:
+    (here / "case_beams.parquet").symlink_to("a.parquet")
+    files = Files(here / "case.toml", force=True, inputs=[here / "a.parquet"])
+    with pytest.raises(OutputError, match=r"case_beams\.parquet: is read by this command"):
+        files.beside("beams")
+
+
+@pytest.mark.parametrize(
+    ("to", "checkpoint"),
+    [("file:link.toml", "last"), ("udpout:127.0.0.1:9", "live.toml")],
+    ids=["port", "checkpoint"],
+)
+def test_live_does_not_write_over_its_configuration(tmp_path: Path, to: str, checkpoint: str) -> None:
+    """A port that appends to it through a link, and a checkpoint that would replace it every second."""
+    places = {"dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": to, "format": "waterlinked-json"}
+    known = NAVIGATION_TOML.format(**places).replace("probe", "sentence")
+    text = f'{known}[checkpoint]\nfile = "{checkpoint}"\n'
+    (tmp_path / "live.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "link.toml").symlink_to("live.toml")
+    done = command("live", "live.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "toml: is read by this command (live.toml); choose another name" in done.stderr
+    assert (tmp_path / "live.toml").read_text(encoding="utf-8") == text
+
+
+def test_a_log_in_json_needs_a_table_of_another_name(here: Path) -> None:
+    """The account of `dive.parquet` would be `dive.json`: said at once, without advice that destroys the log."""
+    (here / "dive.json").write_text('{"type": "velocity"}\n', encoding="utf-8")
+    done = command("convert", "dive.json", "--to", "dive.parquet", cwd=here)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "bottomlock: dive.json: is the log, and the account of dive.parquet has the same name; choose another name for "
+        "--to, such as dive_beams.parquet\n"
+    )
+
+
+AUDIT = ("--geometry", "x_janus_20", "--out", "o")
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (("audit", "a.parquet", *AUDIT), ("audit", "b.parquet", *AUDIT)),
+        (("fly", "short.toml", "--out", "o"), ("fly", "short.toml", "--sensors", "1", "--out", "o")),
+        (("observe", "short.toml", "--out", "o"), ("observe", "other.toml", "--out", "o")),
+    ],
+    ids=["audit", "fly", "observe"],
+)
+def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: tuple[str, ...]) -> None:
+    """The same again is the same; another one, or one that was changed, needs --force; what is not of ours stays."""
+    assert command("scenarios", "--copy", "straight", "--to", "short.toml", cwd=here).returncode == 0
+    text = (
+        (here / "short.toml").read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0")
+    )
+    (here / "short.toml").write_text(text, encoding="utf-8")
+    (here / "other.toml").write_text(text.replace("duration_s = 20.0", "duration_s = 21.0"), encoding="utf-8")
+    (here / "o").mkdir()
+    (here / "o" / "thesis.tex").write_text("years of work", encoding="utf-8")
+    for force in ((), ("--force",)):
+        done = command(*first, *force, cwd=here)
+        assert done.returncode == 2
+        assert done.stderr.startswith(
+            f"bottomlock: o: is not empty and holds no result of `bottomlock {first[0]}`"
+        )
+        assert "--force" in done.stderr
+        assert [one.name for one in (here / "o").iterdir()] == ["thesis.tex"]
+    (here / "o" / "thesis.tex").unlink()
+    for _ in range(2):
+        done = command(*first, cwd=here)
+        assert done.returncode == 0, done.stderr
+    (here / "o" / "thesis.tex").write_text("years of work", encoding="utf-8")
+    before = contents(here / "o")
+    done = command(*second, cwd=here)
+    assert done.returncode == 2
+    assert done.stderr.startswith(
+        f"bottomlock: o: holds a result of `bottomlock {first[0]}` that differs in: "
+    )
+    assert done.stderr.endswith("use --force to replace it\n")
+    assert contents(here / "o") == before
+    pages = ("audit.html", "straight_truth.parquet", "observability.html")
+    (edited,) = (here / "o" / name for name in pages if (here / "o" / name).exists())
+    edited.write_bytes(b"with my remarks")
+    done = command(*first, cwd=here)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"bottomlock: o/{edited.name}: has changed since it was written")
+    assert command(*second, "--force", cwd=here).returncode == 0
+    assert (here / "o" / "thesis.tex").read_text(encoding="utf-8") == "years of work"
+    assert not (here / "o" / edited.name).exists() or edited.read_bytes() != b"with my remarks"
+
+
+def test_force_leaves_what_no_record_names(tmp_path: Path) -> None:
+    """One's own files beside the tables, under chunks and among the figures."""
+    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
+    out = tmp_path / "o"
+    (out / "figures").mkdir()
+    own = [
+        out / "notes.txt",
+        out / "chunks" / "mine.parquet",
+        out / "chunks" / "straight" / "x",
+        out / "figures" / "y",
+    ]
+    for path in own:
+        path.write_text("mine", encoding="utf-8")
+    done = command(*RUN, "--runs", "2", "--seed", "5", "--force", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert all(path.read_text(encoding="utf-8") == "mine" for path in own)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    "changed", [("--runs", "3"), ("--runs", "2", "--seed", "5", "--force")], ids=["resume", "force"]
+)
+def test_a_report_does_not_outlive_its_tables(tmp_path: Path, changed: tuple[str, ...]) -> None:
+    """The same run again keeps it; other tables remove it with its figures, with a note, and the rest stays."""
+    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
+    out = tmp_path / "o"
+    plain = contents(out).keys()
+    assert command("report", "o", cwd=tmp_path).returncode == 0
+    assert len(list((out / "figures").iterdir())) > 4
+    page = (out / "report.html").read_bytes()
+    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
+    assert (out / "report.html").read_bytes() == page
+    (out / "figures" / "mine.png").touch()
+    done = command(*RUN, *changed, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert not (out / "report.html").exists()
+    assert [one.name for one in (out / "figures").iterdir()] == ["mine.png"]
+    (out / "figures" / "mine.png").unlink()
+    if "--force" not in changed:
+        assert "bottomlock: note: o: its report was made from other tables and is removed\n" in done.stderr
+        assert contents(out).keys() - {"figures"} >= plain
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_report_that_was_edited_is_the_user_s(tmp_path: Path) -> None:
+    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
+    page = tmp_path / "o" / "report.html"
+    page.write_text("mine from the beginning", encoding="utf-8")
+    for force in ((), ("--force",)):
+        done = command("report", "o", *force, cwd=tmp_path)
+        assert done.returncode == 2
+        assert done.stderr.startswith(
+            "bottomlock: o/report.html: is there and not of ours, and not even --force"
+        )
+    assert not (tmp_path / "o" / "figures").exists()
+    page.unlink()
+    assert command("report", "o", cwd=tmp_path).returncode == 0
+    page.write_text("with my remarks", encoding="utf-8")
+    done = command("report", "o", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("bottomlock: o/report.html: has changed since it was written")
+    done = command(*RUN, "--runs", "3", cwd=tmp_path)
+    assert "removed, but not report.html, which you have changed" in done.stderr
+    assert page.read_text(encoding="utf-8") == "with my remarks"
+    page.unlink()
+    assert command("report", "o", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_comparison_follows_its_campaigns(tmp_path: Path) -> None:
+    """In the folder of its variants it is made again by `run --set`, and goes when one of them alone is run again."""
+    variants = (*RUN, "--runs", "2", "--set")
+    assert command(*variants, "dvl.tilt_deg=20,25", cwd=tmp_path).returncode == 0
+    out = tmp_path / "o"
+    assert (out / "compare.html").is_file()
+    assert command("compare", "o", cwd=tmp_path).returncode == 0
+    done = command(*variants, "dvl.tilt_deg=30", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert pl.read_parquet(out / "compare.parquet")["campaign"].n_unique() == 3
+    assert command("scenarios", "--copy", "straight", "--to", "s.toml", cwd=tmp_path).returncode == 0
+    text = (tmp_path / "s.toml").read_text(encoding="utf-8")
+    assert "tilt_deg = 20.0" in text
+    one = next(path for path in out.iterdir() if path.name.startswith("tilt_deg=20"))
+    done = command("run", "straight", "-m", "lc,tc", "-n", "3", "-o", one, "--force", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "its compare was made from other tables and is removed" in done.stderr
+    assert not list(out.glob("compare*"))
+    # Elsewhere a comparison of others needs --force, and nothing of ours is written beside what is not.
+    two = [str(path) for path in sorted(out.iterdir()) if path.is_dir()]
+    assert command("compare", *two[:2], "--out", "both", cwd=tmp_path).returncode == 0
+    assert command("compare", *two[:2], "--out", "both", cwd=tmp_path).returncode == 0
+    done = command("compare", *two[1:], "--out", "both", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "use --force to replace it" in done.stderr
+    assert command("compare", *two[1:], "--out", "both", "--force", cwd=tmp_path).returncode == 0
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "note.txt").touch()
+    done = command("compare", *two[:2], "--out", "mine", "--force", cwd=tmp_path)
+    assert done.returncode == 2
+    assert [one.name for one in (tmp_path / "mine").iterdir()] == ["note.txt"]
+
+
+def test_a_campaign_does_not_remove_its_own_path(root: Path, tmp_path: Path) -> None:
+    """A trajectory from a file of the name of a table that the run with --force is about to replace."""
+    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
+    example = root / "examples" / "own_trajectory"
+    text = (example / "scenario.toml").read_text(encoding="utf-8")
+    assert "nav.csv" in text
+    (tmp_path / "s.toml").write_text(text.replace("nav.csv", "link.csv"), encoding="utf-8")
+    shutil.copy(example / "nav.csv", tmp_path / "o" / "truth.parquet")
+    (tmp_path / "link.csv").symlink_to("o/truth.parquet")
+    before = contents(tmp_path / "o")
+    done = command("run", "s.toml", "--out", "o", "--force", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("bottomlock: o/truth.parquet: is read by this command (link.csv)")
+    assert contents(tmp_path / "o") == before
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_replay_with_other_methods_leaves_no_old_figure(root: Path, tmp_path: Path) -> None:
+    """Report and figures are those of the tables beside them, and one's own figure stays."""
+    case = root / "data" / "logs" / "robosub" / "case.toml"
+    words = ("replay", case, "--out", "o", "--methods")
+    assert command(*words, "lc,tc,ins,plcf,info", cwd=tmp_path).returncode == 0
+    out = tmp_path / "o"
+    first = {path.name for path in (out / "figures").iterdir()}
+    (out / "figures" / "mine.png").touch()
+    done = command(*words, "tc", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "use --force" in done.stderr
+    assert command(*words, "tc", "--force", cwd=tmp_path).returncode == 0
+    drawn = {path.name for path in (out / "figures").iterdir()} - {"mine.png"}
+    assert drawn < first
+    assert (out / "figures" / "mine.png").exists()
+    stated = read_record(out / "report.record.json")
+    assert stated is not None
+    assert set(stated["digests"]) == {"report.html", *(f"figures/{name}" for name in drawn)}
+    manifest = read_record(out / "manifest.json")
+    assert manifest is not None
+    assert stated["made_from"] == {"manifest.json": digest_of(manifest)}
