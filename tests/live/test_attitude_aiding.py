@@ -611,7 +611,7 @@ def test_the_platforms_attitude_is_that_of_a_replay(frame: str) -> None:
         (
             "[attitude]",
             '[attitude]\ngrade = "mti"',
-            "attitude: grade is 'mti', expected one of magnetic, mti_ahrs",
+            "attitude: grade is 'mti', did you mean 'mti_ahrs'? expected one of magnetic, mti_ahrs",
         ),
         (AHRS_SOURCE, "", "0 sources can be that of [attitude] (none), expected one"),
         (
