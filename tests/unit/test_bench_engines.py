@@ -86,7 +86,7 @@ def test_a_fault_of_a_rival_names_it_and_its_mission(tmp_path: Path, cluster: st
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"engine": "spark"}, "engine 'spark' is not known \(known: local, dask\)"),
+        ({"engine": "spark"}, r"engine 'spark' is not known \(known: local, dask\)"),
         ({"scheduler": "tcp://a:1"}, "given with engine 'local': only dask"),
         ({"threads": 2}, "threads are given with engine 'local', which runs one mission at a time"),
         ({"engine": "dask", "scheduler": "tcp://a:1", "threads": 2}, "whose workers bring their own"),
