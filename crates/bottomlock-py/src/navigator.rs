@@ -43,7 +43,8 @@ use crate::state::{put_state, state};
 ///     options: filter options (`Scenario.kernel_options`).
 ///     initial: time_ns, position_t_m, attitude_t_p (scalar first), velocity_p_mps; biases and scale factor are optional.
 ///     method: aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway,
-///         sway_current or consistent.
+///         sway_current or consistent. The default, tc, assumes nothing of the vehicle; sway_current is
+///         recommended for a slender one.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
 ///     horizon_ns: how late a sample may be, behind the last good inertial reading: 0 (none) to 10 s; 2 s by default.
 ///

@@ -157,7 +157,8 @@ heading_deg = 0.0         # of the vehicle at the start; left out: that of [atti
 heading_sd_deg = 5.0
 
 [navigation]
-method = "tc"             # docs/methods/ describes them; "sway_current" for a slender vehicle
+# tc assumes nothing of the vehicle; sway_current, which README recommends, is for a slender one (docs/methods/).
+method = "tc"
 horizon_s = 2.0           # longest time from a ping's reflection to its arrival
 
 # With lateral thrusters (ROV, hovering AUV) sway_current needs the prior of its kind (docs/hovering.md):

@@ -45,7 +45,8 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     replay = Section("replay")
     replay.put("methods", ["ins", "lc", "tc"])
     replay.say(
-        "every method side by side: leave the line above out; sway_current is for a slender vehicle, and for one with "
+        "tc assumes nothing of the vehicle. Every method side by side: leave the line above out; sway_current, which "
+        "README recommends, is for a slender vehicle, and for one with "
         'lateral thrusters (ROV, hovering AUV) with vehicle = "hovering" in [filter.water] (docs/hovering.md)'
     )
     start = Section("start")
