@@ -38,7 +38,7 @@ def accusations(log: BeamLog) -> list[str]:
     ids=["plain", "beams-alone", "unequal-noise", "short", "mm-resolution", "noisy"],
 )
 def test_clean_logs_are_not_accused(settings: dict[str, Any], logs: int) -> None:
-    """No finding in 12 clean logs of each kind, or in 60.
+    """No finding in 12 clean logs of each kind, or in 60, but for the noisy beam where one is five times noisier.
 
     72 logs decide: an audit that accuses one clean log in 24 (tests at a chance of 1e-3 in place of 1e-5) passes them
     in 5 % of repeats, 0.96⁷²; 360 logs show one in 120 as surely.
@@ -50,7 +50,11 @@ def test_clean_logs_are_not_accused(settings: dict[str, Any], logs: int) -> None
         for seed in range(7_000, 7_000 + logs)
         if (kinds := accusations(make_log(seed, **settings)))
     }
-    assert accused == {}
+    if "unequal" in settings:
+        assert all(kinds == ["noisy_beam"] for kinds in accused.values())
+        assert len(accused) == logs
+    else:
+        assert accused == {}
 
 
 @pytest.mark.parametrize("logs", [20, pytest.param(60, marks=LONG)])
