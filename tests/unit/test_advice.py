@@ -32,7 +32,7 @@ def test_the_page_says_for_which_vehicles_the_advice_holds(tmp_path: Path, metho
     """Beside the advice of a method with an assumption on sway."""
     folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", method], runs=12)
     text = make_report(folder).page.read_text(encoding="utf-8")
-    assert ('vehicle = "hovering"' in text) is said
+    assert ("assume a slender vehicle unless" in text) is said
 
 
 def _overconfident(folder: Path, trajectory: str, method: str) -> None:
