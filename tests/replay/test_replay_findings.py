@@ -69,6 +69,8 @@ PAIRS = (
     ("sound speed 5 %", "gyro z reversed"),
     ("mounting yaw 10 deg", "tenfold gyro bias"),
     ("DVL turned by 90 deg", "gyro z reversed"),
+    ("IMU axis reversed", "gyro x reversed"),
+    ("gyro z reversed", "beams reversed"),
 )
 
 

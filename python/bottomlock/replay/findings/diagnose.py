@@ -33,7 +33,7 @@ from bottomlock.replay.findings.verdict import (
     no_fix,
     verdict_finding,
 )
-from bottomlock.replay.motion.closure import LEAST_PINGS
+from bottomlock.replay.motion.closure import LEAST_PINGS, closure_sd
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.rerun import PreparedRun
@@ -179,7 +179,8 @@ def _against_imu(
     model = prepared.model.imu
     tight = tight_priors(model.gyro_bias_sd_radps, model.accel_bias_sd_mps2)
     B = np.asarray(streams.instrument.geometry.directions_p)
-    noise = float(streams.instrument.beam_sd_mps.mean() * np.sqrt(np.trace(np.linalg.pinv(B.T @ B)) / 3.0))
+    beam_sd = max(float(streams.instrument.beam_sd_mps.mean()), _measured_noise(prepared))
+    noise = float(beam_sd * np.sqrt(np.trace(np.linalg.pinv(B.T @ B)) / 3.0))
     comparison = compare(recorded, tight, noise)
     if comparison is None:
         return []
@@ -193,6 +194,15 @@ def _against_imu(
         found.append(checks.level_finding(alignment, best))
         found.append(checks.depth_finding(case, streams, recorded, best))
     return found
+
+
+def _measured_noise(prepared: PreparedRun) -> float:
+    """Noise of a beam by the closure of complete pings, m/s; 0 without."""
+    beams = prepared.streams.beams
+    whole = beams.velocity_mps[beams.valid.all(axis=1)]
+    if len(whole) < LEAST_PINGS:
+        return 0.0
+    return float(np.nan_to_num(closure_sd(prepared.streams.instrument.geometry.directions_p, whole)))
 
 
 def _mean_down(prepared: PreparedRun) -> Floats:

@@ -21,6 +21,12 @@ SIGMAS = 5.0
 MATERIAL = {"rotation": np.deg2rad(1.5), "scale": 0.012, "clock": 0.03, "gyro_bias": 0.0, "lever": 0.25}
 BIAS_FACTOR = 4.0
 """A gyro bias is a finding beyond this many claimed standard deviations."""
+MOST_LEFT = 3.0
+"""Scatter that a cause may leave over the noise of a velocity."""
+AS_WELL = 1.1
+"""Cost of a further cause over that of the first up to which the log does not tell them apart."""
+BESIDE_DISCRETE = {"rotation": 0.05, "clock": 0.05}
+"""Freedom beside a mistaken axis, sign or unit."""
 REMOVED = 0.5
 """Part of what all mistakes together explain that a cause must explain alone; else it is not the cause."""
 SIMPLER = ("units", "gyros", "axes", "clock", "scale", "gyro_bias", "rotation", "lever")
@@ -121,12 +127,14 @@ def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Co
     ]
     material = [one for one in causes if one.drop > max(LEAST_DROP, LEAST_PART * stated.cost)]
     least = min([free.cost, *(one.match.cost for one in causes)])
-    kept = [one for one in material if _removes(one, stated, least)]
+    kept = [
+        one for one in material if _removes(one, stated, least) and _fits(recorded, tight, one, sigma_mps)
+    ]
     best = max((one.drop for one in kept), default=0.0)
     alike = [one for one in kept if one.drop >= ENOUGH * best]
     alike.sort(key=lambda one: (SIMPLER.index(one.name.split(":")[0]), -one.drop))
     rest = sorted((one for one in kept if one not in alike), key=lambda one: -one.drop)
-    return Comparison(stated, free, alike[:1] + _others(alike[1:] + rest, best), bool(material) and not kept)
+    return Comparison(stated, free, alike[:1] + _others(alike, rest), bool(material) and not kept)
 
 
 def _removes(cause: Cause, stated: Match, least_cost: float) -> bool:
@@ -134,12 +142,21 @@ def _removes(cause: Cause, stated: Match, least_cost: float) -> bool:
     return cause.drop >= REMOVED * (stated.cost - least_cost)
 
 
-def _others(causes: list[Cause], best: float) -> list[Cause]:
-    """Further causes that explain much by themselves, one of each kind."""
+def _fits(recorded: Recorded, tight: dict[str, float], cause: Cause, sigma_mps: float) -> bool:
+    """Whether what is left with the cause is near the noise of a velocity, by its own scatter."""
+    name = cause.name.split(":")[0]
+    freed = {name: LOOSE[name]} if name in LOOSE else BESIDE_DISCRETE
+    own = fit(recorded.with_gyros(cause.gyros), tight | freed, axes=cause.match.axes)
+    return own is not None and own.sigma_mps < MOST_LEFT * sigma_mps
+
+
+def _others(alike: list[Cause], rest: list[Cause]) -> list[Cause]:
+    """Further causes that fit as well as the first, one of each other kind: the log does not tell them apart."""
     found: dict[str, Cause] = {}
-    for one in causes:
-        if one.drop > 0.5 * best:
+    for one in alike[1:] + rest:
+        if one.match.cost < AS_WELL * alike[0].match.cost:
             found.setdefault(one.name.split(":")[0], one)
+    found.pop(alike[0].name.split(":")[0] if alike else "", None)
     return list(found.values())[:2]
 
 
@@ -163,7 +180,7 @@ def _continuous(recorded: Recorded, tight: dict[str, float], stated: Match, sigm
 
 def _discrete(recorded: Recorded, tight: dict[str, float], sigma: float) -> list[Cause]:
     """The best of the mistaken axes and units, with a little freedom beside them."""
-    some = tight | {"rotation": 0.05, "clock": 0.05}
+    some = tight | BESIDE_DISCRETE
     found = []
     for words, (axes, sign) in _axes().items():
         one = fit(recorded.with_gyros(sign), some, axes=axes, sigma_mps=sigma)
@@ -190,7 +207,7 @@ def _repeat(
     recorded: Recorded, tight: dict[str, float], stated: Match, causes: list[Cause], sigma: float
 ) -> list[Cause]:
     found = []
-    some = tight | {"rotation": 0.05, "clock": 0.05}
+    some = tight | BESIDE_DISCRETE
     for one in causes:
         match = fit(recorded.with_gyros(one.gyros), some, axes=one.match.axes, sigma_mps=sigma)
         if match is not None and match.cost < 0.6 * stated.cost:
