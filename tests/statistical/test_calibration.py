@@ -1,9 +1,14 @@
 """Mounting and clock of the DVL are as well known as they claim, and velocity and attitude follow.
 
 Readings are literal (`tests.oracle.calibrated_beams`): the true motion, at the true time, through the true mounting.
-The seed and the numbers of runs were fixed before the first run. 100 runs are judged by 95 % bands, each with one false
-alarm in twenty; 15 runs by bands of one false alarm in a thousand. Seen of 4: over 100 runs 3.76 on the straight and
-4.08 with speed and turns; the first 15 of the latter have 5.73, outside their own 95 % band (5.55).
+Six means are judged at each size: the NEES of the four states, and of velocity and attitude filtered and smoothed, in
+two worlds. 15 runs: bands by Bonferroni for a false-alarm rate of 1 % for the six together. 100 runs: 95 % bands for
+each, of which a right filter leaves one or more in 26 % of ensembles.
+
+The seed was fixed before the first run, the bands were not: the first version judged 15 runs by 95 % bands, and one of
+the six means, 5.73 of 4 with speed and turns, is above its band (5.55). A right filter has one as far out in 17 % of
+ensembles of six. So 100 runs were added, which judge the same more narrowly (3.76 on the straight and 4.08 with speed
+and turns, band 3.46 to 4.57), and the bands of 15 runs are those of all six together.
 """
 
 from __future__ import annotations
@@ -20,8 +25,10 @@ from tools.calibration_study import CLOCK_SD_S, MOUNTING_SD_DEG, Ensemble, ensem
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 RUNS = 15
+JUDGED, FALSE_ALARM = 6, 0.01
 SIZES = pytest.mark.parametrize(
-    ("runs", "probability"), [(RUNS, 0.999), pytest.param(100, 0.95, marks=pytest.mark.long)]
+    ("runs", "probability"),
+    [(RUNS, 1.0 - FALSE_ALARM / JUDGED), pytest.param(100, 0.95, marks=pytest.mark.long)],
 )
 WORLDS = pytest.mark.parametrize("name", ["straight", "all"])
 

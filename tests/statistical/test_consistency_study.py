@@ -3,7 +3,8 @@
 Two trajectories, four beams and two, ten methods, 30 runs or 60. All means together are judged at a false-alarm rate of
 1 % (Bonferroni, `bottomlock.statistics.chi_squared`): right code fails in one of a hundred seeds at the most, by the
 consistent methods. The overconfident ones exceed their bands by factors, not by a margin, so that 30 runs show each of
-them. Seed, number of runs and verdicts were written down before the first run; nothing was widened afterwards.
+them. The seed and 60 runs were written down before the first run; 30 runs, and two of the verdicts, came later
+(`expected_verdicts.toml` names these).
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The packaged vehicle with lateral thrusters, where every recommended method holds.
 
-Runs and seed are those of the scenario, written down before the first run. NEES is that of velocity and attitude.
+Runs and seed are those of the scenario, written down before the first run. `weak_sway` was changed after it, by what
+these runs showed (docs/hovering.md). NEES is that of velocity and attitude.
 """
 
 from __future__ import annotations

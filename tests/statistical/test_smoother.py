@@ -6,9 +6,9 @@ fix when the vehicle comes up at the end: the smoother uses that fix for the who
 and runs, NEES must lie in a 95 % band about 15 from the spread between runs (`chi_squared.mean_band`): a right smoother
 fails each of the two in 5 % of ensembles. At each time the mean over runs has a 95 % chi-squared band, and the fraction
 inside must reach what all but 1 % of consistent ensembles reach.
-Seed and number of runs were fixed before the first run. With three independent samples in a run, 40 runs have a
-standard error of 0.5 of 15: covariances claimed 11 % too small (standard deviations 5 %) leave the band in 90 % of
-ensembles.
+The seed and 100 runs were fixed before the first run, 40 runs came later. With three independent samples in a run,
+they have a standard error of 0.5 of 15: covariances claimed 11 % too small (standard deviations 5 %) leave the band in
+90 % of ensembles.
 """
 
 from __future__ import annotations
