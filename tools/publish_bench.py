@@ -1,6 +1,6 @@
 """The tables of docs/bench.md, from the leaderboards that `bottomlock bench page` has written.
 
-    python tools/publish_bench.py page/leaderboard.parquet               # our methods on all missions
+    python tools/publish_bench.py page/leaderboard.parquet               # our methods on train and validation
     python tools/publish_bench.py page/leaderboard.parquet --rivals      # all entries on the test split
     python tools/publish_bench.py page/leaderboard.parquet --heading     # our methods on the missions of version 1.1
 
