@@ -10,10 +10,15 @@ when their prior changed, from runs of this seed.
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import load_scenario
+from bottomlock.kernel import Method
 from bottomlock.studies.consistency import run_consistency
 from bottomlock.studies.consistency_table import consistent_cells
 from bottomlock.studies.world import in_world
@@ -66,3 +71,28 @@ def test_no_sway_over_ground_is_no_assumption_for_a_current(study: pl.DataFrame)
     found = study.filter((pl.col("method") == "nsv") & (pl.col("beams") == "1,2"))
     worst = found.filter(pl.col("quantity") == "nees_velocity_attitude")
     assert worst["verdict"].to_list() == ["overconfident"] * 2
+
+
+def test_published_rows_come_out_again(root: Path, tmp_path: Path) -> None:
+    """Rows of `survey` in docs/survey.md, so that the page does not outlive its kernel."""
+    published: dict[str, list[str]] = {}
+    text = (root / "docs" / "survey.md").read_text("utf-8").split("| `survey` | velocity")[1]
+    for line in text.split("\n\n")[0].splitlines():
+        name, *cells = [cell.strip(" `") for cell in line.strip("|").split("|")]
+        published[name] = cells
+    methods: tuple[Method, ...] = ("tc", "nsv", "sway_current")
+    found = run_campaign(
+        [load_scenario("survey").with_overrides(runs=60, methods=methods)], tmp_path, threads=1
+    )
+    for method in methods:
+        runs, nees = found.runs.filter(method=method), found.consistency.filter(method=method)
+        numbers = [
+            float(np.sqrt(np.mean(runs[name].to_numpy() ** 2)))
+            for name in ("velocity_final_mps", "position_final_m")
+        ]
+        numbers += [
+            float(nees.filter(quantity=name)["mean"].to_numpy().mean())
+            for name in ("nees_velocity_attitude", "nees")
+        ]
+        shown = [float(published[method][column]) for column in (0, 3, 5, 6)]
+        assert numbers == pytest.approx(shown, rel=0.05), method
