@@ -43,6 +43,19 @@ def test_the_first_command_of_the_readme(root: Path, readme: str, heading: str, 
     assert re.search(rf"^{target}:", (root / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
 
 
+@pytest.mark.parametrize("where", ["README.md", "docs", "python", "examples", "crates"])
+def test_nothing_is_installed_from_an_index(root: Path, where: str) -> None:
+    """Nothing is published yet: `pip install '.[live]'` in the sources, never `bottomlock[live]` by name."""
+    paths = (
+        [root / where]
+        if where.endswith(".md")
+        else [*(root / where).rglob("*.md"), *(root / where).rglob("*.py")]
+    )
+    for path in paths:
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"(pip|pipx|uv) (install|add)\b[^\n`]*\bbottomlock(\[|['\"`\s]|$)", text), path
+
+
 def test_a_new_user_reads_one_screen(readme: str) -> None:
     """At most 700 words; of folders outside the checkout nothing; one figure, in both colour schemes."""
     words = re.sub(r"<!--.*?-->|\]\([^)]*\)|<[^>]+>", " ", readme, flags=re.DOTALL).split()
