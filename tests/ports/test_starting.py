@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
+from bottomlock.live.cautions import cautions
 from bottomlock.live.config import parse_config
 from bottomlock.live.templates import AUTOPILOTS, template
 from bottomlock.ports.estimate import Estimate
@@ -150,7 +151,7 @@ def test_templates_send_what_their_receivers_take() -> None:
     assert (px4.port[0].to, px4.port[0].port) == ("udpout:127.0.0.1:14580", "odometry")
     assert [one.address for one in px4.source if one.format == "mavlink"] == ["udpin:0.0.0.0:14540"]
     assert configuration("ros2").port[0].port == "ros_twist"
-    assert all(not configuration(name).cautions() for name in AUTOPILOTS)
+    assert all(not cautions(configuration(name)) for name in AUTOPILOTS)
 
 
 @pytest.mark.parametrize(
@@ -164,19 +165,19 @@ def test_a_rate_at_which_px4_never_starts_is_said(change: str, words: str) -> No
     text = template("a50", "px4").replace(
         'settings.receiver = "px4"\n', f'settings.receiver = "px4"\n{change}'
     )
-    assert [words in one for one in parse_config(text, place="test").cautions()] == [True] * bool(words)
+    assert [words in one for one in cautions(parse_config(text, place="test"))] == [True] * bool(words)
 
 
 def test_mode_velocity_to_px4_and_speeds_without_positions_are_said() -> None:
     places = {"dvl": "tcp:127.0.0.1:9", "to": "udpout:127.0.0.1:9", "format": "waterlinked-json"}
     text = VELOCITY_TOML.format(**places).replace('port = "probe"', 'port = "odometry"')
-    assert parse_config(text, place="test").cautions() == []
+    assert cautions(parse_config(text, place="test")) == []
     slow = text.replace("rate_hz = 10", "rate_hz = 4")
-    assert "0.25 s apart" in parse_config(slow, place="test").cautions()[0]
+    assert "0.25 s apart" in cautions(parse_config(slow, place="test"))[0]
     lonely = NAVIGATION_TOML.format(**places, imu="udpin:127.0.0.1:9").replace(
         'port = "probe"', 'port = "vision_speed_estimate"'
     )
-    assert "EK3_SRC1_POSXY = 6" in parse_config(lonely, place="test").cautions()[0]
+    assert "EK3_SRC1_POSXY = 6" in cautions(parse_config(lonely, place="test"))[0]
 
 
 @pytest.mark.parametrize(("unseen_sd_mps", "least", "most"), [(10.0, 1.0, 1.3), (100.0, 11.0, 12.0)])

@@ -15,6 +15,7 @@ from bottomlock.atomic_write import write_text
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.cli.force import Force
 from bottomlock.errors import ScenarioError
+from bottomlock.live.cautions import cautions
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
@@ -61,7 +62,7 @@ def live(
         return
     if not settings.port and not dry_run:
         raise ScenarioError(f"{config}: there is no [[port]], so nothing would be sent; --dry-run needs none")
-    for caution in settings.cautions():
+    for caution in cautions(settings):
         _say(caution)
     clock = host_clock()
     engine, log = begin(settings, config.read_bytes(), say=_say, clock=clock, logged=not dry_run)

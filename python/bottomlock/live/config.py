@@ -42,14 +42,11 @@ from bottomlock.live.sections import (
 )
 from bottomlock.live.states import Limits
 from bottomlock.ports.estimate import Mode
-from bottomlock.ports.mavlink import MAX_RATE_HZ, MavlinkPort
+from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.port import Port
 from bottomlock.ports.registry import PORTS
 from bottomlock.ports.registry import port as make_port
 from bottomlock.ports.rotation import matrix, quaternion
-
-PX4_START_S = 0.2
-"""PX4's EKF2 begins with external vision where two messages are less than this apart (EV_MAX_INTERVAL)."""
 
 
 class LiveConfig(Section):
@@ -260,29 +257,6 @@ class LiveConfig(Section):
             if isinstance(one, MavlinkPort):
                 one.counts_with(first.setdefault((section.to, one.sender), one))
         return ports
-
-    def cautions(self) -> list[str]:
-        """What PX4 and ArduPilot will not do with these ports, a line each: they begin to aid only under conditions."""
-        found = []
-        for section in self.port:
-            if section.port == "odometry" and section.settings.get("receiver", "px4") == "px4":
-                dvl_hz = min(one.rate_hz for one in self.source if one.format in DVL_FORMATS)
-                slow = 1.0 / dvl_hz
-                if self.mode == "navigation":
-                    slow = 1.0 / (section.rate_hz or MAX_RATE_HZ) + 1.0 / self.navigation.estimate_hz
-                if slow >= PX4_START_S:
-                    found.append(
-                        f"port odometry: messages may be {slow:.2g} s apart, "
-                        f"and PX4 begins to aid only below {PX4_START_S} s"
-                    )
-            if section.port == "vision_speed_estimate" and not any(
-                one.port == "odometry" and one.to == section.to for one in self.port
-            ):
-                found.append(
-                    "port vision_speed_estimate: ArduPilot begins external navigation only with positions beside it "
-                    "(EK3_SRC1_POSXY = 6): port odometry with settings.receiver = 'ardupilot' sends both"
-                )
-        return found
 
     def _port(self, section: PortSection) -> Port:
         """A port with its settings; the geometry and the rate are known here."""
