@@ -96,6 +96,15 @@ class Order:
     closure_mps: float
 
 
+def closure_size(readings_mps: Array, rows: Array) -> float:
+    """Robust size about zero, m/s, of the closure of readings (n, beams) with unit weights; NaN without a closure."""
+    weights = null_space(rows)
+    if not weights.size:
+        return float("nan")
+    values = readings_mps @ (weights / np.linalg.norm(weights, axis=0))
+    return float(rms([sigma(np.concatenate([column, -column])) for column in values.T]))
+
+
 def orders_by_closure(readings_mps: Array, stated: Array) -> list[Order]:
     """Every order within two swaps or flips of the stated one with its closure over full pings, the least first.
 
@@ -118,10 +127,8 @@ def orders_by_closure(readings_mps: Array, stated: Array) -> list[Order]:
             steps.setdefault(candidate, count)
     found = []
     for (beam, sign), count in steps.items():
-        weights = null_space(np.array(sign)[:, None] * stated[list(beam)])
-        if weights.size:
-            values = readings_mps @ (weights / np.linalg.norm(weights, axis=0))
-            spread = float(rms([sigma(np.concatenate([column, -column])) for column in values.T]))
+        spread = closure_size(readings_mps, np.array(sign)[:, None] * stated[list(beam)])
+        if np.isfinite(spread):
             found.append(Order(beam, sign, count, spread))
     return sorted(found, key=lambda one: (round(one.closure_mps, 9), one.steps))
 

@@ -20,10 +20,12 @@ from bottomlock.audit.matrix import LEAST_PINGS
 from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import Mounting, find_mounting
 from bottomlock.audit.mounting_findings import mounting_findings
+from bottomlock.audit.packaged import packaged_findings
 from bottomlock.audit.signature import find_signature, signature_findings
 from bottomlock.audit.single_beams import noisy_findings, stuck_findings
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
+from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry
 
 
@@ -116,7 +118,10 @@ def audit_log(
     if log.beams >= 1:
         reading_zero = [beam - 1 for one in zeros for beam in one.beams]
         whole &= (log.velocity_mps[:, reading_zero] != 0.0).all(axis=1)
-        assessment = assess_beams(log, whole, directions, [one.beams for one in copies])
+        pairs = [one.beams for one in copies]
+        assessment = assess_beams(log, whole, directions, pairs)
+        if stated is None or geometry_name in packaged_geometries():
+            findings += packaged_findings(log, assessment, directions, pairs, geometry_name)
     findings += noisy_findings(log, assessment.full, assessment.rows)
     findings += assessment.findings + converter_findings(log) + _error_velocity_findings(log, assessment)
     depth, mounting, others = _against_reference(log, assessment, whole, mounted, reference, imu, depths)

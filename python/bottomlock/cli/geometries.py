@@ -1,11 +1,10 @@
 """The command `bottomlock geometries`: the packaged DVLs, with a picture of their beams."""
 
-from importlib import resources
-
 import numpy as np
 
 from bottomlock.cli.console import console
 from bottomlock.io.beams import read_geometry, read_instrument_file
+from bottomlock.io.packaged_geometries import packaged_geometries
 
 _COLUMNS, _ROWS = 25, 11
 _EDGE = 0.62
@@ -17,10 +16,7 @@ def geometries() -> None:
 
     The picture looks down from above: forward is up, starboard right; a beam's number stands where it looks.
     """
-    folder = resources.files("bottomlock.config") / "geometries"
-    for name in sorted(
-        one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml")
-    ):
+    for name in packaged_geometries():
         console.print(text_of(name), highlight=False)
 
 

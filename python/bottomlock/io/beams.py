@@ -21,6 +21,7 @@ from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.columns import column_numbers, nanoseconds, number_series, read_rows
+from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
 from bottomlock.later import pl
 from bottomlock.nearest import did_you_mean
@@ -139,9 +140,7 @@ def _text_of(source: str | Path) -> tuple[str, str]:
     if packaged.is_file():
         note_file_beside("geometry", str(source))
         return packaged.read_text(encoding="utf-8"), f"geometry {source}"
-    names = sorted(
-        e.name.removesuffix(".toml") for e in (resources.files("bottomlock.config") / "geometries").iterdir()
-    )
+    names = packaged_geometries()
     raise ScenarioError(
         f"geometry '{source}' is neither a file nor packaged{did_you_mean(str(source), names)} "
         f"(packaged: {', '.join(names)})"
