@@ -76,3 +76,29 @@ def test_log_that_cannot_be_measured(log: Path) -> None:
     assert frame["beam_sd_factor"].to_list() == [1.0] * PINGS
     plain, _ = fixes(log, "--no-robust")
     assert frame.select(plain.columns).equals(plain)
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"instrument_valid": False}, "the instrument flags its velocity invalid in all 400 pings"),
+        ({f"beam{k}_mps": 0.0 for k in (1, 2, 3, 4)}, "every reading of 400 pings is exactly zero"),
+        ({f"beam{k}_valid": False for k in (1, 2, 3, 4)}, "no beam is valid in any of 400 pings"),
+    ],
+)
+def test_log_without_lock_is_refused(log: Path, changed: dict[str, Any], why: str) -> None:
+    pl.read_csv(log).with_columns(pl.lit(value).alias(name) for name, value in changed.items()).write_csv(log)
+    out = log.with_suffix(".parquet")
+    done = command("fix", str(log), "--geometry", "x_janus_20", "--method", "lc", "--out", str(out))
+    assert done.returncode == 2
+    assert f"never had bottom lock in this log: {why}." in " ".join(done.stderr.split())
+    assert not out.exists()
+
+
+def test_log_with_lock_somewhere_or_a_beam_lost_is_solved(log: Path) -> None:
+    """One accepted ping is lock; without beam 4 the instrument accepts none, and the other three are solved."""
+    table = pl.read_csv(log)
+    table.with_columns(instrument_valid=pl.int_range(PINGS) == 17).write_csv(log)
+    assert fixes(log)[0].height == PINGS
+    table.with_columns(beam4_valid=pl.lit(False), instrument_valid=pl.lit(False)).write_csv(log)
+    assert (fixes(log)[0]["status"] == "fix").sum() == PINGS - 1

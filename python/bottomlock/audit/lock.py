@@ -5,30 +5,38 @@ import numpy as np
 from bottomlock.audit.findings import Finding
 from bottomlock.audit.logs import BeamLog
 
+ADVICE = "Record in the water, with the bottom within the instrument's range."
 
-def lock_findings(log: BeamLog) -> list[Finding]:
-    """That the log never had lock, and why; nothing where it had.
+
+def why_never_locked(log: BeamLog) -> str:
+    """Why the log never had lock; empty where it had.
 
     A beam in air or mid-water reads something, zero or the last value, and some instruments flag it valid: the order,
     the closure and the repeats of such readings say nothing of the instrument.
     """
     valid = log.valid & np.isfinite(log.velocity_mps)
     if log.instrument_valid is not None and not log.instrument_valid.any():
-        why = f"the instrument flags its velocity invalid in all {log.pings} pings"
-    elif log.beams and not valid.any() and not log.solved.any():
-        why = f"no beam is valid in any of {log.pings} pings"
-    elif log.beams and valid.any() and not (log.velocity_mps[valid] != 0.0).any():
-        why = f"every reading of {log.pings} pings is exactly zero"
-    elif not log.beams and log.error_velocity_mps is None and not log.solved.any():
-        why = f"no velocity is valid in any of {log.pings} pings"
-    else:
+        return f"the instrument flags its velocity invalid in all {log.pings} pings"
+    if log.beams and not valid.any() and not log.solved.any():
+        return f"no beam is valid in any of {log.pings} pings"
+    if log.beams and valid.any() and not (log.velocity_mps[valid] != 0.0).any():
+        return f"every reading of {log.pings} pings is exactly zero"
+    if not log.beams and log.error_velocity_mps is None and not log.solved.any():
+        return f"no velocity is valid in any of {log.pings} pings"
+    return ""
+
+
+def lock_findings(log: BeamLog) -> list[Finding]:
+    """That the log never had lock, and why; nothing where it had."""
+    why = why_never_locked(log)
+    if not why:
         return []
-    flagged = int(valid.all(axis=1).sum()) if log.beams else 0
+    flagged = int(log.full.sum()) if log.beams else 0
     return [
         Finding(
             "never_locked", "warning", float(log.pings), "pings", 1.0,
             f"The instrument never had bottom lock in this log: {why}.",
             f"{flagged} pings have all beams flagged valid. Beams, closure and mounting are not judged.",
-            "Record in the water, with the bottom within the instrument's range.",
+            ADVICE,
         )
     ]  # fmt: skip

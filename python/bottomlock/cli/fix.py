@@ -9,6 +9,8 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from bottomlock.atomic_write import write_parquet
+from bottomlock.audit.lock import ADVICE, why_never_locked
+from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
@@ -43,6 +45,7 @@ def fix(
     instrument = read_geometry(geometry)
     with converted_first(log, instrument.columns.time):
         pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
+    _require_lock(pings, str(log))
     frame, solved = _solve(instrument, pings, fix_method(method), robust=robust)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(
@@ -63,6 +66,25 @@ def fix(
         print_noise(solved.noise, instrument.beam_sd_mps)
         _print_outliers(frame)
     console.print(f"wrote {out}")
+
+
+def _require_lock(pings: Pings, place: str) -> None:
+    """That the log had bottom lock somewhere.
+
+    An instrument that lost a beam for a whole log flags its velocity invalid throughout, and the beams left are as good
+    as ever: its flag counts against pings with every beam only.
+
+    Raises:
+        DataError: where it never had, with the reason.
+    """
+    lost = not pings.valid.all(axis=1).any()
+    flag = None if lost else pings.instrument_valid
+    log = BeamLog(place, pings.time_ns, pings.velocity_mps, pings.valid, instrument_valid=flag)
+    why = why_never_locked(log)
+    if why:
+        raise DataError(
+            f"{place}: no velocity is solved, because the instrument never had bottom lock in this log: {why}. {ADVICE}"
+        )
 
 
 def _solve(
