@@ -137,6 +137,20 @@ def test_refusals(planted: Path, tmp_path: Path) -> None:
     assert not toml.exists()
 
 
+def test_findings_are_told_where_no_geometry_can_be_written(planted: Path, tmp_path: Path) -> None:
+    few = tmp_path / "few.parquet"
+    pl.read_parquet(planted).head(20).write_parquet(few)
+    out, toml = tmp_path / "out", tmp_path / "g.toml"
+    done = bottomlock("audit", few, "--geometry", "x_janus_20", "--out", out, "--write", toml)
+    assert done.returncode == 2
+    assert "expected 40 or more" in " ".join(done.stderr.split())
+    assert "1. note Beam directions are not observable in this log: only 20 pings" in " ".join(
+        done.stdout.split()
+    )
+    assert not out.exists()
+    assert not toml.exists()
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_the_worked_example_runs(root: Path, tmp_path: Path) -> None:
     """The commands of docs/audit.md, and what the page says that they say."""

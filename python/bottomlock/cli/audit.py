@@ -79,10 +79,11 @@ def audit(
     depths = None if depth is None else read_depths(depth)
     with converted_first(log):
         made = audit_file(log, geometry=geometry, reference=reference, imu=inertial, depths=depths)
-    text = None if write is None else geometry_text(made)
-    result.write(audit_files(made), force=force)
+    # The findings say why a log gives no geometry to write, so they are told before it is refused.
     for part in shown(made):
         console.print(part, highlight=False)
+    text = None if write is None else geometry_text(made)
+    result.write(audit_files(made), force=force)
     if write is not None and text is not None:
         write_text(write, text)
         console.print(f"wrote {write}", highlight=False)
