@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.logs import Inertial, Reference
 from bottomlock.audit.motion import ImuAlignment, Motion, align_imu, integral
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, NonlinearFit, fit_nonlinear, sigma
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, NonlinearFit, fit_nonlinear, jacobian, sigma
 from bottomlock.statistics.rms import rms
 
 Rows = NDArray[np.int64]
@@ -30,6 +30,7 @@ GRAVITY_MPS2 = 9.81
 WINDOW_S = 2.0
 REACH_S = 3.0
 """Clock offsets are searched within ± this."""
+_OFFSETS_S = np.arange(-REACH_S, REACH_S + 0.1, 0.25)
 
 LIMITS = {"misalignment_rad": np.deg2rad(1.0), "lever_arm_m": 0.3, "clock_offset_s": 0.1, "scale": 0.02}
 """A parameter with a larger standard deviation is not observable in the log."""
@@ -50,7 +51,7 @@ class Mounting:
         scale, scale_sd: the DVL reads (1 + scale) times the velocity.
         mirrored: the DVL's velocity fits only with its y axis reversed: the frame is left-handed.
         residual_mps: (3,) robust sigma per axis.
-        explained: fraction of the robust variance of the velocity (or of its changes) that the fit explains, 0 to 1.
+        explained: fraction of the mean square of the velocity (or of its changes) that the fit explains, 0 to 1.
         instants: number of pings or windows.
         blocks: number of independent blocks behind the standard deviations.
         rate_rms_radps: (3,) RMS angular rate of the platform.
@@ -84,10 +85,16 @@ _KEPT_OFFSETS = 4
 """Clock offsets whose motion is kept: in a gradient by differences all other parameters share one."""
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
-_ROTATIONS = [
-    Rotation.from_euler("ZX", [yaw, roll], degrees=True)
-    for yaw, roll in itertools.product(range(0, 360, 15), (0.0, 180.0))
+CLEARLY = 0.8
+_FRAMES = [
+    Rotation.from_euler("ZX", [yaw, roll], degrees=True).as_matrix() @ mirror
+    for mirror, roll, yaw in itertools.product((np.eye(3), MIRROR), (0.0, 180.0), range(0, 360, 15))
 ]
+
+
+def _unusual(frame: int) -> int:
+    """0 for a frame that is upright, 1 for one upside down, 2 for a mirrored one."""
+    return min(4 * frame // len(_FRAMES), 2)
 
 
 def find_mounting(
@@ -120,31 +127,29 @@ def find_mounting(
 
 def _coarse(cost: Callable[[Array, float], float]) -> tuple[Array, float]:
     """Best initial rotation and clock offset, over rotations about z, frames upside down and mirrored frames."""
-    offsets = np.arange(-REACH_S, REACH_S + 0.1, 0.25)
-    trials = [(rotation.as_matrix() @ mirror, 0) for rotation in _ROTATIONS for mirror in (np.eye(3), MIRROR)]
     found = [
-        (cost(matrix, float(offset)), k, float(offset))
-        for k, (matrix, _) in enumerate(trials)
-        for offset in offsets
+        (cost(matrix, float(offset)), k, abs(float(offset)), float(offset))
+        for k, matrix in enumerate(_FRAMES)
+        for offset in _OFFSETS_S
     ]
-    proper = min(one for one in found if one[1] % 2 == 0)
-    best = min(found)
-    # A mirrored frame must fit clearly better: velocities in a plane fit it as well as a frame upside down.
-    chosen = best if best[0] < 0.8 * proper[0] else proper
-    return trials[chosen[1]][0], chosen[2]
+    chosen = min(one for one in found if _unusual(one[1]) == 0)
+    # A frame upside down or mirrored must fit clearly better: a velocity ahead or in a plane fits it as well.
+    for unusual in (1, 2):
+        other = min(one for one in found if _unusual(one[1]) == unusual)
+        if other[0] < CLEARLY * chosen[0]:
+            chosen = other
+    return _FRAMES[chosen[1]], chosen[3]
 
 
 def _against_velocity(
     time_s: Array, velocity: Array, motion: Motion, aligned: ImuAlignment | None
 ) -> Mounting:
     few = slice(None, None, max(1, len(time_s) // 400))
-    cache = {
-        float(offset): motion.velocity_p_mps(time_s[few] + offset)
-        for offset in np.arange(-REACH_S, REACH_S + 0.1, 0.25)
-    }
+    cache = {float(offset): motion.velocity_p_mps(time_s[few] + offset) for offset in _OFFSETS_S}
 
     def cost(matrix: Array, offset: float) -> float:
-        return float(np.median(np.linalg.norm(velocity[few] @ matrix.T - cache[offset], axis=1)))
+        # The mean, not the median: what a vehicle shows of its clock is in its few turns.
+        return float(np.mean(np.linalg.norm(velocity[few] @ matrix.T - cache[offset], axis=1)))
 
     start, first_offset = _coarse(cost)
     rotated = velocity @ start.T
@@ -162,11 +167,32 @@ def _against_velocity(
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01])
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3])
     steps = _steps(scale, motion)
-    fit = fit_nonlinear(residuals, np.zeros(8), scale=scale, prior_sd=prior, steps=steps)
+    fit = fit_nonlinear(
+        residuals, _start(residuals, steps, prior, first_offset), scale=scale, prior_sd=prior, steps=steps
+    )
     rate = motion.omega_tp_p_radps(time_s + first_offset)
     return _mounting(
         "velocity and attitude beside the log", fit, start, first_offset, rate, velocity, aligned
     )
+
+
+def _start(residuals_of: Callable[[Array], Array], steps: Array, prior_sd: Array, offset_s: float) -> Array:
+    """The parameters (p,) of least cost over clock offsets, the others by least squares at each.
+
+    A wrong lever arm or angle moves the offset of the least residual to another minimum.
+    """
+    found = []
+    for offset in _OFFSETS_S - offset_s:
+        p = np.zeros(len(steps))
+        p[6] = offset
+        others = np.arange(len(p)) != 6
+        J = jacobian(residuals_of, p, steps)[:, :, others].reshape(-1, len(p) - 1)
+        left = residuals_of(p).ravel()
+        level = max(sigma(left), 1e-9)
+        X = np.concatenate([J / level, np.diag(1.0 / prior_sd[others])])
+        p[others] = -np.linalg.lstsq(X, np.concatenate([left / level, np.zeros(len(p) - 1)]), rcond=None)[0]
+        found.append((float(np.mean(np.linalg.norm(residuals_of(p), axis=1))), abs(offset + offset_s), p))
+    return min(found, key=lambda one: one[:2])[2]
 
 
 def _steps(scale: Array, motion: Motion) -> Array:
@@ -189,8 +215,9 @@ def _mounting(
     aligned: ImuAlignment | None,
 ) -> Mounting:
     sd = np.sqrt(np.diag(fit.cov)) if fit.blocks >= LEAST_BLOCKS else np.full(len(fit.cov), np.inf)
+    if abs(offset + fit.parameters[6]) > REACH_S:
+        sd[6] = np.inf
     residual = np.array([sigma(column) for column in fit.residuals.T])
-    spread = np.array([sigma(column) for column in signal.T])
     mirrored = bool(np.linalg.det(start) < 0.0)
     proper = start @ MIRROR if mirrored else start
     rotation = Rotation.from_rotvec(fit.parameters[:3]) * Rotation.from_matrix(proper)
@@ -206,12 +233,21 @@ def _mounting(
         scale_sd=float(sd[7]),
         mirrored=mirrored,
         residual_mps=residual,
-        explained=float(np.clip(1.0 - np.sum(residual**2) / max(float(np.sum(spread**2)), 1e-12), 0.0, 1.0)),
+        explained=_explained(fit, signal),
         instants=len(signal),
         blocks=fit.blocks,
         rate_rms_radps=rms(rate, axis=0),
         imu=aligned,
     )
+
+
+def _explained(fit: NonlinearFit, signal: Array) -> float:
+    """Fraction of the signal (n, k) that the fit explains, 0 to 1, with the weights of the fit.
+
+    A robust spread of the signal would leave out the turns of a vehicle that mostly goes straight.
+    """
+    w = fit.weights[:, None]
+    return float(np.clip(1.0 - np.sum(w * fit.residuals**2) / max(np.sum(w * signal**2), 1e-12), 0.0, 1.0))
 
 
 class _Windows:
@@ -266,7 +302,7 @@ def _against_imu(
         return None
     imu_s = np.asarray((imu.time_ns - zero_ns) * 1e-9) - offset_s
     windows = _Windows(time_s, first, last, motion, imu, imu_s)
-    known = {float(offset): windows.at(float(offset)) for offset in np.arange(-REACH_S, REACH_S + 0.1, 0.25)}
+    known = {float(offset): windows.at(float(offset)) for offset in _OFFSETS_S}
     span = (time_s[last] - time_s[first])[:, None]
 
     def cost(matrix: Array, offset: float) -> float:
@@ -275,7 +311,7 @@ def _against_imu(
         gap = np.einsum("nij,nj->ni", C_b, v[last]) - np.einsum("nij,nj->ni", C_a, v[first]) - change
         X = rotated.reshape(-1, 3)
         bias = np.linalg.lstsq(X, gap.ravel(), rcond=None)[0]
-        return float(np.median(np.linalg.norm(gap - (X @ bias).reshape(-1, 3), axis=1)))
+        return float(np.mean(np.linalg.norm(gap - (X @ bias).reshape(-1, 3), axis=1)))
 
     start, first_offset = _coarse(cost)
     rotated_velocity = velocity @ start.T
@@ -296,7 +332,9 @@ def _against_imu(
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01] + [0.01] * 5)
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3] + [0.3] * 3 + [0.1] * 2)
     steps = _steps(scale, motion)
-    fit = fit_nonlinear(residuals, np.zeros(13), scale=scale, prior_sd=prior, steps=steps)
+    fit = fit_nonlinear(
+        residuals, _start(residuals, steps, prior, first_offset), scale=scale, prior_sd=prior, steps=steps
+    )
     omega = motion.omega_tp_p_radps(time_s + first_offset)
     change_mps = velocity[last] - velocity[first]
     return _mounting("IMU and attitude beside the log", fit, start, first_offset, omega, change_mps, aligned)

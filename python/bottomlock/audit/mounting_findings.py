@@ -55,9 +55,7 @@ def mounting_findings(mounting: Mounting | None, stated: Mounted | None = None) 
                 f"± {m.clock_offset_sd_s:.2g} s. {basis}", "Set this clock offset for the DVL.",
             )
         )  # fmt: skip
-    if m.scale_sd > LIMITS["scale"]:
-        found.append(_not_observable("The scale", f"± {100.0 * m.scale_sd:.2g} %", "speed"))
-    elif abs(m.scale) > max(0.002, sigmas_for(m.blocks) * m.scale_sd):
+    if abs(m.scale) > max(0.002, sigmas_for(m.blocks) * m.scale_sd):
         found.append(
             Finding(
                 "velocity_scale", "warning", 100.0 * m.scale, "%", abs(m.scale),
@@ -65,13 +63,20 @@ def mounting_findings(mounting: Mounting | None, stated: Mounted | None = None) 
                 f"± {100.0 * m.scale_sd:.2g} %. {basis}", "Check the sound speed; let the filter estimate the scale.",
             )
         )  # fmt: skip
+    elif m.scale_sd > LIMITS["scale"]:
+        found.append(_not_observable("The scale", f"± {100.0 * m.scale_sd:.2g} %", "speed"))
     return found
 
 
 def _not_observable(what: str, sd: str, lacks: str) -> Finding:
+    evidence = f"Its standard deviation is {sd}."
+    if "± inf" in sd:
+        evidence = (
+            "The log has too few independent pings, or too little of this motion, for a standard deviation."
+        )
     return Finding(
         "not_observable", "note", 0.0, "", 0.0, f"{what} is not observable in this log.",
-        f"Its standard deviation is {sd}.", f"Record more {lacks}.",
+        evidence, f"Record more {lacks}.",
     )  # fmt: skip
 
 
@@ -81,19 +86,19 @@ def _misalignment(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
         f"{name} {np.rad2deg(value):+.2f} ± {np.rad2deg(spread):.2g}"
         for name, value, spread in zip(ANGLES, m.rpy_rad, sd, strict=True)
     )
-    blind = [k for k in range(3) if sd[k] > LIMITS["misalignment_rad"]]
-    found = [
-        _not_observable(f"Misalignment about {AXES[k]} ({ANGLES[k]})", f"± {np.rad2deg(sd[k]):.2g} "
-            "deg", "speed across that axis")
-        for k in blind
-    ]  # fmt: skip
     # About the platform's x, y, z, as the standard deviations are.
     off = (Rotation.from_euler("ZYX", m.rpy_rad[::-1]) * stated.rotation.inv()).as_rotvec()
+    blind = [k for k in range(3) if sd[k] > LIMITS["misalignment_rad"]]
     sure = [
         k
         for k in range(3)
         if k not in blind and abs(off[k]) > max(np.deg2rad(0.05), sigmas_for(m.blocks) * sd[k])
     ]
+    found = [
+        _not_observable(f"Misalignment about {AXES[k]} ({ANGLES[k]})", f"± {np.rad2deg(sd[k]):.2g} "
+            "deg", "speed across that axis")
+        for k in blind
+    ]  # fmt: skip
     if sure:
         size = float(np.rad2deg(np.linalg.norm(off[sure])))
         told = ", ".join(f"{np.rad2deg(value):.2f}" for value in stated.rpy_rad)
@@ -112,19 +117,20 @@ def _misalignment(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
 
 def _lever_arm(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
     sd = m.lever_arm_sd_m
+    off = m.lever_arm_p_m - stated.lever_arm_p_m
+    sure = np.abs(off) > np.maximum(0.02, sigmas_for(m.blocks) * sd)
+    seen = [k for k in range(3) if sure[k] or sd[k] <= LIMITS["lever_arm_m"]]
     listed = ", ".join(
-        f"{axis} {value:+.2f} ± {spread:.2g}" if spread <= LIMITS["lever_arm_m"] else f"{axis} not observable"
-        for axis, value, spread in zip(AXES, m.lever_arm_p_m, sd, strict=True)
+        f"{AXES[k]} {m.lever_arm_p_m[k]:+.2f} ± {sd[k]:.2g}" if k in seen else f"{AXES[k]} not observable"
+        for k in range(3)
     )
     rates = ", ".join(f"{np.rad2deg(value):.2g}" for value in m.rate_rms_radps)
-    seen = [k for k in range(3) if sd[k] <= LIMITS["lever_arm_m"]]
     point = "the IMU" if m.source.startswith("IMU") else "the point of the reference velocity"
     if not seen:
         return [
             _not_observable("The lever arm", f"± {sd.min():.2g} m (rates {rates} deg/s RMS)", "rotations")
         ]
-    off = m.lever_arm_p_m - stated.lever_arm_p_m
-    if not any(abs(off[k]) > max(0.02, sigmas_for(m.blocks) * sd[k]) for k in seen):
+    if not sure.any():
         return []
     size = float(np.linalg.norm(off[seen]))
     told = ", ".join(f"{value:.2f}" for value in stated.lever_arm_p_m)

@@ -21,6 +21,8 @@ BLOCKS = 50
 """Resamples of a bootstrap, and the largest number of blocks of consecutive pings that it draws."""
 POLISHED = 8
 """Steps of Gauss and Newton after a nonlinear fit at most."""
+LEAST_SHARED = 0.5
+"""Least correlation of an instrumental variable with its derivative; below it the parameter is not observable."""
 PER_BLOCK = 2
 """Correlation times in a block. The variance of the mean of AR(1) noise is then a fraction 1 / (2 × 2) too small at
 most, which the thresholds allow for."""
@@ -141,11 +143,12 @@ def _solve(A: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearFit:
-    """Robust nonlinear fit: parameters (p,), covariance (p, p), residuals (n, k), their robust sigma, and blocks."""
+    """Robust nonlinear fit: parameters (p,), covariance (p, p), residuals (n, k), weights (n,), sigma, blocks."""
 
     parameters: Array
     cov: Array
     residuals: Array
+    weights: Array
     residual_sigma: float
     blocks: int
 
@@ -167,12 +170,14 @@ def fit_nonlinear(
         prior_sd: (p,) prior spread about zero, so wide that it matters only for unobservable parameters.
         steps: (p,) of the differences that make the derivatives, by default a ten-thousandth of `scale`. A clock offset
             needs one that is longer than the noise of the recording is correlated: a shorter one takes the derivative
-            of that noise for motion.
+            of that noise for motion. Derivatives with twice the step serve as instrumental variables: they share the
+            motion, and none of the noise.
 
     Source: scipy's trust-region least squares with Huber's loss; covariance A⁻¹ B A⁻¹ with the scores of a block
     summed before they are squared (White 1980; Liang and Zeger 1986).
     """
     parameters, spread = np.array(start, dtype=np.float64), 0.0
+    steps = 1e-4 * scale if steps is None else steps
     for _ in range(4):
         before = spread
         spread = max(sigma(residuals_of(parameters).ravel()), 1e-9)
@@ -182,20 +187,25 @@ def fit_nonlinear(
         def whitened(p: Array, spread: float = spread) -> Array:
             return np.concatenate([residuals_of(p).ravel() / spread, p / prior_sd])
 
-        solved = least_squares(whitened, parameters, x_scale=scale, loss="huber", f_scale=HUBER, method="trf")
+        def slopes(p: Array, spread: float = spread) -> Array:
+            J = jacobian(residuals_of, p, steps)
+            return np.concatenate([J.reshape(-1, len(p)) / spread, np.diag(1.0 / prior_sd)])
+
+        solved = least_squares(
+            whitened, parameters, jac=slopes, x_scale=scale, loss="huber", f_scale=HUBER, method="trf"
+        )
         parameters = np.asarray(solved.x)
-    steps = 1e-4 * scale if steps is None else steps
     for _ in range(POLISHED):
         final = residuals_of(parameters)
-        J = _jacobian(residuals_of, parameters, steps)
+        J, Z = (jacobian(residuals_of, parameters, times * steps) for times in (1.0, 2.0))
         W = (huber_weights(final) / spread**2)[:, None, None]
-        A = np.einsum("nki,nkj->ij", W * J, J) + np.diag(1.0 / prior_sd**2)
-        change = np.linalg.solve(A, np.einsum("nki,nk->i", W * J, final) + parameters / prior_sd**2)
-        if np.all(np.abs(change) < 1e-4 * np.sqrt(np.diag(np.linalg.inv(A)))):
+        A = np.einsum("nki,nkj->ij", W * Z, J) + np.diag(1.0 / prior_sd**2)
+        change = np.linalg.solve(A, np.einsum("nki,nk->i", W * Z, final) + parameters / prior_sd**2)
+        if np.all(np.abs(change) < 1e-4 * np.sqrt(np.abs(np.diag(np.linalg.inv(A))))):
             break
         parameters = parameters - change
     final = residuals_of(parameters)
-    scores = np.einsum("nki,nk->ni", W * J, final)
+    scores = np.einsum("nki,nk->ni", W * Z, final)
     member = blocks_of(len(final), correlation_rows(scores))
     sums = np.add.reduceat(scores, np.searchsorted(member, np.arange(member[-1] + 1)))
     # As many sums are zero as there are parameters. The prior adds its own information, so that an unobservable
@@ -203,11 +213,20 @@ def fit_nonlinear(
     spare = len(sums) / max(len(sums) - len(parameters), 1)
     B = spare * sums.T @ sums + np.diag(1.0 / prior_sd**2)
     inverse = np.linalg.inv(A)
-    return NonlinearFit(parameters, inverse @ B @ inverse.T, final, spread, int(member[-1]) + 1)
+    return NonlinearFit(
+        parameters, inverse @ B @ inverse.T, final, W[:, 0, 0] * spread**2, spread, int(member[-1]) + 1
+    )
 
 
-def _jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
-    """(n, k, p) central differences."""
+def _share(W: Array, Z: Array, J: Array) -> Array:
+    """(p,) correlation of the instrumental variables with the derivatives; 1 where a parameter changes nothing."""
+    ZJ, ZZ, JJ = (np.einsum("nki,nki->i", W * one, other) for one, other in ((Z, J), (Z, Z), (J, J)))
+    product = np.sqrt(ZZ * JJ)
+    return np.asarray(np.divide(ZJ, product, out=np.ones_like(ZJ), where=product > 0.0))
+
+
+def jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
+    """(n, k, p) central differences of residuals (n, k) in parameters (p,)."""
     columns = []
     for index, size in enumerate(steps):
         step = np.zeros_like(at)

@@ -138,3 +138,59 @@ def test_depth_tells_which_way_z_points(up: bool, kind: set[str]) -> None:
     assert {
         one.kind for one in depth_findings(depth_rate(time_ns, velocity, Depths(time_ns, depth), None))
     } == kind
+
+
+def steady(
+    seed: int, *, yaw_deg: float = 0.0, arm_m: float = 0.0, scale: float = 0.0, delay_s: float = 0.0
+) -> Mounting:
+    """A vehicle at 2 m/s that turns by 90 degrees every minute, with white noise of the reference."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 400.0, 0.2)
+
+    def turned(s: Array) -> Array:
+        return np.asarray(sum(np.pi / 4 * (1.0 + np.tanh((s - at) / 3.0)) for at in range(30, 400, 60)))
+
+    def side(s: Array) -> Array:
+        """Sway that follows the rate of turn."""
+        return np.asarray(0.2 * sum(1.0 / np.cosh((s - at) / 3.0) ** 2 for at in range(30, 400, 60)))
+
+    def surge_and_sway(s: Array) -> Array:
+        return np.stack([np.full_like(s, 2.0), side(s), 0.0 * s], axis=1)
+
+    rpy = np.stack([0.0 * t, 0.0 * t, turned(t)], axis=1)
+    C = np.array([oracle.turn(*one) for one in rpy])
+    velocity = np.einsum("nij,nj->ni", C, surge_and_sway(t)) + 0.01 * rng.normal(size=rpy.shape)
+    own = np.arange(5.0, 390.0, 0.5)
+    rate = np.gradient(turned(own + delay_s), own)
+    moved = surge_and_sway(own + delay_s) + np.stack([0.0 * own, rate * arm_m, 0.0 * own], axis=1)
+    reads = (1.0 + scale) * moved @ oracle.turn(0.0, 0.0, np.deg2rad(yaw_deg))
+    reads += 0.02 * rng.normal(size=reads.shape)
+    found = find_mounting(
+        np.round(own * 1e9).astype(np.int64), reads,
+        Reference(np.round(t * 1e9).astype(np.int64), rpy + 5e-4 * rng.normal(size=rpy.shape), velocity), None,
+    )  # fmt: skip
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("seed", range(40, 44))
+def test_a_steady_course_with_turns(seed: int) -> None:
+    """The speed is constant, but yaw, scale and lever arm are told with their deviations; nothing else is."""
+    found = steady(seed, yaw_deg=4.0, arm_m=1.0, scale=0.02, delay_s=0.2)
+    kinds = {one.kind for one in mounting_findings(found) if one.severity != "note"}
+    assert {"misalignment", "lever_arm", "velocity_scale"} <= kinds <= {
+        "misalignment", "lever_arm", "velocity_scale", "clock_offset"
+    }  # fmt: skip
+    yaw, scale = np.rad2deg(found.rpy_rad[2]), found.scale
+    assert abs(yaw - 4.0) < 4.0 * np.rad2deg(found.misalignment_sd_rad[2]) < 0.5
+    assert abs(scale - 0.02) < 4.0 * found.scale_sd < 0.005
+    assert abs(found.lever_arm_p_m[0] - 1.0) < 4.0 * found.lever_arm_sd_m[0] < 0.3
+    assert (
+        not np.isfinite(found.clock_offset_sd_s)
+        or abs(found.clock_offset_s - 0.2) < 4 * found.clock_offset_sd_s
+    )
+
+
+@pytest.mark.parametrize("seed", range(50, 54))
+def test_a_steady_course_with_nothing_planted(seed: int) -> None:
+    assert {one.severity for one in mounting_findings(steady(seed))} <= {"note"}
