@@ -51,7 +51,8 @@ def test_caves_geometry(caves: Audit) -> None:
 def test_caves_findings(caves: Audit) -> None:
     """Heavy tails and refusals are there; order, signs and tilt are not accused; z points down after the reader."""
     kinds = {one.kind: one for one in caves.findings}
-    assert set(kinds) == {"heavy_tails", "rejected_by_instrument", "time_gaps"}
+    assert set(kinds) == {"heavy_tails", "packaged_geometries", "rejected_by_instrument", "time_gaps"}
+    assert kinds["packaged_geometries"].text == "This is linkquest_navquest."
     (closure,) = caves.assessment.closures
     assert closure.median_abs_mps == pytest.approx(0.030, abs=0.002)
     assert closure.max_mps > 1.5

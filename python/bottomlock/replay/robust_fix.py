@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes, solve_velocity
 from bottomlock.replay.beam_noise import BeamNoise, measure_noise
+from bottomlock.replay.ping_scale import ping_noise
 from bottomlock.replay.screen_beams import Screened, screen_beams
 from bottomlock.replay.streams import Flags, Floats, Times
 from bottomlock.tables.fixes import OUTLIER_TESTS
@@ -16,19 +17,24 @@ from bottomlock.tables.fixes import OUTLIER_TESTS
 
 @dataclass(frozen=True, eq=False)
 class RobustFixes:
-    """Fixes of a log with the measured noise and the outcome of the test of each ping."""
+    """Fixes of a log with the measured noise, the outcome of the test of each ping, and the noise of each ping.
+
+    `factor` (n,) and `halfwidths` (n, 3) are those of `replay.ping_scale`.
+    """
 
     fixes: VelocityFixes
     noise: BeamNoise
     screened: Screened
+    factor: Floats
+    halfwidths: Floats
 
     def to_frame(self, time_ns: Times) -> pl.DataFrame:
         """A table with the columns of `tables.fixes.robust_fixes_schema`."""
         return self.fixes.to_frame(time_ns).with_columns(
             pl.Series("outlier_test", [OUTLIER_TESTS[code] for code in self.screened.outcome], pl.String),
-            pl.Series("beam_sd_factor", self.screened.factor),
-            pl.Series("halfwidth_2sigma_over_sd", self.noise.halfwidths[:, 1]),
-            pl.Series("halfwidth_3sigma_over_sd", self.noise.halfwidths[:, 2]),
+            pl.Series("beam_sd_factor", self.factor),
+            pl.Series("halfwidth_2sigma_over_sd", self.halfwidths[:, 1]),
+            pl.Series("halfwidth_3sigma_over_sd", self.halfwidths[:, 2]),
         )
 
 
@@ -59,17 +65,18 @@ def solve_robust(
     """
     noise = measure_noise(geometry, velocity_mps, valid, beam_sd_mps, instrument_valid)
     screened = screen_beams(geometry, time_ns, velocity_mps, valid, beam_sd_mps, noise)
+    factor, halfwidths = ping_noise(geometry, velocity_mps, beam_sd_mps, noise, screened)
     fixes = solve_scaled(
         geometry,
         velocity_mps,
         screened.valid,
-        screened.factor,
+        factor,
         method=method,
         beam_sd_mps=beam_sd_mps,
         prior_velocity_p_mps=prior_velocity_p_mps,
         prior_cov_m2ps2=prior_cov_m2ps2,
     )
-    return RobustFixes(fixes, noise, screened)
+    return RobustFixes(fixes, noise, screened, factor, halfwidths)
 
 
 def solve_scaled(
