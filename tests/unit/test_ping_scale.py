@@ -27,7 +27,8 @@ def of_log(pings: int, factor: float, degrees: float) -> BeamNoise:
 def test_a_closure_by_hand() -> None:
     """A difference z = c (1, −1, 1, −1) is all closure: q = 4c²/(sσ)².
 
-    A scatter of zero is taken as 0.4 of a ping's own: B D Bᵀ is then 0.4 s²σ² on the three directions of a velocity and nothing on the closure: ρ = 1 + 3/1.4.
+    A scatter of zero is taken as 0.4 of a ping's own: B D Bᵀ is then 0.4 s²σ² on the three directions of a velocity and
+    nothing on the closure, so that ρ = 1 + 3/1.4.
     """
     degrees, s, c = 2.0, 1.5, 0.09
     noise = of_log(2, s * t.isf(norm.sf(1.0), degrees), degrees)
