@@ -33,7 +33,7 @@ REACH_S = 3.0
 _OFFSETS_S = np.arange(-REACH_S, REACH_S + 0.1, 0.25)
 
 LIMITS = {"misalignment_rad": np.deg2rad(1.0), "lever_arm_m": 0.3, "clock_offset_s": 0.1, "scale": 0.02}
-"""A parameter with a larger standard deviation is not observable in the log."""
+"""A parameter with a larger standard deviation is not observable; a lever arm or scale may be significant beyond it."""
 LEAST_EXPLAINED = 0.5
 """Nothing is observable in a log of whose velocity the other recordings explain a smaller fraction."""
 
@@ -86,6 +86,7 @@ _KEPT_OFFSETS = 4
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
 CLEARLY = 0.8
+"""Ratio of the costs below which a frame upside down or mirrored is taken."""
 _FRAMES = [
     Rotation.from_euler("ZX", [yaw, roll], degrees=True).as_matrix() @ mirror
     for mirror, roll, yaw in itertools.product((np.eye(3), MIRROR), (0.0, 180.0), range(0, 360, 15))
