@@ -3,6 +3,7 @@
 import contextlib
 import os
 import sys
+import traceback
 
 from bottomlock.errors import EXIT_INTERRUPTED
 
@@ -13,7 +14,10 @@ def main() -> None:
         from bottomlock.cli.app import main as run  # noqa: PLC0415 - the import takes long enough to be interrupted
 
         run()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Exception) as error:
+        # Libraries turn an interrupt of what they import or build into an error of their own.
+        if not isinstance(error, KeyboardInterrupt) and "KeyboardInterrupt" not in traceback.format_exc():
+            raise
         sys.stderr.write("bottomlock: interrupted\n")
         with contextlib.suppress(OSError):
             sys.stdout.flush()

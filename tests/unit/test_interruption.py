@@ -144,3 +144,21 @@ main()
         [sys.executable, "-m", "interrupted"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert (command.returncode, command.stderr) == (130, "bottomlock: interrupted\n")
+
+
+@pytest.mark.parametrize(("cause", "code"), [("KeyboardInterrupt", 130), ("ValueError", 1)])
+def test_an_interrupt_that_a_library_wraps_is_one(cause: str, code: int) -> None:
+    """An error made of it while modules are imported ends as it does; any other error is shown."""
+    program = (
+        "import bottomlock.cli.app as app, bottomlock.__main__ as start\n"
+        "def main():\n"
+        "    try:\n"
+        f"        raise {cause}\n"
+        "    except BaseException as error:\n"
+        "        raise ImportError('cannot import') from error\n"
+        "app.main = main\n"
+        "start.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == code
+    assert ("Traceback" in done.stderr) == (code == 1)
