@@ -76,7 +76,7 @@ fn one_bad_reading_is_rejected_and_bridged() {
         if let Some(fault) = fault {
             assert_eq!(
                 fault.to_string(),
-                "specific force x is 1000 m/s², beyond the full scale of 100 m/s²"
+                "specific force x is 1000 m/s², beyond the full scale of 100 m/s²: is it in mg or cm/s²?"
             );
             assert_eq!(with_it.navigators().state().time_ns, 490 * MS);
         } else {

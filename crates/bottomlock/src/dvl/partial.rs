@@ -67,17 +67,13 @@ impl Assumptions {
         require_positive("weak_sway_var_m2ps2", self.weak_sway_var_m2ps2)
     }
 
-    /// The assumptions of a ping that follows the one before it after `interval_s`, if there was one.
-    ///
-    /// A sway that lasts is no new information at each ping: the weak row's variance is that of a second, so that a filter
-    /// claims the same at every ping rate above 1 Hz. Rarer pings keep it, which is cautious.
+    /// The assumptions of a ping `interval_s` after the one before it, if any. A sway that lasts is no new information at each
+    /// ping: the weak row's variance is that of a second. Rarer pings keep it, which is cautious.
     #[must_use]
     pub fn of_ping(&self, interval_s: Option<f64>) -> Self {
-        let pings_a_second = interval_s.map_or(1.0, |interval_s| (1.0 / interval_s).max(1.0));
-        Self {
-            weak_sway_var_m2ps2: self.weak_sway_var_m2ps2 * pings_a_second,
-            ..*self
-        }
+        let mut own = *self;
+        own.weak_sway_var_m2ps2 *= interval_s.map_or(1.0, |interval_s| (1.0 / interval_s).max(1.0));
+        own
     }
 }
 
