@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.io.beams import Instrument
+from bottomlock.live.closure import whitened_closure
 
 JUMP_SD = 4.0
 """Difference of two readings over its 1 sigma that noise does not reach: once in 16,000 readings."""
@@ -35,8 +36,7 @@ class BeamJumps:
     def __init__(self, instrument: Instrument, acceleration_mps2: float) -> None:
         beams = instrument.geometry.beams
         self._sd_mps, self._acceleration = instrument.beam_sd_mps, acceleration_mps2
-        whitened = instrument.geometry.directions_p / self._sd_mps[:, np.newaxis]
-        self._rows = np.linalg.svd(whitened)[0][:, 3:].T
+        self._rows = whitened_closure(instrument)
         self._before_mps, self._before_ns = np.full(beams, np.nan), np.zeros(beams, dtype=np.int64)
         self._jumped = np.zeros(beams, dtype=np.int64)
         self.why = ""

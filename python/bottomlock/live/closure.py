@@ -17,6 +17,12 @@ _GAUSSIAN = 0.6745
 """Median of |z| of a standard normal z."""
 
 
+def whitened_closure(instrument: Instrument) -> NDArray[np.float64]:
+    """(k, n) combinations of the readings over their claimed noise that no velocity causes, each of variance 1."""
+    whitened = instrument.geometry.directions_p / instrument.beam_sd_mps[:, np.newaxis]
+    return np.linalg.svd(whitened)[0][:, 3:].T
+
+
 class Closure:
     """Scatter of the closure over what the noise of the beams claims.
 
@@ -37,8 +43,7 @@ class Closure:
 
     def __init__(self, instrument: Instrument) -> None:
         self._sd_mps = instrument.beam_sd_mps
-        whitened = instrument.geometry.directions_p / self._sd_mps[:, np.newaxis]
-        self._rows = np.linalg.svd(whitened)[0][:, 3:].T
+        self._rows = whitened_closure(instrument)
         self._last: deque[NDArray[np.float64]] = deque(maxlen=PINGS)
         self.ratio: float | None = None
 

@@ -31,6 +31,12 @@ _PIECE = 1024
 
 OnData = Callable[[bytes], bool]
 OnState = Callable[[str], None]
+Answers = Callable[[bytes], bytes]
+
+
+def no_answer(_: bytes) -> bytes:
+    """Nothing is sent back."""
+    return b""
 
 
 class Allowance:
@@ -109,7 +115,7 @@ class _Pieces(_Stream, asyncio.BufferedProtocol):
 class Datagrams(asyncio.DatagramProtocol):
     """Hands on the bytes of each datagram, and sends the answer to whom it came from."""
 
-    def __init__(self, on_data: Callable[[bytes], object], answers: Callable[[bytes], bytes]) -> None:
+    def __init__(self, on_data: Callable[[bytes], object], answers: Answers) -> None:
         self._on_data, self._answers = on_data, answers
         self._transport: Any = None
 
@@ -157,7 +163,7 @@ class Connection:
         on_state: OnState,
         silence_s: float,
         on_transport: Callable[[Any], None] = lambda _: None,
-        answers: Callable[[bytes], bytes] = lambda _: b"",
+        answers: Answers = no_answer,
     ) -> None:
         self._answers = answers
         self._on_transport = on_transport
@@ -167,6 +173,7 @@ class Connection:
         self.dropped = 0
         self._allowance = Allowance()
         self._fruitful = False
+        self._unslowed = ""
         self._on_data, self._on_connected, self._on_state = on_data, on_connected, on_state
         self._silence_s = max(silence_s, SHORTEST_SILENCE_S)
         self._heard = 0.0
@@ -203,10 +210,11 @@ class Connection:
     def _tell_share(self) -> float:
         """Says where the share is used up, and where all of it is there again; how long nothing may be taken, s."""
         wait_s = self._allowance.wait_s(time.perf_counter())
-        if wait_s > 0.0:
+        if wait_s > 0.0 and self.state != SLOWED:
+            self._unslowed = self.state
             self._say(SLOWED)
         elif self.state == SLOWED and self._allowance.is_whole:
-            self._say("connected")
+            self._say(self._unslowed)
         return wait_s
 
     async def run(self) -> None:

@@ -22,6 +22,8 @@ _RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Kind and length of a record; channel, number and two times of a message."""
 _KINDS = {"header": 1, "footer": 2, "channel": 4, "message": 5, "attachment": 9, "data end": 15}
 _MAGIC_BYTES = 8
+_NUMBERS = 2**32
+"""Numbers of messages, which begin again at 0."""
 START = "start"
 """Name of the attachment that holds what the engine started from."""
 
@@ -101,9 +103,8 @@ class RawLog:
             OutputError: where the disk is full or gone.
         """
         try:
-            self._messages += 1
-            number = self._messages % 2**32
-            self._writer.add_message(self._channels[kind, place], time_ns, data, time_ns, number)
+            self._messages = (self._messages + 1) % _NUMBERS
+            self._writer.add_message(self._channels[kind, place], time_ns, data, time_ns, self._messages)
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
         self.bytes += len(data)
@@ -189,7 +190,7 @@ def _end_of(path: Path) -> tuple[str, bool, int]:
             if kind == _KINDS["message"] and not why and follows <= len(data):
                 number = _MESSAGE.unpack_from(data, at + _RECORD.size)[1] if length >= _MESSAGE.size else -1
                 # Logs of earlier versions have no numbers.
-                if number != last + 1 and (number or last):
+                if number != (last + 1) % _NUMBERS and (number or last):
                     why = f"message {number} after {last}"
                 last = number
             if why or (follows > len(data) and _goes_on(data, at, last)):
@@ -204,7 +205,7 @@ def _end_of(path: Path) -> tuple[str, bool, int]:
 def _goes_on(data: mmap.mmap, at: int, last: int) -> bool:
     """Whether a message follows one that seems to be the last, so that its length cannot be right."""
     place = at
-    while (place := data.find(struct.pack("<I", last + 2), place + 1)) >= 0:
+    while (place := data.find(struct.pack("<I", (last + 2) % _NUMBERS), place + 1)) >= 0:
         begin = place - _RECORD.size - 2
         kind, length = _RECORD.unpack_from(data, begin)
         if kind == _KINDS["message"] and _MESSAGE.size <= length <= len(data) - begin - _RECORD.size:

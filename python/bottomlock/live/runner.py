@@ -13,7 +13,7 @@ from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.checkpoint import begin as begin_engine
 from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.connections import Connection, cancel
+from bottomlock.live.connections import Answers, Connection, cancel, no_answer
 from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.garbage import collected_between_readings
 from bottomlock.live.raw_log import Kind, RawLog
@@ -23,10 +23,6 @@ from bottomlock.ports.mavlink import MavlinkPort, Timesync
 SILENT_CONNECTION_PERIODS = 10.0
 
 Say = Callable[[str], None]
-
-
-def _nothing(_: bytes) -> bytes:
-    return b""
 
 
 def host_clock() -> Callable[[], int]:
@@ -74,20 +70,20 @@ class Live:
             on_connected=lambda: self.connected(place),
             on_state=lambda words: self._say(f"source {section.name}: {words}"),
             silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
-            answers=self._timesync() if section.format == "mavlink" else _nothing,
+            answers=self._timesync() if section.format == "mavlink" else no_answer,
         )
 
     def _sinks(self) -> Iterator[Sink]:
         for section, one in zip(self.config.port, self.engine.ports, strict=True):
             words = f"port {section.port}: "
-            answers = self._timesync() if isinstance(one.port, MavlinkPort) else _nothing
+            answers = self._timesync() if isinstance(one.port, MavlinkPort) else no_answer
             yield open_sink(
                 sink_address(section.to),
                 lambda state, words=words: self._say(words + state),  # type: ignore[misc]
                 answers,
             )
 
-    def _timesync(self) -> Callable[[bytes], bytes]:
+    def _timesync(self) -> Answers:
         """Answers on the clock of the estimates' stamps; they are no estimates, and not in the raw log."""
         timesync = Timesync()
         return lambda data: timesync.answers(data, self.clock())

@@ -12,11 +12,19 @@ from typing import IO, Any, TypeVar
 
 from bottomlock.address import Address
 from bottomlock.errors import OutputError
-from bottomlock.live.connections import FIRST_WAIT_S, LONGEST_WAIT_S, Connection, Datagrams, words_of
+from bottomlock.live.connections import (
+    FIRST_WAIT_S,
+    LONGEST_WAIT_S,
+    Answers,
+    Connection,
+    Datagrams,
+    no_answer,
+    words_of,
+)
 from bottomlock.live.listening import accept, listen
 
 MOST_WAITING_BYTES = 65_536
-MOST_CLIENTS = 32
+MOST_RECEIVERS = 32
 """Clients of one TCP server."""
 
 T = TypeVar("T")
@@ -49,7 +57,7 @@ class Sink:
 
 
 class _Udp(Sink):
-    def __init__(self, address: Address, answers: Callable[[bytes], bytes]) -> None:
+    def __init__(self, address: Address, answers: Answers) -> None:
         self._address, self._answers = address, answers
         self._transport: asyncio.DatagramTransport | None = None
 
@@ -128,7 +136,7 @@ class _Client(asyncio.Protocol):
 
 
 class _Server(Sink):
-    """A TCP server: every client gets every message; with `MOST_CLIENTS` of them a further one is sent away."""
+    """A TCP server: every client gets every message; with `MOST_RECEIVERS` of them a further one is sent away."""
 
     def __init__(self, address: Address) -> None:
         self._address = address
@@ -148,7 +156,7 @@ class _Server(Sink):
         self.state = f"{len(self._clients)} clients"
 
     async def _add(self, client: socket.socket) -> None:
-        if len(self._clients) == MOST_CLIENTS:
+        if len(self._clients) == MOST_RECEIVERS:
             client.close()
             return
         await asyncio.get_running_loop().connect_accepted_socket(lambda: _Client(self._changed), client)
@@ -198,9 +206,7 @@ class _File(Sink):
                 self._file.close()
 
 
-def open_sink(
-    address: Address, on_state: Callable[[str], None], answers: Callable[[bytes], bytes] = lambda _: b""
-) -> Sink:
+def open_sink(address: Address, on_state: Callable[[str], None], answers: Answers = no_answer) -> Sink:
     """The sink of an address.
 
     Args:

@@ -8,10 +8,9 @@ degrees of freedom and the scale s √((ν + q)/(ν + ρ)). Its tail is lighter,
 """
 
 import numpy as np
-from scipy.stats import norm, t
 
 from bottomlock.kernel import BeamGeometry
-from bottomlock.replay.beam_noise import GAUSSIAN, MOST_DEGREES, BeamNoise
+from bottomlock.replay.beam_noise import MOST_DEGREES, BeamNoise, student_halfwidths
 from bottomlock.replay.screen_beams import Screened
 from bottomlock.replay.streams import Floats
 
@@ -41,7 +40,7 @@ def ping_noise(
     judged = np.isfinite(screened.expected_mps).all(axis=1) & (noise.degrees < MOST_DEGREES)
     if not judged.any():
         return factor, halfwidths
-    scale = noise.factor / _quantiles(noise.degrees)[:, 0]
+    scale = noise.factor / student_halfwidths(noise.degrees)[:, 0]
     # The scatter of passed pings about their prediction holds their own noise as well as the prediction's.
     own = np.diag(np.linalg.inv(B.T @ (B / (scale[judged].min() * sd_mps[:, None]) ** 2)))
     D = np.diag(np.maximum(np.diag(screened.scatter_m2ps2) - own, OF_MEDIAN * own))
@@ -57,13 +56,8 @@ def ping_noise(
         q = np.einsum("ni,nij,nj->n", weighted, R, weighted)
         shown = np.trace(W @ R, axis1=1, axis2=2)
         degrees = noise.degrees[rows] + shown
-        quantiles = _quantiles(degrees)
+        quantiles = student_halfwidths(degrees)
         found = scale[rows] * np.sqrt((noise.degrees[rows] + q) / degrees) * quantiles[:, 0]
         factor[rows] = np.exp(STEP * np.round(np.log(found) / STEP))
         halfwidths[rows] = quantiles / quantiles[:, :1]
     return factor, halfwidths
-
-
-def _quantiles(degrees: Floats) -> Floats:
-    """(n, 3) half-widths of the 68.3, 95.4 and 99.7 % intervals of Student's t of scale 1."""
-    return np.asarray(t.isf(norm.sf(GAUSSIAN), degrees[:, None]))

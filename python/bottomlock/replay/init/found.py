@@ -24,6 +24,13 @@ LEAST_EVEN, FEW, MOST_OFF_S = 50, 0.01, 1.1
 """Rows, part of them that does not rise, and greatest deviation from an even rate, s, of rows that count as even."""
 
 
+def _step(values: Floats | Integers) -> tuple[float, Floats]:
+    """Step from row to row by least squares, and how far each of the values (n,) is off even rows."""
+    row, since = np.arange(len(values)), values - values[0]
+    step, begin = np.polyfit(row, since, 1)
+    return float(step), np.asarray(since - begin - step * row)
+
+
 @dataclass(eq=False)
 class Times:
     """Times of a table's rows.
@@ -54,14 +61,12 @@ class Times:
             return
         if float((np.diff(self.time_ns) <= 0).mean()) <= FEW:
             return
-        row = np.arange(len(self.time_ns))
-        step_ns, begin_ns = np.polyfit(row, self.time_ns - self.time_ns[0], 1)
-        off_s = (self.time_ns - self.time_ns[0] - begin_ns - step_ns * row) * 1e-9
-        within_s = float(np.abs(off_s - np.median(off_s)).max())
+        step_ns, off_ns = _step(self.time_ns)
+        within_s = float(np.abs(off_ns - np.median(off_ns)).max()) * 1e-9
         if step_ns <= 0.0 or within_s > MOST_OFF_S:
             return
         self.rate_hz, self.within_s = float(f"{1e9 / step_ns:.8g}"), float(f"{1.2 * within_s:.2g}")
-        even = np.round(row * (1e9 / self.rate_hz)).astype(np.int64)
+        even = np.round(np.arange(len(self.time_ns)) * (1e9 / self.rate_hz)).astype(np.int64)
         self.time_ns = even + int(np.median(self.time_ns - even))
         self.why += (
             f"; the stamps are coarse or jitter by up to {within_s:.2g} s, "
@@ -266,9 +271,7 @@ def _counts(value: Floats) -> bool:
     """
     if float((np.diff(value) > 0.0).mean()) > 1.0 - FEW:
         return True
-    row = np.arange(len(value))
-    step, begin = np.polyfit(row, value - value[0], 1)
-    off = value - value[0] - begin - step * row
+    step, off = _step(value)
     return bool(step > 0.0 and np.abs(off).max() < 0.01 * step * len(value))
 
 
