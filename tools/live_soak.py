@@ -118,7 +118,7 @@ class _Soak:
         )
         live = self._live(server.sockets[0].getsockname()[1], imu_port, hearing)
         tasks = [loop.create_task(one) for one in (live.run(), serve_page(live, self._say))]
-        await asyncio.sleep(0.5)
+        await self._opened()
         tasks += [loop.create_task(one) for one in (self._samples(), self._reader())]
         await self._play(clients, imu)
         self.faults += [f"a task ended: {task!r}" for task in tasks if task.done()]
@@ -134,6 +134,12 @@ class _Soak:
             self.faults.append(f"{live.faults} internal errors")
         if left := len(asyncio.all_tasks()) - 1:
             self.faults.append(f"{left} tasks left behind")
+
+    async def _opened(self) -> None:
+        """The page's address is looked up beside the loop, whose time may run ahead of it."""
+        until_s = time.monotonic() + 10.0
+        while not self.page and time.monotonic() < until_s:
+            await asyncio.sleep(0.5)
 
     def _live(self, dvl_port: int, imu_port: int, hearing: asyncio.DatagramTransport) -> Live:
         settings = config(
