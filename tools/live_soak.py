@@ -99,10 +99,12 @@ class _Soak:
     memory: list[float] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     page: str = ""
+    told_page: asyncio.Event = field(default_factory=asyncio.Event)
 
     def _say(self, words: str) -> None:
         if words.startswith("health page "):
             self.page = words.removeprefix("health page ")
+            self.told_page.set()
         self.words[words.partition(":")[0].partition("/")[0]] += 1
 
     async def run(self) -> None:
@@ -118,7 +120,8 @@ class _Soak:
         )
         live = self._live(server.sockets[0].getsockname()[1], imu_port, hearing)
         tasks = [loop.create_task(one) for one in (live.run(), serve_page(live, self._say))]
-        await self._opened()
+        # The page's address is looked up beside the loop, whose time may run ahead of it.
+        await asyncio.wait({tasks[-1], loop.create_task(self.told_page.wait())}, return_when="FIRST_COMPLETED")
         tasks += [loop.create_task(one) for one in (self._samples(), self._reader())]
         await self._play(clients, imu)
         self.faults += [f"a task ended: {task!r}" for task in tasks if task.done()]
@@ -134,12 +137,6 @@ class _Soak:
             self.faults.append(f"{live.faults} internal errors")
         if left := len(asyncio.all_tasks()) - 1:
             self.faults.append(f"{left} tasks left behind")
-
-    async def _opened(self) -> None:
-        """The page's address is looked up beside the loop, whose time may run ahead of it."""
-        until_s = time.monotonic() + 10.0
-        while not self.page and time.monotonic() < until_s:
-            await asyncio.sleep(0.5)
 
     def _live(self, dvl_port: int, imu_port: int, hearing: asyncio.DatagramTransport) -> Live:
         settings = config(

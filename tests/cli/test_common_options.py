@@ -12,7 +12,7 @@ import pytest
 
 from bottomlock.campaign.estimate import SAMPLE_BYTES, estimate
 from bottomlock.cli import campaign, console
-from bottomlock.cli.app import COMMANDS, app
+from bottomlock.cli.app import COMMANDS, JOBS, app
 from bottomlock.cli.examples import EXAMPLES
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import EXIT_INTERRUPTED
@@ -61,6 +61,26 @@ def test_every_help_names_its_arguments(words: tuple[str, ...]) -> None:
     assert '[default: ""]' not in shown
     arguments = re.findall(r"^│ (?:\* )? *([A-Z]+) ", shown, re.MULTILINE)
     assert [name for name in arguments if name not in usage] == []
+
+
+@pytest.mark.parametrize("name", [*COMMANDS, *(f"bench {name}" for name in BENCH)])
+def test_where_a_result_goes_is_named_alike(name: str) -> None:
+    """--out has its short form wherever it stands, and nothing else names a place to write to."""
+    shown = command(*name.split(), "--help").stdout
+    named = re.findall(r"^│ (?:\* )? *(?:[A-Z]+ )?(--(?:out|to)\b.*)", shown, re.MULTILINE)
+    assert [words for words in named if not re.match(r"--out (?:--to )?-o ", words)] == []
+
+
+def test_commands_stand_by_job() -> None:
+    """Every command once, under the heading of its job."""
+    shown = command("--help").stdout
+    places = [shown.index(f" {job} ──") for job in JOBS]
+    assert places == sorted(places)
+    for job, commands in JOBS.items():
+        panel = shown[shown.index(f" {job} ──") :]
+        panel = panel[: panel.index("╰")]
+        assert [name for name in commands if not re.search(rf"^│ {name} ", panel, re.MULTILINE)] == []
+    assert sum(map(len, JOBS.values())) == len(COMMANDS)
 
 
 @pytest.mark.parametrize("name", ["run", "consistency", "masks"])

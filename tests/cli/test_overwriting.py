@@ -53,10 +53,10 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 FIX = ("fix", "a.parquet", "--geometry", "x_janus_20", "--method", "lc", "--out")
-SCORE = ("score", "a.parquet", "--geometry", "x_janus_20", "--out")
+LEAVE_OUT = ("fix", "a.parquet", "--geometry", "x_janus_20", "--leave-out", "1", "--out")
 
 
-@pytest.mark.parametrize("words", [FIX, SCORE], ids=["fix", "score"])
+@pytest.mark.parametrize("words", [FIX, LEAVE_OUT], ids=["fix", "leave_out"])
 def test_a_file_is_replaced_with_force_alone(here: Path, words: tuple[str, ...]) -> None:
     (here / "f.parquet").write_bytes(b"years of work")
     done = command(*words, "f.parquet", cwd=here)
@@ -88,7 +88,7 @@ def _by_hard_link(here: Path) -> str:
 
 
 @pytest.mark.parametrize("name", [_itself, _by_another_path, _by_link, _by_hard_link])
-@pytest.mark.parametrize("words", [FIX, SCORE], ids=["fix", "score"])
+@pytest.mark.parametrize("words", [FIX, LEAVE_OUT], ids=["fix", "leave_out"])
 def test_the_log_is_never_written_over(
     here: Path, words: tuple[str, ...], name: Callable[[Path], str]
 ) -> None:
@@ -154,7 +154,7 @@ def test_a_log_in_json_needs_a_table_of_another_name(here: Path) -> None:
     assert done.returncode == 2
     assert done.stderr == (
         "bottomlock: dive.json: is the log, and the account of dive.parquet has the same name; choose another name for "
-        "--to, such as dive_beams.parquet\n"
+        "--out, such as dive_beams.parquet\n"
     )
 
 

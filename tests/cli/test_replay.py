@@ -1,4 +1,4 @@
-"""`bottomlock replay` and `bottomlock score` as a new user runs them: the worked example, and mistakes."""
+"""`bottomlock replay` and `bottomlock fix --leave-out` as a new user runs them: the worked example, and mistakes."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_score_of_a_beam_table(tmp_path: Path) -> None:
         f"beam{k + 1}_valid": [True] * 200 for k in range(4)
     }
     pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
-    arguments = ("score", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", "--leave-out", "2")
+    arguments = ("fix", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", "--leave-out", "2")
     done = command(*arguments, "--out", str(tmp_path / "scores.parquet"))
     assert done.returncode == 0, done.stderr
     assert "2 of 4 beams left out of" in done.stdout
@@ -162,7 +162,8 @@ def test_score_with_and_without_measured_noise(tmp_path: Path) -> None:
         f"beam{k + 1}_valid": [True] * 2000 for k in range(4)
     }
     pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
-    arguments = ("score", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", "--closure-gate", "0")
+    log = str(tmp_path / "beams.parquet")
+    arguments = ("fix", log, "--geometry", "x_janus_20", "--leave-out", "1", "--closure-gate", "0")
     out = tmp_path / "scores.parquet"
     covered = []
     for switch in ("--robust", "--no-robust"):
@@ -173,3 +174,27 @@ def test_score_with_and_without_measured_noise(tmp_path: Path) -> None:
         covered.append(float(lc["covered_1sigma"].mean()))  # type: ignore[arg-type]
     assert covered[0] == pytest.approx(0.683, abs=0.03)
     assert covered[1] == pytest.approx(0.383, abs=0.03)  # one claimed sigma is half a true one
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ((), "expected --method, or --leave-out"),
+        (("--method", "lc"), "expected --out, or --leave-out"),
+        (("--method", "lc", "--leave-out", "1"), "--method and --leave-out: every method is scored"),
+        (("--leave-out", "1", "--closure-gate", "nan"), "--closure-gate is nan, expected 0 or more"),
+        (
+            ("--leave-out", "1", "--walk-mps-per-rt-s", "0"),
+            "--walk-mps-per-rt-s is 0.0, expected more than 0",
+        ),
+    ],
+)
+def test_fix_says_what_is_missing(tmp_path: Path, words: tuple[str, ...], expected: str) -> None:
+    columns: dict[str, Any] = {"time_ns": np.arange(20) * 10**9}
+    columns |= {f"beam{k + 1}_mps": np.ones(20) for k in range(4)} | {
+        f"beam{k + 1}_valid": [True] * 20 for k in range(4)
+    }
+    pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
+    done = command("fix", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", *words)
+    assert done.returncode == 2
+    assert expected in done.stderr

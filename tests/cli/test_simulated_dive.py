@@ -85,7 +85,7 @@ def test_the_geometry_that_is_written_is_the_scenarios(dvl: dict[str, object], t
     ("kind", "model"), [("scenario", Scenario), ("case", Case), ("geometry", InstrumentFile)]
 )
 def test_schema_of_a_file(kind: str, model: type[Scenario]) -> None:
-    done = command("schema", kind)
+    done = command("keys", kind, "--schema")
     assert done.returncode == 0, done.stderr
     schema = json.loads(done.stdout)
     assert set(schema["properties"]) == set(model.model_fields)
@@ -93,6 +93,12 @@ def test_schema_of_a_file(kind: str, model: type[Scenario]) -> None:
 
 
 def test_an_unknown_schema_is_refused() -> None:
-    done = command("schema", "ship")
+    done = command("keys", "ship", "--schema")
     assert done.returncode == 2
     assert '"scenario", "case", "geometry"' in done.stderr
+
+
+def test_a_schema_is_that_of_a_whole_file() -> None:
+    done = command("keys", "scenario", "gyro", "--schema")
+    assert done.returncode == 2
+    assert "'gyro' beside --schema: a schema is that of the whole file" in done.stderr

@@ -7,51 +7,75 @@ import traceback
 from typing import NoReturn
 
 import cyclopts
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 
 from bottomlock.cli.common import peak_memory_mb, split_common
 from bottomlock.cli.console import EXIT_USAGE, errors, help_console, prepare_consoles
 from bottomlock.cli.examples import epilogue
 from bottomlock.errors import BottomlockError
 
-COMMANDS = {
-    "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
-    "compare": ("compare", "Lay campaigns or variants side by side: table, differences, page."),
-    "merge": ("campaign", "Join the shards of a campaign and print its table."),
-    "fly": ("simulate", "Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure."),
-    "simulate-dvl": (
-        "simulate_dvl",
-        "Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.",
-    ),
-    "schema": (
-        "schema",
-        "Print the JSON schema of a scenario, case, geometry, vehicle, column map or live file.",
-    ),
-    "keys": ("keys", "Print every key of a scenario, case, geometry, vehicle, column map or live file."),
-    "scenarios": ("scenarios", "List the packaged scenarios, or copy one."),
-    "fix": ("fix", "Solve recorded pings for velocity fixes with covariance."),
-    "reproduce": ("report", "Reproduce the 2017 paper: run its study, test its claims, write the report."),
-    "report": ("report", "Write report.html and figures from the tables of a campaign or a replay."),
-    "masks": ("masks", "Run every set of returning beams, dropouts and a slope."),
-    "consistency": ("consistency", "Test the consistency of NEES and NIS for every method and set of beams."),
-    "sensor-law": ("sensor_law", "Test whether a further sensor makes an estimate worse."),
-    "replay": ("replay", "Navigate a recorded dive again, also with fewer beams."),
-    "tune": ("tune", "Find the noise of a recorded dive from the recording itself, without a reference."),
-    "score": ("replay", "Leave beams out of recorded pings and measure the error of each method."),
-    "audit": ("audit", "Audit a DVL log: beam directions, order, signs, defects, mounting."),
-    "bench": ("bench", "PartialDVL-Bench: make missions, run methods, check and score submissions."),
-    "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
-    "convert": ("convert", "Convert a recorded DVL log to a beam table."),
-    "geometries": ("geometries", "List the packaged DVL geometries, with a picture of the beams."),
-    "grades": (
-        "grades",
-        "List the packaged grades of IMUs and attitude references and the motion of vehicles, with their sources.",
-    ),
-    "live": ("live", "Navigate live: from DVL, IMU and depth to the ports of an autopilot."),
-    "completion": ("completion", "Print the completion of the command for a shell."),
-    "live-demo": ("live_demo", "Show live navigation without hardware: instruments, live, MAVLink listener."),
+JOBS = {
+    "Recorded logs": {
+        "audit": ("audit", "Audit a DVL log: beam directions, order, signs, defects, mounting."),
+        "convert": ("convert", "Convert a recorded DVL log to a beam table."),
+        "fix": (
+            "fix",
+            "Solve recorded pings for velocity fixes with covariance, or score the methods on them.",
+        ),
+        "replay": ("replay", "Navigate a recorded dive again, also with fewer beams."),
+        "tune": ("tune", "Find the noise of a recorded dive from the recording itself, without a reference."),
+    },
+    "Live": {
+        "live": ("live", "Navigate live: from DVL, IMU and depth to the ports of an autopilot."),
+        "live-demo": (
+            "live_demo",
+            "Show live navigation without hardware: instruments, live, MAVLink listener.",
+        ),
+        "simulate-dvl": (
+            "simulate_dvl",
+            "Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.",
+        ),
+    },
+    "Simulation": {
+        "compare": ("compare", "Lay campaigns or variants side by side: table, differences, page."),
+        "fly": (
+            "simulate",
+            "Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure.",
+        ),
+        "merge": ("campaign", "Join the shards of a campaign and print its table."),
+        "report": ("report", "Write report.html and figures from the tables of a campaign or a replay."),
+        "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
+    },
+    "Studies": {
+        "bench": ("bench", "PartialDVL-Bench: make missions, run methods, check and score submissions."),
+        "consistency": (
+            "consistency",
+            "Test the consistency of NEES and NIS for every method and set of beams.",
+        ),
+        "masks": ("masks", "Run every set of returning beams, dropouts and a slope."),
+        "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
+        "reproduce": (
+            "report",
+            "Reproduce the 2017 paper: run its study, test its claims, write the report.",
+        ),
+        "sensor-law": ("sensor_law", "Test whether a further sensor makes an estimate worse."),
+    },
+    "Look up": {
+        "completion": ("completion", "Print the completion of the command for a shell."),
+        "geometries": ("geometries", "List the packaged DVL geometries, with a picture of the beams."),
+        "grades": (
+            "grades",
+            "List the packaged grades of IMUs and attitude references and the motion of vehicles, with their sources.",
+        ),
+        "keys": (
+            "keys",
+            "Print every key of a scenario, case, geometry, vehicle, column map or live file, or its JSON schema.",
+        ),
+        "scenarios": ("scenarios", "List the packaged scenarios, or copy one."),
+    },
 }
-"""Module of `bottomlock.cli` and help line of each command."""
+"""By job, in the order of the help: module of `bottomlock.cli` and help line of each command."""
+COMMANDS = {name: words for commands in JOBS.values() for name, words in commands.items()}
 GROUPS = frozenset({"bench"})
 USAGE = {
     "run": "--out PATH [OPTIONS] SCENARIO...",
@@ -86,15 +110,22 @@ app = App(
     version_flags=["--version", "-V"],
     console=help_console,
 )
-for _name, (_module, _help) in COMMANDS.items():
-    app.command(
-        f"bottomlock.cli.{_module}:{_name.replace('-', '_')}",
-        name=_name,
-        help=_help,
-        # A command with commands of its own brings its examples along.
-        **({} if _name in GROUPS else {"help_epilogue": epilogue(_name)}),
-        **({"usage": f"Usage: bottomlock {_name} {USAGE[_name]}"} if _name in USAGE else {}),
-    )
+for _job, _commands in JOBS.items():
+    _group = Group.create_ordered(_job)
+    for _name, (_module, _help) in _commands.items():
+        app.command(
+            f"bottomlock.cli.{_module}:{_name.replace('-', '_')}",
+            name=_name,
+            group=_group,
+            help=_help,
+            # A command with commands of its own brings its examples along.
+            **({} if _name in GROUPS else {"help_epilogue": epilogue(_name)}),
+            **({"usage": f"Usage: bottomlock {_name} {USAGE[_name]}"} if _name in USAGE else {}),
+        )
+
+
+for _flag in ("--help", "--version"):
+    app[_flag].group = _group
 
 
 def _fail(message: str) -> NoReturn:

@@ -130,7 +130,11 @@ def _variants(
 
 
 def merge(
-    out: Path, *shards: Path, json: Json = False, force: ForceCampaign = False, recover: Recover = False
+    out: Annotated[Path, Parameter(alias="-o")],
+    *shards: Path,
+    json: Json = False,
+    force: ForceCampaign = False,
+    recover: Recover = False,
 ) -> None:
     """Join the shards of a campaign and print its table.
 

@@ -35,11 +35,12 @@ BAR_FROM_BYTES = 50_000_000
 def convert(
     file: Path,
     *,
-    to: Annotated[
+    out: Annotated[
         Path,
         Parameter(
+            alias=("-o", "--to"),
             help="Parquet file for the beam table; an account of the conversion goes beside it as JSON. With --init "
-            "the column map to write."
+            "the column map to write.",
         ),
     ],
     init: Annotated[
@@ -89,16 +90,16 @@ def convert(
         The log: a file, or the folder of a ROS 2 bag.
     """
     if init:
-        write_map(file, to, force=force)
+        write_map(file, out, force=force)
         console.print(
-            f"wrote {to}; now: bottomlock convert {file} --to beams.parquet --columns {to}", soft_wrap=True
+            f"wrote {out}; now: bottomlock convert {file} --out beams.parquet --columns {out}", soft_wrap=True
         )
         return
-    if to.suffix.lower() != ".parquet":
-        raise OutputError(f"{to}: expected a name that ends in .parquet")
-    _check_account(file, to)
+    if out.suffix.lower() != ".parquet":
+        raise OutputError(f"{out}: expected a name that ends in .parquet")
+    _check_account(file, out)
     inputs = [file, *(file.iterdir() if file.is_dir() else ()), *([] if columns is None else [columns])]
-    check_free(to, sidecar(to), inputs=inputs, force=force)
+    check_free(out, sidecar(out), inputs=inputs, force=force)
     options = Options(
         instrument_only=instrument_only,
         keep_stale=keep_stale,
@@ -110,9 +111,9 @@ def convert(
     )
     with _bar(file):
         recording = read_recording(file, format=format, options=options)
-    write_recording(recording, to, source=file)
+    write_recording(recording, out, source=file)
     print_recording(recording)
-    console.print(f"wrote {to} and {sidecar(to).name}", soft_wrap=True, highlight=False)
+    console.print(f"wrote {out} and {sidecar(out).name}", soft_wrap=True, highlight=False)
     missing = _nothing_valid(recording.table)
     if missing:
         errors.print(
@@ -122,12 +123,12 @@ def convert(
         sys.exit(EXIT_NOTHING_VALID)
 
 
-def _check_account(file: Path, to: Path) -> None:
+def _check_account(file: Path, out: Path) -> None:
     """Says why a log in JSON needs a table of another name."""
-    if sidecar(to).exists() and file.exists() and sidecar(to).samefile(file):
+    if sidecar(out).exists() and file.exists() and sidecar(out).samefile(file):
         raise OutputError(
-            f"{sidecar(to)}: is the log, and the account of {to.name} has the same name; choose another name for --to, "
-            f"such as {to.stem}_beams.parquet"
+            f"{sidecar(out)}: is the log, and the account of {out.name} has the same name; choose another name "
+            f"for --out, such as {out.stem}_beams.parquet"
         )
 
 

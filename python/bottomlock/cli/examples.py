@@ -13,10 +13,12 @@ EXAMPLES = {
     "merge": ("merge out/whole out/part1 out/part2",),
     "fly": ("fly straight -o out/path",),
     "simulate-dvl": ("simulate-dvl survey --dvl tcpin:127.0.0.1:16171",),
-    "schema": ("schema scenario",),
-    "keys": ("keys scenario gyro", "keys case --json"),
+    "keys": ("keys scenario gyro", "keys case --json", "keys scenario --schema"),
     "scenarios": ("scenarios", "scenarios --copy straight --to mine.toml"),
-    "fix": ("fix beams.parquet --geometry waterlinked_a50 --method lc -o fixes.parquet",),
+    "fix": (
+        "fix beams.parquet --geometry waterlinked_a50 --method lc -o fixes.parquet",
+        "fix beams.parquet --geometry waterlinked_a50 --leave-out 1",
+    ),
     "reproduce": ("reproduce -o out/paper -n 50",),
     "report": ("report out/first",),
     "masks": ("masks straight -o out/masks -n 50",),
@@ -24,7 +26,6 @@ EXAMPLES = {
     "sensor-law": ("sensor-law -o out/law",),
     "replay": ("replay case.toml -o out/dive",),
     "tune": ("tune case.toml", "tune case.toml -o tuned.toml --fraction 0.4"),
-    "score": ("score beams.parquet --geometry waterlinked_a50",),
     "audit": ("audit beams.parquet -o out/audit --geometry waterlinked_a50",),
     "bench": (
         "bench make -o missions",

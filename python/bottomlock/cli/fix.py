@@ -1,4 +1,4 @@
-"""The command `bottomlock fix`: velocity fixes from recorded pings."""
+"""The command `bottomlock fix`: velocity fixes from recorded pings, and their errors where beams are left out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,12 +14,14 @@ from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
+from bottomlock.cli.left_out import score
 from bottomlock.cli.parameters import Robust
-from bottomlock.errors import DataError, OutputError
+from bottomlock.errors import DataError, OutputError, ScenarioError
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.io.formats import converted_first
 from bottomlock.kernel import FIX_METHODS, FixMethod, fix_method, solve_velocity
 from bottomlock.overwriting import check_free
+from bottomlock.replay.leave_out import VelocityWalk
 from bottomlock.replay.robust_fix import RobustFixes, solve_robust
 
 
@@ -27,26 +29,77 @@ def fix(
     log: Path,
     *,
     geometry: Annotated[str, Parameter(help="Packaged geometry or TOML file of the DVL.")],
-    method: Annotated[str, Parameter(help=f"Method: {', '.join(FIX_METHODS)}.")],
-    out: Annotated[Path, Parameter(alias="-o", help="Parquet file for the fixes.")],
+    method: Annotated[
+        str | None, Parameter(help=f"Method: {', '.join(FIX_METHODS)}. With --leave-out each.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            alias="-o", help="Parquet file for the fixes. With --leave-out for the errors, per set of beams."
+        ),
+    ] = None,
     robust: Robust = True,
+    leave_out: Annotated[
+        int | None,
+        Parameter(help="Leave so many beams out of complete pings, and print the error of each method."),
+    ] = None,
+    walk_mps_per_rt_s: Annotated[
+        float,
+        Parameter(
+            help="Random walk of the velocity, m/s/√s, for methods that need a prior; with --leave-out."
+        ),
+    ] = 0.1,
+    closure_gate: Annotated[
+        float,
+        Parameter(
+            help="Largest closure of a reference ping, in robust standard deviations, 0 to keep all pings; "
+            "with --leave-out."
+        ),
+    ] = 3.0,
     force: Force = False,
 ) -> None:
-    """Solve recorded pings for velocity fixes with covariance.
+    """Solve recorded pings for velocity fixes with covariance, or score the methods on them.
 
     Parameters
     ----------
     log
-        CSV or Parquet with the columns time_ns, beam1_mps ..., beam1_valid ...; the geometry file may map other names.
+        Beam table of `bottomlock convert`, or CSV or Parquet with the columns time_ns, beam1_mps ..., beam1_valid ...;
+        the geometry file may map other names.
     """
-    if out.suffix.lower() != ".parquet":
-        raise OutputError(f"{out}: expected a name that ends in .parquet")
-    check_free(out, inputs=(log, Path(geometry)), force=force)
+    if out is not None:
+        if out.suffix.lower() != ".parquet":
+            raise OutputError(f"{out}: expected a name that ends in .parquet")
+        check_free(out, inputs=(log, Path(geometry)), force=force)
     instrument = read_geometry(geometry)
     with converted_first(log, instrument.columns.time):
         pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
+    if leave_out is not None:
+        if method is not None:
+            raise ScenarioError("--method and --leave-out: every method is scored; give one of the two")
+        walk = VelocityWalk(walk_mps_rts=walk_mps_per_rt_s)
+        score(
+            log.name,
+            instrument,
+            pings,
+            beams=leave_out,
+            walk=walk,
+            closure_gate=closure_gate,
+            robust=robust,
+            out=out,
+        )
+        return
+    if method is None or out is None:
+        missing = "--out" if method else "--method"
+        raise ScenarioError(f"expected {missing}, or --leave-out for the errors of every method")
     _require_lock(pings, str(log))
-    frame, solved = _solve(instrument, pings, fix_method(method), robust=robust)
+    _fix(log, instrument, pings, fix_method(method), out, robust=robust)
+
+
+def _fix(
+    log: Path, instrument: Instrument, pings: Pings, method: FixMethod, out: Path, *, robust: bool
+) -> None:
+    """Solves the pings, writes them and prints what they are."""
+    frame, solved = _solve(instrument, pings, method, robust=robust)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(
             f"{log}: method '{method}' needs the columns prior_surge_mps, prior_sway_mps, prior_heave_mps and "

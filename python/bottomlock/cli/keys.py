@@ -1,15 +1,16 @@
-"""The command `bottomlock keys`: every key of the files that a user writes."""
+"""The command `bottomlock keys`: every key of the files that a user writes, and their JSON schemas."""
 
 import dataclasses
 import json
 import sys
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 from pydantic import BaseModel
 
 from bottomlock.cli.console import console
-from bottomlock.config.key_reference import Key, KeySection, sections_of
+from bottomlock.config.key_reference import Key, KeySection, section_models, section_paths, sections_of
+from bottomlock.config.meaning import meaning_of
 from bottomlock.config.mission_sections import MISSIONS, SEABEDS
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
@@ -39,11 +40,26 @@ def keys(
     /,
     *,
     as_json: Annotated[bool, Parameter(name="--json", negative="", help="Print JSON.")] = False,
+    schema: Annotated[
+        bool,
+        Parameter(
+            negative="", help="Print the JSON schema by which an editor completes and checks the file."
+        ),
+    ] = False,
 ) -> None:
-    """Print every key of a scenario, case, geometry, vehicle, column map or live file.
+    """Print every key of a scenario, case, geometry, vehicle, column map or live file, or its JSON schema.
 
     The same is in docs/keys.md.
     """
+    if schema:
+        if word:
+            raise ScenarioError(
+                f"'{word}' beside --schema: a schema is that of the whole file; leave one of them out"
+            )
+        dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+        text = json.dumps(dialect | _described(MODELS[kind]), indent=2, ensure_ascii=False)
+        sys.stdout.write(f"{text}\n")
+        return
     found = matching(reference(kind), word)
     if not found:
         names = {part for one in reference(kind) for part in (one.path, *(key.name for key in one.keys))}
@@ -124,3 +140,15 @@ def summary(key: Key) -> str:
     span = f", {key.range}" if key.range not in {"", "any", "finite"} else ""
     default = key.default if key.default == "required" else f"default {key.default}"
     return f"{key.type}{unit}{span}; {default}"
+
+
+def _described(model: type[BaseModel]) -> dict[str, Any]:
+    """The schema of a model, each key with its meaning."""
+    content = model.model_json_schema()
+    for _, section in section_paths(model):
+        found = content if section is model else content.get("$defs", {}).get(section.__name__, {})
+        for name, entry in found.get("properties", {}).items():
+            # The definition of a section has its own words.
+            if not section_models(section.model_fields[name].annotation):
+                entry["description"] = meaning_of(section, name).text
+    return content

@@ -1,36 +1,28 @@
-"""The commands `bottomlock replay` and `bottomlock score`: recorded dives with all their beams and with fewer."""
+"""The command `bottomlock replay`: recorded dives with all their beams and with fewer."""
 
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import polars as pl
 from cyclopts import Parameter
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 from rich.text import Text
 
-from bottomlock.atomic_write import write_parquet
-from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console, errors, late_bar, narrow_table
-from bottomlock.cli.force import Force
-from bottomlock.cli.parameters import Robust, Threads, check_threads, split
+from bottomlock.cli.parameters import Threads, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
-from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
 from bottomlock.overwriting import check_free
 from bottomlock.pages.numbers import number
-from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
 from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.replay.init.make import Made, make_case
-from bottomlock.replay.leave_out import VelocityWalk, over_sets
-from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
 from bottomlock.replay.tune.passes import horizons_of
@@ -38,13 +30,6 @@ from bottomlock.statistics.replay import summary_table, track_table
 
 FIRST_PART = 0.5
 """Part of a recording that is tuned on, the command's own default."""
-SCORED = (
-    "error_median_mps",
-    "error_p95_mps",
-    "sd_median_mps",
-    "normalised_robust",
-)
-"""Columns of a score that the terminal shows."""
 
 
 def replay(
@@ -172,106 +157,6 @@ def _tune(made: Made, *, threads: int, force: bool) -> None:
         tune_command(made.case, threads=threads, force=force)
     except BottomlockError as error:
         console.print(f"not tuned: {error}", highlight=False, soft_wrap=True)
-
-
-def score(
-    log: Path,
-    *,
-    geometry: Annotated[str, Parameter(help="Packaged geometry or TOML file of the DVL.")],
-    leave_out: Annotated[int, Parameter(help="Number of beams left out at a time.")] = 1,
-    out: Annotated[
-        Path | None, Parameter(alias="-o", help="Parquet file for the errors, per set of beams.")
-    ] = None,
-    walk_mps_per_rt_s: Annotated[
-        float, Parameter(help="Random walk of the velocity, m/s/√s, for methods that need a prior.")
-    ] = 0.1,
-    closure_gate: Annotated[
-        float,
-        Parameter(
-            help="Largest closure of a reference ping, in robust standard deviations; 0 to keep all pings."
-        ),
-    ] = 3.0,
-    robust: Robust = True,
-    force: Force = False,
-) -> None:
-    """Leave beams out of recorded pings and measure the error of each method.
-
-    The reference is a ping with all of its beams.
-
-    Parameters
-    ----------
-    log
-        Beam table of `bottomlock convert`, or CSV or Parquet as the geometry file maps it.
-    """
-    if out is not None and out.suffix.lower() != ".parquet":
-        raise OutputError(f"{out}: expected a name that ends in .parquet")
-    if out is not None:
-        check_free(out, inputs=(log, Path(geometry)), force=force)
-    if not (np.isfinite(walk_mps_per_rt_s) and walk_mps_per_rt_s > 0.0):
-        raise ScenarioError(f"--walk-mps-per-rt-s is {walk_mps_per_rt_s}, expected more than 0 m/s/√s")
-    if not closure_gate >= 0.0:
-        raise ScenarioError(f"--closure-gate is {closure_gate}, expected 0 or more")
-    instrument = read_geometry(geometry)
-    pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
-    scores = leave_beams_out(
-        instrument.geometry,
-        pings.time_ns,
-        pings.velocity_mps,
-        pings.valid,
-        instrument.beam_sd_mps,
-        beams=leave_out,
-        walk=VelocityWalk(walk_mps_rts=walk_mps_per_rt_s),
-        closure_gate=closure_gate or None,
-        robust=robust,
-        instrument_valid=pings.instrument_valid,
-    )
-    title = (
-        f"{log.name}: {leave_out} of {instrument.geometry.beams} beams left out of {scores['pings'][0]} pings"
-    )
-    console.print(_scores_table(scores, title))
-    console.print(
-        "m/s; medians over the sets of beams that a method solves. surge, sway, heave: error against least squares of "
-        "all beams; beam: against the reading of the beam left out. error/σ: 1.4826 × median of error over claimed σ, "
-        "1 for a consistent method with Gaussian noise. covered %: errors within the 1, 2 and 3 sigma intervals, "
-        "expected 68/95/99.7."
-    )
-    if closure_gate:
-        console.print(
-            "Pings with an outlying closure are not scored, which raises the coverage; --closure-gate 0 scores all."
-        )
-    if robust:
-        noise = measure_noise(
-            instrument.geometry,
-            pings.velocity_mps,
-            pings.valid,
-            instrument.beam_sd_mps,
-            pings.instrument_valid,
-        )
-        print_noise(noise, instrument.beam_sd_mps)
-    if out is not None:
-        write_parquet(out, scores)
-        console.print(f"wrote {out}")
-
-
-def _scores_table(scores: pl.DataFrame, title: str) -> Table:
-    """A row per method and component."""
-    table = narrow_table(
-        title,
-        ["method", "component"],
-        ["sets", "median", "p95", "σ", "error/σ", "covered %"],
-    )
-    for row in over_sets(scores).iter_rows(named=True):
-        numbers = (number(row[name]) for name in SCORED)
-        table.add_row(
-            row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}", *numbers, _coverage(row)
-        )
-    return table
-
-
-def _coverage(row: dict[str, Any]) -> str:
-    """Coverage of the 1, 2 and 3 sigma intervals, percent."""
-    parts = [row[f"covered_{k}sigma"] for k in (1, 2, 3)]
-    return "-" if None in parts else "/".join(f"{100.0 * part:.0f}" for part in parts)
 
 
 _COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}

@@ -16,15 +16,16 @@ from bottomlock.config.scenario import copy_scenario, packaged_scenarios
 def scenarios(
     *,
     copy: Annotated[str | None, Parameter(help="Name of a packaged scenario to copy for editing.")] = None,
-    to: Annotated[
-        Path | None, Parameter(help="File to write; NAME.toml in this directory by default.")
+    out: Annotated[
+        Path | None,
+        Parameter(alias=("-o", "--to"), help="File to write; NAME.toml in this directory by default."),
     ] = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
     """List the packaged scenarios, or copy one."""
     if copy is not None:
-        file = copy_scenario(copy, to or Path(f"{copy}.toml"), force=force)
+        file = copy_scenario(copy, out or Path(f"{copy}.toml"), force=force)
         console.print(f"wrote {file}; edit it, then: bottomlock run {file} --out out", soft_wrap=True)
         return
     if json:
