@@ -1,17 +1,21 @@
 """Ctrl-C ends work in the kernel within half a second, and a command in one line."""
 
+import _thread
+import dataclasses
+import operator
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bottomlock import kernel
+from bottomlock import kernel, models
 from tests.analytic import batch_along
 
 MOST_S = 0.5
@@ -162,3 +166,11 @@ def test_an_interrupt_that_a_library_wraps_is_one(cause: str, code: int) -> None
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == code
     assert ("Traceback" in done.stderr) == (code == 1)
+
+
+def test_an_interrupt_while_settings_are_read_is_one() -> None:
+    """No bytecode runs between the signal and the call, so that the kernel is the first to see it."""
+    names = [field.name for field in dataclasses.fields(models.ImuModel)]
+    settings = dict.fromkeys(names, 1e-3)
+    with pytest.raises(KeyboardInterrupt):
+        list(map(operator.call, (_thread.interrupt_main, partial(kernel.check_settings, "imu", settings))))

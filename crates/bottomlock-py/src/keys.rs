@@ -136,8 +136,9 @@ impl<'py> Keys<'py> {
         let mut others = Vec::new();
         for key in self.dict.keys() {
             let text = match key.cast::<PyString>() {
-                Ok(text) => text.to_string(),
-                Err(_) => key.repr()?.to_string(),
+                // Not its Display: that answers signals, and shows an interrupt as another text.
+                Ok(text) => text.to_str()?.to_owned(),
+                Err(_) => key.repr()?.to_str()?.to_owned(),
             };
             if !asked.contains(&text) {
                 others.push(text);
