@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -170,7 +171,8 @@ def test_an_interrupt_that_a_library_wraps_is_one(cause: str, code: int) -> None
 
 def test_an_interrupt_while_settings_are_read_is_one() -> None:
     """No bytecode runs between the signal and the call, so that the kernel is the first to see it."""
+    call: Callable[[Callable[[], None]], None] = operator.call
     names = [field.name for field in dataclasses.fields(models.ImuModel)]
     settings = dict.fromkeys(names, 1e-3)
     with pytest.raises(KeyboardInterrupt):
-        list(map(operator.call, (_thread.interrupt_main, partial(kernel.check_settings, "imu", settings))))
+        list(map(call, (_thread.interrupt_main, partial(kernel.check_settings, "imu", settings))))

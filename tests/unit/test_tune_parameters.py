@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from bottomlock.errors import DataError
+from bottomlock.kernel import KernelError
+from bottomlock.models import Options
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
+from bottomlock.replay.streams import Floats
+from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.parameters import noise_of, value_of, with_values
-from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, dive, write_case
+from bottomlock.replay.tune.passes import Inputs, passes_of
+from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, dive, model, write_case
 
 WALK = "imu.errors.accel_bias_walk_mps2_per_rt_s"
 SLOW = 'aids = "{aids}"\nyaw_walk_sd_deg = 1.5\n'
@@ -66,3 +74,23 @@ def test_a_case_with_other_values(case_path: Path) -> None:
     assert value_of(case, ACCEL_KEY) != 0.7
     gyro = ACCEL_KEY.replace("accel", "gyro").replace("mps", "deg")
     assert value_of(other, gyro) == value_of(case, gyro)
+
+
+@pytest.mark.parametrize("is_central", [False, True])
+def test_an_edge_beside_the_best_values_is_named(is_central: bool) -> None:
+    """Where the kernel refuses the settings of a step, no derivative is made of the others."""
+    dived = dive(1, seconds=20.0)
+
+    def inputs(at: Floats) -> Inputs:
+        if (at[1] < -1e-12) if is_central else (at[1] > 1e-12):
+            raise KernelError("beyond the edge")
+        return Inputs(model(dived.noise), Options(gate="off", robust=None, imu_sampling="averaged"))
+
+    with ThreadPoolExecutor(1) as executor:
+        criterion = Criterion(
+            dived.geometry, dived.start, passes_of(dived.log, ()), inputs, np.zeros(2), np.ones(2), executor,
+            is_central=is_central,
+        )  # fmt: skip
+        best = criterion.candidates([np.zeros(2)])[0]
+        with pytest.raises(DataError, match=r"where parameter 2 of 2 is [+-]0\.\d+ from its best value"):
+            criterion.slopes(best)

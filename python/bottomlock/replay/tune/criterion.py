@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, KernelError
 from bottomlock.models import InitialState
 from bottomlock.replay.streams import Floats
@@ -112,13 +113,17 @@ class Criterion:
         return Candidate(at, groups, scored, value + 0.5 * float(apart @ apart))
 
     def slopes(self, at: Candidate) -> Slopes:
-        """The derivatives of the criterion at a candidate, by differences of the innovations."""
+        """The derivatives of the criterion at a candidate, by differences of the innovations.
+
+        Raises:
+            DataError: where the filter fails beside it.
+        """
         assert at.scores is not None
         steps = np.full(len(at.at), STEP) if self.steps is None else self.steps
-        ahead = self.candidates([at.at + step for step in np.diag(steps)])
+        ahead = self._beside(at, steps)
         groups = [one.groups for one in ahead]
         if self.is_central:
-            behind = self.candidates([at.at - step for step in np.diag(steps)])
+            behind = self._beside(at, -steps)
             gradients = [
                 (one.scores.value - other.scores.value) / (2.0 * step)
                 for one, other, step in zip(ahead, behind, steps, strict=True)
@@ -135,6 +140,17 @@ class Criterion:
         return Slopes(
             gradient, each.square, gradient.sum(axis=0) + precision * (at.at - self.prior), information
         )
+
+    def _beside(self, at: Candidate, steps: Floats) -> list[Candidate]:
+        """The candidates a step away in one parameter each."""
+        flown = self.candidates([at.at + step for step in np.diag(steps)])
+        for k, one in enumerate(flown, start=1):
+            if one.scores is None:
+                raise DataError(
+                    f"the filter ends in an error where parameter {k} of {len(flown)} is {steps[k - 1]:+g} from its "
+                    "best value, at the edge of what it takes: replay the case and mend it first"
+                )
+        return flown
 
 
 def definite(matrix: Floats) -> Floats:
