@@ -12,6 +12,7 @@ from bottomlock.encoders import framing
 from bottomlock.errors import DataError
 from bottomlock.io import cerulean, linkquest, nortek_ascii, pd6, waterlinked_json, waterlinked_serial
 from bottomlock.io.rows import Options
+from bottomlock.io.sentences import xor_of
 from tools import reader_seeds as seeds
 
 
@@ -177,6 +178,16 @@ def test_pnorbt_missing_line() -> None:
     assert recording.table.valid.tolist() == [[True] * 4, [True, False, True, True]]
     assert recording.account.skipped["bad checksum"].first == 6
     assert recording.account.flagged["beam line missing"].first == 5
+
+
+def test_pnorbt_of_two_lines_with_a_checksum_by_chance() -> None:
+    """The end of one line after the beginning of another passes for a sound one but for its time of too few digits."""
+    joined = b"$PNORBT0,2,040721,1313.0000,23.961,-48.122,0.19280,0.01,5.0,0x1F*1D\r\n"
+    assert xor_of(joined[1 : joined.index(b"*")]) == 0x1D
+    sound = joined.replace(b"1313.0000", b"131301.0000").replace(b"*1D", b"*1C")
+    recording = nortek_ascii.read(sound + joined, "log")
+    assert recording.table.rows == 1
+    assert recording.account.skipped["beam line with wrong fields"].first == 2
 
 
 def test_dvkfc_documented_example() -> None:

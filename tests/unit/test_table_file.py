@@ -112,6 +112,13 @@ def test_a_name_is_no_pattern(tmp_path: Path, name: str, suffix: str) -> None:
     assert read_table_file(tmp_path / f"{name}{suffix}")["a"].to_list() == ["1"]
 
 
+def test_names_of_columns_stay_on_their_line() -> None:
+    """Whatever a spreadsheet or a damaged file has in them."""
+    table = pl.DataFrame({"beam1\nmps": [1.0], "\x1b[2J": [2.0]})
+    with pytest.raises(DataError, match=r"^a: column 'time' is missing \(there are beam1\\x0amps, \\x1b\[2J\)$"):
+        column_numbers(table, "time", "a")
+
+
 def parquet(frame: pl.DataFrame) -> bytes:
     """Its bytes: the library writes no file of such a name."""
     content = io.BytesIO()

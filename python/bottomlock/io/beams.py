@@ -20,7 +20,7 @@ from bottomlock.config.calibration import StatedCalibration
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.io.columns import column_numbers, nanoseconds, number_series, read_rows
+from bottomlock.io.columns import column_names, column_numbers, nanoseconds, number_series, read_rows
 from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
 from bottomlock.later import pl
@@ -253,10 +253,10 @@ def times_as_they_stand(
         DataError: naming row and column, for a time that is missing or no number, and for steps below `least_ns`.
     """
     if columns.time not in table.columns and columns.time == Columns().time:
-        known = ", ".join(table.columns[:12])
         raise DataError(
-            f"{place}: column '{columns.time}' is missing (there are {known}); `bottomlock convert {place} --init --to "
-            "MAP.toml` writes a map of other names, with which `bottomlock convert` makes the table to be read here"
+            f"{place}: column '{columns.time}' is missing (there are {column_names(table)}); "
+            f"`bottomlock convert {place} --init --to MAP.toml` writes a map of other names, with which "
+            "`bottomlock convert` makes the table to be read here"
         )
     if columns.time_unit == "ns":
         series = number_series(table, columns.time, place, pl.Int64())
@@ -321,10 +321,10 @@ def beam_flags(
     if columns.lost_when_empty:
         return np.isfinite(velocity)
     if columns.valid is None and not any(name in table.columns for name in names):
-        known = ", ".join(table.columns[:12])
         raise DataError(
-            f"{place}: no column says which beams are valid, expected {', '.join(names)} (there are {known}); name "
-            "yours in the column map, valid = [...], or state lost_when_empty = true if a lost beam's cell is empty"
+            f"{place}: no column says which beams are valid, expected {', '.join(names)} (there are "
+            f"{column_names(table)}); name yours in the column map, valid = [...], or state "
+            "lost_when_empty = true if a lost beam's cell is empty"
         )
     return read_flags(table, names, place)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.converted import check_converted
+from bottomlock.io.sentences import printable
 from bottomlock.later import pl
 from bottomlock.table_file import read_table_file
 
@@ -43,9 +44,14 @@ def named_column(table: pl.DataFrame, name: str, place: str) -> pl.Series:
         DataError: for a missing column, listing the columns of the file.
     """
     if name not in table.columns:
-        known = ", ".join(table.columns[:_SHOWN]) + (", ..." if len(table.columns) > _SHOWN else "")
-        raise DataError(f"{place}: column '{name}' is missing (there are {known})")
+        raise DataError(f"{place}: column '{name}' is missing (there are {column_names(table)})")
     return table[name]
+
+
+def column_names(table: pl.DataFrame) -> str:
+    """The first names of a table's columns for one line of a message, whatever they hold."""
+    more = ", ..." if len(table.columns) > _SHOWN else ""
+    return printable(", ".join(table.columns[:_SHOWN])) + more
 
 
 def number_series(

@@ -61,8 +61,8 @@ def _untag(fields: Fields) -> tuple[Fields, Flags]:
 def _times(fields: Fields) -> tuple[Integers, Flags]:
     """MMDDYY and hhmmss.ssss as nanoseconds since 1970 (n,), and which are times."""
     raw, time, end = fields.lines.raw, fields.begin[:, _TIME], fields.end[:, _TIME]
-    digits = [raw.take(time + k, mode="clip").astype(np.int64) - ord("0") for k in range(4)]
-    good = (end - time > 4) & (fields.end[:, _DATE] - fields.begin[:, _DATE] == 6)
+    digits = [raw.take(time + k, mode="clip").astype(np.int64) - ord("0") for k in range(6)]
+    good = (end - time >= 6) & (fields.end[:, _DATE] - fields.begin[:, _DATE] == 6)
     for digit in digits:
         good &= (digit >= 0) & (digit <= 9)
     rest = Fields(fields.lines, np.minimum(time + 4, end)[:, None], end[:, None])

@@ -15,7 +15,7 @@ from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
 from bottomlock.io.beams import Columns, beam_flags, read_flags, read_times
-from bottomlock.io.columns import column_numbers
+from bottomlock.io.columns import column_names, column_numbers
 from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
 from bottomlock.later import pl
 from bottomlock.table_file import check_regular, read_table_file
@@ -120,10 +120,10 @@ def _beam_columns(
             f"{place}: columns.valid names {len(valid)} columns, expected {len(velocity)}, one per beam"
         )
     if not velocity and not options.instrument_only:
-        known = ", ".join(frame.columns[:12])
         raise DataError(
-            f"{place}: no beam velocities: no column 'beam1_mps', and no map that names others (there are {known}); "
-            "record the beams, or convert the instrument's own velocity, mapped as 'instrument', with --instrument-only"
+            f"{place}: no beam velocities: no column 'beam1_mps', and no map that names others (there are "
+            f"{column_names(frame)}); record the beams, or convert the instrument's own velocity, "
+            "mapped as 'instrument', with --instrument-only"
         )
     return velocity, valid
 

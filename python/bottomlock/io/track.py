@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
-from bottomlock.io.columns import NS_OF, column_numbers, read_rows
+from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows
 from bottomlock.io.track_points import Points, read_geojson, read_kml
 from bottomlock.later import pl
 from bottomlock.nearest import did_you_mean
@@ -96,13 +96,9 @@ def _named(table: pl.DataFrame, columns: Mapping[str, str], place: str) -> pl.Da
                 f"{', '.join(COLUMNS)}"
             )
         if theirs not in table.columns:
-            raise DataError(f"{place}: column '{theirs}' is missing (there are {_shown(table)})")
+            raise DataError(f"{place}: column '{theirs}' is missing (there are {column_names(table)})")
     free = table.drop([name for name in columns if name in table.columns and name not in columns.values()])
     return free.rename({theirs: name for name, theirs in columns.items()})
-
-
-def _shown(table: pl.DataFrame) -> str:
-    return ", ".join(table.columns[:12]) + (", ..." if len(table.columns) > 12 else "")
 
 
 def _of_table(table: pl.DataFrame, place: str) -> Track:
@@ -146,7 +142,7 @@ def _position(table: pl.DataFrame, place: str) -> tuple[Floats, tuple[float | No
             return _flat(latitude, longitude, place), (float(latitude[0]), float(longitude[0])), names
     raise DataError(
         f"{place}: no position, expected columns north_m and east_m, or latitude_deg and longitude_deg (there are "
-        f'{_shown(table)}); other names are given by the key columns, as in columns = {{ north_m = "x" }}'
+        f'{column_names(table)}); other names are given by the key columns, as in columns = {{ north_m = "x" }}'
     )
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from bottomlock.atomic_write import write_text
 from bottomlock.errors import DataError, OutputError
+from bottomlock.io.columns import column_names
 from bottomlock.overwriting import check_free
 from bottomlock.replay.init.any_table import read_any_table
 from bottomlock.replay.init.beam_columns import beam_columns
@@ -53,7 +54,7 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
         velocity = next((one for one in find_streams(table) if one.kind == "velocity"), None)
         if velocity is None:
             raise DataError(
-                f"{file}: none of its columns is known as a beam or a velocity ({', '.join(table.frame.columns[:14])})"
+                f"{file}: none of its columns is known as a beam or a velocity ({column_names(table.frame)})"
             )
         unit = dvl_of_velocity(velocity)
         section.say("no beams were found: convert needs --instrument-only")

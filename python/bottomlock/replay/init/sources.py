@@ -9,6 +9,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io import ros, table
 from bottomlock.io.beam_table import Recording
+from bottomlock.io.columns import column_names
 from bottomlock.io.formats import format_of, read_recording
 from bottomlock.io.rows import Options
 from bottomlock.replay.init.any_table import AnyTable, read_any_table
@@ -16,8 +17,6 @@ from bottomlock.replay.init.bag import bag_tables
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.found import Found, find_streams
 from bottomlock.replay.init.unnamed import named_by_content
-
-_SHOWN = 14
 
 
 @dataclass(eq=False)
@@ -102,10 +101,9 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
         stream for stream in find_streams(one) if not (columns is not None and stream.kind == "velocity")
     ]
     if not streams and columns is None:
-        shown = ", ".join(one.frame.columns[:_SHOWN]) + (", ..." if one.frame.width > _SHOWN else "")
         raise DataError(
-            f"{path}: none of its columns has a known name ({shown}); name them as ax, ay, az, wx, wy, wz (IMU), roll, "
-            "pitch, yaw, depth, latitude, longitude, vx, vy, vz or beam1_mps ..., with time"
+            f"{path}: none of its columns has a known name ({column_names(one.frame)}); name them as ax, ay, az, wx, "
+            "wy, wz (IMU), roll, pitch, yaw, depth, latitude, longitude, vx, vy, vz or beam1_mps ..., with time"
         )
     if streams:
         rows = one.frame.height
