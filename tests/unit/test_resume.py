@@ -8,7 +8,9 @@ import polars as pl
 import pytest
 
 from bottomlock.campaign import partition, run
+from bottomlock.campaign.build import build_simulations
 from bottomlock.campaign.directory import MANIFEST
+from bottomlock.campaign.manifest import identity_of
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import DataError, Note, OutputError
 from bottomlock.output_folder import LOCK
@@ -199,3 +201,21 @@ def test_nothing_is_removed_through_a_link(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"chunks: is a symbolic link, and --force removes nothing through"):
         run_campaign([short()], out, threads=1, force=True)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_what_decides_the_numbers_decides_the_identity() -> None:
+    """Name, settings, seed and methods, in their order; not the number of runs."""
+    given = short()
+    others = {
+        "name": short(name="figure_eight"),
+        "settings": given.with_trajectory(duration_s=11.0),
+        "seed": given.with_overrides(seed=given.campaign.seed + 1),
+        "methods": given.with_overrides(methods=["ins", "lc"]),
+        "order": given.with_overrides(methods=["lc", "ins", "tc"]),
+    }
+    hashes = {
+        name: identity_of(build_simulations([one]))["configuration_hash"] for name, one in others.items()
+    }
+    same = [identity_of(build_simulations([short(runs)]))["configuration_hash"] for runs in (5, 6)]
+    assert same[0] == same[1]
+    assert len({same[0], *hashes.values()}) == 6

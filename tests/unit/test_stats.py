@@ -6,6 +6,8 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.statistics import campaign
+from bottomlock.statistics.campaign import BAND_PROBABILITY
+from bottomlock.statistics.chi_squared import mean_band
 from bottomlock.statistics.rms import bootstrap_rms, rms_column
 from bottomlock.tables.campaign import ENSEMBLE, OUTCOMES, RUNS, SAMPLES
 from bottomlock.tables.check import check
@@ -89,6 +91,28 @@ def test_consistency_verdicts() -> None:
         scaled = norms.with_columns(pl.col("nees", "nees_velocity_attitude") * factor)
         table = campaign.consistency_table(scaled, full_degrees=20)
         assert table["verdict"].to_list() == [verdict, verdict]
+
+
+def test_consistency_of_a_mean_at_the_edge_of_its_band() -> None:
+    """Six and twenty degrees; a mean that is just at a limit is inside."""
+    bands = {
+        "nees_velocity_attitude": mean_band(6, 2, BAND_PROBABILITY),
+        "nees": mean_band(20, 2, BAND_PROBABILITY),
+    }
+    at_time = {name: np.array([low, high, 0.9 * low, 1.1 * high]) for name, (low, high) in bands.items()}
+    table = campaign.consistency_rows("t", "tc", at_time, runs=2, full_degrees=20)
+    assert table["degrees"].to_list() == [6, 20]
+    assert table.select("band_lo", "band_hi").rows() == list(bands.values())
+    assert table["fraction_inside"].to_list() == [0.5, 0.5]
+
+
+def test_rejected_fraction_is_of_all_fixes() -> None:
+    """Two accepted and one rejected of the first run, none of the second: a third."""
+    norms = campaign.error_norms(samples())
+    fixes = counts().with_columns(fixes_accepted=pl.Series([2, 0]), fixes_rejected=pl.Series([1, 0]))
+    runs = campaign.runs_table(norms, fixes)
+    summary = campaign.summary_table(campaign.ensemble_table(norms), runs)
+    assert summary["rejected_fraction"].to_list() == pytest.approx([1.0 / 3.0])
 
 
 def test_schema_names_the_column() -> None:

@@ -115,7 +115,9 @@ def test_a_name_is_no_pattern(tmp_path: Path, name: str, suffix: str) -> None:
 def test_names_of_columns_stay_on_their_line() -> None:
     """Whatever a spreadsheet or a damaged file has in them."""
     table = pl.DataFrame({"beam1\nmps": [1.0], "\x1b[2J": [2.0]})
-    with pytest.raises(DataError, match=r"^a: column 'time' is missing \(there are beam1\\x0amps, \\x1b\[2J\)$"):
+    with pytest.raises(
+        DataError, match=r"^a: column 'time' is missing \(there are beam1\\x0amps, \\x1b\[2J\)$"
+    ):
         column_numbers(table, "time", "a")
 
 

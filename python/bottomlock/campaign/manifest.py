@@ -39,13 +39,7 @@ class Clock:
 def identity_of(simulations: Sequence[Simulation]) -> Identity:
     """What decides the numbers of a campaign, apart from the number of runs; known before any truth is computed."""
     content = [
-        (
-            one.scenario.name,
-            one.fingerprint(),
-            one.scenario.campaign.seed,
-            list(one.scenario.campaign.methods),
-        )
-        for one in simulations
+        (one.scenario.name, one.fingerprint(), list(one.scenario.campaign.methods)) for one in simulations
     ]
     return {
         "configuration_hash": hashlib.sha256(json.dumps(content).encode()).hexdigest(),
