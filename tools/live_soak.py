@@ -121,7 +121,9 @@ class _Soak:
         live = self._live(server.sockets[0].getsockname()[1], imu_port, hearing)
         tasks = [loop.create_task(one) for one in (live.run(), serve_page(live, self._say))]
         # The page's address is looked up beside the loop, whose time may run ahead of it.
-        await asyncio.wait({tasks[-1], loop.create_task(self.told_page.wait())}, return_when="FIRST_COMPLETED")
+        await asyncio.wait(
+            {tasks[-1], loop.create_task(self.told_page.wait())}, return_when="FIRST_COMPLETED"
+        )
         tasks += [loop.create_task(one) for one in (self._samples(), self._reader())]
         await self._play(clients, imu)
         self.faults += [f"a task ended: {task!r}" for task in tasks if task.done()]

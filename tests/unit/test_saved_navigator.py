@@ -172,7 +172,7 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda data: data[:30], "30 bytes are too few"),
         (lambda data: data[:-1], "damaged or were cut short"),
         (lambda data: data + b"\0", "damaged or were cut short"),
-        (lambda data: data[:8] + struct.pack("<H", 9) + data[10:], "format 9, expected 8: another version"),
+        (lambda data: data[:8] + struct.pack("<H", 10) + data[10:], "format 10, expected 9: another version"),
         (lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:], "damaged or were cut short"),
     ],
 )

@@ -16,14 +16,15 @@
 //!
 //! Three kinds of rejections do not count. Beams that contradict each other are rejected whatever the covariance.
 //! Measurements that do not agree from one to the next are noise: an error of the filter changes little
-//! between two of them. And where beams that fit any velocity, since none is redundant, show an error beyond five sigma
-//! of a velocity that they have confirmed before, it is their own. Neither do rejected assumptions count.
+//! between two of them. Neither do rejected assumptions count. What a sensor shows beyond five sigma of a velocity that
+//! it has confirmed before is a matter of doubt ([`super::doubt`]).
 
 use std::ops::Range;
 
 use nalgebra::{SMatrix, Vector3};
 
 use super::Eskf;
+use super::doubt::Doubt;
 use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, MAX_ROWS};
 use crate::error::{NavError, require_finite};
@@ -67,7 +68,10 @@ impl AdmissibleError {
 
 /// Counts of consecutive rejections, by sensor.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
-pub(super) struct ConsecutiveRejections(Box<[Count; Sensor::COUNT]>);
+pub(super) struct ConsecutiveRejections {
+    explained: Box<[Count; Sensor::COUNT]>,
+    pub(super) doubts: Box<[Doubt; Sensor::COUNT]>,
+}
 
 impl ConsecutiveRejections {
     /// Checks counts that were read from bytes.
@@ -75,16 +79,15 @@ impl ConsecutiveRejections {
     /// # Errors
     /// [`NavError::NotFinite`].
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
-        self.0.iter().try_for_each(|count| {
-            require_finite("rejections", time_ns, &[count.log_factor])?;
-            require_finite("rejections", time_ns, count.correction.as_slice())
-        })
+        let explained = self.explained.iter().map(|count| count.check_restored(time_ns));
+        let doubts = self.doubts.iter().map(|doubt| doubt.check_restored(time_ns));
+        explained.chain(doubts).collect()
     }
 }
 
 /// The consecutive rejections of one sensor.
 #[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
-struct Count {
+pub(super) struct Count {
     measurements: u32,
     /// Sum of the logarithms of their factors.
     log_factor: f64,
@@ -95,8 +98,23 @@ struct Count {
 }
 
 impl Count {
-    /// Counts a rejection, and returns the geometric mean of the factors if it completes `limit` of them.
-    fn rejection(&mut self, factor: f64, correction: Vector3<f64>, limit: u32, time_ns: i64) -> Option<f64> {
+    /// Checks a count that was read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`].
+    pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+        require_finite("rejections", time_ns, &[self.log_factor])?;
+        require_finite("rejections", time_ns, self.correction.as_slice())
+    }
+
+    /// Counts a rejection; returns the run, which is over, if it completes `most` of them and has lasted `least_ns`.
+    pub(super) fn rejection(
+        &mut self,
+        factor: f64,
+        correction: Vector3<f64>,
+        (most, least_ns): (u32, i64),
+        time_ns: i64,
+    ) -> Option<Run> {
         if self.measurements == 0 || !agree(&self.correction, &correction) {
             *self = Self {
                 since_ns: time_ns,
@@ -106,12 +124,22 @@ impl Count {
         self.correction = correction;
         self.measurements += 1;
         self.log_factor += factor.ln();
-        (self.measurements >= limit).then(|| {
-            let mean = (self.log_factor / f64::from(self.measurements)).exp();
-            *self = Self::default();
-            mean
+        (self.measurements >= most && time_ns - self.since_ns >= least_ns).then(|| {
+            let run = std::mem::take(self);
+            Run {
+                since_ns: run.since_ns,
+                factor: (run.log_factor / f64::from(run.measurements)).exp(),
+            }
         })
     }
+}
+
+/// Consecutive rejections that agree.
+pub(super) struct Run {
+    /// Time of the first.
+    pub(super) since_ns: i64,
+    /// Geometric mean of their factors.
+    pub(super) factor: f64,
 }
 
 /// Returns true if two errors differ by less than half their root sum of squares, as two of an error that grows
@@ -128,7 +156,8 @@ impl Eskf {
 
     /// Notes that a measurement passed its gate.
     pub(crate) fn note_accepted(&mut self, sensor: Sensor) {
-        self.consecutive_rejections.0[sensor as usize] = Count::default();
+        self.consecutive_rejections.explained[sensor as usize] = Count::default();
+        self.consecutive_rejections.doubts[sensor as usize] = Doubt::default();
     }
 
     /// Counts the rejection of a measurement with this innovation, and inflates the covariance once the limit of
@@ -155,12 +184,22 @@ impl Eskf {
             let half = innovation.jacobian * **cross;
             whole += half + half.transpose();
         }
-        if norm_squared(innovation, &whole) <= self.plausible.threshold(innovation.degrees) {
+        if self.is_doubted(innovation, sensor) {
+            let doubt = &mut self.consecutive_rejections.doubts[sensor as usize];
+            return Ok(doubt.go_on(solved(innovation, VELOCITY), self.state.time_ns));
+        }
+        if self.is_in_doubt(sensor) {
+            return Ok(None);
+        }
+        let explains =
+            |covariance: &Rows| norm_squared(innovation, covariance) <= self.plausible.threshold(innovation.degrees);
+        let widest = |admissible: AdmissibleError| whole + by_inertial * (admissible.factor() - 1.0);
+        if explains(&whole) {
             self.note_accepted(sensor);
             return Ok(None);
         }
-        let widest = whole + by_inertial * (admissible.factor() - 1.0);
-        if norm_squared(innovation, &widest) > self.plausible.threshold(innovation.degrees) {
+        let is_doubtful = !explains(&widest(admissible));
+        if is_doubtful && !explains(&widest(AdmissibleError::Any)) {
             return Ok(None);
         }
         let block = match quantity {
@@ -171,9 +210,16 @@ impl Eskf {
         let (measured, inflated) = self.inflated_states(innovation, sensor, quantity, block);
         let factor = matching_factor(innovation, &whole, &self.innovation_covariance(innovation, &inflated));
         let correction = solved(innovation, block);
-        let (limit, time_ns) = (self.inflate_after_rejections, self.state.time_ns);
-        let mean = self.consecutive_rejections.0[sensor as usize].rejection(factor, correction, limit, time_ns);
-        let Some(factor) = mean else { return Ok(None) };
+        let factor = if is_doubtful {
+            self.note_doubtful(sensor, factor, correction)
+        } else {
+            let needed = (self.inflate_after_rejections, 0);
+            let count = &mut self.consecutive_rejections.explained[sensor as usize];
+            count
+                .rejection(factor, correction, needed, self.state.time_ns)
+                .map(|run| run.factor)
+        };
+        let Some(factor) = factor else { return Ok(None) };
         let indirect = factor
             .min(FIVE_SIGMA_FACTOR)
             .min(self.largest_factor(&inflated))
@@ -203,7 +249,7 @@ impl Eskf {
         quantity: Quantity,
         block: usize,
     ) -> ([bool; DIM], [bool; DIM]) {
-        let since_ns = match self.consecutive_rejections.0[sensor as usize] {
+        let since_ns = match self.consecutive_rejections.explained[sensor as usize] {
             Count { measurements: 0, .. } => self.state.time_ns,
             count => count.since_ns,
         };

@@ -17,9 +17,9 @@ use crate::state::NavState;
 fn factor_is_the_geometric_mean_over_consecutive_rejections() {
     let mut count = Count::default();
     let factors: Vec<_> = [4.0, 9.0, 6.0, 5.0]
-        .map(|factor| count.rejection(factor, Vector3::x(), 3, 7))
+        .map(|factor| count.rejection(factor, Vector3::x(), (3, 0), 7))
         .into_iter()
-        .map(|factor| factor.map(|factor| (factor * 1e9_f64).round() / 1e9))
+        .map(|run| run.map(|run| (run.factor * 1e9_f64).round() / 1e9))
         .collect();
     assert_eq!(factors, [None, None, Some(6.0), None]);
     assert_eq!((count.measurements, count.since_ns), (1, 7));
@@ -195,7 +195,7 @@ fn what_is_not_measured_is_inflated_to_a_bound() {
 }
 
 /// By hand: a velocity with σ 0.05 m/s on both sides, of five sigma S = 0.0025 (1 + 25), whose 99.73 % reach to
-/// √(0.065 · 14.156) = 0.959 m/s. What is further off does not count unless any error is admissible.
+/// √(0.065 · 14.156) = 0.959 m/s. What is further off does not count at once unless any error is admissible.
 #[test]
 fn beyond_what_is_admissible_nothing_counts() {
     let inflates = |off_mps: f64, admissible: AdmissibleError| {
@@ -254,7 +254,7 @@ fn errors_that_agree() {
 fn rejections_that_disagree_begin_anew() {
     let mut count = Count::default();
     let outcome =
-        |count: &mut Count, sign: f64, time_ns| count.rejection(4.0, Vector3::x() * sign, 2, time_ns).is_some();
+        |count: &mut Count, sign: f64, time_ns| count.rejection(4.0, Vector3::x() * sign, (2, 0), time_ns).is_some();
     assert!(!outcome(&mut count, 1.0, 7));
     assert!(!outcome(&mut count, -1.0, 8));
     assert_eq!((count.measurements, count.since_ns), (1, 8));
@@ -394,7 +394,7 @@ fn restored_counts_are_checked() {
     ];
     for change in faults {
         let mut bad = good.clone();
-        change(&mut bad.0[Sensor::COUNT - 1]);
+        change(&mut bad.explained[Sensor::COUNT - 1]);
         assert!(bad.check_restored(3).is_err());
     }
 }

@@ -6,6 +6,7 @@ mod calibrated;
 mod calibration;
 mod corrected_path;
 mod definite;
+mod doubt;
 mod extensions;
 pub mod filter_group;
 mod further_states;

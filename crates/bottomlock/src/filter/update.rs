@@ -29,7 +29,11 @@ impl Eskf {
         })?;
         let mut report = self.report(innovation, sensor, predicted);
 
-        let rejected_rows = self.rejected_rows(&report);
+        let rejected_rows = if self.is_doubted(innovation, sensor) {
+            u8::MAX
+        } else {
+            self.rejected_rows(&report)
+        };
         let is_rejected = (0..M).all(|row| rejected_rows & (1 << row) != 0);
         if rejected_rows != 0 && !is_rejected {
             self.fuse_rows(&innovation.select(|row| rejected_rows & (1 << row) == 0), sensor)?;

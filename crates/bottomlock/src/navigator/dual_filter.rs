@@ -186,7 +186,8 @@ impl DualFilter {
             return Ok(report);
         }
         let rejected = innovation_of(&self.measurements_only);
-        let inflation = self.note_rejected(&rejected, sensor, AdmissibleError::Any)?;
+        let admissible = self.measurements_only.admissible_error(sensor);
+        let inflation = self.note_rejected(&rejected, sensor, admissible)?;
         if inflation.is_none() {
             return Ok(report);
         }
@@ -203,9 +204,17 @@ impl DualFilter {
         sensor: Sensor,
         admissible: AdmissibleError,
     ) -> Result<Option<f64>, NavError> {
+        let was_doubted = self.measurements_only.doubted(sensor).is_some();
         let factor = self.measurements_only.note_rejected(innovation, sensor, admissible)?;
         if factor.is_some() {
             self.restart_constrained();
+        }
+        if let (false, Some(error), Some(filter)) = (
+            was_doubted,
+            self.measurements_only.doubted(sensor),
+            &mut self.constrained,
+        ) {
+            filter.doubt_velocity(&error);
         }
         Ok(factor)
     }

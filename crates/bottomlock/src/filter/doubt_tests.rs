@@ -1,0 +1,182 @@
+//! Doubt by hand: a filter with σ 0.05 m/s that velocities of σ 0.05 m/s contradict.
+
+use nalgebra::Matrix3;
+
+use super::*;
+use crate::aiding::Motion;
+use crate::aiding::velocity::velocity;
+use crate::aiding::{beam_terms, tightly_coupled};
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
+use crate::filter::gate::Gate;
+use crate::filter::options::Options;
+use crate::filter::report::Verdict;
+use crate::frames::Vec3;
+use crate::model::Model;
+use crate::state::NavState;
+
+const S: i64 = 1_000_000_000;
+
+/// With the third of agreeing rejections, after a velocity was accepted.
+fn filter() -> Eskf {
+    let options = Options {
+        gate: Gate::Joint { probability: 0.9973 },
+        inflate_after_rejections: 3,
+        ..Options::default()
+    };
+    let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
+    filter.measured.velocity_ns = Some(0);
+    filter
+}
+
+/// A velocity at a time; the verdict, and the factor of an inflation.
+fn push(filter: &mut Eskf, at_s: i64, reading_mps: [f64; 3]) -> (Verdict, Option<f64>) {
+    filter.state.time_ns = at_s * S;
+    let of = |filter: &Eskf| {
+        velocity(
+            &filter.state(),
+            &Vec3::from_array(reading_mps),
+            &(Matrix3::identity() * 0.0025),
+        )
+    };
+    let report = filter.update(&of(filter), Sensor::Velocity).unwrap();
+    if report.verdict != Verdict::Rejected {
+        filter.note_accepted(Sensor::Velocity);
+        return (report.verdict, None);
+    }
+    let admissible = filter.admissible_error(Sensor::Velocity);
+    let factor = filter.note_rejected(&of(filter), Sensor::Velocity, admissible).unwrap();
+    (report.verdict, factor)
+}
+
+fn velocity_covariance(filter: &Eskf) -> Matrix3<f64> {
+    filter.covariance().fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned()
+}
+
+/// The third reading 2 m/s off adds d dᵀ; those that follow change nothing until the first is 30 s old, and are then believed.
+#[test]
+fn the_covariance_holds_both_until_the_readings_are_believed() {
+    let mut filter = filter();
+    let (off, before) = ([0.0, 2.0, 0.0], velocity_covariance(&filter));
+    for at_s in [1, 2] {
+        assert_eq!(push(&mut filter, at_s, off), (Verdict::Rejected, None));
+        assert_eq!(velocity_covariance(&filter), before);
+    }
+    for at_s in [3, 10, 30] {
+        assert_eq!(push(&mut filter, at_s, off), (Verdict::Rejected, None));
+        let added = velocity_covariance(&filter) - before;
+        let expected = Vector3::y() * Vector3::y().transpose() * 4.0;
+        assert!((added - expected).amax() < 1e-12, "{added}");
+        assert_eq!(filter.state().velocity_p_mps.to_array(), [0.0; 3]);
+    }
+    let (verdict, factor) = push(&mut filter, 31, off);
+    // By hand as for inflation: 4 / (0.0025 (1 + f)) = 3 + 4 / 2500.
+    assert_eq!(verdict, Verdict::Rejected);
+    assert!((factor.unwrap() / 532.0 - 1.0).abs() < 1e-2, "{factor:?}");
+    assert!(filter.doubted(Sensor::Velocity).is_none());
+    assert_eq!(push(&mut filter, 31, off).0, Verdict::Accepted);
+    assert!((filter.state().velocity_p_mps.to_array()[1] - 2.0).abs() < 0.01);
+}
+
+/// A reading nearer to the filter than to the others is used, and ends the doubt; where three such readings follow from the other
+/// side it begins again.
+#[test]
+fn a_reading_on_the_side_of_the_filter_ends_the_doubt() {
+    for (side_mps, is_used) in [(0.99, true), (1.01, false)] {
+        let mut filter = filter();
+        for at_s in 1..=3 {
+            push(&mut filter, at_s, [0.0, 2.0, 0.0]);
+        }
+        assert_eq!(filter.doubted(Sensor::Velocity), Some(Vector3::new(0.0, 2.0, 0.0)));
+        assert_eq!(
+            push(&mut filter, 4, [0.0, side_mps, 0.0]).0 == Verdict::Accepted,
+            is_used
+        );
+        assert_eq!(filter.doubted(Sensor::Velocity).is_none(), is_used);
+    }
+}
+
+/// One that is an outlier on the filter's side is rejected, and changes nothing.
+#[test]
+fn an_outlier_is_no_word_on_the_doubt() {
+    let mut filter = filter();
+    for at_s in 1..=3 {
+        push(&mut filter, at_s, [0.0, 2.0, 0.0]);
+    }
+    let before = filter.doubted(Sensor::Velocity);
+    assert_eq!(push(&mut filter, 40, [5.0, 0.0, 0.0]), (Verdict::Rejected, None));
+    assert_eq!(filter.doubted(Sensor::Velocity), before);
+}
+
+/// Where other sensors have made the velocity known again, the readings are those of a gate as before, and count anew.
+#[test]
+fn what_others_have_told_ends_the_doubt() {
+    let mut filter = filter();
+    for at_s in 1..=3 {
+        push(&mut filter, at_s, [0.0, 2.0, 0.0]);
+    }
+    assert!(filter.is_in_doubt(Sensor::Velocity));
+    for (part, is_in_doubt) in [(0.26, true), (0.24, false)] {
+        let mut told = filter.clone();
+        told.covariance[(VELOCITY + 1, VELOCITY + 1)] = part * 4.0;
+        assert_eq!(told.is_in_doubt(Sensor::Velocity), is_in_doubt);
+    }
+}
+
+/// A velocity counts to five sigma once one was accepted, and any before; a position always counts.
+#[test]
+fn what_is_admissible_of_a_sensor() {
+    let mut filter = filter();
+    assert_eq!(filter.admissible_error(Sensor::Velocity), AdmissibleError::FiveSigma);
+    assert_eq!(filter.admissible_error(Sensor::AcousticPosition), AdmissibleError::Any);
+    filter.measured.velocity_ns = None;
+    assert_eq!(filter.admissible_error(Sensor::Velocity), AdmissibleError::Any);
+}
+
+/// Beams never widen the covariance; those that say the same for 30 s inflate it.
+#[test]
+fn beams_are_believed_after_half_a_minute() {
+    let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
+    let mut filter = filter();
+    let mut ping = BeamSample {
+        time_ns: 0,
+        velocity_mps: [1.0; MAX_BEAMS],
+        sd_mps: [0.04; MAX_BEAMS],
+        valid: BeamMask::all(3),
+    };
+    ping.velocity_mps[1] = -1.0;
+    let before = velocity_covariance(&filter);
+    let mut factors = Vec::new();
+    for at_s in [0, 10, 20, 29, 30] {
+        filter.state.time_ns = at_s * S;
+        let innovation =
+            filter.with_motion(|motion: &Motion<'_>| tightly_coupled(&beam_terms(motion, &geometry, &ping), &ping));
+        assert_eq!(velocity_covariance(&filter), before);
+        factors.push(
+            filter
+                .note_rejected(&innovation, Sensor::Beams, AdmissibleError::FiveSigma)
+                .unwrap(),
+        );
+    }
+    assert_eq!(factors[..4], [None; 4]);
+    assert!(factors[4].is_some_and(|factor| factor > 25.0));
+    assert!(filter.doubted(Sensor::Beams).is_none());
+}
+
+/// A doubt from bytes is finite.
+#[test]
+fn restored_doubts_are_checked() {
+    let mut filter = filter();
+    for at_s in 1..=3 {
+        push(&mut filter, at_s, [0.0, 2.0, 0.0]);
+    }
+    assert_eq!(filter.consecutive_rejections.check_restored(3), Ok(()));
+    let faults: [fn(&mut Difference); 2] = [
+        |open| open.factor = f64::NAN,
+        |open| open.velocity_p_mps.z = f64::INFINITY,
+    ];
+    for change in faults {
+        let mut bad = filter.consecutive_rejections.clone();
+        change(bad.doubts[Sensor::Velocity as usize].open.as_mut().unwrap());
+        assert!(bad.check_restored(3).is_err());
+    }
+}
