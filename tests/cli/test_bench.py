@@ -1,5 +1,6 @@
 """`bottomlock bench`: make, run with a rival, check, score and page on two missions; resumed and refused."""
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from bottomlock.bench import mission_list as lists
 from bottomlock.bench.leaderboard import read_submissions
 from bottomlock.bench.methods import estimate
 from bottomlock.bench.mission import Estimates, Mission
+from bottomlock.bench.mission_list import missions_of
 from bottomlock.errors import DataError
 from bottomlock.records import read_record, write_record
 from bottomlock.tables.bench import LEADERBOARD, SUBMISSION
@@ -164,7 +166,7 @@ def test_a_part_of_a_split_is_scored_as_such(data: Path, submissions: Path, tmp_
     assert (unknown.returncode, unknown.stdout) == (2, "")
     assert "--reference is 'tcc', did you mean 'tc'?" in unknown.stderr
     with pytest.raises(DataError, match="answers none of the 1 missions"):
-        read_submissions([str(few)], [spec for spec in lists.mission_list() if spec.split == "test"])
+        read_submissions([str(few)], list(missions_of(("test",))))
     other = command("bench", "score", few, "--data", data, "--missions", second)
     assert other.returncode == 2
     assert "lacks 1 missions" in other.stderr
@@ -192,6 +194,38 @@ def test_the_test_split_needs_the_sealed_seed_and_its_truth_stands_apart(tmp_pat
     assert "1 of 1 missions have other digests than those published" in other.stderr
     assert [path.name for path in (out / "test").rglob("truth*")] == []
     assert [path.name for path in (out / "sealed").rglob("*.parquet")] == ["truth.parquet"]
+
+
+def test_the_seed_file_is_all_that_scoring_the_sealed_split_needs(tmp_path: Path) -> None:
+    """Version 1.1: refused without it; with it made, flown, and scored where the truth is not there."""
+    name = "bluerov2_heavy-tactical-flat-inshore-three_beams-markov-gaussian-box-250s"
+    data, seed, out = tmp_path / "data", tmp_path / "seed.txt", tmp_path / "run"
+    words = ("--version", "1.1", "--missions", name)
+    refused = command("bench", "make", "--out", data, "--split", "test", *words)
+    assert refused.returncode == 2
+    assert (
+        "the test split of version 1.1 is made from a sealed seed, which is not in the package"
+        in refused.stderr
+    )
+    assert not data.exists()
+    sealed = command("bench", "seal", "--out", seed)
+    committed = sealed.stdout.split('"')[3]
+    assert len(committed) == 64
+    assert command("bench", "seal", "--out", seed).returncode == 2
+    made = command("bench", "make", "--out", data, "--split", "test", "--seed-file", seed, *words)
+    assert made.returncode == 0, made.stderr
+    assert f"this seed's is {committed}" in made.stdout
+    assert "1 missions have no published digests yet" in made.stdout
+    assert command("bench", "run", "--data", data, "--out", out, "--methods", "tc", *words).returncode == 0
+    shutil.rmtree(data / "sealed")
+    score = ("bench", "score", out / "tc.parquet", "--data", data, *words)
+    assert "has no truth here: it is sealed" in command(*score).stderr
+    scored = command(*score, "--seed-file", seed)
+    assert scored.returncode == 0, scored.stderr
+    assert "T2 navigation" in scored.stdout
+    other = tmp_path / "other.txt"
+    other.write_text("77")
+    assert "differs in: seed or version" in command(*score, "--seed-file", other).stderr
 
 
 def test_list_and_absent_missions(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from bottomlock.bench.mission_list import (
     missions_of,
     recorded,
 )
-from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
+from bottomlock.bench.seeds import PUBLIC_SEED, commitment, read_sealed, read_seed, seal
 from bottomlock.errors import DataError, OutputError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.models import DvlModel
@@ -36,8 +36,9 @@ def test_every_level_is_in_every_split_and_every_pair_somewhere() -> None:
     assert len({spec.name for spec in mission_list()}) == len(mission_list())
     every = missions_of()
     assert len(every) >= 40
-    factors = [factor for factor in FACTORS if factor != "heading"]
-    table = {factor: list(levels()[factor]) for factor in factors}
+    factors = [factor for factor in FACTORS if factor not in {"heading", "slip"}]
+    later = {"bluerov2_heavy", "inshore"}
+    table = {factor: [level for level in levels()[factor] if level not in later] for factor in factors}
     for split, factor in product(SPLITS, factors):
         there = {getattr(spec, factor) for spec in every if spec.split == split}
         assert there == set(table[factor]), (split, factor)
@@ -50,9 +51,11 @@ def test_every_level_is_in_every_split_and_every_pair_somewhere() -> None:
 
 
 def test_every_mission_has_published_digests_of_data_and_truth() -> None:
-    assert set(published()) == {spec.name for spec in mission_list()}
+    # Those of the test split of version 1.1 are published by who holds its seed.
+    known = [spec.name for spec in mission_list() if (spec.version, spec.split) != ("1.1", "test")]
+    assert set(published()) == set(known)
     values = [value for one in published().values() for value in one.values()]
-    assert len(set(values)) == 2 * len(mission_list())
+    assert len(set(values)) == 2 * len(known)
     assert all(len(value) == 64 for value in values)
 
 
@@ -234,6 +237,28 @@ def test_a_seed_file_is_one_number_and_not_the_public_one(tmp_path: Path) -> Non
         path.write_text(text)
         with pytest.raises(DataError, match="expected"):
             read_seed(path)
+
+
+def test_a_sealed_seed_is_the_owners_and_committed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, other = tmp_path / "seed.txt", tmp_path / "other.txt"
+    committed = seal(path, "1.1")
+    seed = read_seed(path)
+    assert path.stat().st_mode & 0o777 == 0o600
+    # The digest as anyone computes it, and one worked by hand (`printf 'PartialDVL-Bench 1.1: 12' | sha256sum`).
+    assert committed == commitment(seed, "1.1")
+    assert commitment(12, "1.1") == "42f5fa59cd8830aba2cecce25c54cb42b2b7ba9e9205f867dd1600fd43c636b5"
+    assert commitment(seed, "1.2") != committed
+    with pytest.raises(OutputError, match="a seed is never written over"):
+        seal(path, "1.1")
+    assert read_seed(path) == seed
+    with pytest.raises(OutputError, match="cannot be written"):
+        seal(tmp_path / "nowhere" / "seed.txt", "1.1")
+    seal(other, "1.1")
+    assert read_sealed(other, "1.1") == read_seed(other)
+    monkeypatch.setattr("bottomlock.bench.seeds.commitments", lambda: {"1.1": committed})
+    assert read_sealed(path, "1.1") == seed
+    with pytest.raises(DataError, match=r"is not the sealed seed of version 1\.1: its commitment is"):
+        read_sealed(other, "1.1")
 
 
 def test_unknown_splits_and_missions_are_named() -> None:

@@ -52,6 +52,9 @@ def case_text(
         }),
         ("replay", {"smooth": False}),
     ]  # fmt: skip
+    water = levels()["vehicle"][spec.vehicle].get("water")
+    if water is not None:
+        tables.append(("filter.water", {"vehicle": water}))
     if reference:
         tables.append(("reference", {
             "file": "truth.parquet", "clock": _CLOCK,

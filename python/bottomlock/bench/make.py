@@ -14,8 +14,9 @@ from bottomlock.atomic_write import parquet_bytes
 from bottomlock.bench.beam_errors import with_errors
 from bottomlock.bench.case_text import case_text, instrument_text
 from bottomlock.bench.digests import digest, rounded
-from bottomlock.bench.mission_list import MissionSpec
+from bottomlock.bench.mission_list import MissionSpec, levels
 from bottomlock.bench.seeds import stream
+from bottomlock.bench.slip import drawn_slip, slipping
 from bottomlock.bench.worlds import simulation_of
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, OutputError
@@ -66,7 +67,7 @@ def make_mission(spec: MissionSpec, seed: int) -> MadeMission:
         ScenarioError: where the seed draws a current against which the vehicle cannot swim.
     """
     simulation = simulation_of(spec, seed)
-    truth = simulation.truth()
+    truth = _truth(spec, seed, simulation)
     streams = sensor_streams(simulation, truth)
     axes = [
         f"{what}_{axis}_{unit}" for what, unit in (("omega", "radps"), ("force", "mps2")) for axis in "xyz"
@@ -87,6 +88,17 @@ def make_mission(spec: MissionSpec, seed: int) -> MadeMission:
         instrument=instrument_text(spec),
         truth=rounded(truth_table(simulation, truth)),
     )
+
+
+def _truth(spec: MissionSpec, seed: int, simulation: Simulation) -> Truth:
+    """The vehicle's motion, with the mission's slip."""
+    truth = simulation.truth()
+    if not spec.slip:
+        return truth
+    slip = drawn_slip(
+        stream(seed, spec.name, "slip"), duration_s=spec.duration_s, **levels()["slip"][spec.slip]
+    )
+    return slipping(truth, slip, simulation.earth_rate_radps)
 
 
 def truth_table(simulation: Simulation, truth: Truth) -> pl.DataFrame:

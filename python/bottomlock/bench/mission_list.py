@@ -10,15 +10,16 @@ from bottomlock.errors import DataError
 from bottomlock.nearest import did_you_mean
 
 SPLITS = ("train", "validation", "test")
-FACTORS = ("vehicle", "imu", "heading", "seabed", "current", "dvl", "loss", "noise")
-"""What a name states of a mission, in this order, before path and duration; the heading only where it is not empty."""
+FACTORS = ("vehicle", "imu", "heading", "slip", "seabed", "current", "dvl", "loss", "noise")
+"""What a name states of a mission, in this order, before path and duration; heading and slip where not empty."""
 
 
 @dataclass(frozen=True)
 class MissionSpec:
     """A mission of the list: its split, the level of each factor, the kind of its path, and its duration.
 
-    `heading` is a heading reference with slow errors, since version 1.1; empty where the heading sensor is the IMU's.
+    Since version 1.1 `heading` is a heading reference with slow errors, empty where the heading sensor is the IMU's,
+    and `slip` the sway through the water that is added to the vehicle's own, empty for none.
     """
 
     split: str
@@ -32,6 +33,7 @@ class MissionSpec:
     path: str
     duration_s: float
     heading: str = ""
+    slip: str = ""
     version: str = "1"
 
     @property

@@ -39,7 +39,8 @@ def scenario_of(spec: MissionSpec, seed: int) -> Scenario:
     """
     table = levels()
     draw = stream(seed, spec.name, "path")
-    speed = draw.uniform(*table["vehicle"][spec.vehicle]["speed_mps"])
+    vehicle = table["vehicle"][spec.vehicle]
+    speed = draw.uniform(*vehicle["speed_mps"])
     imu = table["imu"][spec.imu]
     rate = LONG_RATE_HZ if spec.duration_s > LONG_S else RATE_HZ
     content: dict[str, Any] = {
@@ -51,11 +52,13 @@ def scenario_of(spec: MissionSpec, seed: int) -> Scenario:
             "duration_s": spec.duration_s, "speed_mps": speed,
         },
         "mission": {
-            "waypoints_m": waypoints(spec.path, draw, reach_m=speed * spec.duration_s + 100.0),
-            "turn_radius_m": 12.0,
+            "waypoints_m": waypoints(
+                spec.path, draw, reach_m=speed * spec.duration_s + 100.0, scale=vehicle.get("path_scale", 1.0)
+            ),
+            "turn_radius_m": vehicle.get("turn_radius_m", 12.0),
             "depth_profile": depth_profile(draw, spec.duration_s),
             "current": _current(spec, seed),
-        },
+        } | _held_heading(spec, seed),
         "seabed": _seabed(spec, seed),
         "imu": {"rate_hz": rate, "sampling": "averaged"} | imu["imu"],
         "dvl": table["dvl"][spec.dvl] | table["limits"] | {"beam_noise_mps": QUIET_MPS} | _losses(spec, seed),
@@ -67,12 +70,15 @@ def scenario_of(spec: MissionSpec, seed: int) -> Scenario:
     return Scenario.model_validate(content)
 
 
-def waypoints(kind: str, draw: np.random.Generator, *, reach_m: float) -> list[tuple[float, float]]:
+def waypoints(
+    kind: str, draw: np.random.Generator, *, reach_m: float, scale: float = 1.0
+) -> list[tuple[float, float]]:
     """Waypoints (north, east in m) of a path of at least this length, from the origin in a direction that is drawn.
 
-    A line bends slightly, a zigzag by 70°, a lawn is mown up and down again, a box is gone round.
+    A line bends slightly, a zigzag by 70°, a lawn is mown up and down again, a box is gone round. Drawn lengths are
+    multiplied by `scale`.
     """
-    length, width = draw.uniform(80.0, 120.0), draw.uniform(40.0, 60.0)
+    length, width = scale * draw.uniform(80.0, 120.0), scale * draw.uniform(40.0, 60.0)
     if kind in {"line", "zigzag"}:
         bend = np.deg2rad(8.0 if kind == "line" else 35.0)
         count = int(np.ceil(reach_m / length)) + 1
@@ -86,7 +92,9 @@ def waypoints(kind: str, draw: np.random.Generator, *, reach_m: float) -> list[t
         corners = [[ends[k][0], rows[(k - 1) % 8] * width] for k in range(1, count)]
         points = np.array([ends[0], *[one for k in range(1, count) for one in (corners[k - 1], ends[k])]])
     else:
-        corner = np.array([[0.0, 0.0], [length, 0.0], [length, width + 20.0], [0.0, width + 20.0]])
+        corner = np.array(
+            [[0.0, 0.0], [length, 0.0], [length, width + 20.0 * scale], [0.0, width + 20.0 * scale]]
+        )
         count = int(np.ceil(reach_m / min(length, width))) + 2
         points = corner[np.arange(count) % 4]
     heading = draw.uniform(0.0, 2.0 * np.pi)
@@ -118,6 +126,13 @@ def drop_off(
     down, up = (0.5 * np.tanh(2.0 * (beyond - edge) / width_m) for edge in (0.0, trench_m))
     fall = down - up
     return GridSeabed(north_m=axis, east_m=axis, depth_m=depth_m + (deep_m - depth_m) * fall)
+
+
+def _held_heading(spec: MissionSpec, seed: int) -> dict[str, float]:
+    """The key of [mission] for a vehicle that holds its heading."""
+    if "water" not in levels()["vehicle"][spec.vehicle]:
+        return {}
+    return {"heading_deg": stream(seed, spec.name, "heading").uniform(0.0, 360.0)}
 
 
 def _current(spec: MissionSpec, seed: int) -> dict[str, Any]:

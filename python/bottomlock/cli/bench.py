@@ -30,7 +30,8 @@ from bottomlock.bench.methods import estimator
 from bottomlock.bench.mission_list import MissionSpec, mission_list, missions_of
 from bottomlock.bench.page import write_page
 from bottomlock.bench.run import Shard, run_missions, write_submissions
-from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
+from bottomlock.bench.seeds import PUBLIC_SEED, commitment, commitments, read_sealed
+from bottomlock.bench.seeds import seal as write_seed
 from bottomlock.bench.submission import check_submission, write_tum
 from bottomlock.bench.tasks import RANKED, TASKS
 from bottomlock.cli.console import console, narrow_table
@@ -58,7 +59,13 @@ Splits = Annotated[
 ]
 Data = Annotated[Path, Parameter(help="Directory of the missions that `bottomlock bench make` has written.")]
 Version = Annotated[
-    str, Parameter(help="Version of the list of missions: 1, or 1.1 with slow errors of the heading.")
+    str,
+    Parameter(
+        help="Version of the list of missions: 1, or 1.1: slow errors of the heading, slip, a hovering vehicle."
+    ),
+]
+SeedFile = Annotated[
+    Path | None, Parameter(help="File with the seed of the test split, which is not in the package.")
 ]
 Missions = Annotated[str | None, Parameter(help="Names of missions, separated by commas; all by default.")]
 
@@ -77,9 +84,7 @@ def make(
     split: Splits = None,
     version: Version = "1",
     missions: Missions = None,
-    seed_file: Annotated[
-        Path | None, Parameter(help="File with the seed of the test split, which is not in the package.")
-    ] = None,
+    seed_file: SeedFile = None,
     write_digests: Annotated[
         Path | None,
         Parameter(help="Write the digests to this file instead of comparing them with the published ones."),
@@ -95,11 +100,12 @@ def make(
     specs = missions_of(splits, None if names is None else tuple(names), version)
     if seed_file is None and any(spec.split == "test" for spec in specs):
         raise DataError(
-            "the test split is made from a seed that is not in the package: give it with --seed-file"
+            f"the test split of version {version} is made from a sealed seed, which is not in the package: only who "
+            "holds it can make this split, with --seed-file; train and validation need none"
         )
     if write_digests is not None:
         check_free(write_digests, inputs=[] if seed_file is None else [seed_file], force=force)
-    sealed = None if seed_file is None else read_seed(seed_file)
+    sealed = None if seed_file is None else _sealed(seed_file, version)
 
     def seed_of(spec: MissionSpec) -> int:
         return PUBLIC_SEED if sealed is None or spec.split != "test" else sealed
@@ -126,6 +132,37 @@ def digests_text(digests: dict[str, dict[str, str]]) -> str:
     return head + "".join(parts)
 
 
+@bench.command
+def seal(
+    *,
+    out: Annotated[Path, Parameter(alias="-o", help="New file for the seed; keep it to yourself.")],
+    version: Version = "1.1",
+) -> None:
+    """Draw a sealed seed for the test split into a new file, and print its commitment, to be published before use."""
+    missions_of(("test",), version=version)
+    console.print(f'"{version}" = "{write_seed(out, version)}"', soft_wrap=True, highlight=False)
+    console.print(
+        f"the seed is in {out}; publish the line above in bench/sealed.toml before anything is scored"
+    )
+
+
+def _sealed(path: Path, version: str) -> int:
+    """The sealed seed; says its commitment where neither that nor the digests of the split are published.
+
+    Raises:
+        DataError: as `read_sealed`.
+    """
+    seed = read_sealed(path, version)
+    tests = {spec.name for spec in missions_of(("test",), version=version)}
+    if version not in commitments() and not tests <= set(published()):
+        console.print(
+            f"no commitment is published for the test split of version {version}; this seed's is "
+            f"{commitment(seed, version)}",
+            soft_wrap=True,
+        )
+    return seed
+
+
 def _compare(digests: dict[str, dict[str, str]]) -> None:
     """Prints whether the digests are the published ones.
 
@@ -133,9 +170,16 @@ def _compare(digests: dict[str, dict[str, str]]) -> None:
         DataError: naming the missions that differ.
     """
     known = published()
-    other = [name for name, one in digests.items() if one != known.get(name)]
+    new = [name for name in digests if name not in known]
+    if new:
+        console.print(
+            f"{len(new)} missions have no published digests yet, the first is {new[0]}; --write-digests writes them",
+            soft_wrap=True,
+        )
+    other = [name for name, one in digests.items() if name in known and one != known[name]]
     if not other:
-        console.print("all digests are the published ones")
+        if len(new) < len(digests):
+            console.print("all digests are the published ones")
         return
     raise DataError(
         f"{len(other)} of {len(digests)} missions have other digests than those published, the first is {other[0]}: "
@@ -246,6 +290,7 @@ def score(
     split: Splits = None,
     version: Version = "1",
     missions: Missions = None,
+    seed_file: SeedFile = None,
     reference: Annotated[
         str | None, Parameter(help="Method to which differences are taken; the first by default.")
     ] = None,
@@ -253,7 +298,8 @@ def score(
 ) -> None:
     """Score submissions on missions whose truth is there, and print the ranking.
 
-    A submission answers every one of these missions; where they are not the whole split, that is said.
+    A submission answers every one of these missions; where they are not the whole split, that is said. With the seed
+    file the missions of the test split are made anew or found to be of this seed, so that no truth need be there.
 
     Parameters
     ----------
@@ -264,6 +310,8 @@ def score(
         raise DataError("no submission is named, expected one or more Parquet files")
     if out is not None:
         check_free(out, inputs=submissions, force=force)
+    if seed_file is not None:
+        _make_sealed(seed_file, data, words(missions), version, force=force)
     specs = _present(data, words(split), words(missions), version)
     of_beams = [path for path in submissions if path.suffixes[:-1] in ([f".{BEAMS}"], [f".{PINGS}"])]
     frames = read_submissions([path for path in submissions if path not in of_beams], specs)
@@ -284,6 +332,26 @@ def score(
                 plain(row["difference"]), f"{plain(row['difference_lo'])} .. {plain(row['difference_hi'])}",
             )  # fmt: skip
         console.print(shown)
+
+
+def _make_sealed(seed_file: Path, data: Path, names: list[str] | None, version: str, *, force: bool) -> None:
+    """Makes the missions of the test split, readings and truth, where they are not there whole.
+
+    Raises:
+        OutputError: where those that are there are of another seed or version, without `force`.
+        DataError: for digests that are not the published ones.
+    """
+    sealed = _sealed(seed_file, version)
+    specs = missions_of(("test",), None if names is None else tuple(names), version)
+    with study_bar(data) as report:
+        digests = make_missions(
+            specs,
+            lambda _: sealed,
+            data,
+            lambda name, done: report(name[:22], done / max(1, len(specs))),
+            force=force,
+        )
+    _compare(digests)
 
 
 def _print_part(scores: pl.DataFrame) -> None:
