@@ -176,6 +176,9 @@ lock: $(tools)/python/.ready
 	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --extra docs --universal --python-version 3.11 \
 	    --constraints requirements-dev.lock --generate-hashes --no-annotate --upgrade --quiet \
 	    --custom-compile-command "make lock" --output-file requirements-docs.lock
+	$(tools)/python/bin/uv pip compile benches/rivals/requirements.in --no-config --universal --python-version 3.11 \
+	    --constraints requirements-dev.lock --generate-hashes --no-annotate --upgrade --quiet \
+	    --custom-compile-command "make lock" --output-file benches/rivals/requirements.lock
 
 # The bill of materials, CycloneDX: what an install brings along, at the locked versions, and the crates in the wheel. Its
 # check against the schema takes minutes.

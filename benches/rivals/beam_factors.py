@@ -89,8 +89,23 @@ def depth_factor(n: int, d: int, depth_m: float, lever: Floats, size: int, sd_m:
     return gtsam.CustomFactor(_sigma(sd_m), [n, d], error)
 
 
-def heading_factor(n: int, yaw_rad: float, sd_rad: float) -> Any:  # noqa: ANN401
-    """Yaw of R; the difference is taken on the circle. Undefined on end."""
+def velocity_factor(n: int, velocity_p_mps: Floats, noise: Any) -> Any:  # noqa: ANN401
+    """The velocity in platform axes, Rᵀ v."""
+
+    def error(_: Any, values: Any, jacobians: Any) -> Floats:  # noqa: ANN401
+        state = values.atNavState(n)
+        velocity_p = state.attitude().matrix().T @ state.velocity()
+        if jacobians is not None:
+            by_state = np.zeros((3, 9), order="F")
+            by_state[:, 0:3], by_state[:, 6:9] = skew(velocity_p), np.eye(3)
+            jacobians[0] = by_state
+        return np.asarray(velocity_p - velocity_p_mps)
+
+    return gtsam.CustomFactor(noise, [n], error)
+
+
+def heading_factor(n: int, d: int, yaw_rad: float, slow: range, size: int, sd_rad: float) -> Any:  # noqa: ANN401
+    """Yaw of R plus the sensor's slow errors, rows of the instrument errors; on the circle. Undefined on end."""
 
     def error(_: Any, values: Any, jacobians: Any) -> Floats:  # noqa: ANN401
         rotation = values.atNavState(n).attitude().matrix()
@@ -102,11 +117,13 @@ def heading_factor(n: int, yaw_rad: float, sd_rad: float) -> Any:  # noqa: ANN40
             by_state = np.zeros((1, 9), order="F")
             by_state[0, 1] = (north * by_y[1] - east * by_y[0]) / level
             by_state[0, 2] = (north * by_z[1] - east * by_z[0]) / level
-            jacobians[0] = by_state
-        difference = np.arctan2(east, north) - yaw_rad
+            by_instrument = np.zeros((1, size), order="F")
+            by_instrument[0, list(slow)] = 1.0
+            jacobians[0], jacobians[1] = by_state, by_instrument
+        difference = np.arctan2(east, north) + values.atVector(d)[list(slow)].sum() - yaw_rad
         return np.array([np.arctan2(np.sin(difference), np.cos(difference))])
 
-    return gtsam.CustomFactor(_sigma(sd_rad), [n], error)
+    return gtsam.CustomFactor(_sigma(sd_rad), [n, d], error)
 
 
 def walk_factor(before: int, after: int, decay: Floats, sd: Floats) -> Any:  # noqa: ANN401

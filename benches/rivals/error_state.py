@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from benches.rivals import rotations
 from benches.rivals.gate import Gate
+from benches.rivals.held_start import HeldStart
 from benches.rivals.propagation import noise, transition
-from benches.rivals.sensors import Measurement, Sensors
+from benches.rivals.sensors import Measurement, Sensors, velocity_measurement
 from benches.rivals.state import (
     POSITION,
     Additive,
@@ -46,13 +47,14 @@ class ErrorStateFilter:
     ) -> None:
         self.mission, self.chart = mission, chart or Additive()
         self.solved_velocity = solved_velocity
-        self.layout = Layout(mission.geometry.beams, further_states)
+        self.layout = Layout.of(mission, further_states)
         self.earth, self.sensors = Earth.of(mission.model.environment), Sensors(mission, self.layout)
         self.gate = Gate(mission.options)
         self.state = at_start(mission, self.layout)
         to_chart = np.linalg.inv(self.chart.additive(self.state))
         self.covariance: Floats = to_chart @ covariance_at_start(mission, self.layout) @ to_chart.T
         self.omega_p_radps = np.zeros(3)
+        self.held, self.since_start_s = HeldStart(mission), 0.0
 
     def predict(self, stretch: Stretch) -> None:
         """Over a stretch of inertial samples."""
@@ -73,6 +75,7 @@ class ErrorStateFilter:
         moved = after @ phi @ before
         self.covariance = moved @ self.covariance @ moved.T + after @ q @ after.T
         self.omega_p_radps = stretch.omega_p_radps[-1]
+        self.since_start_s += stretch.duration_s
 
     def transition(self, increment: Increment, duration_s: float) -> Floats:
         """Of a stretch, in additive errors (n, n)."""
@@ -91,6 +94,9 @@ class ErrorStateFilter:
     def measurement(self, kind: str, value: Floats, positions: Positions | None) -> Measurement | None:
         """A reading as the filter uses it; None for one that it cannot use."""
         if kind == "ping":
+            self.held.see(int(np.isfinite(value).sum()))
+            if self.held.waits:
+                return velocity_measurement(*self.held.velocity(self.since_start_s))
             solve = self.sensors.velocity if self.solved_velocity else self.sensors.beams
             return solve(value, self.omega_p_radps)
         if kind == "depth":
@@ -108,9 +114,14 @@ class ErrorStateFilter:
         keep = self.gate.passes(kind, innovation, np.diag(S))
         if not keep.any():
             return
-        H, S, R = H[keep], S[np.ix_(keep, keep)], measurement.cov[np.ix_(keep, keep)]
+        self.absorb(
+            kind, innovation[keep], H[keep], S[np.ix_(keep, keep)], measurement.cov[np.ix_(keep, keep)]
+        )
+
+    def absorb(self, kind: str, innovation: Floats, H: Floats, S: Floats, R: Floats) -> None:
+        """The update with rows that passed."""
         K = np.linalg.solve(S, H @ self.covariance).T
-        self.correct(kind, K @ innovation[keep])
+        self.correct(kind, K @ innovation)
         rest = np.eye(self.layout.size) - K @ H
         self.covariance = rest @ self.covariance @ rest.T + K @ R @ K.T
 

@@ -19,7 +19,15 @@ from gtsam.symbol_shorthand import B, D, N
 from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
-from benches.rivals.beam_factors import beam_factor, depth_factor, heading_factor, skew, walk_factor
+from benches.rivals.beam_factors import (
+    beam_factor,
+    depth_factor,
+    heading_factor,
+    skew,
+    velocity_factor,
+    walk_factor,
+)
+from benches.rivals.held_start import HeldStart
 from bottomlock.bench.mission import Estimates, Mission
 from bottomlock.models import Model
 
@@ -43,19 +51,23 @@ class InstrumentErrors:
 
     @classmethod
     def of(cls, model: Model, beams: int, *, estimated: bool) -> "InstrumentErrors":
-        """Biases of up to four beams, scale factor and the bias of the depth sensor."""
-        dvl, biased = model.dvl, min(beams, 4)
-        sd = np.array([dvl.beam_bias_sd_mps] * biased + [dvl.scale_factor_sd])
-        walk = np.array([dvl.beam_bias_walk_mps_rts] * biased + [dvl.scale_factor_walk_rts])
-        times = np.full(biased + 2, np.inf)
-        depth = model.depth
-        times[-1] = depth.bias_time_s
-        depth_walk = depth.bias_sd_m * np.sqrt(2.0 / depth.bias_time_s)
-        return cls(
-            sd=np.append(sd * estimated, depth.bias_sd_m),
-            walk_rts=np.append(walk * estimated, depth_walk),
-            time_s=times,
-        )
+        """Biases of up to four beams, slow errors of the heading if any, scale factor, bias of the depth sensor."""
+        dvl, depth, heading, biased = model.dvl, model.depth, model.heading, min(beams, 4)
+        # 1 sigma at the start, walk per root second, correlation time.
+        rows = [(dvl.beam_bias_sd_mps * estimated, dvl.beam_bias_walk_mps_rts * estimated, np.inf)] * biased
+        if heading is not None and (heading.offset_sd_rad > 0.0 or heading.walk_sd_rad > 0.0):
+            rows.append((heading.offset_sd_rad, 0.0, np.inf))
+            rows.append(
+                (
+                    heading.walk_sd_rad,
+                    heading.walk_sd_rad * np.sqrt(2.0 / heading.walk_time_s),
+                    heading.walk_time_s,
+                )
+            )
+        rows.append((dvl.scale_factor_sd * estimated, dvl.scale_factor_walk_rts * estimated, np.inf))
+        rows.append((depth.bias_sd_m, depth.bias_sd_m * np.sqrt(2.0 / depth.bias_time_s), depth.bias_time_s))
+        sd, walk, times = np.array(rows).T
+        return cls(sd=sd, walk_rts=walk, time_s=times)
 
     def decay(self, dt_s: float) -> Floats:
         """What remains of each after an interval."""
@@ -66,7 +78,7 @@ class InstrumentErrors:
         return np.maximum(self.walk_rts * np.sqrt(dt_s), LEAST_WALK_SD)
 
 
-def estimate(mission: Mission, *, lag_s: float = LAG_S) -> Estimates:
+def estimate(mission: Mission, *, lag_s: float = LAG_S, held_start: bool = True) -> Estimates:
     """Velocity, position and attitude at the grid, each from the readings up to its time.
 
     Where the mission's options have robust beams, the noise of a beam is Student's t of the options' degrees (Huber for
@@ -75,9 +87,11 @@ def estimate(mission: Mission, *, lag_s: float = LAG_S) -> Estimates:
     Args:
         mission: the mission.
         lag_s: length of the window that is relinearised.
+        held_start: hold the velocity of the start until the first beam (held_start.py).
     """
     began = time.perf_counter()
     graph = _Graph(mission, lag_s)
+    graph.held.waits = held_start
     times = _keyframe_times(mission)
     on_grid = set(mission.grid_ns.tolist())
     rows = []
@@ -128,6 +142,7 @@ class _Graph:
         # Not the incremental smoother: where beams leave a direction of the velocity unobserved, it finds information
         # where there is none, and diverges (README_graph.md).
         self.smoother = gtsam.BatchFixedLagSmoother(lag_s, parameters)
+        self.held = HeldStart(mission)
         self.state, self.bias, self.instrument = self._start()
 
     def _preintegration(self) -> Any:  # noqa: ANN401 - gtsam has no types
@@ -221,6 +236,11 @@ class _Graph:
         for k in _rows(mission.pings.time_ns, time_ns):
             readings = mission.pings.velocity_mps[k]
             valid = np.flatnonzero(mission.pings.valid[k])
+            self.held.see(len(valid))
+            if self.held.waits:
+                velocity, cov = self.held.velocity((time_ns - mission.start.time_ns) * 1e-9)
+                noise = gtsam.noiseModel.Gaussian.Covariance(cov)
+                factors.append(velocity_factor(N(j), velocity, noise))
             factors.extend(self._beam(int(beam), float(readings[beam]), j) for beam in valid)
         for k in _rows(mission.depth.time_ns, time_ns):
             lever = np.asarray(mission.options.depth_lever_p_m)
@@ -230,7 +250,11 @@ class _Graph:
             )
         for k in _rows(mission.heading.time_ns, time_ns):
             assert model.heading is not None
-            factors.append(heading_factor(N(j), float(mission.heading.value[k]), model.heading.sd_rad))
+            biased, size = min(mission.geometry.beams, 4), len(self.instrument)
+            slow = range(biased, size - 2)
+            factors.append(
+                heading_factor(N(j), D(j), float(mission.heading.value[k]), slow, size, model.heading.sd_rad)
+            )
         return factors
 
     def _beam(self, beam: int, reading_mps: float, j: int) -> Any:  # noqa: ANN401 - gtsam has no types

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benches.rivals.error_state import ErrorStateFilter, run
-from benches.rivals.sensors import Measurement
-from benches.rivals.state import State, velocity_rows
+from benches.rivals.sensors import Measurement, velocity_measurement
 from benches.rivals.timeline import Positions, Stretch
 from bottomlock.bench.mission import Estimates, Mission
 
@@ -66,6 +65,7 @@ class HeldVelocityFilter(ErrorStateFilter):
 
     def __init__(self, mission: Mission, window: int) -> None:
         super().__init__(mission, solved_velocity=True)
+        self.held.waits = False
         self.memory = memory_at_start(mission, window)
         self.time_s = 0.0
 
@@ -84,15 +84,6 @@ class HeldVelocityFilter(ErrorStateFilter):
             return measured
         held = self.memory.held(self.time_s)
         return None if held is None else velocity_measurement(*held)
-
-
-def velocity_measurement(velocity_p_mps: Floats, cov_m2ps2: Floats) -> Measurement:
-    """The velocity in platform axes, whatever it comes from."""
-
-    def predict(state: State) -> Floats:
-        return state.velocity_p_mps
-
-    return Measurement(velocity_p_mps, predict, velocity_rows, cov_m2ps2)
 
 
 def estimate(mission: Mission) -> Estimates:

@@ -38,6 +38,7 @@ MODEL_TIME_S = 300.0
 MODEL_NOISE_MPS = 0.02
 EVERY_S = 1.0
 VEHICLES = ("tauv", "remus100")
+HOVERING = ("bluerov2_heavy",)
 FURTHER = 5
 """Current north and east, and the model's error in platform axes."""
 
@@ -47,6 +48,8 @@ class ModelAidedFilter(ErrorStateFilter):
 
     def __init__(self, mission: Mission, vehicle: Vehicle, controls: Controls | None) -> None:
         super().__init__(mission, further_states=FURTHER)
+        # The model gives a velocity from the start on.
+        self.held.waits = False
         gravity = mission.model.environment.gravity_mps2
         wrong = perturbed(vehicle, COEFFICIENT_SD, zlib.crc32(mission.name.encode()))
         self.controls, self.model = controls, KineticModel(wrong, gravity, mission.start.velocity_p_mps)
@@ -76,7 +79,8 @@ class ModelAidedFilter(ErrorStateFilter):
         duration = stretch.duration_s
         decay = np.exp(-duration / self.further_time_s)
         sensors = self.state.sensors.copy()
-        sensors[-FURTHER:] *= decay
+        others = self.layout.others
+        sensors[others.start - 9 : others.stop - 9] *= decay
         self.state = State(self.state.motion, sensors, self.state.beams)
         omega = stretch.step_s @ stretch.omega_p_radps / duration - self.state.gyro_bias
         attitude = rotations.quaternion(self.state.motion.rotation)
@@ -99,18 +103,18 @@ class ModelAidedFilter(ErrorStateFilter):
 
         def through_water(state: State) -> State:
             current = np.zeros_like(state.motion.velocity_t_mps)
-            current[..., :2] = state.others[..., :2]
+            current[..., :2] = state.states(self.layout.others)[..., :2]
             motion = state.motion
             moving = Motion(motion.rotation, motion.velocity_t_mps - current, motion.position_t_m)
             return state.with_motion(moving)
 
         def predict(state: State) -> Floats:
-            return through_water(state).velocity_p_mps + state.others[..., 2:]
+            return through_water(state).velocity_p_mps + state.states(self.layout.others)[..., 2:]
 
         def rows(state: State) -> Floats:
             out, first = velocity_rows(through_water(state)), self.layout.others.start
             out[:, first : first + 2] = -out[:, VELOCITY][:, :2]
-            out[:, first + 2 :] = np.eye(3)
+            out[:, first + 2 : self.layout.others.stop] = np.eye(3)
             return out
 
         return Measurement(self.model.velocity_p_mps, predict, rows, MODEL_NOISE_MPS**2 * np.eye(3))
@@ -131,16 +135,20 @@ class ModelAidedFilter(ErrorStateFilter):
         """The current's states."""
         first = self.layout.others.start
         block = slice(first, first + 2)
-        return self.state.others[:2].copy(), self.covariance[block, block].copy()
+        return self.state.sensors[first - 9 : first - 7].copy(), self.covariance[block, block].copy()
 
 
 def estimate(mission: Mission) -> Estimates:
     """Without a record of fins and shaft; the vehicle is that with which the mission's name begins.
 
+    The kinetic model is of a vehicle with fins: one with thrusters is navigated without, by the beam-level EKF alone.
+
     Raises:
-        DataError: for a mission whose name begins with no packaged vehicle with fins.
+        DataError: for a mission whose name begins with no packaged vehicle.
     """
     name = mission.name.split("-")[0]
+    if name in HOVERING:
+        return run(ErrorStateFilter(mission), mission)
     if name not in VEHICLES:
         raise DataError(
             f"mission {mission.name}: no packaged vehicle is called '{name}' ({', '.join(VEHICLES)});"

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from benches.rivals import rotations
 from benches.rivals.state import ACCEL_BIAS, GYRO_BIAS, MISALIGNMENT, POSITION, VELOCITY, Layout
 from benches.rivals.strapdown import Earth, Increment
-from bottomlock.models import DepthModel, DvlModel, Model
+from bottomlock.models import DepthModel, DvlModel, HeadingModel, Model
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +34,9 @@ def transition(layout: Layout, increment: Increment, duration_s: float, earth: E
     phi[POSITION, GYRO_BIAS] = moved @ rotation_s / 3.0
     if model.of(DepthModel).bias_sd_m > 0.0:
         phi[layout.depth_bias, layout.depth_bias] = np.exp(-duration_s / model.of(DepthModel).bias_time_s)
+    if layout.slow_heading:
+        walk = layout.heading.stop - 1
+        phi[walk, walk] = np.exp(-duration_s / model.of(HeadingModel).walk_time_s)
     return phi
 
 
@@ -50,6 +53,9 @@ def noise(layout: Layout, phi: Floats, duration_s: float, model: Model) -> Float
         density[layout.depth_bias] = (
             2.0 * model.of(DepthModel).bias_sd_m ** 2 / model.of(DepthModel).bias_time_s
         )
+    if layout.slow_heading:
+        heading = model.of(HeadingModel)
+        density[layout.heading.stop - 1] = 2.0 * heading.walk_sd_rad**2 / heading.walk_time_s
     even: Floats = np.diag(0.5 * duration_s * density)
     out: Floats = phi @ even @ phi.T + even
     return out

@@ -50,7 +50,7 @@ class Sensors:
 
     def __init__(self, mission: Mission, layout: Layout | None = None) -> None:
         self.mission = mission
-        self.layout = layout or Layout(mission.geometry.beams)
+        self.layout = layout or Layout.of(mission)
         self.earth = Earth.of(mission.model.environment)
         # Directions with what the wrong sound speed multiplies; lever arms.
         self.directions = mission.geometry.sound_speed_scale * mission.geometry.directions_p
@@ -119,7 +119,7 @@ class Sensors:
         )
 
     def heading(self, heading_rad: Floats) -> Measurement | None:
-        """Angle of the bow; None where the model has no heading sensor."""
+        """Angle of the bow, with offset and walk where they are states; None where the model has no heading sensor."""
         model = self.mission.model.heading
         if model is None:
             return None
@@ -130,11 +130,14 @@ class Sensors:
             level = north * north + east * east
             # δ(R e_x) = ρ × R e_x
             out[0, MISALIGNMENT] = [-north * down / level, -east * down / level, 1.0]
+            out[0, self.layout.heading] = 1.0
             return out
 
         return Measurement(
             heading_rad,
-            lambda state: rotations.yaw_rad(state.motion.rotation)[..., None],
+            lambda state: (
+                rotations.yaw_rad(state.motion.rotation) + state.states(self.layout.heading).sum(axis=-1)
+            )[..., None],
             rows,
             np.array([[model.sd_rad**2]]),
             angle=True,
@@ -161,6 +164,15 @@ class Sensors:
         rows[:, self.layout.beam_bias] = np.eye(self.layout.beams)
         rows[:, self.layout.scale_factor] = self.directions @ state.velocity_p_mps
         return rows
+
+
+def velocity_measurement(velocity_p_mps: Floats, cov_m2ps2: Floats) -> Measurement:
+    """The velocity in platform axes, whatever it comes from."""
+
+    def predict(state: State) -> Floats:
+        return state.velocity_p_mps
+
+    return Measurement(velocity_p_mps, predict, velocity_rows, cov_m2ps2)
 
 
 def _position_rows(state: State, lever: Floats) -> Floats:

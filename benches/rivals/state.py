@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from benches.rivals import rotations
 from benches.rivals.strapdown import Motion
 from bottomlock.bench.mission import Mission
-from bottomlock.models import DepthModel, DvlModel
+from bottomlock.models import DepthModel, DvlModel, HeadingModel
 
 Floats = NDArray[np.float64]
 
@@ -27,11 +27,20 @@ INERTIAL = 15
 class Layout:
     """Where the errors of the sensors stand: biases of the beams, the DVL's scale factor, bias of the depth sensor.
 
-    After them come states that a filter has beside those.
+    After them come states that a filter has beside those, and last, where the model claims them, offset and walk of the
+    heading sensor.
     """
 
     beams: int
     further: int = 0
+    slow_heading: bool = False
+
+    @classmethod
+    def of(cls, mission: Mission, further: int = 0) -> "Layout":
+        """For a mission's sensors."""
+        heading = mission.model.heading
+        slow = heading is not None and (heading.offset_sd_rad > 0.0 or heading.walk_sd_rad > 0.0)
+        return cls(mission.geometry.beams, further, slow)
 
     @property
     def beam_bias(self) -> slice:
@@ -51,12 +60,17 @@ class Layout:
     @property
     def size(self) -> int:
         """Number of errors."""
-        return INERTIAL + self.beams + 2 + self.further
+        return self.heading.stop
 
     @property
     def others(self) -> slice:
         """The further states."""
-        return slice(self.depth_bias + 1, self.size)
+        return slice(self.depth_bias + 1, self.depth_bias + 1 + self.further)
+
+    @property
+    def heading(self) -> slice:
+        """Offset and walk of the heading sensor, or none."""
+        return slice(self.others.stop, self.others.stop + 2 * self.slow_heading)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +106,9 @@ class State:
         """Bias of the depth sensor (...,), m."""
         return self.sensors[..., 7 + self.beams]
 
-    @property
-    def others(self) -> Floats:
-        """The further states (..., k)."""
-        return self.sensors[..., 8 + self.beams :]
+    def states(self, part: slice) -> Floats:
+        """Sensors' errors and further states by their place in the layout (..., k)."""
+        return self.sensors[..., part.start - 9 : part.stop - 9]
 
     @property
     def velocity_p_mps(self) -> Floats:
@@ -127,6 +140,8 @@ def covariance_at_start(mission: Mission, layout: Layout) -> Floats:
         dvl = model.of(DvlModel)
         sd[layout.beam_bias], sd[layout.scale_factor] = dvl.beam_bias_sd_mps, dvl.scale_factor_sd
     sd[layout.depth_bias] = model.of(DepthModel).bias_sd_m
+    if layout.slow_heading:
+        sd[layout.heading] = model.of(HeadingModel).offset_sd_rad, model.of(HeadingModel).walk_sd_rad
     # v_t = R v_p: the error of the attitude at the start turns the velocity, too (δv_t = R δv_p − [v_t ×] ρ).
     state = at_start(mission, layout)
     to_tangent = np.eye(layout.size)

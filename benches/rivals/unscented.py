@@ -87,8 +87,7 @@ class UnscentedFilter(ErrorStateFilter):
         sensors = spread.sensors.copy()
         centre = Increment(increment.velocity_t_mps[0], increment.position_t_m[0], increment.rotation_s[0])
         phi = self.transition(centre, stretch.duration_s)
-        depth_bias = self.layout.depth_bias
-        sensors[:, depth_bias - 9] *= phi[depth_bias, depth_bias]
+        sensors *= np.diag(phi)[9:]
         flown = State(motion, sensors, spread.beams)
         middle = State(
             Motion(motion.rotation[0], motion.velocity_t_mps[0], motion.position_t_m[0]),
@@ -102,6 +101,7 @@ class UnscentedFilter(ErrorStateFilter):
         q = self.process_noise(phi, stretch.duration_s)
         self.covariance = _symmetric(self.covariance + after @ q @ after.T)
         self.omega_p_radps = stretch.omega_p_radps[-1]
+        self.since_start_s += stretch.duration_s
 
     def update(self, kind: str, measurement: Measurement) -> None:
         """The gain is the covariance of errors and predictions over that of the predictions."""

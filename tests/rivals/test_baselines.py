@@ -252,7 +252,7 @@ def test_the_current_is_the_difference_of_ground_and_model(exact: Mission) -> No
     current, cov = rival.current()
     assert current[0] == pytest.approx(0.2, abs=0.02)
     assert cov[0, 0] < 0.1 * rival.further_sd[0] ** 2
-    assert rival.state.others.shape == (FURTHER,)
+    assert rival.state.states(others).shape == (FURTHER,)
     assert isinstance(rival.state, State)
 
 
