@@ -1,4 +1,4 @@
-"""What the slow errors of a heading reference are worth as states: `tc` on the missions of version 1.1, T2.
+"""What the slow errors of a heading reference are worth as states: `tc` on the missions with a slow heading, T2.
 
     python tools/bench_heading_states.py DIR
 
@@ -28,7 +28,7 @@ SHOWN = (RANKED, "position NEES a component", "position RMS, m")
 def main() -> None:
     """Prints the table."""
     found: dict[str, list[list[float]]] = {}
-    for spec in missions_of(version="1.1"):
+    for spec in (one for one in missions_of(("train", "validation"), version="1.1") if one.heading):
         mission = load_mission(Path(sys.argv[1]) / spec.split / spec.name)
         own = mission.model.heading
         assert own is not None  # every mission has a heading sensor

@@ -94,8 +94,7 @@ class ErrorStateFilter:
     def measurement(self, kind: str, value: Floats, positions: Positions | None) -> Measurement | None:
         """A reading as the filter uses it; None for one that it cannot use."""
         if kind == "ping":
-            self.held.see(int(np.isfinite(value).sum()))
-            if self.held.waits:
+            if self.held.holds(np.isfinite(value)):
                 return velocity_measurement(*self.held.velocity(self.since_start_s))
             solve = self.sensors.velocity if self.solved_velocity else self.sensors.beams
             return solve(value, self.omega_p_radps)

@@ -236,8 +236,7 @@ class _Graph:
         for k in _rows(mission.pings.time_ns, time_ns):
             readings = mission.pings.velocity_mps[k]
             valid = np.flatnonzero(mission.pings.valid[k])
-            self.held.see(len(valid))
-            if self.held.waits:
+            if self.held.holds(mission.pings.valid[k]):
                 velocity, cov = self.held.velocity((time_ns - mission.start.time_ns) * 1e-9)
                 noise = gtsam.noiseModel.Gaussian.Covariance(cov)
                 factors.append(velocity_factor(N(j), velocity, noise))

@@ -96,7 +96,7 @@ class RobustFilter(ErrorStateFilter):
 
     def update(self, kind: str, measurement: Measurement) -> None:
         """Of a ping the beams that are left, each with the variance of its weight."""
-        if kind != "ping" or self.held.waits:
+        if kind != "ping" or not self.returned.any():
             super().update(kind, measurement)
             return
         innovation = measurement.innovation(measurement.predict(self.state))

@@ -47,9 +47,10 @@ def test_weights_are_those_of_the_variational_update() -> None:
 def test_closure_of_a_janus_by_hand(mission: Mission) -> None:
     """(e₁ − e₂ + e₃ − e₄)²/4σ² with velocity unknown, whose quantile of 99.73 % is 9.0: e = 6.0 σ passes, 6.1 fails."""
     directions = mission.geometry.directions_p
-    S = np.eye(4) + 1e6 * directions @ directions.T
     sign = np.array([1.0, -1.0, 1.0, -1.0])
-    for size, left in ((5.99, 4), (6.01, 3)):
+    # The same with beams of 1 and 2 σ, whose sum of squares is 10 instead of 4: 3 √10 = 9.49.
+    for sd, size, left in ((1.0, 5.99, 4), (1.0, 6.01, 3), (2.0, 9.47, 4), (2.0, 9.51, 3)):
+        S = np.diag([1.0, sd**2, 1.0, sd**2]) + 1e6 * directions @ directions.T
         innovation = 0.25 * size * sign
         kept = screened(innovation, S, directions, closure_gate=0.9973, beam_gate=None)
         assert kept.sum() == left
@@ -123,8 +124,8 @@ def test_slow_errors_of_the_heading_are_states(slow: Mission, mission: Mission) 
     )
 
 
-def test_before_the_first_beam_the_start_is_held(mission: Mission) -> None:
-    """Without any beam the velocity stays that of the start and is claimed so; with the first one that ends."""
+def test_before_the_first_bottom_lock_the_start_is_held(mission: Mission) -> None:
+    """Without any beam the velocity stays that of the start and is claimed so; beams that determine it end that."""
     none = np.zeros_like(mission.pings.valid)
     blind = dataclasses.replace(mission, pings=dataclasses.replace(mission.pings, valid=none))
     found = error_state.estimate(blind)
@@ -134,10 +135,11 @@ def test_before_the_first_beam_the_start_is_held(mission: Mission) -> None:
     assert off < 4.0 * start
     assert start < claimed < 3.0 * start
     rival = ErrorStateFilter(mission)
-    lost = np.full(4, np.nan)
-    waits = []
-    for ping in (lost, np.array([0.1, np.nan, np.nan, np.nan]), lost):
-        last = rival.measurement("ping", ping, None)
-        waits.append(rival.held.waits)
-    assert waits == [True, False, False]
-    assert last is None
+    lost, one, three = np.full(4, np.nan), np.array([0.1, *[np.nan] * 3]), np.array([0.1, 0.2, 0.1, np.nan])
+    rows = []
+    for ping in (lost, one, lost, three, lost):
+        measured = rival.measurement("ping", ping, None)
+        rows.append(0 if measured is None else len(measured.value))
+    # A velocity, a beam, a velocity again, three beams, and then nothing.
+    assert rows == [3, 1, 3, 3, 0]
+    assert not rival.held.waits
