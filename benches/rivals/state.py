@@ -60,7 +60,7 @@ class Layout:
     @property
     def size(self) -> int:
         """Number of errors."""
-        return self.heading.stop
+        return int(self.heading.stop)
 
     @property
     def others(self) -> slice:
