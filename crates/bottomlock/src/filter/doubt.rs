@@ -42,6 +42,42 @@ struct Difference {
     velocity_p_mps: Vector3<f64>,
 }
 
+/// The doubts of the sensors whose readings may show more than an error of the filter explains.
+#[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
+pub(super) struct Doubts {
+    beams: Doubt,
+    velocity: Doubt,
+}
+
+impl Doubts {
+    /// The doubt of a sensor.
+    pub(super) const fn of(&self, sensor: Sensor) -> Option<&Doubt> {
+        match sensor {
+            Sensor::Beams => Some(&self.beams),
+            Sensor::Velocity => Some(&self.velocity),
+            _ => None,
+        }
+    }
+
+    /// The doubt of a sensor.
+    pub(super) const fn of_mut(&mut self, sensor: Sensor) -> Option<&mut Doubt> {
+        match sensor {
+            Sensor::Beams => Some(&mut self.beams),
+            Sensor::Velocity => Some(&mut self.velocity),
+            _ => None,
+        }
+    }
+
+    /// Checks doubts that were read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`].
+    pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+        self.beams.check_restored(time_ns)?;
+        self.velocity.check_restored(time_ns)
+    }
+}
+
 impl Doubt {
     /// Checks a doubt that was read from bytes.
     ///
@@ -80,7 +116,7 @@ impl Eskf {
 
     /// The difference that the covariance of the velocity holds in doubt of a sensor, m/s.
     pub(crate) fn doubted(&self, sensor: Sensor) -> Option<Vector3<f64>> {
-        let open = self.consecutive_rejections.doubts[sensor as usize].open?;
+        let open = self.consecutive_rejections.doubts.of(sensor)?.open?;
         Some(open.velocity_p_mps)
     }
 
@@ -97,7 +133,7 @@ impl Eskf {
         // Of beams some may be right: through a wide covariance their noise would get in.
         let is_held = sensor != Sensor::Beams;
         let needed = (self.inflate_after_rejections, if is_held { 0 } else { LONGEST_NS });
-        let doubt = &mut self.consecutive_rejections.doubts[sensor as usize];
+        let doubt = self.consecutive_rejections.doubts.of_mut(sensor)?;
         let run = doubt.count.rejection(factor, velocity_p_mps, needed, time_ns)?;
         if !is_held {
             return Some(run.factor);

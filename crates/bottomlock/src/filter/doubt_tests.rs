@@ -176,7 +176,7 @@ fn restored_doubts_are_checked() {
     ];
     for change in faults {
         let mut bad = filter.consecutive_rejections.clone();
-        change(bad.doubts[Sensor::Velocity as usize].open.as_mut().unwrap());
+        change(bad.doubts.of_mut(Sensor::Velocity).unwrap().open.as_mut().unwrap());
         assert!(bad.check_restored(3).is_err());
     }
 }

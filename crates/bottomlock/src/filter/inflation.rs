@@ -24,7 +24,7 @@ use std::ops::Range;
 use nalgebra::{SMatrix, Vector3};
 
 use super::Eskf;
-use super::doubt::Doubt;
+use super::doubt::{Doubt, Doubts};
 use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, MAX_ROWS};
 use crate::error::{NavError, require_finite};
@@ -70,7 +70,7 @@ impl AdmissibleError {
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct ConsecutiveRejections {
     explained: Box<[Count; Sensor::COUNT]>,
-    pub(super) doubts: Box<[Doubt; Sensor::COUNT]>,
+    pub(super) doubts: Doubts,
 }
 
 impl ConsecutiveRejections {
@@ -79,9 +79,10 @@ impl ConsecutiveRejections {
     /// # Errors
     /// [`NavError::NotFinite`].
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
-        let explained = self.explained.iter().map(|count| count.check_restored(time_ns));
-        let doubts = self.doubts.iter().map(|doubt| doubt.check_restored(time_ns));
-        explained.chain(doubts).collect()
+        self.explained
+            .iter()
+            .try_for_each(|count| count.check_restored(time_ns))?;
+        self.doubts.check_restored(time_ns)
     }
 }
 
@@ -157,7 +158,9 @@ impl Eskf {
     /// Notes that a measurement passed its gate.
     pub(crate) fn note_accepted(&mut self, sensor: Sensor) {
         self.consecutive_rejections.explained[sensor as usize] = Count::default();
-        self.consecutive_rejections.doubts[sensor as usize] = Doubt::default();
+        if let Some(doubt) = self.consecutive_rejections.doubts.of_mut(sensor) {
+            *doubt = Doubt::default();
+        }
     }
 
     /// Counts the rejection of a measurement with this innovation, and inflates the covariance once the limit of
@@ -185,8 +188,9 @@ impl Eskf {
             whole += half + half.transpose();
         }
         if self.is_doubted(innovation, sensor) {
-            let doubt = &mut self.consecutive_rejections.doubts[sensor as usize];
-            return Ok(doubt.go_on(solved(innovation, VELOCITY), self.state.time_ns));
+            let difference = solved(innovation, VELOCITY);
+            let doubt = self.consecutive_rejections.doubts.of_mut(sensor);
+            return Ok(doubt.and_then(|doubt| doubt.go_on(difference, self.state.time_ns)));
         }
         if self.is_in_doubt(sensor) {
             return Ok(None);
