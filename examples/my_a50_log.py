@@ -38,7 +38,7 @@ print((folder / "a50.json").read_text().splitlines()[5][:80], "...")
 # The format is recognised from the content. The account says what was kept, what was left out and why.
 
 # %%
-bottomlock("convert a50.json --to pings.parquet")
+bottomlock("convert a50.json --out pings.parquet")
 
 # %% [markdown]
 # ## Velocity with covariance, and with two beams

@@ -38,7 +38,7 @@ def test_the_first_message_leads_to_a_table(own: Path, tmp_path: Path) -> None:
     """What convert says of an unknown header is followed to the letter; units and lost beams are right."""
     beams = tmp_path / "beams.parquet"
     refused = command("convert", own, "--to", beams)
-    assert f"`bottomlock convert {own} --init --to MAP.toml`" in refused.stderr
+    assert f"`bottomlock convert {own} --init --out MAP.toml`" in refused.stderr
     assert command("convert", own, "--init", "--to", tmp_path / "map.toml").returncode == 0
     done = command("convert", own, "--columns", tmp_path / "map.toml", "--to", beams)
     assert done.returncode == 0, done.stderr
@@ -68,7 +68,7 @@ def test_no_flags_and_no_word_of_it(own: Path, tmp_path: Path) -> None:
 def test_a_table_that_was_not_converted(own: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
     refused = command(*words, own, "--geometry", "x_janus_20", "--out", tmp_path / "x.parquet")
     assert refused.returncode == 2
-    assert f"`bottomlock convert {own} --init --to MAP.toml`" in refused.stderr
+    assert f"`bottomlock convert {own} --init --out MAP.toml`" in refused.stderr
 
 
 def test_the_recommended_method_is_none_of_single_pings() -> None:

@@ -14,7 +14,7 @@ EXAMPLES = {
     "fly": ("fly straight -o out/path",),
     "simulate-dvl": ("simulate-dvl survey --dvl tcpin:127.0.0.1:16171",),
     "keys": ("keys scenario gyro", "keys case --json", "keys scenario --schema"),
-    "scenarios": ("scenarios", "scenarios --copy straight --to mine.toml"),
+    "scenarios": ("scenarios", "scenarios --copy straight --out mine.toml"),
     "fix": (
         "fix beams.parquet --geometry waterlinked_a50 --method lc -o fixes.parquet",
         "fix beams.parquet --geometry waterlinked_a50 --leave-out 1",
@@ -34,7 +34,7 @@ EXAMPLES = {
         "bench score estimates/tc.parquet --data missions -o scores.parquet",
     ),
     "observe": ("observe straight -o out/states", "observe --paper -o out/paper_states"),
-    "convert": ("convert dive.pd0 --to beams.parquet",),
+    "convert": ("convert dive.pd0 --out beams.parquet",),
     "geometries": ("geometries",),
     "grades": ("grades",),
     "live": ("live live.toml",),

@@ -255,7 +255,7 @@ def times_as_they_stand(
     if columns.time not in table.columns and columns.time == Columns().time:
         raise DataError(
             f"{place}: column '{columns.time}' is missing (there are {column_names(table)}); "
-            f"`bottomlock convert {place} --init --to MAP.toml` writes a map of other names, with which "
+            f"`bottomlock convert {place} --init --out MAP.toml` writes a map of other names, with which "
             "`bottomlock convert` makes the table to be read here"
         )
     if columns.time_unit == "ns":

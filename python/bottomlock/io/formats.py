@@ -100,7 +100,7 @@ def detect(path: Path) -> str:
         columns = show(head.split(b"\n", 1)[0])
         raise DataError(
             f"{path}: its first line, '{columns}', names no documented columns (time_ns, beam1_mps, beam1_valid ...); "
-            f"`bottomlock convert {path} --init --to MAP.toml` writes a map of yours for --columns MAP.toml; or name "
+            f"`bottomlock convert {path} --init --out MAP.toml` writes a map of yours for --columns MAP.toml; or name "
             "the format with --format"
         )
     if path.is_dir():
@@ -163,7 +163,7 @@ def converted_first(path: str | Path, time: str = "time_ns") -> Iterator[None]:
             raise
         raise DataError(
             f"{place}: is a log of format {name}, not a table; convert it first: "
-            f"bottomlock convert {place} --to {place.with_suffix('.parquet').name}"
+            f"bottomlock convert {place} --out {place.with_suffix('.parquet').name}"
         ) from error
 
 

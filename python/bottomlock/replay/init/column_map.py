@@ -32,7 +32,7 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
             "bottomlock replay --init reads it as it is"
         )
     section = Section(
-        "", [f"Column map of {file.name}: bottomlock convert {file.name} --to OUT --columns {to.name}"]
+        "", [f"Column map of {file.name}: bottomlock convert {file.name} --out OUT --columns {to.name}"]
     )
     section.put("time", times.column)
     section.put("time_unit", times.unit, times.why)
