@@ -25,6 +25,9 @@ pub(crate) const MS: i64 = 1_000_000;
 const STEP_NS: i64 = 20 * MS;
 const READINGS: i64 = 150;
 
+/// How long a navigator asks whether forces and attitude agree, with a reading that may be missing.
+const FORCES_NS: i64 = 1_200 * MS;
+
 /// A log, and the navigator that takes it.
 pub(crate) struct Case {
     pub(crate) method: &'static Method,
@@ -186,6 +189,8 @@ fn measurement(random: &mut ChaCha8Rng, sensor: usize, time_ns: i64) -> Measurem
         }
         .into(),
         2 => {
+            // Not in the first second, whose forces are held against the attitude.
+            let wild = if time_ns < FORCES_NS { 1.0 } else { wild };
             let [roll, pitch, yaw] = vector(random, 0.02 * wild);
             AttitudeSample {
                 time_ns,
@@ -197,7 +202,8 @@ fn measurement(random: &mut ChaCha8Rng, sensor: usize, time_ns: i64) -> Measurem
         }
         3 => HeadingSample {
             time_ns,
-            yaw_rad: 0.05 * wild * normal(random),
+            // Beyond a turn it would be refused as degrees.
+            yaw_rad: (0.05 * wild * normal(random)).clamp(-6.0, 6.0),
             sd_rad: 0.05,
         }
         .into(),
