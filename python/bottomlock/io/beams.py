@@ -290,17 +290,14 @@ def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.
 
 
 def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
-    """Columns of 0, 1, true or false as an array (n, columns).
+    """Columns of 0 and 1, or of the words of a flag (`FLAG_WORDS`), as an array (n, columns).
 
     Raises:
         DataError: naming row and column, for anything else.
     """
     flags = []
     for name in names:
-        if name in table.columns and table[name].dtype == pl.String:
-            words = {"true": "1", "false": "0"}
-            table = table.with_columns(pl.col(name).str.to_lowercase().replace(words))
-        series = number_series(table, name, place, pl.Float64())
+        series = number_series(table, name, place, pl.Float64(), words=True)
         bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
         if len(bad):
             raise DataError(

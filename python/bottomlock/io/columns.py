@@ -20,6 +20,11 @@ NS_OF: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_00
 LATEST_NS = 2**62
 """Bound of the times of a table, ns (146 years): differences of two still fit 64 bits."""
 
+FLAG_WORDS: Mapping[str, str] = {
+    "true": "1", "false": "0", "yes": "1", "no": "0", "valid": "1", "invalid": "0", "good": "1", "bad": "0",
+}  # fmt: skip
+"""Words of a flag, in small letters, and their numbers."""
+
 _SHOWN = 12
 """Columns that an error lists."""
 
@@ -57,7 +62,7 @@ def column_names(table: pl.DataFrame) -> str:
 def number_series(
     table: pl.DataFrame, name: str, place: str, dtype: pl.DataType, *, words: bool = False
 ) -> pl.Series:
-    """A column as numbers, null or NaN where a cell is empty; with `words`, true and false are 1 and 0.
+    """A column as numbers, null or NaN where a cell is empty; with `words`, those of a flag are 1 and 0.
 
     Raises:
         DataError: naming column and row, for a column that is missing or a cell that is no number.
@@ -106,10 +111,12 @@ def numbers_of_text(
     text = column.str.strip_chars()
     lower = text.str.to_lowercase()
     empty = text.is_null() | lower.is_in(["", "nan"])
-    numbers = (lower.replace({"true": "1", "false": "0"}) if words else text).cast(dtype, strict=False)
+    numbers = (lower.replace(FLAG_WORDS) if words else text).cast(dtype, strict=False)
     bad = (numbers.is_null() & ~empty).arg_true()
     if len(bad):
-        raise DataError(f"{place}: row {bad[0]}, column '{name}' is '{text[int(bad[0])]}', expected a number")
+        expected = f"a number, or a flag as {', '.join(FLAG_WORDS)}" if words else "a number"
+        found = printable(text[int(bad[0])])
+        raise DataError(f"{place}: row {bad[0]}, column '{name}' is '{found}', expected {expected}")
     return numbers
 
 

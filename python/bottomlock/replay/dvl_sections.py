@@ -2,13 +2,13 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.scenario_sections import AltitudeLoss, Dropout, NonNegative, Outage, Positive, Section
-from bottomlock.replay.stream_sections import Clock, ColumnTriple, MountedStream
+from bottomlock.replay.stream_sections import Clock, ColumnTriple, ReorderedStream
 
 Beam = Annotated[int, Field(ge=1, le=8)]
 
@@ -44,7 +44,7 @@ class BeamNoise(Section):
         return self
 
 
-class DvlStream(MountedStream):
+class DvlStream(ReorderedStream):
     """Beams as recorded (source "beams"), or projected from the instrument's velocity ("velocity", semi-synthetic).
 
     `geometry` is a TOML file of the instrument or a packaged name: directions, mounting, lever arms, noise of the
@@ -65,15 +65,20 @@ class DvlStream(MountedStream):
     beam_noise_from: Literal["geometry", "recording"] = "geometry"
     errors: DvlErrors = DvlErrors()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _mounted_in_its_file(cls, given: Any) -> Any:  # noqa: ANN401 - pydantic's
+        if isinstance(given, dict) and any(str(key).startswith("mounting_") for key in given):
+            raise ValueError(
+                "mounting angles are given in [dvl], expected them in the geometry file of the DVL"
+            )
+        return given
+
     @model_validator(mode="after")
     def _of_one_source(self) -> Self:
         if (self.source == "velocity") != (self.velocity is not None):
             raise ValueError(
                 'source = "velocity" needs \'velocity\' (three columns), and source = "beams" takes none'
-            )
-        if any((self.mounting_roll_deg, self.mounting_pitch_deg, self.mounting_yaw_deg)):
-            raise ValueError(
-                "mounting angles are given in [dvl], expected them in the geometry file of the DVL"
             )
         if self.source == "beams":
             for key in ("axes", "velocity_scale", "valid", "velocity_unit", "noise"):

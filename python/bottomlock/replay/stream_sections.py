@@ -75,18 +75,23 @@ class Stream(Section):
     every: Annotated[int, Field(ge=1)] = 1
 
 
-class MountedStream(Stream):
-    """A sensor with its own axes: reordered by `axes`, then rotated to platform axes by the mounting angles."""
+class ReorderedStream(Stream):
+    """A sensor with its own axes, reordered by `axes`."""
 
     axes: Axes = UNCHANGED_AXES
-    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
 
     @model_validator(mode="after")
     def _axes_once(self) -> Self:
         check_axes(self.axes)
         return self
+
+
+class MountedStream(ReorderedStream):
+    """A sensor whose axes, reordered, are rotated to platform axes by the mounting angles."""
+
+    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
 
 
 class ImuStream(MountedStream):

@@ -8,6 +8,7 @@ import polars as pl
 
 from bottomlock.io.beam_table import MOST_BEAMS
 from bottomlock.io.beams import Columns
+from bottomlock.io.columns import FLAG_WORDS
 from bottomlock.replay.init.any_table import AnyTable
 from bottomlock.replay.init.found import Floats, numbers, table_times
 from bottomlock.replay.init.names import split_unit
@@ -86,7 +87,7 @@ def beam_columns(table: AnyTable) -> BeamColumns | None:
     found: dict[str, dict[int, str]] = {"velocity": {}, "valid": {}, "range": {}}
     for name in table.frame.columns:
         role = _role(name)
-        if role is not None and np.isfinite(numbers(table.frame[name])).any():
+        if role is not None and (role[0] == "valid" or np.isfinite(numbers(table.frame[name])).any()):
             found[role[0]].setdefault(role[1], name)
     order = sorted(found["velocity"])
     if not 3 <= len(order) <= MOST_BEAMS or order != list(range(order[0], order[0] + len(order))):
@@ -99,8 +100,13 @@ def beam_columns(table: AnyTable) -> BeamColumns | None:
         return None
     stamped = stamped.with_columns(pl.Series(TIME, times))
     valid = [found["valid"].get(k) for k in order]
+    codes = [name for name in valid if name is not None and not _is_flag(table, name)]
     notes = [f"beams are the columns {', '.join(velocity)}"]
-    if all(valid):
+    if codes:
+        notes.append(
+            f"{', '.join(codes)} no flags, since they hold more than {', '.join(('0', '1', *FLAG_WORDS))}"
+        )
+    if all(valid) and not codes:
         names = [str(name) for name in valid]
         flags = np.stack([numbers(stamped[name]) for name in names], axis=1) == 1.0
         flags &= np.isfinite(values)
@@ -111,7 +117,8 @@ def beam_columns(table: AnyTable) -> BeamColumns | None:
         lost = zero & (zero.mean(axis=0) > 0.002)
         flags = np.isfinite(values) & ~lost
         notes.append(
-            "no column says which beams are valid: lost where empty" + (" or exactly 0" if lost.any() else "")
+            "no column of flags says which beams are valid: lost where empty"
+            + (" or exactly 0" if lost.any() else "")
         )
     stamped = stamped.with_columns(
         [pl.Series(name, flags[:, k]) for k, name in enumerate(names)]
@@ -124,6 +131,14 @@ def beam_columns(table: AnyTable) -> BeamColumns | None:
         range=tuple(str(name) for name in ranges) if all(ranges) else None,
     )  # fmt: skip
     return BeamColumns(columns, stamped, "; ".join(notes), why)
+
+
+def _is_flag(table: AnyTable, name: str) -> bool:
+    """Whether a column holds 0 and 1 or their words alone; empty cells are lost beams."""
+    column = table.frame[name]
+    values = numbers(column)
+    filled = column.is_not_null().to_numpy() & (column.cast(pl.String).fill_null("") != "").to_numpy()
+    return bool(np.isin(values[filled], [0.0, 1.0]).all())
 
 
 def _scale(velocity: list[str], values: Floats, table: AnyTable) -> tuple[float, str]:

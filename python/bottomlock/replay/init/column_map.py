@@ -8,8 +8,8 @@ from bottomlock.io.columns import column_names
 from bottomlock.overwriting import check_free
 from bottomlock.replay.init.any_table import read_any_table
 from bottomlock.replay.init.beam_columns import beam_columns
-from bottomlock.replay.init.dvl_part import dvl_of_velocity
-from bottomlock.replay.init.found import find_streams, table_times
+from bottomlock.replay.init.dvl_part import SPEED_SI, dvl_of_velocity
+from bottomlock.replay.init.found import Found, find_streams, table_times
 from bottomlock.replay.init.text import Section
 
 
@@ -37,6 +37,7 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
     section.put("time", times.column)
     section.put("time_unit", times.unit, times.why)
     beams = beam_columns(table)
+    velocity = next((one for one in find_streams(table) if one.kind == "velocity"), None)
     if beams is not None:
         assert beams.columns.velocity is not None  # it has beams
         assert beams.columns.valid is not None
@@ -50,16 +51,29 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
         section.put("velocity_scale", beams.columns.velocity_scale, beams.scale_why)
         if beams.columns.range is not None:
             section.put("range", list(beams.columns.range))
-    else:
-        velocity = next((one for one in find_streams(table) if one.kind == "velocity"), None)
-        if velocity is None:
-            raise DataError(
-                f"{file}: none of its columns is known as a beam or a velocity ({column_names(table.frame)})"
-            )
+        if velocity is not None:
+            theirs = dvl_of_velocity(velocity).unit
+            if SPEED_SI[theirs] == beams.columns.velocity_scale:
+                _put_instrument(section, velocity)
+            else:
+                names = ", ".join(velocity.columns[f"v{k}"] for k in range(3))
+                section.ask(
+                    f"{names} are left out: they seem to be in {theirs}, and a map has one scale for all"
+                )
+    elif velocity is not None:
         unit = dvl_of_velocity(velocity)
         section.say("no beams were found: convert needs --instrument-only")
-        section.put("instrument", [velocity.columns[f"v{k}"] for k in range(3)])
-        section.put("velocity_scale", {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001}[unit.unit], unit.unit_why)
-        if "valid" in velocity.extra:
-            section.put("instrument_valid", velocity.extra["valid"])
+        _put_instrument(section, velocity)
+        section.put("velocity_scale", SPEED_SI[unit.unit], unit.unit_why)
+    else:
+        raise DataError(
+            f"{file}: none of its columns is known as a beam or a velocity ({column_names(table.frame)})"
+        )
     write_text(to, section.text())
+
+
+def _put_instrument(section: Section, velocity: Found) -> None:
+    """The columns of the instrument's own velocity, and of its flag."""
+    section.put("instrument", [velocity.columns[f"v{k}"] for k in range(3)])
+    if "valid" in velocity.extra:
+        section.put("instrument_valid", velocity.extra["valid"])

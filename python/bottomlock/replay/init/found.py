@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from bottomlock.io.columns import FLAG_WORDS
 from bottomlock.replay.init import names
 from bottomlock.replay.init.any_table import AnyTable
 from bottomlock.replay.init.dates import written_times
@@ -101,9 +102,9 @@ class Found:
 
 
 def numbers(series: pl.Series) -> Floats:
-    """A column as floats, NaN where a cell is no number."""
+    """A column as floats, NaN where a cell is no number; the words of a flag are 1 and 0."""
     lower = (
-        series.str.to_lowercase().replace({"true": "1", "false": "0"})
+        series.str.strip_chars().str.to_lowercase().replace(FLAG_WORDS)
         if series.dtype == pl.String
         else series
     )

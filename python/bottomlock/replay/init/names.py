@@ -81,8 +81,9 @@ def split_unit(name: str) -> tuple[str, str]:
     if found:
         return name[: found.start()].strip(), found[1].strip()
     ends = {
-        "_mps2": "m/s2", "_m_s2": "m/s2", "_ms2": "m/s2", "_radps": "rad/s", "_rad_s": "rad/s", "_rads": "rad/s",
-        "_degps": "deg/s", "_deg_s": "deg/s", "_dps": "deg/s", "_mps": "m/s", "_m_s": "m/s", "_mm_s": "mm/s",
+        "_mps2": "m/s2", "_m_s2": "m/s2", "_ms2": "m/s2", "_radps": "rad/s", "_rad_s": "rad/s",
+        "_rads": "rad/s", "_degps": "deg/s", "_deg_s": "deg/s", "_dps": "deg/s", "_mmps": "mm/s", "_cmps": "cm/s",
+        "_mps": "m/s", "_m_s": "m/s", "_mm_s": "mm/s",
         "_cm_s": "cm/s", "_rad": "rad", "_deg": "deg", "_mg": "mg", "_dbar": "dbar", "_mbar": "mbar", "_kpa": "kPa",
         "_hpa": "mbar", "_bar": "bar", "_pa": "Pa", "_cm": "cm", "_m": "m", "_nsec": "ns", "_usec": "us",
         "_msec": "ms", "_sec": "s", "_ns": "ns", "_us": "us", "_ms": "ms", "_s": "s", "_g": "g",

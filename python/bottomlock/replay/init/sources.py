@@ -97,6 +97,7 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
     if columns is not None:
         recording = table.read_frame(columns.frame, columns.columns, str(path))
         _take(found, path, replace(recording, notes=[*recording.notes, columns.why]))
+        found.words.append(f"{path.name}: {columns.why}")
     streams = [
         stream for stream in find_streams(one) if not (columns is not None and stream.kind == "velocity")
     ]
