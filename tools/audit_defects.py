@@ -16,8 +16,9 @@ from tools.audit_worlds import Array, World
 
 PRECISE = 20.0
 """A size is observable whose standard deviation is less than this part of it: 15 % are then three deviations."""
-ALSO_WRONG = ("velocity_scale", "misalignment")
-"""A velocity that is solved from a wrong beam is wrong against the reference."""
+ALSO_WRONG = ("velocity_scale", "misalignment", "closure_bias", "closure_depends_on_velocity")
+"""A velocity that is solved from a wrong beam is wrong against the reference; its closure has a mean, which may be all
+that a steady course shows."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def audited(world: World) -> Audit:
     """The audit of a log with all that is beside it."""
     return audit_log(
         world.log, stated=world.geometry, geometry_name="stated", mounting_rpy_rad=world.mounting_rpy_rad,
-        reference=world.reference, depths=world.depths,
+        reference=world.reference, imu=world.imu, depths=world.depths,
     )  # fmt: skip
 
 
@@ -231,47 +232,73 @@ def tilt_stated(world: World, _: Audit) -> Planted:
 
 
 def _rounded(world: World, y: Array) -> Array:
-    """Readings in the steps of the log: unrounded ones never repeat by chance, as those of an instrument do."""
+    """Readings in the steps of the log: unrounded ones never repeat by chance, as those of an instrument do.
+
+    Before, they are spread over the step that they were rounded to: a change of less than a step is lost otherwise.
+    """
     step = resolution(world.log.velocity_mps.ravel())
-    return np.asarray(np.round(y / step) * step)
+    spread = np.random.default_rng(7).uniform(-0.5, 0.5, y.shape)
+    return np.asarray(np.round(y / step + spread) * step)
+
+
+def clock_behind(world: World, behind_s: float) -> World:
+    """The DVL's clock is behind."""
+    return world.with_log(replace(world.log, time_ns=world.log.time_ns - round(behind_s * 1e9)))
 
 
 def clock(world: World, clean: Audit) -> Planted:
     """The DVL's clock is 0.3 s behind."""
-    made = world.with_log(replace(world.log, time_ns=world.log.time_ns - 300_000_000))
+    made = clock_behind(world, 0.3)
     sd = np.inf if clean.mounting is None else clean.mounting.clock_offset_sd_s
     return Planted(made, ("clock_offset",), (), 0.3, sd, "s")
 
 
-def yaw(world: World, clean: Audit) -> Planted:
-    """The instrument sits 5° to starboard, which the geometry does not state."""
+def _moved(world: World, change_mps: Array) -> World:
+    """The instrument's velocity and its beams with a change (n, 3) of the velocity that the instrument measures."""
     own = world.log.instrument_mps
-    if own is None or world.reference is None:
-        return Planted(world, ("misalignment",), (), 5.0, np.inf, "deg")
-    turn = Rotation.from_euler("z", 5.0, degrees=True).inv()
-    # What beams in the turned instrument read of the same motion.
-    moved = np.where(world.log.solved[:, None], turn.apply(np.nan_to_num(own)) - own, 0.0)
+    assert own is not None
+    moved = np.where(world.log.solved[:, None], change_mps, 0.0)
     y = world.log.velocity_mps + np.where(world.log.valid, moved @ rows_of(world).T, 0.0)
-    made = world.with_log(replace(world.log, velocity_mps=_rounded(world, y), instrument_mps=own + moved))
-    sd = np.inf if clean.mounting is None else float(np.rad2deg(clean.mounting.misalignment_sd_rad[2]))
-    return Planted(made, ("misalignment",), (), 5.0, sd, "deg")
+    return world.with_log(replace(world.log, velocity_mps=_rounded(world, y), instrument_mps=own + moved))
 
 
-def lever_arm(world: World, clean: Audit) -> Planted:
-    """The DVL sits 1.5 m aft of the reference's point, which the geometry does not state."""
-    own, reference = world.log.instrument_mps, world.reference
-    if own is None or reference is None:
-        return Planted(world, ("lever_arm",), (), 1.5, np.inf, "m")
+def yawed(world: World, angle_deg: float) -> World:
+    """What beams in an instrument turned to starboard read of the same motion."""
+    own = np.nan_to_num(np.asarray(world.log.instrument_mps))
+    return _moved(world, Rotation.from_euler("z", angle_deg, degrees=True).inv().apply(own) - own)
+
+
+def scaled(world: World, factor: float) -> World:
+    """All beams read this many times the velocity."""
+    return _moved(world, (factor - 1.0) * np.nan_to_num(np.asarray(world.log.instrument_mps)))
+
+
+def lever_arm_of(world: World, ahead_m: float) -> World:
+    """The DVL sits ahead of the reference's point."""
+    reference = world.reference
+    assert reference is not None
     attitude = Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1])
     rate = (
         (attitude[:-2].inv() * attitude[2:]).as_rotvec() / np.diff(reference.time_ns)[:, None].mean() / 2e-9
     )
     at = [np.interp(world.log.time_ns, reference.time_ns[1:-1], column) for column in rate.T]
-    moved = np.where(world.log.solved[:, None], np.cross(np.stack(at, axis=1), [-1.5, 0.0, 0.0]), 0.0)
-    y = world.log.velocity_mps + np.where(world.log.valid, moved @ rows_of(world).T, 0.0)
-    made = world.with_log(replace(world.log, velocity_mps=_rounded(world, y), instrument_mps=own + moved))
+    return _moved(world, np.cross(np.stack(at, axis=1), [ahead_m, 0.0, 0.0]))
+
+
+def yaw(world: World, clean: Audit) -> Planted:
+    """The instrument sits 5° to starboard, which the geometry does not state."""
+    if world.log.instrument_mps is None or world.reference is None:
+        return Planted(world, ("misalignment",), (), 5.0, np.inf, "deg")
+    sd = np.inf if clean.mounting is None else float(np.rad2deg(clean.mounting.misalignment_sd_rad[2]))
+    return Planted(yawed(world, 5.0), ("misalignment",), (), 5.0, sd, "deg")
+
+
+def lever_arm(world: World, clean: Audit) -> Planted:
+    """The DVL sits 1.5 m aft of the reference's point, which the geometry does not state."""
+    if world.log.instrument_mps is None or world.reference is None:
+        return Planted(world, ("lever_arm",), (), 1.5, np.inf, "m")
     sd = np.inf if clean.mounting is None else float(clean.mounting.lever_arm_sd_m[0])
-    return Planted(made, ("lever_arm",), (), 1.5, sd, "m")
+    return Planted(lever_arm_of(world, -1.5), ("lever_arm",), (), 1.5, sd, "m")
 
 
 DEFECTS: dict[str, Callable[[World, Audit], Planted]] = {

@@ -24,7 +24,7 @@ from bottomlock.atomic_write import write_text
 from bottomlock.audit.findings import Finding
 from bottomlock.audit.run import Audit
 from tools.audit_defects import DEFECTS, Planted, audited
-from tools.audit_worlds import Noise, World, recorded, simulated
+from tools.audit_worlds import Noise, World, others, recorded, simulated
 
 BEGIN, END = "<!-- injections: begin -->\n", "<!-- injections: end -->\n"
 WITHIN = 0.15
@@ -111,9 +111,9 @@ def accused(kind: str, logs: int, first_seed: int) -> list[tuple[int, str]]:
     ]
 
 
-def worlds(recordings: Path | None, scratch: Path) -> list[World]:
-    """The logs of the table."""
-    return [simulated(1), *recorded(recordings, scratch)]
+def worlds(recordings: Path | None, scratch: Path) -> tuple[list[World], list[World]]:
+    """The logs of the two tables: those at hand when the audit was built, and others."""
+    return [simulated(1), *recorded(recordings, scratch)], list(others(recordings, scratch))
 
 
 def injection_table(logs: Sequence[World]) -> tuple[str, list[Cell]]:
@@ -151,6 +151,15 @@ def clean_table(logs: int) -> tuple[str, int]:
     return "\n".join(lines) + "\n", wrong
 
 
+def _summary(cells: Sequence[Cell]) -> str:
+    observable = [cell for cell in cells if cell.planted.observable]
+    right = sum(cell.as_it_should for cell in observable)
+    return (
+        f"Observable: {len(observable)} of {len(cells)}; found within 15 % of their size and alone: {right}. "
+        f"Findings besides: {sum(bool(cell.false) for cell in cells)}."
+    )
+
+
 def main() -> None:
     """Prints the tables, or writes them between their marks in a page."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -159,14 +168,14 @@ def main() -> None:
     parser.add_argument("--write", type=Path, help="page to write to, between its marks")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        table, cells = injection_table(worlds(arguments.recordings, Path(scratch)))
+        tables = [injection_table(logs) for logs in worlds(arguments.recordings, Path(scratch))]
     clean, _ = clean_table(arguments.clean) if arguments.clean else ("", 0)
-    observable = [cell for cell in cells if cell.planted.observable]
-    right = sum(cell.as_it_should for cell in observable)
     text = (
-        f"{table}\nObservable: {len(observable)} of {len(cells)}; found within 15 % of their size and alone: {right}. "
-        f"Findings besides: {sum(bool(cell.false) for cell in cells)}.\n\n{clean}"
+        "Logs of other instruments and vehicles, which were not at hand when the audit was built:\n\n".join(
+            f"{table}\n{_summary(cells)}\n\n" for table, cells in tables
+        )
     )
+    text += clean
     if arguments.write is None:
         print(text)
         return

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.logs import BeamLog, Depths, Reference, read_log
+from bottomlock.audit.logs import BeamLog, Depths, Inertial, Reference, read_log
+from bottomlock.config.scenario import load_scenario
+from bottomlock.instruments.from_scenario import with_geometry
 from bottomlock.io import linkquest, pd0, waterlinked_json
 from bottomlock.io.beam_table import write_recording
 from bottomlock.io.beams import read_geometry
+from bottomlock.plant.telemetry import euler_rad
+from bottomlock.simulation.build import build_simulation
+from bottomlock.simulation.sensor_streams import sensor_streams
 
 Array = NDArray[np.float64]
 
@@ -31,7 +38,7 @@ class World:
         log: the pings.
         geometry: stated, or None.
         mounting_rpy_rad: (3,) stated mounting, which the geometry contains.
-        reference, depths: recordings beside the log, or None.
+        reference, imu, depths: recordings beside the log, or None.
     """
 
     name: str
@@ -40,6 +47,7 @@ class World:
     mounting_rpy_rad: Array
     reference: Reference | None = None
     depths: Depths | None = None
+    imu: Inertial | None = None
 
     def with_log(self, log: BeamLog) -> World:
         """The same with another log."""
@@ -147,6 +155,69 @@ def simulated(
     )  # fmt: skip
 
 
+REFERENCE_STEP_S = 0.1
+ATTITUDE_SD_RAD = np.deg2rad(0.02)
+
+
+def flown(
+    scenario: str, seed: int, *, reference_sd_mps: float | None = 0.005, geometry: str = "waterlinked_a50",
+    duration_s: float = 900.0,
+) -> World:  # fmt: skip
+    """A dive of the plant in a packaged scenario, with its beams' losses, outliers and noise, as an instrument logs it.
+
+    The DVL's own bias and scale are none: what is planted is all there is.
+
+    Args:
+        scenario: packaged name.
+        seed: of the campaign; the reference's noise has it too.
+        reference_sd_mps: noise of the velocity beside the log; None for the IMU in its place, as a vehicle has it.
+        geometry: packaged name of the instrument; its noise and losses are the scenario's.
+        duration_s: at most the scenario's own.
+    """
+    told = with_geometry(load_scenario(scenario), geometry)
+    told = told.with_trajectory(duration_s=min(duration_s, told.trajectory.duration_s))
+    dvl = told.dvl.model_copy(update={"beam_bias_mps": 0.0, "scale_factor_percent": 0.0})
+    told = told.model_copy(update={"dvl": dvl, "campaign": told.campaign.model_copy(update={"seed": seed})})
+    simulation = build_simulation(told)
+    truth = simulation.truth()
+    streams = sensor_streams(simulation, truth)
+    stated = simulation.geometry
+    names = range(1, stated.beams + 1)
+    beams = streams["beams"]
+    valid = beams.select(f"beam{k}_valid" for k in names).to_numpy()
+    y = np.nan_to_num(beams.select(f"beam{k}_mps" for k in names).fill_null(np.nan).to_numpy())
+    y = np.round(y / 0.001) * 0.001
+    own, solved = _own(y, valid, np.asarray(stated.directions_p), 0.001)
+    log = BeamLog(scenario, beams["time_ns"].to_numpy(), y, valid, None, own, solved)
+
+    rng = np.random.default_rng(seed)
+    every = max(1, round(REFERENCE_STEP_S * 1e9 / float(np.median(np.diff(truth.time_ns)))))
+    at = slice(None, None, every)
+    turned = euler_rad(truth.attitude_t_p[at])
+    rpy = turned + ATTITUDE_SD_RAD * rng.normal(size=turned.shape)
+    velocity_t, imu = None, None
+    if reference_sd_mps is None:
+        table = streams["imu"]
+        force, rate = (
+            table.select(f"{name}_{axis}_{unit}" for axis in "xyz").to_numpy()
+            for name, unit in (("force", "mps2"), ("omega", "radps"))
+        )
+        imu = Inertial(table["time_ns"].to_numpy(), force, rate)
+    else:
+        velocity_t = np.einsum("nij,nj->ni", _matrices(turned), truth.velocity_p_mps[at])
+        velocity_t = velocity_t + reference_sd_mps * rng.normal(size=velocity_t.shape)
+    depth = truth.position_t_m[at][:, 2] + 0.005 * rng.normal(size=len(turned))
+    beside = "IMU" if reference_sd_mps is None else f"{1e3 * reference_sd_mps:.0f} mm/s"
+    return World(
+        f"{scenario}, {beside}", log, stated, np.zeros(3), Reference(truth.time_ns[at], rpy, velocity_t),
+        Depths(truth.time_ns[at], depth), imu,
+    )  # fmt: skip
+
+
+def _matrices(rpy_rad: Array) -> Array:
+    return np.asarray(Rotation.from_euler("ZYX", rpy_rad[:, ::-1]).as_matrix())
+
+
 def _own(y: Array, valid: NDArray[np.bool_], rows: Array, step: float) -> tuple[Array, NDArray[np.bool_]]:
     """Least squares of the valid beams, rounded; and whether there are three of them."""
     own = np.zeros((len(y), 3))
@@ -178,3 +249,36 @@ def recorded(recordings: Path | None, scratch: Path) -> Iterator[World]:
         path = scratch / "a50.parquet"
         write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
         yield World("A50, circle", read_log(path), read_geometry("waterlinked_a50").geometry, np.zeros(3))
+
+
+def others(recordings: Path | None, scratch: Path) -> Iterator[World]:
+    """Logs of other instruments, vehicles and neighbours than those of `simulated` and `recorded`."""
+    yield flown("survey", 11)
+    yield flown("hovering", 12)
+    beside = SHIPPED / "survey_dive"
+    path = scratch / "survey_dive.parquet"
+    shutil.copyfile(beside / "beams.parquet", path)
+    compass = pl.read_csv(beside / "compass.csv")
+    rpy_rad = np.deg2rad(compass.select("roll_deg", "pitch_deg", "heading_deg").to_numpy())
+    table, depth = pl.read_parquet(beside / "imu.parquet"), pl.read_csv(beside / "depth.csv")
+    imu = Inertial(
+        table["time_ns"].to_numpy(),
+        table.select(f"force_{axis}_mps2" for axis in "xyz").to_numpy().astype(np.float64),
+        table.select(f"omega_{axis}_radps" for axis in "xyz").to_numpy().astype(np.float64),
+    )
+    yield World(
+        "Workhorse, IMU and compass", read_log(path), read_geometry("teledyne_30").geometry, np.zeros(3),
+        Reference(compass["time_ns"].to_numpy(), rpy_rad, None),
+        Depths(depth["time_ns"].to_numpy(), depth["depth_m"].to_numpy()), imu,
+    )  # fmt: skip
+    source = (
+        None
+        if recordings is None
+        else recordings / "a50_waterlinked_json" / "out20210528_straight+turn360.txt"
+    )
+    if source is not None and source.exists():
+        path = scratch / "turn.parquet"
+        write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
+        yield World(
+            "A50, straight and a turn", read_log(path), read_geometry("waterlinked_a50").geometry, np.zeros(3)
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -49,7 +50,7 @@ def test_defects_in_the_recording_that_ships(tmp_path: Path) -> None:
 def test_the_whole_table(name: str, tmp_path: Path) -> None:
     """Every defect in every log; the recordings where they are."""
     folder = os.environ.get("BOTTOMLOCK_RECORDINGS")
-    for world in worlds(Path(folder) if folder else None, tmp_path):
+    for world in chain(*worlds(Path(folder) if folder else None, tmp_path)):
         clean = audited(world)
         cell = judged(DEFECTS[name](world, clean), clean)
         assert cell.as_it_should, (name, world.name, cell.words)

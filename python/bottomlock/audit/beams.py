@@ -148,6 +148,12 @@ def _with_closures(found: BeamAssessment, readings: Array) -> BeamAssessment:
     against = matrix is not None and bool(matrix.observable.all())
     weights = null_space(rows)
     closures = [closure_of(column, readings) for column in weights.T]
+    if matrix is not None and rows is matrix.rows:
+        middle = np.linalg.pinv(rows) @ np.median(readings, axis=0)
+        closures = [
+            one.with_rows_uncertain(middle, null_space_cov(rows, matrix.resampled, one.weights))
+            for one in closures
+        ]
     slope: Slope | None = None
     explaining: list[Suspect] = []
     dependence: list[Finding] = []
@@ -161,8 +167,10 @@ def _with_closures(found: BeamAssessment, readings: Array) -> BeamAssessment:
             explaining = suspects(slope, weights[:, 0], rows)
             dependence = slope_findings(slope, explaining, rows, velocity)
     biases = bias_findings(matrix, closures) if matrix is not None and against else []
-    doubtful = any(one.kind == "order_or_bias" for one in found.findings)
-    findings = found.findings + dependence + biases
+    # A bias that the instrument's velocity shows leaves no doubt of the order.
+    before = [one for one in found.findings if not (biases and one.kind == "order_or_bias")]
+    doubtful = any(one.kind == "order_or_bias" for one in before)
+    findings = before + dependence + biases
     for closure in closures:
         # The median of a closure that depends on the velocity is no bias, and a named bias is named once.
         findings += closure_findings(closure, unbiased=bool(dependence or biases) or doubtful)

@@ -72,6 +72,11 @@ class Closure:
         """Noise of one beam, m/s, 1 sigma, if all beams are equally noisy."""
         return self.sigma_mps / float(np.linalg.norm(self.weights))
 
+    def with_rows_uncertain(self, velocity_mps: Array, cov: Array) -> "Closure":
+        """The same where the rows are uncertain: covariance (3, 3) of the closure's slope on the velocity (3,)."""
+        added = float(velocity_mps @ cov @ velocity_mps)
+        return replace(self, median_sd_mps=float(np.hypot(self.median_sd_mps, np.sqrt(added))))
+
 
 def closure_of(weights: Array, readings_mps: Array) -> Closure:
     """Statistics of the combination `weights` (beams,) over readings (n, beams) of full pings."""

@@ -21,6 +21,9 @@ from bottomlock.audit.robust import Array, sigmas_for
 HEAVY_FRACTION = 0.01
 """Heavy tails are reported when a larger fraction lies beyond three robust sigmas; Gaussian noise has 0.0027."""
 
+NAMED_SIGMAS = 3.0
+"""A beam is named as the cause whose scale or direction is off by as many of its standard deviations."""
+
 ROUNDING_MPS = 1e-9
 """Beams that close as well as this close exactly: no other order closes better."""
 
@@ -166,7 +169,8 @@ def closure_findings(closure: Closure, *, unbiased: bool = False) -> list[Findin
         found.append(
             Finding(
                 "closure_bias", "warning", 1e3 * closure.median_mps, "mm/s", min(abs(closure.median_mps), 1.0),
-                f"The median closure is {1e3 * closure.median_mps:+.1f} mm/s: at least one beam is biased.",
+                f"The median closure is {1e3 * closure.median_mps:+.1f} mm/s: at least one beam has a bias, or a scale "
+                "or direction that a steady course shows as one.",
                 f"± {1e3 * closure.median_sd_mps:.1g} mm/s over {closure.pings} pings. One combination of the biases "
                 "is observable; the three that act like a velocity are not.",
                 "Let the filter estimate beam biases; compare at rest on the bottom.",
@@ -213,21 +217,29 @@ def slope_findings(slope: Slope, blamed: list[Suspect], rows: Array, velocity: A
         return []
     # A share compares single beams with each other; the probability says whether the beam explains the slope at all.
     options = [
-        *((one.share_turned, one.p_turned, one, _turned_words(one)) for one in blamed),
-        *((one.share_scaled, one.p_scaled, one, _scaled_words(one)) for one in blamed),
+        *(
+            (one.share_turned, one.p_turned, one.angle_rad / one.angle_sd_rad, one, _turned_words(one))
+            for one in blamed
+        ),
+        *(
+            (one.share_scaled, one.p_scaled, one.scale / one.scale_sd, one, _scaled_words(one))
+            for one in blamed
+        ),
     ]
     options = [one for one in sorted(options, key=lambda one: -one[0]) if one[0] > 0.01 and one[1] > 1e-3]
-    words = " or ".join(f"{text} (share {share:.2g})" for share, _, _, text in options)
+    words = " or ".join(f"{text} (share {share:.2g})" for share, _, _, _, text in options)
+    cause = f"Possible cause: {words}." if options else "No single beam explains it."
+    if options and abs(options[0][2]) < NAMED_SIGMAS:
+        cause, options = "The velocity varies too little to say which.", []
     sd = np.sqrt(np.diag(slope.cov))
     listed = ", ".join(f"{value:+.3f} ± {spread:.2g}" for value, spread in zip(slope.slope, sd, strict=True))
-    named = options[0][2] if options else None
+    named = options[0][3] if options else None
     return [
         Finding(
             "closure_depends_on_velocity" if named is None else ("mistilted_beam" if turned else "beam_scale"),
             "fault", float(np.rad2deg(size)) if turned else 100.0 * size, "deg" if turned else "%",
             float(min(np.linalg.norm(slope.slope) / np.sum(np.abs(null_space(rows)[:, 0])), 1.0)),
-            "The closure depends on the velocity: the beams differ from the matrix. Possible cause: "
-            f"{words or 'no single beam explains it'}.",
+            f"The closure depends on the velocity: the beams differ from the matrix. {cause}",
             f"Slope on x, y, z {listed} (p {slope.p_value:.1g}); {1e3 * effect:.0f} mm/s RMS of closure. Neighbours "
             f"{slope.lag} {'ping' if slope.lag == 1 else 'pings'} away serve as instrumental variable.",
             "Closure observes three numbers of the twelve, so that a single beam is assumed: check the named beam "

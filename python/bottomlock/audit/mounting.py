@@ -21,13 +21,27 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.logs import Inertial, Reference
 from bottomlock.audit.motion import ImuAlignment, Motion, align_imu, integral
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, NonlinearFit, fit_nonlinear, jacobian, sigma
+from bottomlock.audit.robust import (
+    LEAST_BLOCKS,
+    Array,
+    NonlinearFit,
+    are_strong,
+    fit_nonlinear,
+    jacobian,
+    sigma,
+)
 from bottomlock.statistics.rms import rms
 
 Rows = NDArray[np.int64]
+Residuals = Callable[[Array], Array]
+"""Parameters (p,) to residuals (n, k), or to derivatives of them (n, k, p)."""
 
 GRAVITY_MPS2 = 9.81
+BY_VELOCITY, BY_IMU = "velocity and attitude beside the log", "IMU and attitude beside the log"
+"""Sources of a mounting."""
 WINDOW_S = 2.0
+QUIET_S = 6.0
+"""Pings for so long on each side of a window, and its length away from it, give its ends a velocity of other noise."""
 REACH_S = 3.0
 """Clock offsets are searched within ± this."""
 _OFFSETS_S = np.arange(-REACH_S, REACH_S + 0.1, 0.25)
@@ -36,6 +50,9 @@ LIMITS = {"misalignment_rad": np.deg2rad(1.0), "lever_arm_m": 0.3, "clock_offset
 """A parameter with a larger standard deviation is not observable; a lever arm or scale may be significant beyond it."""
 LEAST_EXPLAINED = 0.5
 """Nothing is observable in a log of whose velocity the other recordings explain a smaller fraction."""
+GAIN_SD = 0.05
+"""... or of whose changes, often noise for the most part, the response to the IMU is less certain; it is 1 for the same
+motion, 0 for another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +93,18 @@ class Mounting:
     imu: ImuAlignment | None = None
 
     @property
+    def of_changes(self) -> bool:
+        """From changes of the velocity against the IMU, else from the velocity itself."""
+        return self.source == BY_IMU
+
+    @property
     def follows(self) -> bool:
         """The other recordings explain enough of the velocity for the parameters to be observable."""
-        return self.explained > LEAST_EXPLAINED and abs(self.scale) < 0.2
+        certain = self.scale_sd < GAIN_SD if self.of_changes else self.explained > LEAST_EXPLAINED
+        return certain and abs(self.scale) < 0.2
 
 
-_KEPT_OFFSETS = 4
+_KEPT_OFFSETS = 8
 """Clock offsets whose motion is kept: in a gradient by differences all other parameters share one."""
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
@@ -152,38 +175,75 @@ def _against_velocity(
         # The mean, not the median: what a vehicle shows of its clock is in its few turns.
         return float(np.mean(np.linalg.norm(velocity[few] @ matrix.T - cache[offset], axis=1)))
 
-    start, first_offset = _coarse(cost)
-    rotated = velocity @ start.T
-
     @lru_cache(maxsize=_KEPT_OFFSETS)
     def moved(offset_s: float) -> tuple[Array, Array]:
-        at = time_s + first_offset + offset_s
+        at = time_s + offset_s
         return motion.velocity_p_mps(at), motion.omega_tp_p_radps(at)
 
-    def residuals(p: Array) -> Array:
-        velocity_p, omega_p = moved(float(p[6]))
+    def read(p: Array, velocity_p: Array, omega_p: Array) -> Array:
         model = velocity_p + np.cross(omega_p, p[3:6])
-        return np.asarray(rotated - (1.0 + p[7]) * Rotation.from_rotvec(p[:3]).inv().apply(model))
+        return np.asarray((1.0 + p[7]) * Rotation.from_rotvec(p[:3]).inv().apply(model))
 
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01])
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3])
     steps = _steps(scale, motion)
-    fit = fit_nonlinear(
-        residuals, _start(residuals, steps, prior, first_offset), scale=scale, prior_sd=prior, steps=steps
-    )
-    rate = motion.omega_tp_p_radps(time_s + first_offset)
-    return _mounting(
-        "velocity and attitude beside the log", fit, start, first_offset, rate, velocity, aligned
-    )
+
+    def about(frame: Array) -> tuple[Residuals, Residuals]:
+        rotated = velocity @ frame.T
+
+        def residuals(p: Array) -> Array:
+            return rotated - read(p, *moved(float(p[6])))
+
+        def instruments(p: Array) -> Array:
+            """Derivatives at the motion around a ping, whose noise is another; of the clock, over twice the time."""
+            around = [moved(float(p[6] + side * steps[6])) for side in (-1.0, 1.0)]
+            velocity_p, omega_p = (np.mean(pair, axis=0) for pair in zip(*around, strict=True))
+            Z = jacobian(lambda q: -read(q, velocity_p, omega_p), p, steps)
+            wide = np.zeros_like(p)
+            wide[6] = 2.0 * steps[6]
+            Z[:, :, 6] = (residuals(p + wide) - residuals(p - wide)) / (2.0 * wide[6])
+            return Z
+
+        return residuals, instruments
+
+    fit, frame = _fit(about, _coarse(cost)[0], scale, prior, steps)
+    rate = motion.omega_tp_p_radps(time_s + fit.parameters[6])
+    return _mounting(BY_VELOCITY, fit, frame, rate, velocity, aligned)
 
 
-def _start(residuals_of: Callable[[Array], Array], steps: Array, prior_sd: Array, offset_s: float) -> Array:
+def _fit(
+    about: Callable[[Array], tuple[Residuals, Residuals]],
+    frame: Array,
+    scale: Array,
+    prior_sd: Array,
+    steps: Array,
+) -> tuple[NonlinearFit, Array]:
+    """The fit, and the rotation (3, 3) that its first three parameters, a rotation vector, follow on.
+
+    Args:
+        about: residuals and instrumental variables by such a rotation.
+        frame: the first one.
+        scale, prior_sd, steps: of the parameters.
+    """
+    p = _start(about(frame)[0], steps, prior_sd)
+    vector = p[:3].copy()
+    p[:3] = 0.0
+    # About axes that are those of the platform by now, of which one, ahead, may show nothing.
+    turned = Rotation.from_rotvec(vector).as_matrix() @ frame
+    seen = are_strong(*about(turned), p, steps)[:3]
+    turned = Rotation.from_rotvec(vector * seen).as_matrix() @ frame
+    residuals, instruments = about(turned)
+    fit = fit_nonlinear(residuals, p, scale=scale, prior_sd=prior_sd, steps=steps, instruments_of=instruments)
+    return fit, turned
+
+
+def _start(residuals_of: Callable[[Array], Array], steps: Array, prior_sd: Array) -> Array:
     """The parameters (p,) of least cost over clock offsets, the others by least squares at each.
 
     A wrong lever arm or angle moves the offset of the least residual to another minimum.
     """
     found = []
-    for offset in _OFFSETS_S - offset_s:
+    for offset in _OFFSETS_S:
         p = np.zeros(len(steps))
         p[6] = offset
         others = np.arange(len(p)) != 6
@@ -192,7 +252,7 @@ def _start(residuals_of: Callable[[Array], Array], steps: Array, prior_sd: Array
         level = max(sigma(left), 1e-9)
         X = np.concatenate([J / level, np.diag(1.0 / prior_sd[others])])
         p[others] = -np.linalg.lstsq(X, np.concatenate([left / level, np.zeros(len(p) - 1)]), rcond=None)[0]
-        found.append((float(np.mean(np.linalg.norm(residuals_of(p), axis=1))), abs(offset + offset_s), p))
+        found.append((float(np.mean(np.linalg.norm(residuals_of(p), axis=1))), abs(offset), p))
     return min(found, key=lambda one: one[:2])[2]
 
 
@@ -209,18 +269,17 @@ def _steps(scale: Array, motion: Motion) -> Array:
 def _mounting(
     source: str,
     fit: NonlinearFit,
-    start: Array,
-    offset: float,
+    frame: Array,
     rate: Array,
     signal: Array,
     aligned: ImuAlignment | None,
 ) -> Mounting:
     sd = np.sqrt(np.diag(fit.cov)) if fit.blocks >= LEAST_BLOCKS else np.full(len(fit.cov), np.inf)
-    if abs(offset + fit.parameters[6]) > REACH_S:
+    if abs(fit.parameters[6]) > REACH_S:
         sd[6] = np.inf
     residual = np.array([sigma(column) for column in fit.residuals.T])
-    mirrored = bool(np.linalg.det(start) < 0.0)
-    proper = start @ MIRROR if mirrored else start
+    mirrored = bool(np.linalg.det(frame) < 0.0)
+    proper = frame @ MIRROR if mirrored else frame
     rotation = Rotation.from_rotvec(fit.parameters[:3]) * Rotation.from_matrix(proper)
     return Mounting(
         source=source,
@@ -228,7 +287,7 @@ def _mounting(
         misalignment_sd_rad=sd[:3],
         lever_arm_p_m=fit.parameters[3:6],
         lever_arm_sd_m=sd[3:6],
-        clock_offset_s=float(offset + fit.parameters[6]),
+        clock_offset_s=float(fit.parameters[6]),
         clock_offset_sd_s=float(sd[6]),
         scale=float(fit.parameters[7]),
         scale_sd=float(sd[7]),
@@ -262,7 +321,7 @@ class _Windows:
         self, time_s: Array, first: Rows, last: Rows, motion: Motion, imu: Inertial, imu_s: Array
     ) -> None:
         self._imu_s, self._motion = imu_s, motion
-        self._start_s, self._end_s = time_s[first], time_s[last]
+        self._time_s, self._start_s, self._end_s = time_s, time_s[first], time_s[last]
         rotation = motion.attitude(imu_s).as_matrix()
         gravity = np.array([0.0, 0.0, GRAVITY_MPS2])
         self._velocity = integral(np.einsum("nij,nj->ni", rotation, imu.force_p_mps2) + gravity, imu_s)
@@ -281,6 +340,24 @@ class _Windows:
         attitude = self._motion.attitude
         omega = self._motion.omega_tp_p_radps
         return change, rotated, attitude(a).as_matrix(), attitude(b).as_matrix(), omega(a), omega(b)
+
+    def quiet(self, velocity_p_mps: Array, first: Rows, last: Rows, offset_s: float) -> tuple[Array, Array]:
+        """Velocities (n, 3) at both ends of each window from the pings around it, carried there by the IMU.
+
+        They share the motion with the velocities at the ends, and none of their noise: a noise that differs between
+        level and vertical would otherwise pass for a roll and pitch.
+        """
+        at = self._time_s + offset_s
+        C, carried = self._motion.attitude(at).as_matrix(), self._at(self._velocity, at)
+        constant = np.einsum("nij,nj->ni", C, velocity_p_mps) - carried
+        sums = np.concatenate([np.zeros((1, 3)), np.cumsum(constant, axis=0)])
+        length = int(last[0] - first[0])
+        pings = max(length, round(QUIET_S / WINDOW_S * length))
+        low, high = np.clip([first - length - pings, last + length + 1 + pings], 0, len(at))
+        inner_low, inner_high = np.clip([first - length, last + length + 1], 0, len(at))
+        count = (inner_low - low) + (high - inner_high)
+        mean = (sums[inner_low] - sums[low] + sums[high] - sums[inner_high]) / np.maximum(count, 1)[:, None]
+        return tuple(np.einsum("nji,nj->ni", C[k], mean + carried[k]) for k in (first, last))
 
 
 def _window_rows(time_s: Array) -> tuple[Rows, Rows]:
@@ -314,16 +391,13 @@ def _against_imu(
         bias = np.linalg.lstsq(X, gap.ravel(), rcond=None)[0]
         return float(np.mean(np.linalg.norm(gap - (X @ bias).reshape(-1, 3), axis=1)))
 
-    start, first_offset = _coarse(cost)
-    rotated_velocity = velocity @ start.T
-
     at = lru_cache(maxsize=_KEPT_OFFSETS)(windows.at)
 
-    def residuals(p: Array) -> Array:
-        change, rotated, C_a, C_b, omega_a, omega_b = at(float(first_offset + p[6]))
-        v = Rotation.from_rotvec(p[:3]).apply(rotated_velocity) / (1.0 + p[7])
-        v_a = v[first] - np.cross(omega_a, p[3:6])
-        v_b = v[last] - np.cross(omega_b, p[3:6])
+    def gaps(p: Array, before: Array, after: Array) -> Array:
+        change, rotated, C_a, C_b, omega_a, omega_b = at(float(p[6]))
+        turned = Rotation.from_rotvec(p[:3])
+        v_a = turned.apply(before) / (1.0 + p[7]) - np.cross(omega_a, p[3:6])
+        v_b = turned.apply(after) / (1.0 + p[7]) - np.cross(omega_b, p[3:6])
         gap = np.einsum("nij,nj->ni", C_b, v_b) - np.einsum("nij,nj->ni", C_a, v_a) - change
         level = np.concatenate([p[11:13], [0.0]])
         gap = gap + np.einsum("nij,j->ni", rotated, p[8:11]) - level * span
@@ -333,9 +407,16 @@ def _against_imu(
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01] + [0.01] * 5)
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3] + [0.3] * 3 + [0.1] * 2)
     steps = _steps(scale, motion)
-    fit = fit_nonlinear(
-        residuals, _start(residuals, steps, prior, first_offset), scale=scale, prior_sd=prior, steps=steps
-    )
-    omega = motion.omega_tp_p_radps(time_s + first_offset)
-    change_mps = velocity[last] - velocity[first]
-    return _mounting("IMU and attitude beside the log", fit, start, first_offset, omega, change_mps, aligned)
+    start, first_offset = _coarse(cost)
+
+    def about(frame: Array) -> tuple[Residuals, Residuals]:
+        rotated = velocity @ frame.T
+        ends, quiet = (rotated[first], rotated[last]), windows.quiet(rotated, first, last, first_offset)
+        return (
+            lambda p: gaps(p, *ends),
+            lambda p: jacobian(lambda q: gaps(q, *quiet), p, 2.0 * steps),
+        )
+
+    fit, frame = _fit(about, start, scale, prior, steps)
+    omega = motion.omega_tp_p_radps(time_s + fit.parameters[6])
+    return _mounting(BY_IMU, fit, frame, omega, velocity[last] - velocity[first], aligned)

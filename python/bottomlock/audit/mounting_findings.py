@@ -21,15 +21,16 @@ def mounting_findings(mounting: Mounting | None, stated: Mounted | None = None) 
     basis = (
         f"From {m.source}, {m.instants} instants; residual "
         f"{', '.join(f'{1e3 * value:.0f}' for value in m.residual_mps)} mm/s; "
-        f"{100.0 * m.explained:.0f} % of the motion explained."
+        f"{100.0 * m.explained:.0f} % of the {'velocity changes' if m.of_changes else 'motion'} explained."
     )
     if not m.follows:
+        gain = f" Response to the IMU {1.0 + m.scale:.2f} ± {m.scale_sd:.2g}." if m.of_changes else ""
         return [
             Finding(
                 "mounting_not_observable", "note", m.explained, "", 0.0,
                 "Misalignment, lever arm, clock offset and scale are not observable in this log: the other recordings "
                 "do not explain the velocity.",
-                basis, "Record accelerations, rotations and speeds well above the noise of the instrument.",
+                basis + gain, "Record accelerations, rotations and speeds well above the noise of the instrument.",
             )
         ]  # fmt: skip
     found = _imu_findings(m.imu)
@@ -125,7 +126,7 @@ def _lever_arm(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
         for k in range(3)
     )
     rates = ", ".join(f"{np.rad2deg(value):.2g}" for value in m.rate_rms_radps)
-    point = "the IMU" if m.source.startswith("IMU") else "the point of the reference velocity"
+    point = "the IMU" if m.of_changes else "the point of the reference velocity"
     if not seen:
         return [
             _not_observable("The lever arm", f"± {sd.min():.2g} m (rates {rates} deg/s RMS)", "rotations")

@@ -21,8 +21,10 @@ BLOCKS = 50
 """Resamples of a bootstrap, and the largest number of blocks of consecutive pings that it draws."""
 POLISHED = 8
 """Steps of Gauss and Newton after a nonlinear fit at most."""
-LEAST_SHARED = 0.5
-"""Least correlation of an instrumental variable with its derivative; below it the parameter is not observable."""
+LEAST_STRENGTH = 10.0
+"""Standard deviations of the slope of a derivative on its instrument, below which a parameter keeps its prior.
+
+It is F = 100, where a t-test of the parameter is right (Lee et al. 2022)."""
 PER_BLOCK = 2
 """Correlation times in a block. The variance of the mean of AR(1) noise is then a fraction 1 / (2 × 2) too small at
 most, which the thresholds allow for."""
@@ -160,6 +162,7 @@ def fit_nonlinear(
     scale: Array,
     prior_sd: Array,
     steps: Array | None = None,
+    instruments_of: Callable[[Array], Array] | None = None,
 ) -> NonlinearFit:
     """Huber fit of residuals (n, k) over consecutive instants, with the sandwich covariance over blocks.
 
@@ -170,14 +173,18 @@ def fit_nonlinear(
         prior_sd: (p,) prior spread about zero, so wide that it matters only for unobservable parameters.
         steps: (p,) of the differences that make the derivatives, by default a ten-thousandth of `scale`. A clock offset
             needs one that is longer than the noise of the recording is correlated: a shorter one takes the derivative
-            of that noise for motion. Derivatives with twice the step serve as instrumental variables: they share the
-            motion, and none of the noise.
+            of that noise for motion.
+        instruments_of: parameters (p,) to instrumental variables (n, k, p), which share the motion with the derivatives
+            and none of the noise in them; by default derivatives with twice the step. A parameter whose derivative
+            hardly follows its own keeps its prior.
 
     Source: scipy's trust-region least squares with Huber's loss; covariance A⁻¹ B A⁻¹ with the scores of a block
     summed before they are squared (White 1980; Liang and Zeger 1986).
     """
-    parameters, spread = np.array(start, dtype=np.float64), 0.0
     steps = 1e-4 * scale if steps is None else steps
+    instruments_of = instruments_of or (lambda p: jacobian(residuals_of, p, 2.0 * steps))
+    strong = are_strong(residuals_of, instruments_of, start, steps)
+    parameters, spread = np.where(strong, start, 0.0), 0.0
     for _ in range(4):
         before = spread
         spread = max(sigma(residuals_of(parameters).ravel()), 1e-9)
@@ -188,7 +195,7 @@ def fit_nonlinear(
             return np.concatenate([residuals_of(p).ravel() / spread, p / prior_sd])
 
         def slopes(p: Array, spread: float = spread) -> Array:
-            J = jacobian(residuals_of, p, steps)
+            J = jacobian(residuals_of, p, steps) * strong
             return np.concatenate([J.reshape(-1, len(p)) / spread, np.diag(1.0 / prior_sd)])
 
         solved = least_squares(
@@ -197,8 +204,10 @@ def fit_nonlinear(
         parameters = np.asarray(solved.x)
     for _ in range(POLISHED):
         final = residuals_of(parameters)
-        J, Z = (jacobian(residuals_of, parameters, times * steps) for times in (1.0, 2.0))
+        J, Z = jacobian(residuals_of, parameters, steps), instruments_of(parameters)
         W = (huber_weights(final) / spread**2)[:, None, None]
+        strong &= _strength(J, Z) > LEAST_STRENGTH
+        J, Z = J * strong, Z * strong
         A = np.einsum("nki,nkj->ij", W * Z, J) + np.diag(1.0 / prior_sd**2)
         change = np.linalg.solve(A, np.einsum("nki,nk->i", W * Z, final) + parameters / prior_sd**2)
         if np.all(np.abs(change) < 1e-4 * np.sqrt(np.abs(np.diag(np.linalg.inv(A))))):
@@ -218,11 +227,22 @@ def fit_nonlinear(
     )
 
 
-def _share(W: Array, Z: Array, J: Array) -> Array:
-    """(p,) correlation of the instrumental variables with the derivatives; 1 where a parameter changes nothing."""
-    ZJ, ZZ, JJ = (np.einsum("nki,nki->i", W * one, other) for one, other in ((Z, J), (Z, Z), (J, J)))
-    product = np.sqrt(ZZ * JJ)
-    return np.asarray(np.divide(ZJ, product, out=np.ones_like(ZJ), where=product > 0.0))
+def are_strong(
+    residuals_of: Callable[[Array], Array], instruments_of: Callable[[Array], Array], at: Array, steps: Array
+) -> NDArray[np.bool_]:
+    """(p,) whether the derivatives at parameters (p,) follow their instrumental variables closely enough."""
+    return _strength(jacobian(residuals_of, at, steps), instruments_of(at)) > LEAST_STRENGTH
+
+
+def _strength(J: Array, Z: Array) -> Array:
+    """(p,) slopes of derivatives on their instrumental variables, in standard deviations; infinite where they agree."""
+    ZJ, ZZ = np.einsum("nki,nki->i", Z, J), np.einsum("nki,nki->i", Z, Z)
+    slope = np.divide(ZJ, ZZ, out=np.zeros_like(ZJ), where=ZZ > 0.0)
+    scores = np.einsum("nki,nki->ni", Z, J - slope * Z)
+    member = blocks_of(len(J))
+    sums = np.add.reduceat(scores, np.searchsorted(member, np.arange(member[-1] + 1)))
+    sd = np.sqrt(np.sum(sums**2, axis=0))
+    return np.asarray(np.divide(ZJ, sd, out=np.full_like(ZJ, np.inf), where=sd > 1e-9 * np.abs(ZJ)))
 
 
 def jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
