@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import stat
 from collections.abc import Callable, Iterator, Sequence
@@ -13,6 +14,8 @@ from bottomlock.later import pl
 from bottomlock.parquet_check import check_parquet
 
 _PARQUET = {".parquet", ".pq"}
+_TIMES_ITS_SIZE = 7.0
+"""Memory that reading a text takes, over its size (measured: 5.3 and what the interpreter holds)."""
 
 
 def check_regular(path: Path) -> None:
@@ -33,6 +36,45 @@ def check_regular(path: Path) -> None:
         raise DataError(f"{path}: is a pipe or a device, expected a file; save the data to a file first")
 
 
+def check_memory(path: Path | str, needed_bytes: float) -> None:
+    """Checks that what is to be read fits into the memory: where it does not, the system may end the program instead.
+
+    Args:
+        path: what is read.
+        needed_bytes: about what reading takes.
+
+    Raises:
+        DataError: where less is available.
+    """
+    available = available_memory_bytes()
+    if needed_bytes > available:
+        raise DataError(
+            f"{path}: reading it takes about {needed_bytes / 1e9:.1f} GB of memory, and {available / 1e9:.1f} GB are "
+            "available; cut it into parts of a dive each, or use a machine with more"
+        )
+
+
+def available_memory_bytes() -> float:
+    """Memory that this process may still take: the machine's, its container's or its own limit; infinite if unknown."""
+    bounds = [math.inf]
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        bounds += [1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+    with contextlib.suppress(OSError, ValueError):
+        group = Path("/sys/fs/cgroup")
+        stated = (group / "memory.stat").read_text(encoding="ascii").splitlines()
+        taken = {name: float(value) for name, value in (line.split() for line in stated)}
+        bounds.append(float((group / "memory.max").read_text(encoding="ascii")) - taken.get("anon", 0.0))
+    with contextlib.suppress(ImportError, OSError, ValueError, IndexError):
+        import resource  # noqa: PLC0415 - not on Windows
+
+        limit = float(resource.getrlimit(resource.RLIMIT_AS)[0])
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        if limit > 0.0 and limit != float(resource.RLIM_INFINITY):
+            bounds.append(limit - float(pages * resource.getpagesize()))
+    return max(min(bounds), 0.0)
+
+
 def read_table_file(path: Path) -> pl.DataFrame:
     """CSV (as text) or Parquet as a table.
 
@@ -41,6 +83,8 @@ def read_table_file(path: Path) -> pl.DataFrame:
     """
     if path.suffix.lower() in _PARQUET:
         return read_parquet(path)
+    check_regular(path)
+    check_memory(path, _TIMES_ITS_SIZE * path.stat().st_size)
     # Text first: a number that cannot be read is then reported with its row, not dropped.
     return _read(path, lambda: pl.read_csv(path, infer_schema=False, glob=False))
 

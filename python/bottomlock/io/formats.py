@@ -27,9 +27,11 @@ from bottomlock.io.beam_table import Recording
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import show
 from bottomlock.nearest import did_you_mean
-from bottomlock.table_file import check_regular
+from bottomlock.table_file import check_memory, check_regular
 
 _HEAD = 65_536
+_TIMES_ITS_SIZE = 6.0
+"""Memory that reading a log of an instrument takes, over its size (measured on PD0: 5, Water Linked JSON: 3)."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,7 @@ def _content(path: Path) -> bytes:
         DataError: where it cannot be read.
     """
     try:
+        check_memory(path, _TIMES_ITS_SIZE * path.stat().st_size)
         return path.read_bytes()
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error

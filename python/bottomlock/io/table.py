@@ -18,9 +18,11 @@ from bottomlock.io.beams import Columns, beam_flags, read_flags, read_times
 from bottomlock.io.columns import column_names, column_numbers
 from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
 from bottomlock.later import pl
-from bottomlock.table_file import check_regular, read_table_file
+from bottomlock.table_file import check_memory, check_regular, read_table_file
 
 NAME = "table"
+_ROW_BYTES = 2000.0
+"""Memory of a row while it is made a ping."""
 
 
 def sniff_path(path: Path, head: bytes) -> bool:
@@ -148,6 +150,7 @@ def _add_rows(
     valid: Flags,
 ) -> None:
     """Adds every row of the frame, with the optional columns that the map names."""
+    check_memory(place, _ROW_BYTES * frame.height)
     instrument = _floats(frame, columns.instrument, 3, place) * columns.velocity_scale
     flag = columns.instrument_valid
     instrument_valid = None if flag is None else read_flags(frame, (flag,), place)[:, 0]

@@ -7,10 +7,12 @@ from pathlib import Path
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.table_file import check_regular, read_parquet
+from bottomlock.table_file import check_memory, check_regular, read_parquet
 
 SEPARATORS = (",", ";", "\t", "|", " ")
 _HEAD = 65_536
+_TIMES_ITS_SIZE = 8.0
+"""Memory that reading a text takes, over its size."""
 _DATE = re.compile(r"\d{4}[-/.]\d\d|\d\d?\.\d\d?\.\d{4}|\d\d?:\d\d:\d\d")
 _SUFFIXES = {".parquet", ".pq"}
 
@@ -56,6 +58,7 @@ def read_any_table(path: Path) -> AnyTable:
     if path.suffix.lower() in _SUFFIXES:
         return AnyTable(path, read_parquet(path), plain=True, units={}, words="Parquet")
     check_regular(path)
+    check_memory(path, _TIMES_ITS_SIZE * path.stat().st_size)
     try:
         raw = path.read_bytes()
     except OSError as error:
