@@ -1,5 +1,7 @@
 """What the reference of the A-KIT recordings can judge: its positions, velocities and altitudes against the DVL.
 
+And which of the two is at fault where they differ: the innovations of the beams against our own INS say.
+
 The DVL's velocity is turned to the tangent frame with the reference's attitude and integrated. A shift of its stamps, a
 scale and a constant yaw are fitted to the reference's horizontal positions, and to its velocities.
 """
@@ -9,17 +11,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Slerp
 
 from bottomlock.replay.axes import from_angles
+from bottomlock.replay.compare import innovations_table, samples_table
 from bottomlock.replay.reading import read_streams
+from bottomlock.replay.rerun import prepare, run_methods
 from bottomlock.replay.streams import Times
 from bottomlock.statistics.rms import rms
 from tools.akit import DVL_LEVER_M, akit_case
 
 Array = NDArray[np.float64]
 SHIFTS_S = np.arange(-1.0, 1.01, 0.05)
+SETTLED_PINGS = 50
+"""Pings at the beginning that are left out of the innovations."""
 RATE_WINDOW = 51
 """Readings of the gyros, 0.5 s, that are averaged for the lever arm of the DVL."""
 
@@ -63,6 +70,27 @@ class ReferenceQuality:
     altitude_drift_mps: float
     altitude_rms_m: float
     altitude_step_rms_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What the beams of a section differ from our own INS by, and its velocity from the reference.
+
+    Attributes:
+        section: its number.
+        sd_mps: of a beam, about its mean.
+        correlation: autocorrelation over 1 s, 5 s and 10 s.
+        nis_per_degree: 1 if the beams' noise is as stated.
+        surge_error_mps: velocity ahead against the reference, RMS.
+        surge_sd_mps: what the filter claims of it, RMS.
+    """
+
+    section: int
+    sd_mps: float
+    correlation: tuple[float, float, float]
+    nis_per_degree: float
+    surge_error_mps: float
+    surge_sd_mps: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,3 +216,31 @@ def _best(fit: Callable[[float], tuple[float, float, float]]) -> Fit:
     shift_s = float(-b / (2.0 * a))
     residual, scale, yaw = fit(shift_s)
     return Fit(shift_s, scale, float(np.rad2deg(yaw)), residual, fit(0.0)[0])
+
+
+def innovations(data: Path, scratch: Path, section: int) -> Innovations:
+    """Runs `tc` with every beam of a section as recorded, from a drawn start.
+
+    Args:
+        data: folder of the recordings.
+        scratch: folder that the geometry file may be written to.
+        section: its number.
+    """
+    case = akit_case(data, scratch, section, drawn=True, replay='runs = 1\nmethods = ["tc"]')
+    prepared = prepare(case, read_streams(case), 0)
+    rerun = run_methods(case, prepared, None)
+    pings = innovations_table(case, "recorded", rerun)[SETTLED_PINGS:]
+    beams = pings.select(f"beam{k}_innovation_mps" for k in range(1, 5)).to_numpy()
+    beams = beams - np.nanmean(beams, axis=0)
+    square = np.nanmean(beams**2)
+    second, five, ten = (float(np.nanmean(beams[k:] * beams[:-k]) / square) for k in (1, 5, 10))
+    samples = samples_table(case, "recorded", rerun).filter(pl.col("pass") == "forward")
+    error, sd = (samples[f"{kind}_velocity_surge_mps"].to_numpy() for kind in ("err", "sd"))
+    return Innovations(
+        section=section,
+        sd_mps=float(np.sqrt(square)),
+        correlation=(second, five, ten),
+        nis_per_degree=float((pings["nis"] / pings["degrees"]).mean()),  # type: ignore[arg-type]
+        surge_error_mps=float(rms(error)),
+        surge_sd_mps=float(rms(sd)),
+    )

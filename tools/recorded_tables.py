@@ -10,7 +10,7 @@ from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.replay.leave_out import leave_out, over_sets
 from bottomlock.tables.replay import FORWARD, RECORDED, SIGMAS, SMOOTHED
 from tools.akit import SECTIONS
-from tools.akit_reference import ReferenceQuality
+from tools.akit_reference import Innovations, ReferenceQuality
 from tools.recorded_runs import TRUSTED
 
 LOST_MPS = 0.2
@@ -240,6 +240,23 @@ def reference_table(sections: Sequence[ReferenceQuality]) -> str:
         "Section", "positions: DVL late, s", "residual, m", "unshifted, m", "scale", "velocities: DVL late, s",
         "scale", "positions − ∫ own velocity, m RMS", "surge − DVL, mm/s", "its correlation over 5 s",
         "altitude − ∫ DVL: drift, mm/s", "RMS about it, mm", "change in 1 / 10 / 100 s, mm RMS",
+    ]  # fmt: skip
+    return table(head, rows)
+
+
+def innovation_table(sections: Sequence[Innovations]) -> str:
+    """The beams against our own INS, and its velocity against the reference, section by section."""
+    rows = [
+        [
+            str(one.section), f"{1e3 * one.sd_mps:.1f}", " / ".join(f"{value:.2f}" for value in one.correlation),
+            f"{one.nis_per_degree:.2f}", f"{1e3 * one.surge_error_mps:.1f}", f"{1e3 * one.surge_sd_mps:.1f}",
+            f"{one.surge_error_mps / one.surge_sd_mps:.1f}",
+        ]
+        for one in sections
+    ]  # fmt: skip
+    head = [
+        "Section", "innovation of a beam, mm/s", "its correlation over 1 / 5 / 10 s", "NIS per degree",
+        "surge − reference, mm/s RMS", "claimed σ", "ratio",
     ]  # fmt: skip
     return table(head, rows)
 

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tools import recorded_tables
 from tools.akit import SECTIONS
-from tools.akit_reference import reference_quality
+from tools.akit_reference import innovations, reference_quality
 from tools.recorded_runs import recorded_runs
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -39,6 +39,9 @@ def all_tables(data: Path, parts: Path, *, draws: int, jobs: int) -> dict[str, s
     tables = {
         "full": recorded_tables.full_velocity(runs["full"], runs["alone"]),
         "reference": recorded_tables.reference_table(quality),
+        "innovations": recorded_tables.innovation_table(
+            [innovations(data, parts, section) for section in SECTIONS]
+        ),
         "twin": "\n".join(
             (
                 "Every beam:\n",

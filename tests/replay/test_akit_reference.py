@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tools.akit import SECTIONS
-from tools.akit_reference import ReferenceQuality, reference_quality
+from tools.akit_reference import ReferenceQuality, innovations, reference_quality
 
 pytestmark = pytest.mark.recordings
 
@@ -67,3 +67,16 @@ def test_velocity_differs_from_the_dvl_by_a_correlated_error(sections: dict[int,
         assert 0.005 < found.surge_sd_mps < 0.015
         if section != STRAIGHT:
             assert found.surge_correlation_5s > 0.25
+
+
+def test_beams_agree_with_our_own_ins_and_the_reference_with_neither(
+    recordings: Path, tmp_path: Path
+) -> None:
+    """On section 6, whose claim is 2.4 times too small, 4 mm/s of a beam are 5 of surge, and the error is 15."""
+    if not (recordings / "akit_snapir").is_dir():
+        pytest.skip(f"no recording {recordings / 'akit_snapir'}")
+    found = innovations(recordings, tmp_path, 6)
+    assert found.sd_mps == pytest.approx(0.0038, abs=0.0003)
+    assert found.nis_per_degree < 0.2
+    assert found.surge_error_mps > 2.0 * np.sqrt(2.0) * found.sd_mps
+    assert max(found.correlation) < 0.3
