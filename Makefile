@@ -1,4 +1,4 @@
-# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, lint, docs, bench, golden, consistency, develop,
+# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, lint, docs, bench, golden, pages, consistency, develop,
 # clean. Of the site also: docs-links, notebooks, figures.
 # What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
 #
@@ -41,7 +41,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all lint lint-rust lint-python deny bench golden consistency develop \
+.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all lint lint-rust lint-python deny bench golden pages consistency develop \
     attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
 .DELETE_ON_ERROR:
 
@@ -134,19 +134,17 @@ figures: $(VENV)/.installed
 golden: $(VENV)/.installed
 	$(bin)/python tools/update_golden.py
 
-# The consistency study of a release in the paper's world, in that of a real vehicle, whose masks are flown too, and of one that hovers: many
-# minutes of every core. A verdict other than expected in the paper's world fails. The verdicts go into the package and
-# the README, too.
+# Every page whose numbers a command measures (tools/pages.toml), with the commit of the code; two hours of two cores.
+# PAGES="docs/audit.md" is some of them.
+pages: $(VENV)/.tools $(VENV)/.installed
+	$(bin)/python tools/make_pages.py $(PAGES)
+
+# The consistency study of a release in the paper's world, in that of a real vehicle, whose masks are flown too, and of one
+# that hovers: ten minutes of two cores. A verdict other than expected in the paper's world fails. The verdicts go into
+# the package and the README, too.
 consistency: $(VENV)/.installed
-	$(bin)/bottomlock consistency --out out/consistency --assert tests/statistical/expected_verdicts.toml
-	cp out/consistency/consistency.md docs/consistency.md
-	$(bin)/bottomlock consistency --world survey_table2 --runs 60 --out out/consistency_survey
-	cp out/consistency_survey/consistency.md docs/consistency_survey.md
-	$(bin)/bottomlock consistency hovering --runs 60 --out out/consistency_hovering
-	cp out/consistency_hovering/consistency.md docs/consistency_hovering.md
-	$(bin)/bottomlock masks straight figure_eight lawn_mower --world survey_table2 --runs 50 --out out/masks_survey
-	cp out/masks_survey/masks.md docs/masks_survey.md
-	$(bin)/python tools/publish_studies.py
+	$(bin)/python tools/make_pages.py docs/consistency.md docs/consistency_survey.md docs/consistency_hovering.md \
+	    docs/masks_survey.md docs/methods/index.md
 
 # A million random calls of the kernel, 200,000 mutated records, 100 kills, 200 bit flips; ATTACK="calls --calls 5000" is
 # a part of it, `python -m tests.attack --help` has the rest.
