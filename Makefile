@@ -41,7 +41,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all lint lint-rust lint-python deny bench golden pages consistency develop \
+.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all test-others lint lint-rust lint-python deny bench golden pages consistency develop \
     attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
 .DELETE_ON_ERROR:
 
@@ -69,8 +69,15 @@ test-rust:
 test-long: $(VENV)/.tools $(VENV)/.installed
 	HYPOTHESIS_PROFILE=long $(pytest) -m "long or hypothesis" tests
 	BOTTOMLOCK_LONG=1 cargo test --locked --test '*'
+	BOTTOMLOCK_LONG=1 $(released) --lib no_bytes_give
 
 test-all: test test-long
+
+# What needs libraries that nothing else does: rivals in gtsam and JAX, Zenoh between two processes, MHKiT as another reader.
+# The learned rivals need torch, which is in no lock (gigabytes); recordings are read from BOTTOMLOCK_RECORDINGS.
+test-others: $(VENV)/.tools $(VENV)/.installed
+	$(pip) install --no-deps --require-hashes -r tests/requirements-others.lock
+	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/readers/test_logs.py
 
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
 # docs/mutants_rust.md. All of it takes a day of one core, incremental builds after the first one: name what you changed, or
@@ -177,6 +184,9 @@ lock: $(tools)/python/.ready
 	$(tools)/python/bin/uv pip compile benches/rivals/requirements.in --no-config --universal --python-version 3.11 \
 	    --constraints requirements-dev.lock --generate-hashes --no-annotate --upgrade --quiet \
 	    --custom-compile-command "make lock" --output-file benches/rivals/requirements.lock
+	$(tools)/python/bin/uv pip compile tests/requirements-others.in --no-config --universal --python-version 3.11 \
+	    --constraints requirements-dev.lock --constraints benches/rivals/requirements.lock --generate-hashes --no-annotate \
+	    --upgrade --quiet --custom-compile-command "make lock" --output-file tests/requirements-others.lock
 
 # The bill of materials, CycloneDX: what an install brings along, at the locked versions, and the crates in the wheel. Its
 # check against the schema takes minutes.

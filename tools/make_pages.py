@@ -89,10 +89,11 @@ def make(page: Page, work: Path, made_by: str) -> None:
     paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     for command in page.commands:
         print(f"make_pages: {page.file}: {command.format(work=work)}", flush=True)
-        done = subprocess.run(  # noqa: S603 - of tools/pages.toml
-            shlex.split(command.format(work=shlex.quote(str(work)))), cwd=ROOT, check=False,
-            env=os.environ | {"PATH": paths},
-        )  # fmt: skip
+        words = shlex.split(command.format(work=shlex.quote(str(work))))
+        try:
+            done = subprocess.run(words, cwd=ROOT, check=False, env=os.environ | {"PATH": paths})  # noqa: S603 - ours
+        except FileNotFoundError as error:
+            raise SystemExit(f"make_pages: {words[0]}: no such command beside {sys.executable}") from error
         if done.returncode:
             raise SystemExit(f"make_pages: {page.file}: ended with exit code {done.returncode}: {command}")
     source = work / page.copy if page.copy else ROOT / page.file

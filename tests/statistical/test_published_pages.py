@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,21 @@ def test_sensor_law() -> None:
         flown = dict(zip(rows["sensors"], rows["velocity_rms_over_runs_mps"], strict=True))
         for sensors, value in there.items():
             assert float(value) == pytest.approx(flown[sensors], abs=6e-4), (method, sensors)
+
+
+def test_the_readme_states_the_range_of_the_masks() -> None:
+    """Of the recommended method, over all 51 cases of docs/masks.md; that page states it twice more."""
+    found, column = [], 0
+    for line in page("masks.md").partition("## When the beams come back")[0].splitlines():
+        parts = [part.strip() for part in line.strip("|").split("|")]
+        if "`sway_current`" in parts and "`tc`" in parts:
+            column = parts.index("`sway_current`")
+        elif column and re.fullmatch(r"\d(,\d)*|dropouts|slope", parts[0]):
+            found.append(float(re.split("[ <]", parts[column])[0]))
+    assert len(found) == 51
+    words = f"{min(found):.2f}–{max(found):.2f} m/s"
+    assert f"stays within {words} RMS in all 51" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert page("masks.md").count(words) == 2
 
 
 def test_every_page_says_its_commit() -> None:
