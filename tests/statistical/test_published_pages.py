@@ -11,6 +11,8 @@ import pytest
 from bottomlock.cli.parameters import load_scenarios
 from bottomlock.studies import consistency, masks, sensor_law
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
+from bottomlock.studies.sensor_law import CROSS_CURRENT_MPS
+from tools import sway_measured
 from tools.make_pages import ROOT, STAMP, pages, stamped
 
 pytestmark = pytest.mark.statistical
@@ -72,6 +74,15 @@ def test_sensor_law() -> None:
         flown = dict(zip(rows["sensors"], rows["velocity_rms_over_runs_mps"], strict=True))
         for sensors, value in there.items():
             assert float(value) == pytest.approx(flown[sensors], abs=6e-4), (method, sensors)
+
+
+def test_sway_current_in_a_cross_current() -> None:
+    """Beams 1 and 2 on the figure of eight; the row of its own page."""
+    batch = sway_measured.flown("figure_eight", CROSS_CURRENT_MPS, "sway_current")
+    row = " | ".join(sway_measured.row("`sway_current`", batch))
+    assert (
+        f"| figure_eight | {row} |" in page("methods/sway_current.md").partition("<!-- table across -->")[2]
+    )
 
 
 def test_the_readme_states_the_range_of_the_masks() -> None:

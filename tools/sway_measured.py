@@ -1,0 +1,115 @@
+"""The tables of docs/methods/sway_current.md under "Measured": `python -m tools.sway_measured`.
+
+Beams 1 and 2 on the paper's trajectories, flown by the vehicle, in still water and across a current; four beams for
+`lc`. Writes the tables into the page, and changes nothing else.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from bottomlock import kernel
+from bottomlock.config.scenario import load_scenario
+from bottomlock.simulation.build import build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.studies.cases import PAPER_TRAJECTORIES
+from bottomlock.studies.sensor_law import CROSS_CURRENT_MPS, variant
+from tools.recorded_tables import table
+from tools.score_recorded import replaced
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "methods" / "sway_current.md"
+RUNS, SEED, EVERY_S, RESAMPLES = 400, 20170222, 5.0, 1000
+BEAMS: Mapping[str, tuple[int, ...]] = {"lc": (1, 2, 3, 4)}
+"""Beams of a method; the others have the first and the second."""
+STILL = ("lc", "tc", "weak_sway", "sway_current")
+ACROSS = ("lc", "tc", "nsv", "elc", "weak_sway", "sway_current")
+WORDS = {"lc": "LC, four beams", "tc": "TC", "nsv": "NSV", "elc": "selector"}
+TIMES_S = (10, 20, 30, 50, 100, 150, 200, 250)
+VELOCITY, ATTITUDE, POSITION = slice(6, 9), slice(3, 6), slice(0, 3)
+
+Array = NDArray[np.float64]
+
+
+def flown(trajectory: str, current_mps: float, method: str, runs: int = RUNS) -> dict[str, Any]:
+    """The kernel's batch of one method, a sample every `EVERY_S`."""
+    beams = BEAMS.get(method, (1, 2))
+    scenario = variant(load_scenario(trajectory), beams, (), current_mps)
+    simulation = build_simulation(scenario)
+    truth, key = simulation.truth(), trajectory_key(scenario.name)
+    plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
+    last_s = (plan["sample_time_ns"][-1] - truth.time_ns[0]) * 1e-9
+    plan["sample_time_ns"] = (
+        truth.time_ns[0] + np.arange(EVERY_S, last_s + 0.5, EVERY_S).astype(np.int64) * 10**9
+    )
+    model, arrays = scenario.kernel_model(simulation.gravity_mps2), truth.kernel_arrays()
+    batch = kernel.run_batch(
+        simulation.geometry, arrays, model, model, scenario.kernel_options(), plan, [method],  # type: ignore[arg-type]
+        seed=SEED, trajectory_key=key, first_run=0, runs=runs, threads=0,
+    )  # fmt: skip
+    return dict(batch)
+
+
+def squares(batch: Mapping[str, Any], which: slice) -> Array:
+    """(runs, times) squared norms of the error."""
+    return np.asarray(np.sum(batch["error"][:, 0, :, which] ** 2, axis=-1))
+
+
+def row(words: str, batch: Mapping[str, Any]) -> list[str]:
+    """Velocity with its interval, at the end, attitude, position, NEES."""
+    velocity = squares(batch, VELOCITY)
+    drawn = np.random.default_rng(SEED).integers(0, len(velocity), size=(RESAMPLES, len(velocity)))
+    low, high = np.quantile(np.sqrt(velocity.mean(axis=1)[drawn].mean(axis=1)), [0.025, 0.975])
+    digits = 3 if velocity.mean() < 1.0 else 2 if velocity.mean() < 50.0 else 1
+
+    def nees(name: str, digits: int) -> str:
+        means = batch[name][:, 0].mean(axis=1)
+        half = stats.t.ppf(0.975, len(means) - 1) * means.std(ddof=1) / np.sqrt(len(means))
+        return (
+            f"{means.mean():.{digits}f} ± {half:.{digits}f}"
+            if means.mean() < 100.0
+            else f"{means.mean():.0f} ± {half:.0f}"
+        )
+
+    return [
+        words,
+        f"{np.sqrt(velocity.mean()):.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]",
+        f"{np.sqrt(velocity[:, -1].mean()):.{digits}f}",
+        f"{np.rad2deg(np.sqrt(squares(batch, ATTITUDE).mean())):.3f}",
+        f"{np.sqrt(squares(batch, POSITION)[:, -1].mean()):.4g}",
+        nees("nees_velocity_attitude", 2),
+        nees("nees", 1),
+    ]
+
+
+def tables(runs: int = RUNS) -> dict[str, str]:
+    """Every table by its mark."""
+    head = [
+        "Trajectory", "Method", "Velocity RMS, m/s", "at 250 s, m/s", "Attitude RMS, °", "Position at 250 s, m",
+        "NEES (6)", "NEES (20)",
+    ]  # fmt: skip
+    still: list[list[str]] = []
+    across: list[list[str]] = []
+    times: list[list[str]] = []
+    for trajectory in PAPER_TRAJECTORIES:
+        for current_mps, methods, rows in ((0.0, STILL, still), (CROSS_CURRENT_MPS, ACROSS, across)):
+            for method in methods:
+                batch = flown(trajectory, current_mps, method, runs)
+                words = WORDS.get(method, f"`{method}`")
+                rows.append([trajectory, *row(words, batch)])
+                if current_mps and method in ("lc", "tc", "sway_current"):
+                    at = [round(time_s / EVERY_S) - 1 for time_s in TIMES_S]
+                    rms = np.sqrt(squares(batch, VELOCITY).mean(axis=0))[at]
+                    times.append([trajectory, words, *(f"{value:.3f}" for value in rms)])
+    return {
+        "still": table(head, still, left=2),
+        "across": table(head, across, left=2),
+        "times": table(["Trajectory", "Method", *(f"{time_s} s" for time_s in TIMES_S)], times, left=2),
+    }
+
+
+if __name__ == "__main__":
+    PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), tables()), encoding="utf-8")
