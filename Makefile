@@ -141,7 +141,7 @@ figures: $(VENV)/.installed
 golden: $(VENV)/.installed
 	$(bin)/python tools/update_golden.py
 
-# Every page whose numbers a command measures (tools/pages.toml), with the commit of the code; two hours of two cores.
+# Every page whose numbers a command measures (tools/pages.toml), with the commit of the code; an hour and a half of two cores.
 # PAGES="docs/audit.md" is some of them.
 pages: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/python tools/make_pages.py $(PAGES)
