@@ -85,6 +85,16 @@ def test_sway_current_in_a_cross_current() -> None:
     )
 
 
+def test_the_price_of_the_default_prior() -> None:
+    """README's 17 %: the greatest of the page's table, whose row is flown again."""
+    text = page("methods/sway_current.md").partition("<!-- table cost -->")[2].partition("<!-- end -->")[0]
+    assert (
+        f"| {' | '.join(sway_measured.cost_row('figure_eight', (1, 3), sway_measured.COST_RUNS))} |" in text
+    )
+    greatest = max(int(line.split("|")[5]) for line in text.splitlines() if re.match(r"\| \w+ \| \d", line))
+    assert f"costs up to {greatest} %" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
 def test_the_readme_states_the_range_of_the_masks() -> None:
     """Of the recommended method, over all 51 cases of docs/masks.md; that page states it twice more."""
     found, column = [], 0
