@@ -18,7 +18,7 @@ from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
 from bottomlock.studies.sensor_law import CROSS_CURRENT_MPS, variant
-from tools.recorded_tables import table
+from tools.recorded_tables import number, table
 from tools.score_recorded import replaced
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "methods" / "sway_current.md"
@@ -30,6 +30,14 @@ ACROSS = ("lc", "tc", "nsv", "elc", "weak_sway", "sway_current")
 WORDS = {"lc": "LC, four beams", "tc": "TC", "nsv": "NSV", "elc": "selector"}
 STEADY_S, DEFAULT_S, COST_RUNS = 21_600.0, 1_800.0, 100
 """Time constants of the current: the paper's scenarios', the default; and the runs that compare them."""
+CURRENT_RUNS, CURRENT_METHODS = 60, ("tc", "nsv", "sway_current")
+CURRENTS: Mapping[str, Mapping[str, float]] = {
+    "0.6 m/s across (2 sigma)": {"speed_mps": 0.6},
+    "1.0 m/s across (3.3 sigma)": {"speed_mps": 1.0},
+    "0.3 m/s, varying by 5 cm/s in 2 min": {"speed_mps": 0.3, "wander_sd_mps": 0.05, "wander_time_s": 120.0},
+    "0.3 m/s, varying by 10 cm/s in 2 min": {"speed_mps": 0.3, "wander_sd_mps": 0.1, "wander_time_s": 120.0},
+    "0.2 m/s, sheared by 1 cm/s per metre of depth": {"speed_mps": 0.2, "shear_east_mps_per_m": 0.01},
+}
 TIMES_S = (10, 20, 30, 50, 100, 150, 200, 250)
 VELOCITY, ATTITUDE, POSITION = slice(6, 9), slice(3, 6), slice(0, 3)
 
@@ -38,15 +46,28 @@ Array = NDArray[np.float64]
 
 def flown(
     trajectory: str,
-    current_mps: float,
+    current: float | Mapping[str, float],
     method: str,
     runs: int = RUNS,
     *,
     beams: tuple[int, ...] | None = None,
     current_time_s: float | None = None,
 ) -> dict[str, Any]:
-    """The kernel's batch of one method, a sample every `EVERY_S`; the time constant of the prior is the scenario's."""
-    scenario = variant(load_scenario(trajectory), beams or BEAMS.get(method, (1, 2)), (), current_mps)
+    """The kernel's batch of one method, a sample every `EVERY_S`; the time constant of the prior is the scenario's.
+
+    Args:
+        trajectory: packaged name.
+        current: speed of one that sets to the east, m/s, or further keys of `[mission.current]`.
+        method: its name.
+        runs: number of runs.
+        beams: that return.
+        current_time_s: of the prior.
+    """
+    keys = current if isinstance(current, Mapping) else {"speed_mps": current}
+    scenario = variant(load_scenario(trajectory), beams or BEAMS.get(method, (1, 2)), (), keys["speed_mps"])
+    if len(keys) > 1:
+        moved = {"current": {"towards_deg": 90.0} | dict(keys)}
+        scenario = scenario.model_copy(update={"mission": scenario.mission | moved})
     if current_time_s is not None:
         scenario = scenario.replace("filter.water.current_time_s", current_time_s)
     simulation = build_simulation(scenario)
@@ -127,6 +148,22 @@ def cost_table(runs: int = COST_RUNS) -> str:
     return table(head, rows, left=2)
 
 
+def currents_table(runs: int = CURRENT_RUNS) -> str:
+    """Currents other than the prior's 0.3 m/s for six hours: velocity RMS on the three trajectories, and NEES."""
+    head = ["Current", *(f"`{method}`, m/s" for method in CURRENT_METHODS), "NEES (6) of `sway_current`"]
+    rows = []
+    for words, keys in CURRENTS.items():
+        cells = []
+        for method in CURRENT_METHODS:
+            flights = [flown(trajectory, keys, method, runs) for trajectory in PAPER_TRAJECTORIES]
+            cells.append(
+                " / ".join(number(float(np.sqrt(squares(batch, VELOCITY).mean()))) for batch in flights)
+            )
+        nees = " / ".join(f"{batch['nees_velocity_attitude'][:, 0].mean():.1f}" for batch in flights)
+        rows.append([words, *cells, nees])
+    return table(head, rows)
+
+
 def tables(runs: int = RUNS) -> dict[str, str]:
     """Every table by its mark."""
     head = [
@@ -148,6 +185,7 @@ def tables(runs: int = RUNS) -> dict[str, str]:
                     times.append([trajectory, words, *(f"{value:.3f}" for value in rms)])
     return {
         "cost": cost_table(),
+        "currents": currents_table(),
         "still": table(head, still, left=2),
         "across": table(head, across, left=2),
         "times": table(["Trajectory", "Method", *(f"{time_s} s" for time_s in TIMES_S)], times, left=2),
