@@ -1,9 +1,10 @@
-"""The tables of docs/methods/sway_current.md under "Measured": `python -m tools.sway_measured`.
+"""The measured tables of docs/methods/sway_current.md, or of consistent.md: `python -m tools.sway_measured [consistent]`.
 
 Beams 1 and 2 on the paper's trajectories, flown by the vehicle, in still water and across a current; four beams for
 `lc`. Writes the tables into the page, and changes nothing else.
 """
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from bottomlock.studies.sensor_law import CROSS_CURRENT_MPS, variant
 from tools.recorded_tables import number, table
 from tools.score_recorded import replaced
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "methods" / "sway_current.md"
+METHODS = Path(__file__).resolve().parent.parent / "docs" / "methods"
 RUNS, SEED, EVERY_S, RESAMPLES = 400, 20170222, 5.0, 1000
 BEAMS: Mapping[str, tuple[int, ...]] = {"lc": (1, 2, 3, 4)}
 """Beams of a method; the others have the first and the second."""
@@ -30,6 +31,7 @@ ACROSS = ("lc", "tc", "nsv", "elc", "weak_sway", "sway_current")
 WORDS = {"lc": "LC, four beams", "tc": "TC", "nsv": "NSV", "elc": "selector"}
 STEADY_S, DEFAULT_S, COST_RUNS = 21_600.0, 1_800.0, 100
 """Time constants of the current: the paper's scenarios', the default; and the runs that compare them."""
+SELECTED_RUNS, SELECTED = 100, ("lc", "tc", "nsv", "weak_sway", "consistent")
 CURRENT_RUNS, CURRENT_METHODS = 60, ("tc", "nsv", "sway_current")
 CURRENTS: Mapping[str, Mapping[str, float]] = {
     "0.6 m/s across (2 sigma)": {"speed_mps": 0.6},
@@ -192,5 +194,33 @@ def tables(runs: int = RUNS) -> dict[str, str]:
     }
 
 
+def selected_table(runs: int = SELECTED_RUNS) -> str:
+    """The table of docs/methods/consistent.md: velocity RMS / NEES of velocity and attitude."""
+    rows = []
+    for words, current_mps, methods in (
+        ("still", 0.0, SELECTED),
+        ("0.3 m/s across", CROSS_CURRENT_MPS, SELECTED[1:]),
+    ):
+        for method in methods:
+            cells = []
+            for trajectory in PAPER_TRAJECTORIES:
+                batch = flown(trajectory, current_mps, method, runs)
+                rms = number(float(np.sqrt(squares(batch, VELOCITY).mean())))
+                cells.append(f"{rms} / {number(float(batch['nees_velocity_attitude'].mean()), 2)}")
+            rows.append([words, WORDS.get(method, f"`{method}`"), *cells])
+    return table(["Water", "Method", *PAPER_TRAJECTORIES], rows, left=2)
+
+
+def main(arguments: list[str]) -> None:
+    """Writes the tables of the page that is named."""
+    if arguments == ["consistent"]:
+        page, made = METHODS / "consistent.md", {"selected": selected_table()}
+    elif not arguments:
+        page, made = METHODS / "sway_current.md", tables()
+    else:
+        raise SystemExit("usage: python -m tools.sway_measured [consistent]")
+    page.write_text(replaced(page.read_text(encoding="utf-8"), made), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), tables()), encoding="utf-8")
+    main(sys.argv[1:])
