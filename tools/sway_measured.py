@@ -1,4 +1,4 @@
-"""The measured tables of docs/methods/sway_current.md, or of consistent.md: `python -m tools.sway_measured [consistent]`.
+"""The measured tables of docs/methods/sway_current.md or consistent.md: `python -m tools.sway_measured [consistent]`.
 
 Beams 1 and 2 on the paper's trajectories, flown by the vehicle, in still water and across a current; four beams for
 `lc`. Writes the tables into the page, and changes nothing else.
