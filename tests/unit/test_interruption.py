@@ -124,8 +124,21 @@ def test_a_command_that_starts_ends_without_a_traceback(after_s: float, tmp_path
     log = tmp_path / "stderr.txt"
     with log.open("w") as errors_file:
         command = subprocess.Popen(
-            [sys.executable, "-X", "importtime", "-m", "bottomlock", "run", "straight", "--runs", "1000000"],
+            [
+                sys.executable,
+                "-X",
+                "importtime",
+                "-m",
+                "bottomlock",
+                "run",
+                "straight",
+                "--runs",
+                "1000000",
+                "--out",
+                "o",
+            ],
             stderr=errors_file,
+            cwd=tmp_path,
         )
     while "bottomlock.errors" not in log.read_text():
         time.sleep(0.01)
