@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from bottomlock.audit.logs import BeamLog, Inertial, Reference, read_depths
-from bottomlock.audit.mounting import Mounting, find_mounting
+from bottomlock.audit.mounting import LIMITS, Mounting, find_mounting
 from bottomlock.audit.run import Audit, audit_file, audit_log
 from bottomlock.io import linkquest, pd0, waterlinked_json
 from bottomlock.io.beam_table import write_recording
@@ -121,22 +121,24 @@ def akit(recordings: Path, section: str, *, velocity: bool) -> Mounting:
 
 @pytest.mark.long
 def test_akit_mounting(recordings: Path) -> None:
-    """Against hand-made values: lever arm (−1.8, −0.03, 0.1) m, turn (0.1, −0.07, −0.15)°, scale +0.2 %, clock lags.
+    """Against hand-made values: lever arm (−1.8, −0.03) m, turn (0.1, −0.07, −0.15)°, scale +0.2 %, clock lags.
 
     The recording's notes turn the platform to the DVL; here the DVL is turned to the platform, so that signs differ.
+    Roll and pitch hardly move: the arm's third component, 0.1 m by hand, is not observable and not claimed.
     """
     lags = dict(zip(AKIT, (-0.41, -0.45, -0.46, 0.50, 0.44, -0.43, -0.45, 0.48), strict=True))
     methods, turns, scales = [], [], []
     for section in AKIT:
         found = akit(recordings, section, velocity=True)
+        assert found.lever_arm_sd_m[2] > LIMITS["lever_arm_m"]
         # DVL row k stands at k + 1.03 s on the IMU's clock (± 0.05), reference row k at k + lag.
         assert found.clock_offset_s == pytest.approx(1.03 - lags[section], abs=0.1)
         assert found.imu is not None
         assert found.imu.offset_s == pytest.approx(lags[section], abs=0.02)
-        methods.append(found.lever_arm_p_m)
+        methods.append(found.lever_arm_p_m[:2])
         turns.append(np.rad2deg(found.rpy_rad))
         scales.append(found.scale)
-    assert np.median(methods, axis=0) == pytest.approx([-1.8, -0.03, 0.1], abs=0.06)
+    assert np.median(methods, axis=0) == pytest.approx([-1.8, -0.03], abs=0.06)
     assert np.median(turns, axis=0) == pytest.approx([0.1, -0.07, -0.15], abs=0.07)
     assert np.median(scales) == pytest.approx(0.002, abs=0.002)
 
