@@ -1,5 +1,5 @@
-# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, lint, docs, bench, golden, pages, consistency, develop,
-# clean. Of the site also: docs-links, notebooks, figures.
+# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, test-others, lint, docs, bench, golden, pages,
+# consistency, develop, clean. Of the site also: docs-links, notebooks, figures.
 # What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
 #
 #   make demo RUNS=500      a larger campaign
@@ -41,8 +41,8 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all test-others lint lint-rust lint-python deny bench golden pages consistency develop \
-    attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
+.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all test-others \
+    lint lint-rust lint-python deny bench golden pages consistency develop attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.

@@ -18,14 +18,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_text
 from bottomlock.audit.mounting import Mounting
 from bottomlock.audit.robust import sigmas_for
 from bottomlock.audit.run import Audit
 from tools.audit_defects import audited, clock_behind, lever_arm_of, scaled, yawed
 from tools.audit_worlds import World, flown
+from tools.score_recorded import write_tables
 
-BEGIN, END = "<!-- dives: begin -->\n", "<!-- dives: end -->\n"
 SCENARIOS = ("survey", "survey_table2", "hovering", "slope", "long_way")
 """Those whose vehicles keep three beams; the paper's three have two by design."""
 BESIDE: dict[str, float | None] = {"velocity, 5 mm/s": 0.005, "velocity, 20 mm/s": 0.02, "IMU": None}
@@ -111,29 +110,32 @@ def table(seeds: Sequence[int]) -> str:
         "| Dive | Beside it | " + " | ".join(PLANTS) + " |",
         "|---|---|" + "---|" * len(PLANTS),
     ]
-    clean_dives, accused, others, taken, besides = 0, [], 0, [], []
+    flights = 0
+    accused: list[str] = []
+    besides: list[str] = []
+    foreign: list[str] = []
     worst = dict.fromkeys(PLANTS, 0.0)
+    another = {sd_mps: flown("hovering", 99, reference_sd_mps=sd_mps) for sd_mps in BESIDE.values()}
     for scenario in SCENARIOS:
         for beside, sd_mps in BESIDE.items():
             counts = {name: Count() for name in PLANTS}
             for world in dives(scenario, sd_mps, seeds):
                 clean = audited(world)
-                clean_dives += 1
+                flights += 1
                 accused += [one.kind for one in clean.findings if one.kind in KINDS]
                 for name, plant in PLANTS.items():
                     besides += sorted(add(counts[name], plant, clean, world))
-                other = of_another(world, flown("hovering", 99, reference_sd_mps=sd_mps))
-                others += 1
-                taken += [one.kind for one in audited(other).findings if one.kind in KINDS]
+                mixed = audited(of_another(world, another[sd_mps]))
+                foreign += [one.kind for one in mixed.findings if one.kind in KINDS]
             worst = {name: max(worst[name], counts[name].worst) for name in PLANTS}
             row = " | ".join(counts[name].words for name in PLANTS)
             lines.append(f"| {scenario} | {beside} | {row} |")
             print(lines[-1], file=sys.stderr, flush=True)
     largest = ", ".join(f"{name} {value:.1f}" for name, value in worst.items())
     return "\n".join(lines) + (
-        f"\n\nTold / observable / dives. Of {clean_dives} dives with nothing planted: {_listed(accused)}. Findings of "
-        f"the mounting besides what was planted: {_listed(besides)}. Beside the recordings of another dive, of "
-        f"{others}: {_listed(taken)}. Largest error of an observable size, in its standard deviations: {largest}.\n"
+        f"\n\nTold / observable / dives. Of {flights} dives with nothing planted: {_listed(accused)}. Findings of the "
+        f"mounting besides what was planted: {_listed(besides)}. Beside the recordings of another dive, of {flights}: "
+        f"{_listed(foreign)}. Largest error of an observable size, in its standard deviations: {largest}.\n"
     )
 
 
@@ -150,10 +152,8 @@ def main() -> None:
     text = table(range(1, arguments.seeds + 1))
     if arguments.write is None:
         print(text)
-        return
-    page = arguments.write.read_text(encoding="utf-8")
-    before, rest = page.split(BEGIN)
-    write_text(arguments.write, before + BEGIN + text + END + rest.split(END)[1])
+    else:
+        write_tables(arguments.write, {"dives": text})
 
 
 if __name__ == "__main__":

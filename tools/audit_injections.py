@@ -20,13 +20,12 @@ from scipy.stats import beta
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_text
 from bottomlock.audit.findings import Finding
 from bottomlock.audit.run import Audit
 from tools.audit_defects import DEFECTS, Planted, audited
 from tools.audit_worlds import Noise, World, others, recorded, simulated
+from tools.score_recorded import write_tables
 
-BEGIN, END = "<!-- injections: begin -->\n", "<!-- injections: end -->\n"
 WITHIN = 0.15
 """Error of a size that counts as found."""
 
@@ -178,10 +177,8 @@ def main() -> None:
     text += clean
     if arguments.write is None:
         print(text)
-        return
-    page = arguments.write.read_text(encoding="utf-8")
-    before, rest = page.split(BEGIN)
-    write_text(arguments.write, before + BEGIN + text + END + rest.split(END)[1])
+    else:
+        write_tables(arguments.write, {"injections": text})
 
 
 if __name__ == "__main__":

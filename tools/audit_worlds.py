@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,15 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.logs import BeamLog, Depths, Inertial, Reference, read_log
+from bottomlock.audit.logs import (
+    BeamLog,
+    Depths,
+    Inertial,
+    Reference,
+    read_depths,
+    read_inertial,
+    read_log,
+)
 from bottomlock.config.scenario import load_scenario
 from bottomlock.instruments.from_scenario import with_geometry
 from bottomlock.io import linkquest, pd0, waterlinked_json
@@ -204,7 +211,7 @@ def flown(
         )
         imu = Inertial(table["time_ns"].to_numpy(), force, rate)
     else:
-        velocity_t = np.einsum("nij,nj->ni", _matrices(turned), truth.velocity_p_mps[at])
+        velocity_t = Rotation.from_euler("ZYX", turned[:, ::-1]).apply(truth.velocity_p_mps[at])
         velocity_t = velocity_t + reference_sd_mps * rng.normal(size=velocity_t.shape)
     depth = truth.position_t_m[at][:, 2] + 0.005 * rng.normal(size=len(turned))
     beside = "IMU" if reference_sd_mps is None else f"{1e3 * reference_sd_mps:.0f} mm/s"
@@ -212,10 +219,6 @@ def flown(
         f"{scenario}, {beside}", log, stated, np.zeros(3), Reference(truth.time_ns[at], rpy, velocity_t),
         Depths(truth.time_ns[at], depth), imu,
     )  # fmt: skip
-
-
-def _matrices(rpy_rad: Array) -> Array:
-    return np.asarray(Rotation.from_euler("ZYX", rpy_rad[:, ::-1]).as_matrix())
 
 
 def _own(y: Array, valid: NDArray[np.bool_], rows: Array, step: float) -> tuple[Array, NDArray[np.bool_]]:
@@ -256,27 +259,17 @@ def others(recordings: Path | None, scratch: Path) -> Iterator[World]:
     yield flown("survey", 11)
     yield flown("hovering", 12)
     beside = SHIPPED / "survey_dive"
-    path = scratch / "survey_dive.parquet"
-    shutil.copyfile(beside / "beams.parquet", path)
     compass = pl.read_csv(beside / "compass.csv")
     rpy_rad = np.deg2rad(compass.select("roll_deg", "pitch_deg", "heading_deg").to_numpy())
-    table, depth = pl.read_parquet(beside / "imu.parquet"), pl.read_csv(beside / "depth.csv")
-    imu = Inertial(
-        table["time_ns"].to_numpy(),
-        table.select(f"force_{axis}_mps2" for axis in "xyz").to_numpy().astype(np.float64),
-        table.select(f"omega_{axis}_radps" for axis in "xyz").to_numpy().astype(np.float64),
-    )
     yield World(
-        "Workhorse, IMU and compass", read_log(path), read_geometry("teledyne_30").geometry, np.zeros(3),
-        Reference(compass["time_ns"].to_numpy(), rpy_rad, None),
-        Depths(depth["time_ns"].to_numpy(), depth["depth_m"].to_numpy()), imu,
+        "Workhorse, IMU and compass", read_log(beside / "beams.parquet"), read_geometry("teledyne_30").geometry,
+        np.zeros(3), Reference(compass["time_ns"].to_numpy(), rpy_rad, None), read_depths(beside / "depth.csv"),
+        read_inertial(beside / "imu.parquet"),
     )  # fmt: skip
-    source = (
-        None
-        if recordings is None
-        else recordings / "a50_waterlinked_json" / "out20210528_straight+turn360.txt"
-    )
-    if source is not None and source.exists():
+    if recordings is None:
+        return
+    source = recordings / "a50_waterlinked_json" / "out20210528_straight+turn360.txt"
+    if source.exists():
         path = scratch / "turn.parquet"
         write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
         yield World(

@@ -14,7 +14,7 @@ from bottomlock.kernel import run_batch
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from tools.recorded_tables import table
-from tools.score_recorded import replaced
+from tools.score_recorded import write_tables
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "ellipsoid.md"
 SEED = 20261124
@@ -94,4 +94,4 @@ def ways_table(latitudes_deg: tuple[float, ...] = LATITUDES_DEG) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), {"long-way": ways_table()}), encoding="utf-8")
+    write_tables(PAGE, {"long-way": ways_table()})

@@ -15,6 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bottomlock.atomic_write import write_text
 from tools import recorded_tables
 from tools.akit import SECTIONS
 from tools.akit_reference import innovations, reference_quality
@@ -81,6 +82,15 @@ def replaced(page: str, tables: dict[str, str]) -> str:
     return page
 
 
+def write_tables(page: Path, tables: dict[str, str]) -> None:
+    """Writes tables between their marks into a page.
+
+    Raises:
+        SystemExit: where the page lacks a mark.
+    """
+    write_text(page, replaced(page.read_text(encoding="utf-8"), tables))
+
+
 def marked(page: str, name: str) -> re.Match[str]:
     """Where a table stands in the page; its text is group 2.
 
@@ -89,7 +99,7 @@ def marked(page: str, name: str) -> re.Match[str]:
     """
     match = re.search(rf"(<!-- table {name} -->\n)(.*?)(?=<!-- end -->)", page, re.DOTALL)
     if match is None:
-        raise SystemExit(f"{PAGE}: has no mark for the table '{name}'")
+        raise SystemExit(f"the page has no mark for the table '{name}'")
     return match
 
 
@@ -143,7 +153,7 @@ def main() -> None:
         raise SystemExit(
             f"{PAGE}: differs from the recordings in: {', '.join(differing)}" if differing else 0
         )
-    PAGE.write_text(replaced(page, tables), encoding="utf-8")
+    write_text(PAGE, replaced(page, tables))
     print(f"wrote {PAGE}")
 
 

@@ -20,7 +20,7 @@ from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
 from bottomlock.studies.sensor_law import CROSS_CURRENT_MPS, variant
 from tools.recorded_tables import number, table
-from tools.score_recorded import replaced
+from tools.score_recorded import write_tables
 
 METHODS = Path(__file__).resolve().parent.parent / "docs" / "methods"
 RUNS, SEED, EVERY_S, RESAMPLES = 400, 20170222, 5.0, 1000
@@ -29,6 +29,8 @@ BEAMS: Mapping[str, tuple[int, ...]] = {"lc": (1, 2, 3, 4)}
 STILL = ("lc", "tc", "weak_sway", "sway_current")
 ACROSS = ("lc", "tc", "nsv", "elc", "weak_sway", "sway_current")
 WORDS = {"lc": "LC, four beams", "tc": "TC", "nsv": "NSV", "elc": "selector"}
+STILL_WATER: Mapping[str, float] = {}
+CROSS_CURRENT: Mapping[str, float] = {"speed_mps": CROSS_CURRENT_MPS}
 STEADY_S, DEFAULT_S, COST_RUNS = 21_600.0, 1_800.0, 100
 """Time constants of the current: the paper's scenarios', the default; and the runs that compare them."""
 SELECTED_RUNS, SELECTED = 100, ("lc", "tc", "nsv", "weak_sway", "consistent")
@@ -48,7 +50,7 @@ Array = NDArray[np.float64]
 
 def flown(
     trajectory: str,
-    current: float | Mapping[str, float],
+    current: Mapping[str, float],
     method: str,
     runs: int = RUNS,
     *,
@@ -59,19 +61,18 @@ def flown(
 
     Args:
         trajectory: packaged name.
-        current: speed of one that sets to the east, m/s, or further keys of `[mission.current]`.
+        current: keys of `[mission.current]`, of one that sets to the east; empty for still water.
         method: its name.
         runs: number of runs.
         beams: that return.
         current_time_s: of the prior.
     """
-    keys = current if isinstance(current, Mapping) else {"speed_mps": current}
-    scenario = variant(load_scenario(trajectory), beams or BEAMS.get(method, (1, 2)), (), keys["speed_mps"])
-    if len(keys) > 1:
-        moved = {"current": {"towards_deg": 90.0} | dict(keys)}
-        scenario = scenario.model_copy(update={"mission": scenario.mission | moved})
+    scenario = variant(load_scenario(trajectory), beams or BEAMS.get(method, (1, 2)), (), 0.0)
     if current_time_s is not None:
         scenario = scenario.replace("filter.water.current_time_s", current_time_s)
+    if current:
+        moved = {"current": {"towards_deg": 90.0} | dict(current)}
+        scenario = scenario.model_copy(update={"mission": scenario.mission | moved})
     simulation = build_simulation(scenario)
     truth, key = simulation.truth(), trajectory_key(scenario.name)
     plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
@@ -122,7 +123,7 @@ def row(words: str, batch: Mapping[str, Any]) -> list[str]:
 def cost_row(trajectory: str, beams: tuple[int, ...], runs: int) -> list[str]:
     """What the default prior of the current adds to the velocity RMS and to its claim, %, where it is constant."""
     steady, default = (
-        flown(trajectory, 0.0, "sway_current", runs, beams=beams, current_time_s=time_s)
+        flown(trajectory, STILL_WATER, "sway_current", runs, beams=beams, current_time_s=time_s)
         for time_s in (STEADY_S, DEFAULT_S)
     )
     rms = [np.sqrt(squares(batch, VELOCITY).mean()) for batch in (steady, default)]
@@ -176,12 +177,12 @@ def tables(runs: int = RUNS) -> dict[str, str]:
     across: list[list[str]] = []
     times: list[list[str]] = []
     for trajectory in PAPER_TRAJECTORIES:
-        for current_mps, methods, rows in ((0.0, STILL, still), (CROSS_CURRENT_MPS, ACROSS, across)):
+        for current, methods, rows in ((STILL_WATER, STILL, still), (CROSS_CURRENT, ACROSS, across)):
             for method in methods:
-                batch = flown(trajectory, current_mps, method, runs)
+                batch = flown(trajectory, current, method, runs)
                 words = WORDS.get(method, f"`{method}`")
                 rows.append([trajectory, *row(words, batch)])
-                if current_mps and method in ("lc", "tc", "sway_current"):
+                if current and method in ("lc", "tc", "sway_current"):
                     at = [round(time_s / EVERY_S) - 1 for time_s in TIMES_S]
                     rms = np.sqrt(squares(batch, VELOCITY).mean(axis=0))[at]
                     times.append([trajectory, words, *(f"{value:.3f}" for value in rms)])
@@ -197,14 +198,14 @@ def tables(runs: int = RUNS) -> dict[str, str]:
 def selected_table(runs: int = SELECTED_RUNS) -> str:
     """The table of docs/methods/consistent.md: velocity RMS / NEES of velocity and attitude."""
     rows = []
-    for words, current_mps, methods in (
-        ("still", 0.0, SELECTED),
-        ("0.3 m/s across", CROSS_CURRENT_MPS, SELECTED[1:]),
+    for words, current, methods in (
+        ("still", STILL_WATER, SELECTED),
+        ("0.3 m/s across", CROSS_CURRENT, SELECTED[1:]),
     ):
         for method in methods:
             cells = []
             for trajectory in PAPER_TRAJECTORIES:
-                batch = flown(trajectory, current_mps, method, runs)
+                batch = flown(trajectory, current, method, runs)
                 rms = number(float(np.sqrt(squares(batch, VELOCITY).mean())))
                 cells.append(f"{rms} / {number(float(batch['nees_velocity_attitude'].mean()), 2)}")
             rows.append([words, WORDS.get(method, f"`{method}`"), *cells])
@@ -219,7 +220,7 @@ def main(arguments: list[str]) -> None:
         page, made = METHODS / "sway_current.md", tables()
     else:
         raise SystemExit("usage: python -m tools.sway_measured [consistent]")
-    page.write_text(replaced(page.read_text(encoding="utf-8"), made), encoding="utf-8")
+    write_tables(page, made)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ import pytest
 from bottomlock.cli.parameters import load_scenarios
 from bottomlock.studies import consistency, masks, sensor_law
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
-from bottomlock.studies.sensor_law import CROSS_CURRENT_MPS
 from tools import sway_measured
 from tools.make_pages import ROOT, STAMP, pages, stamped
 
@@ -78,7 +77,7 @@ def test_sensor_law() -> None:
 
 def test_sway_current_in_a_cross_current() -> None:
     """Beams 1 and 2 on the figure of eight; the row of its own page."""
-    batch = sway_measured.flown("figure_eight", CROSS_CURRENT_MPS, "sway_current")
+    batch = sway_measured.flown("figure_eight", sway_measured.CROSS_CURRENT, "sway_current")
     row = " | ".join(sway_measured.row("`sway_current`", batch))
     assert (
         f"| figure_eight | {row} |" in page("methods/sway_current.md").partition("<!-- table across -->")[2]
@@ -128,7 +127,7 @@ def test_no_page_of_a_study_is_left_out() -> None:
         "\n- Made with bottomlock ",
         "<!-- table ",
         "written by tools/publish_studies.py",
-        "<!-- dives: begin",
+        "<!-- table dives",
     )
     for path in sorted((ROOT / "docs").rglob("*.md")):
         text = path.read_text(encoding="utf-8")

@@ -1,5 +1,7 @@
 """Findings from the closure: opposite beams, beam order, bias, heavy tails, and a beam with a wrong direction."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, norm
@@ -207,6 +209,16 @@ def _chance_of_tails(closure: Closure) -> float:
     return float(np.average(tails, weights=norm.pdf(error)))
 
 
+class _Cause(NamedTuple):
+    """A beam that may explain a slope: its share among all, the probability, its size in standard deviations, words."""
+
+    share: float
+    p_value: float
+    sigmas: float
+    beam: int
+    words: str
+
+
 def slope_findings(slope: Slope, blamed: list[Suspect], rows: Array, velocity: Array) -> list[Finding]:
     """A closure that depends on the velocity: the beam directions or scales differ from the matrix."""
     effect = float(np.sqrt(slope.slope @ np.cov(velocity, rowvar=False) @ slope.slope))
@@ -216,30 +228,34 @@ def slope_findings(slope: Slope, blamed: list[Suspect], rows: Array, velocity: A
     if size < (MATERIAL_RAD if turned else MATERIAL_SCALE) or effect < MATERIAL_MPS:
         return []
     # A share compares single beams with each other; the probability says whether the beam explains the slope at all.
-    options = [
+    causes = [
         *(
-            (one.share_turned, one.p_turned, one.angle_rad / one.angle_sd_rad, one, _turned_words(one))
+            _Cause(
+                one.share_turned, one.p_turned, one.angle_rad / one.angle_sd_rad, one.beam, _turned_words(one)
+            )
             for one in blamed
         ),
         *(
-            (one.share_scaled, one.p_scaled, one.scale / one.scale_sd, one, _scaled_words(one))
+            _Cause(one.share_scaled, one.p_scaled, one.scale / one.scale_sd, one.beam, _scaled_words(one))
             for one in blamed
         ),
     ]
-    options = [one for one in sorted(options, key=lambda one: -one[0]) if one[0] > 0.01 and one[1] > 1e-3]
-    words = " or ".join(f"{text} (share {share:.2g})" for share, _, _, _, text in options)
-    cause = f"Possible cause: {words}." if options else "No single beam explains it."
-    if options and abs(options[0][2]) < NAMED_SIGMAS:
-        cause, options = "The velocity varies too little to say which.", []
+    causes = sorted(
+        (one for one in causes if one.share > 0.01 and one.p_value > 1e-3), key=lambda one: -one.share
+    )
+    named = causes[0] if causes and abs(causes[0].sigmas) >= NAMED_SIGMAS else None
+    if named is not None:
+        told = f"Possible cause: {' or '.join(f'{one.words} (share {one.share:.2g})' for one in causes)}."
+    else:
+        told = "The velocity varies too little to say which." if causes else "No single beam explains it."
     sd = np.sqrt(np.diag(slope.cov))
     listed = ", ".join(f"{value:+.3f} ± {spread:.2g}" for value, spread in zip(slope.slope, sd, strict=True))
-    named = options[0][3] if options else None
     return [
         Finding(
             "closure_depends_on_velocity" if named is None else ("mistilted_beam" if turned else "beam_scale"),
             "fault", float(np.rad2deg(size)) if turned else 100.0 * size, "deg" if turned else "%",
             float(min(np.linalg.norm(slope.slope) / np.sum(np.abs(null_space(rows)[:, 0])), 1.0)),
-            f"The closure depends on the velocity: the beams differ from the matrix. {cause}",
+            f"The closure depends on the velocity: the beams differ from the matrix. {told}",
             f"Slope on x, y, z {listed} (p {slope.p_value:.1g}); {1e3 * effect:.0f} mm/s RMS of closure. Neighbours "
             f"{slope.lag} {'ping' if slope.lag == 1 else 'pings'} away serve as instrumental variable.",
             "Closure observes three numbers of the twelve, so that a single beam is assumed: check the named beam "
