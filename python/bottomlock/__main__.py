@@ -1,5 +1,6 @@
 """`python -m bottomlock` is the command `bottomlock`."""
 
+import _thread
 import contextlib
 import os
 import sys
@@ -8,8 +9,18 @@ import traceback
 from bottomlock.errors import EXIT_INTERRUPTED
 
 
+def _interrupt_again(ignored: "sys.UnraisableHookArgs") -> None:
+    """Sends Ctrl-C again where Python ignored it: in a callback of an import, once in some hundred."""
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        # By a thread, which waits until this function has ended: an interrupt within it is ignored, too.
+        _thread.start_new_thread(_thread.interrupt_main, ())
+    else:
+        sys.__unraisablehook__(ignored)
+
+
 def main() -> None:
     """Runs the command; Ctrl-C ends it with one line and exit code 130, also while its modules are imported."""
+    sys.unraisablehook = _interrupt_again
     try:
         from bottomlock.cli.app import main as run  # noqa: PLC0415 - the import takes long enough to be interrupted
 

@@ -2,6 +2,7 @@
 
 import _thread
 import dataclasses
+import gc
 import operator
 import os
 import signal
@@ -150,6 +151,34 @@ def test_a_command_that_starts_ends_without_a_traceback(after_s: float, tmp_path
     assert "interrupted" in stderr.splitlines()[-1]
 
 
+def test_an_interrupt_that_python_ignores_comes_again(tmp_path: Path) -> None:
+    """As in the callback that drops the lock of an imported module: 2 of 900 commands went on."""
+    program = """
+import _thread, time, weakref
+import bottomlock.cli.app as app
+from bottomlock.__main__ import main
+
+class Dropped: pass
+
+def run():
+    dropped = Dropped()
+    held = weakref.ref(dropped, lambda _: _thread.interrupt_main() or sum(range(9)))
+    del dropped
+    for _ in range(50):
+        time.sleep(0.1)
+    print("went on")
+
+app.main = run
+main()
+"""
+    (tmp_path / "ignored.py").write_text(program, encoding="utf-8")
+    command = subprocess.run(
+        [sys.executable, "-m", "ignored"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (command.returncode, command.stdout) == (130, "")
+    assert command.stderr == "bottomlock: interrupted\n"
+
+
 def test_an_interrupt_while_a_dataclass_is_made_ends_with_the_code_too(tmp_path: Path) -> None:
     """Python remembers an interrupt that passed through `exec`, and would end `python -m` by the signal."""
     program = """
@@ -184,9 +213,16 @@ def test_an_interrupt_that_a_library_wraps_is_one(cause: str, code: int) -> None
 
 
 def test_an_interrupt_while_settings_are_read_is_one() -> None:
-    """No bytecode runs between the signal and the call, so that the kernel is the first to see it."""
+    """No bytecode runs between the signal and the call, so that the kernel is the first to see it.
+
+    Nor a callback of the garbage collection, which Python lets ignore an interrupt.
+    """
     call: Callable[[Any], None] = operator.call
     names = [field.name for field in dataclasses.fields(models.ImuModel)]
     settings = dict.fromkeys(names, 1e-3)
-    with pytest.raises(KeyboardInterrupt):
-        list(map(call, (_thread.interrupt_main, partial(kernel.check_settings, "imu", settings))))
+    gc.disable()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            list(map(call, (_thread.interrupt_main, partial(kernel.check_settings, "imu", settings))))
+    finally:
+        gc.enable()
