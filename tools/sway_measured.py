@@ -1,12 +1,15 @@
-"""The measured tables of docs/methods/sway_current.md or consistent.md: `python -m tools.sway_measured [consistent]`.
+"""The measured tables of docs/methods/sway_current.md, and of two more pages: `python -m tools.sway_measured [PAGE]`.
 
 Beams 1 and 2 on the paper's trajectories, flown by the vehicle, in still water and across a current; four beams for
-`lc`. Writes the tables into the page, and changes nothing else.
+`lc`. `python -m tools.sway_measured consistent` makes those of docs/methods/consistent.md, with a pivot that the prior
+does not have; `linear_range` that of docs/linear_range.md, where a bound on the speed helps. Writes the tables into the
+page, and changes nothing else.
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,7 +25,7 @@ from bottomlock.studies.sensor_law import CROSS_CURRENT_MPS, variant
 from tools.recorded_tables import number, table
 from tools.score_recorded import write_tables
 
-METHODS = Path(__file__).resolve().parent.parent / "docs" / "methods"
+DOCS = Path(__file__).resolve().parent.parent / "docs"
 RUNS, SEED, EVERY_S, RESAMPLES = 400, 20170222, 5.0, 1000
 BEAMS: Mapping[str, tuple[int, ...]] = {"lc": (1, 2, 3, 4)}
 """Beams of a method; the others have the first and the second."""
@@ -42,6 +45,10 @@ CURRENTS: Mapping[str, Mapping[str, float]] = {
     "0.3 m/s, varying by 10 cm/s in 2 min": {"speed_mps": 0.3, "wander_sd_mps": 0.1, "wander_time_s": 120.0},
     "0.2 m/s, sheared by 1 cm/s per metre of depth": {"speed_mps": 0.2, "shear_east_mps_per_m": 0.01},
 }
+PIVOT_RUNS, PIVOTS_M, PIVOT_METHODS = 40, (0.6, -2.0, -5.0), ("tc", "sway_current", "consistent")
+"""Sway of an analytic truth over its yaw rate; the prior has 0.6 ± 0.3 m."""
+BOUND_RUNS, BOUND_FROM_S, SPEED_SD_MPS = 100, 50.0, 3.0
+BOUND_BEAMS = ((1, 3), (2, 4), (1,), (1, 2))
 TIMES_S = (10, 20, 30, 50, 100, 150, 200, 250)
 VELOCITY, ATTITUDE, POSITION = slice(6, 9), slice(3, 6), slice(0, 3)
 
@@ -55,9 +62,11 @@ def flown(
     runs: int = RUNS,
     *,
     beams: tuple[int, ...] | None = None,
-    current_time_s: float | None = None,
+    sensors: tuple[str, ...] = (),
+    keys: Mapping[str, Any] = MappingProxyType({}),
+    analytic: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
-    """The kernel's batch of one method, a sample every `EVERY_S`; the time constant of the prior is the scenario's.
+    """The kernel's batch of one method, a sample every `EVERY_S`.
 
     Args:
         trajectory: packaged name.
@@ -65,11 +74,15 @@ def flown(
         method: its name.
         runs: number of runs.
         beams: that return.
-        current_time_s: of the prior.
+        sensors: beside IMU and beams, as in the sensor law's study.
+        keys: values of other keys of the scenario.
+        analytic: keys of an analytic truth in place of the vehicle.
     """
-    scenario = variant(load_scenario(trajectory), beams or BEAMS.get(method, (1, 2)), (), 0.0)
-    if current_time_s is not None:
-        scenario = scenario.replace("filter.water.current_time_s", current_time_s)
+    scenario = variant(load_scenario(trajectory), beams or BEAMS.get(method, (1, 2)), sensors, 0.0)
+    if analytic is not None:
+        scenario = scenario.with_trajectory(source="analytic", kind=trajectory, **analytic)
+    for name, value in keys.items():
+        scenario = scenario.replace(name, value)
     if current:
         moved = {"current": {"towards_deg": 90.0} | dict(current)}
         scenario = scenario.model_copy(update={"mission": scenario.mission | moved})
@@ -123,7 +136,14 @@ def row(words: str, batch: Mapping[str, Any]) -> list[str]:
 def cost_row(trajectory: str, beams: tuple[int, ...], runs: int) -> list[str]:
     """What the default prior of the current adds to the velocity RMS and to its claim, %, where it is constant."""
     steady, default = (
-        flown(trajectory, STILL_WATER, "sway_current", runs, beams=beams, current_time_s=time_s)
+        flown(
+            trajectory,
+            STILL_WATER,
+            "sway_current",
+            runs,
+            beams=beams,
+            keys={"filter.water.current_time_s": time_s},
+        )
         for time_s in (STEADY_S, DEFAULT_S)
     )
     rms = [np.sqrt(squares(batch, VELOCITY).mean()) for batch in (steady, default)]
@@ -212,15 +232,65 @@ def selected_table(runs: int = SELECTED_RUNS) -> str:
     return table(["Water", "Method", *PAPER_TRAJECTORIES], rows, left=2)
 
 
+def pivot_table(runs: int = PIVOT_RUNS) -> str:
+    """Velocity RMS / NEES of velocity and attitude on analytic figures of eight."""
+    rows = []
+    for pivot_m in PIVOTS_M:
+        path = {"dive_angle_deg": 5.0, "sway_gain_m": pivot_m}
+        cells = [f"{pivot_m:g}".replace("-", "−")]
+        for method in PIVOT_METHODS:
+            batch = flown("figure_eight", STILL_WATER, method, runs, analytic=path)
+            rms = number(float(np.sqrt(squares(batch, VELOCITY).mean())))
+            cells.append(f"{rms} / {number(float(batch['nees_velocity_attitude'].mean()), 2)}")
+        rows.append(cells)
+    return table(["true pivot k, m", *(f"`{method}`" for method in PIVOT_METHODS)], rows)
+
+
+def bound_row(beams: tuple[int, ...], sensors: tuple[str, ...], runs: int = BOUND_RUNS) -> list[str]:
+    """`tc` on the straight leg without and with the bound from `BOUND_FROM_S` on: velocity RMS, NEES of 6 and of 20."""
+    ways = []
+    for sd_mps in (0.0, SPEED_SD_MPS):
+        batch = flown(
+            "straight",
+            STILL_WATER,
+            "tc",
+            runs,
+            beams=beams,
+            sensors=sensors,
+            keys={"filter.speed_sd_mps": sd_mps},
+        )
+        late = np.arange(EVERY_S, 250.5, EVERY_S) >= BOUND_FROM_S
+        ways.append((
+            number(float(np.sqrt(squares(batch, VELOCITY)[:, late].mean())), 2),
+            f"{batch['nees_velocity_attitude'][:, 0, late].mean():.1f}",
+            f"{batch['nees'][:, 0, late].mean():.0f}",
+        ))  # fmt: skip
+    cells = [f"{without} → {bounded}" for without, bounded in zip(*ways, strict=True)]
+    return [",".join(map(str, beams)), ", ".join(sensors) or "none", *cells]
+
+
+def bound_table(runs: int = BOUND_RUNS) -> str:
+    """The rows of four sets of beams, with depth and without."""
+    rows = [bound_row(beams, sensors, runs) for sensors in ((), ("depth",)) for beams in BOUND_BEAMS]
+    return table(["beams", "sensors", "velocity RMS, m/s: without → with", "(6)", "(20)"], rows, left=2)
+
+
+PAGES: Mapping[str, tuple[Path, Callable[[], dict[str, str]]]] = {
+    "sway_current": (DOCS / "methods" / "sway_current.md", tables),
+    "consistent": (
+        DOCS / "methods" / "consistent.md", lambda: {"selected": selected_table(), "pivots": pivot_table()},
+    ),
+    "linear_range": (DOCS / "linear_range.md", lambda: {"bound": bound_table()}),
+}  # fmt: skip
+
+
 def main(arguments: list[str]) -> None:
     """Writes the tables of the page that is named."""
-    if arguments == ["consistent"]:
-        page, made = METHODS / "consistent.md", {"selected": selected_table()}
-    elif not arguments:
-        page, made = METHODS / "sway_current.md", tables()
-    else:
-        raise SystemExit("usage: python -m tools.sway_measured [consistent]")
-    write_tables(page, made)
+    name = arguments[0] if arguments else "sway_current"
+    if name not in PAGES or len(arguments) > 1:
+        raise SystemExit(f"usage: python -m tools.sway_measured [{' | '.join(PAGES)}]")
+    page, made = PAGES[name]
+    write_tables(page, made())
 
 
 if __name__ == "__main__":

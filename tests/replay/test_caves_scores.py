@@ -10,10 +10,11 @@ import pytest
 
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.kernel import solve_velocity
-from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
+from bottomlock.replay.beam_noise import BeamNoise, claimed_noise
 from bottomlock.replay.leave_out import leave_out, over_sets
-from bottomlock.replay.robust_fix import solve_robust, solve_scaled
+from bottomlock.replay.robust_fix import solve_robust
 from bottomlock.tables.fixes import OUTLIER_TESTS
+from tools import fix_coverage
 
 pytestmark = pytest.mark.recordings
 
@@ -34,58 +35,30 @@ def scores(caves: tuple[Instrument, Pings]) -> dict[int, pl.DataFrame]:
     return {beams: leave_out(*arguments, beams=beams, robust=False) for beams in (1, 2)}
 
 
-def coverage(instrument: Instrument, pings: Pings, noise: BeamNoise, where: np.ndarray) -> list[float]:
-    """Percent of left-out readings within 1, 2 and 3 sigma of the other three beams' fix; each beam in turn."""
-    within = []
-    directions = np.asarray(instrument.geometry.directions_p)
-    for beam in range(4):
-        shown = pings.valid.copy()
-        shown[:, beam] = False
-        fixes = solve_scaled(
-            instrument.geometry,
-            pings.velocity_mps,
-            shown,
-            noise.factor,
-            method="lc",
-            beam_sd_mps=instrument.beam_sd_mps,
-        )
-        b = directions[beam]
-        variance = np.einsum("i,nij,j->n", b, fixes.cov_m2ps2, b)
-        variance += (noise.factor * instrument.beam_sd_mps[beam]) ** 2
-        ratio = np.abs(pings.velocity_mps[:, beam] - fixes.velocity_p_mps @ b) / np.sqrt(variance)
-        within.append((ratio[:, None] <= noise.halfwidths)[where])
-    return [float(part) for part in 100.0 * np.concatenate(within).mean(axis=0)]
+def test_coverage_of_the_left_out_beam(recordings: Path) -> None:
+    """Where the instrument accepts its velocity: 66-71, 93-97 and 98.5-100 %; as claimed 91 % within three sigma.
 
+    With the noise of one half of the recording and the coverage of the other 1 sigma covers 64 and 70 %.
+    """
+    log = fix_coverage.caves(recordings)
+    if log is None:
+        pytest.skip("no recording of the caves")
+    assert log.instrument_valid is not None
+    accepted, every = log.instrument_valid, np.ones(len(log.valid), dtype=bool)
 
-def test_coverage_of_the_left_out_beam(caves: tuple[Instrument, Pings]) -> None:
-    """Where the instrument accepts its velocity: 66-71, 93-97 and 98.5-100 %; as claimed 91 % within three sigma."""
-    instrument, pings = caves
-    assert pings.instrument_valid is not None
-    where = pings.valid.all(axis=1) & pings.instrument_valid
-    noise = measure_noise(
-        instrument.geometry, pings.velocity_mps, pings.valid, instrument.beam_sd_mps, pings.instrument_valid
-    )
-    one, two, three = coverage(instrument, pings, noise, where)
+    def coverage(noise: BeamNoise, where: np.ndarray) -> list[float]:
+        errors = fix_coverage.of_left_out(log, noise, where)
+        halfwidths = noise.halfwidths[where & log.valid.all(axis=1)]
+        return [float(part) for part in fix_coverage.covered(errors.error_mps, errors.of_log_mps, halfwidths)]
+
+    one, two, three = coverage(log.noise_of(every), accepted)
     assert 66.0 <= one <= 71.0
     assert 93.0 <= two <= 97.0
     assert 98.5 <= three <= 100.0
-    plain = coverage(instrument, pings, claimed_noise(len(pings.valid)), where)
+    plain = coverage(claimed_noise(len(log.valid)), accepted)
     np.testing.assert_allclose(plain, [62.5, 82.2, 90.6], atol=0.5)
-
-
-def test_coverage_of_pings_that_the_measurement_does_not_contain(caves: tuple[Instrument, Pings]) -> None:
-    """Noise of one half of the recording, coverage of the other: 1 sigma covers 64 and 70 %."""
-    instrument, pings = caves
-    assert pings.instrument_valid is not None
-    first = np.arange(len(pings.valid)) < len(pings.valid) // 2
-    for half in (first, ~first):
-        # Pings of the other half do not have every beam, so that the closure of none is measured.
-        measured = pings.valid & half[:, None]
-        noise = measure_noise(
-            instrument.geometry, pings.velocity_mps, measured, instrument.beam_sd_mps, pings.instrument_valid
-        )
-        where = pings.valid.all(axis=1) & pings.instrument_valid & ~half
-        one, two, three = coverage(instrument, pings, noise, where)
+    for half in (log.first, ~log.first):
+        one, two, three = coverage(log.noise_of(half), accepted & ~half)
         assert 63.0 <= one <= 72.0
         assert 93.0 <= two <= 97.0
         assert 98.5 <= three <= 100.0

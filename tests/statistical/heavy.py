@@ -19,6 +19,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "gaussian": {"gate": "off"},
     "matched": {"gate": "off", "scale": np.sqrt(DEGREES / (DEGREES - 2))},
     "gated": {"gate": "joint"},
+    "beam_gates": {"gate": "joint", "robust": Robust(tail="gaussian")},
     "student": {
         "gate": "off",
         "robust": Robust(closure_gate=None, beam_gate=None, student_t_degrees=DEGREES),
