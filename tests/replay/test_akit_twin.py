@@ -22,7 +22,9 @@ def runs(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> pl.DataF
         pytest.skip(f"no recording {recordings / 'akit_snapir'}")
     (world,) = (one for one in WORLDS if one.twin)
     scratch = tmp_path_factory.mktemp("twin")
-    return pl.concat([twin_runs(section_case(recordings, scratch, world, section, DRAWS)) for section in (1, 7)])
+    return pl.concat(
+        [twin_runs(section_case(recordings, scratch, world, section, DRAWS)) for section in (1, 7)]
+    )
 
 
 @pytest.mark.parametrize("which", ["forward", "smoothed"])
