@@ -17,7 +17,7 @@ use bottomlock::navigator::events::{DepthSample, Event, GpsSample, GpsVelocity};
 use bottomlock::navigator::{Finding, LiveNavigator, METHODS, Method, Notice, Snapshot, Standing};
 use bottomlock::state::NavState;
 
-use common::arrivals::{MS, Told, outcome};
+use common::arrivals::{MS, Reported, outcome};
 use common::janus;
 
 fn imu(time_ns: i64, force_x: f64) -> Event {
@@ -115,16 +115,16 @@ fn a_horizon_has_bounds() {
 #[test]
 fn reports_that_changed_come_again() {
     let mut navigator = under_way("ins", &Options::default(), 2_000 * MS, 2);
-    let told = notices(&mut navigator, &depth(1_900 * MS, 1.0));
+    let reported = notices(&mut navigator, &depth(1_900 * MS, 1.0));
     assert!(matches!(
-        &told[..],
+        &reported[..],
         [Notice {
             standing: Standing::New,
             ..
         }]
     ));
-    let told = notices(&mut navigator, &depth(1_400 * MS, 2.0));
-    let seen: Vec<_> = told.iter().map(|notice| (notice.standing, times(notice))).collect();
+    let reported = notices(&mut navigator, &depth(1_400 * MS, 2.0));
+    let seen: Vec<_> = reported.iter().map(|notice| (notice.standing, times(notice))).collect();
     assert_eq!(seen, [(Standing::New, 1_400 * MS), (Standing::Revised, 1_900 * MS)]);
     // Later than every other: nothing else changes.
     assert_eq!(notices(&mut navigator, &depth(1_950 * MS, 2.0)).len(), 1);
@@ -143,18 +143,18 @@ fn a_late_reading_takes_back_a_rejection() {
     let mut options = Options::default();
     options.imu_limits.stuck_after = 3;
     let mut navigator = under_way("ins", &options, 2_000 * MS, 0);
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for k in [1, 2, 4] {
-        told.extend(notices(&mut navigator, &imu(k * 10 * MS, 0.0)));
+        reported.extend(notices(&mut navigator, &imu(k * 10 * MS, 0.0)));
     }
     assert_eq!(
-        (told.len(), navigator.imu_faults()[2]),
+        (reported.len(), navigator.imu_faults()[2]),
         (2, 2),
         "the third and fourth of 0, 10, 20, 40 ms"
     );
-    let told = notices(&mut navigator, &imu(30 * MS, 0.5));
+    let reported = notices(&mut navigator, &imu(30 * MS, 0.5));
     assert!(matches!(
-        &told[..],
+        &reported[..],
         [Notice {
             standing: Standing::Withdrawn,
             finding: Finding::Rejected {
@@ -195,22 +195,22 @@ fn of_two_at_one_time_contents_decide() {
         for seconds in [1, 2, 0] {
             let ended = [[one, other], [other, one]].map(|order| {
                 let mut navigator = under_way("tc", &Options::default(), 2_000 * MS, 0);
-                let mut told = Told::default();
+                let mut reported = Reported::default();
                 let stamps = 1..=100 * seconds;
                 for k in stamps.filter(|k| *k != 100 || !matches!(one, Event::Imu(_))) {
                     navigator.push(&imu(k * 10 * MS, 0.0), &mut |_| {}).unwrap();
                 }
-                let refused = order.map(|event| navigator.push(&event, &mut |notice| told.note(notice)).is_err());
+                let refused = order.map(|event| navigator.push(&event, &mut |notice| reported.note(notice)).is_err());
                 assert!(!refused[0]);
                 if seconds == 0 && !matches!(one, Event::Imu(_)) {
                     for k in 1..=120 {
                         navigator
-                            .push(&imu(k * 10 * MS, 0.0), &mut |notice| told.note(notice))
+                            .push(&imu(k * 10 * MS, 0.0), &mut |notice| reported.note(notice))
                             .unwrap();
                     }
                 }
                 assert_eq!(navigator.late_events().iter().sum::<u64>(), 1);
-                (outcome(&navigator), told.text(), refused[1])
+                (outcome(&navigator), reported.text(), refused[1])
             });
             assert_eq!(ended[0].0, ended[1].0);
             assert_eq!(ended[0].1, ended[1].1);
@@ -242,9 +242,9 @@ fn a_late_push_that_fails_changes_nothing() {
         navigator.push(&depth(900 * MS, 0.5), &mut |_| {}).unwrap();
         let before = format!("{navigator:?}");
         for bad in [depth(500 * MS, 1e11), depth(500 * MS, 1e300), imu(505 * MS, 1e300)] {
-            let mut told = 0;
-            assert!(navigator.push(&bad, &mut |_| told += 1).is_err(), "{bad:?}");
-            assert!(format!("{navigator:?}") == before && told == 0, "{bad:?}");
+            let mut reported = 0;
+            assert!(navigator.push(&bad, &mut |_| reported += 1).is_err(), "{bad:?}");
+            assert!(format!("{navigator:?}") == before && reported == 0, "{bad:?}");
         }
         assert_eq!(notices(&mut navigator, &depth(500 * MS, 0.5)).len(), 2);
     }
@@ -259,12 +259,12 @@ fn a_verdict_may_change() {
         _ => None,
     };
     notices(&mut navigator, &depth(500 * MS, 0.0));
-    let told = notices(&mut navigator, &depth(1_900 * MS, 6.0));
-    assert_eq!(verdict(&told[0]), Some((Standing::New, Verdict::Rejected)));
+    let reported = notices(&mut navigator, &depth(1_900 * MS, 6.0));
+    assert_eq!(verdict(&reported[0]), Some((Standing::New, Verdict::Rejected)));
     let mut last = None;
     for (k, depth_m) in [(10, 3.5), (12, 4.0), (14, 4.5)] {
-        let told = notices(&mut navigator, &depth(k * 100 * MS, depth_m));
-        last = told.iter().find_map(verdict).or(last);
+        let reported = notices(&mut navigator, &depth(k * 100 * MS, depth_m));
+        last = reported.iter().find_map(verdict).or(last);
     }
     assert_eq!(last, Some((Standing::Revised, Verdict::Accepted)));
 }
@@ -283,8 +283,8 @@ fn what_waits_can_be_dropped() {
     }
     assert_eq!(navigator.discard_waiting(), 2);
     assert_eq!(navigator.discard_waiting(), 0);
-    let told = notices(&mut navigator, &imu(1_020 * MS, 0.0));
-    assert!(told.is_empty(), "{told:?}");
+    let reported = notices(&mut navigator, &imu(1_020 * MS, 0.0));
+    assert!(reported.is_empty(), "{reported:?}");
     assert_eq!(notices(&mut navigator, &depth(990 * MS, 0.5)).len(), 2);
 }
 
@@ -366,7 +366,7 @@ fn readings_out_of_order_take_back_a_gap() {
     assert_eq!(inflating.imu_faults(), &[0; 4]);
 }
 
-/// A ping whose beams are all lost, and one with NaN where a beam is lost, are the same told twice.
+/// A ping whose beams are all lost, and one with NaN where a beam is lost, are the same reported twice.
 #[test]
 fn lost_beams_are_no_change() {
     let ping = |time_ns, beams: std::ops::Range<usize>| {
@@ -379,7 +379,7 @@ fn lost_beams_are_no_change() {
     };
     let mut navigator = under_way("tc", &Options::default(), 2_000 * MS, 1);
     notices(&mut navigator, &ping(400 * MS, 0..3));
-    // A ping without beams changes nothing, so it alone is told.
-    let told = notices(&mut navigator, &ping(300 * MS, 0..0));
-    assert!(told.iter().all(|notice| times(notice) == 300 * MS), "{told:?}");
+    // A ping without beams changes nothing, so it alone is reported.
+    let reported = notices(&mut navigator, &ping(300 * MS, 0..0));
+    assert!(reported.iter().all(|notice| times(notice) == 300 * MS), "{reported:?}");
 }

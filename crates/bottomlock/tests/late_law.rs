@@ -12,7 +12,7 @@ use bottomlock::replay::{Log, Replay, replay};
 use bottomlock::state::NavState;
 use proptest::prelude::*;
 
-use common::arrivals::{self, Case, MS, Told, outcome};
+use common::arrivals::{self, Case, MS, Reported, outcome};
 use common::janus;
 
 /// How many random arrivals: ten thousand with `BOTTOMLOCK_LONG`, as `make test-long` sets it.
@@ -29,8 +29,8 @@ fn live(case: &Case, horizon_ns: i64) -> LiveNavigator {
     LiveNavigator::new(start, &janus(), aiding, &case.model, &case.options, horizon_ns).unwrap()
 }
 
-fn pushed(navigator: &mut LiveNavigator, events: &[Event], told: &mut Told) -> Result<(), NavError> {
-    let mut tell = |notice: &Notice| told.note(notice);
+fn pushed(navigator: &mut LiveNavigator, events: &[Event], reported: &mut Reported) -> Result<(), NavError> {
+    let mut tell = |notice: &Notice| reported.note(notice);
     events.iter().try_for_each(|event| navigator.push(event, &mut tell))
 }
 
@@ -43,29 +43,29 @@ proptest! {
         seed in any::<u64>(), index in 0..METHODS.len(), horizon_ms in prop_oneof![Just(300_i64), Just(900), Just(2_000), Just(10_000)],
     ) {
         let case = Case::new(seed, &METHODS[index]);
-        let (mut ordered, mut told) = (live(&case, 0), Told::default());
-        pushed(&mut ordered, &case.log, &mut told).unwrap();
+        let (mut ordered, mut reported) = (live(&case, 0), Reported::default());
+        pushed(&mut ordered, &case.log, &mut reported).unwrap();
 
-        let (mut shuffled, mut told_late) = (live(&case, horizon_ms * MS), Told::default());
+        let (mut shuffled, mut reported_late) = (live(&case, horizon_ms * MS), Reported::default());
         let arrival = case.arrival(seed, horizon_ms * MS);
         let (before, after) = arrival.split_at(arrival.len() / 2);
-        pushed(&mut shuffled, before, &mut told_late).unwrap();
+        pushed(&mut shuffled, before, &mut reported_late).unwrap();
         // Saved and restored half-way, as one that goes on; the other goes on by itself.
         let sensors = case.model.sensors;
         let bytes = Snapshot { live: shuffled.clone(), sensors }.to_bytes().unwrap();
         let mut restored = Snapshot::from_bytes(&bytes).unwrap().live;
         prop_assert_eq!(outcome(&restored), outcome(&shuffled));
-        let mut told_restored = told_late.clone();
-        pushed(&mut shuffled, after, &mut told_late).unwrap();
+        let mut told_restored = reported_late.clone();
+        pushed(&mut shuffled, after, &mut reported_late).unwrap();
 
         prop_assert_eq!(outcome(&shuffled), outcome(&ordered));
-        prop_assert_eq!(told_late.text(), told.text());
+        prop_assert_eq!(reported_late.text(), reported.text());
         prop_assert_eq!(shuffled.late_events(), &[0; STREAMS]);
         // Of many, a quarter: that one goes on costs as much as the law itself.
         if cases() < 1_000 || seed % 4 == 0 {
             pushed(&mut restored, after, &mut told_restored).unwrap();
             prop_assert_eq!(outcome(&restored), outcome(&ordered));
-            prop_assert_eq!(told_restored.text(), told.text());
+            prop_assert_eq!(told_restored.text(), reported.text());
         }
 
         let last_ns = ordered.navigators().state().time_ns;

@@ -94,9 +94,9 @@ impl Eskf {
         let linear_t = error.fixed_rows::<3>(POSITION).into_owned();
         let rho = error.fixed_rows::<3>(ATTITUDE).into_owned();
         let way_t = self.way_by_yaw();
-        let besides_t = linear_t - rho.cross(&way_t);
+        let rest_t = linear_t - rho.cross(&way_t);
         let turn = Rotation3::from_scaled_axis(rho);
-        let end_t = turn * (way_t + besides_t);
+        let end_t = turn * (way_t + rest_t);
         let mut by_position = *turn.matrix();
         let mut by_misalignment = turn * skew(&way_t) - skew(&end_t) * left_jacobian(&rho);
         let mut offset_t_m = end_t - way_t - by_position * linear_t - by_misalignment * rho;

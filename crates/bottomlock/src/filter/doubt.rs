@@ -7,7 +7,7 @@
 //!
 //! After as many solved velocities in a row as inflate the covariance ([`super::inflation`]) the velocity is known to the
 //! difference d of the two and no better: P + d dᵀ holds whichever is right. The estimate stays with the filter. Readings on
-//! the side of d are not used; one on the side of the filter is, and ends the doubt. After [`LONGEST_NS`] the readings are
+//! the side of d are not used; one on the side of the filter is, and ends the doubt. After [`LONGEST_DOUBT_NS`] the readings are
 //! believed, beams as well; but they do not widen the covariance, since some of them may be right.
 
 use nalgebra::Vector3;
@@ -16,11 +16,9 @@ use super::Eskf;
 use super::inflation::{AdmissibleError, Count};
 use crate::aiding::{Innovation, TangentRows};
 use crate::error::{NavError, require_finite};
+use crate::filter::gate::LONGEST_DOUBT_NS;
 use crate::filter::report::Sensor;
 use crate::layout::VELOCITY;
-
-/// Time from the first rejected reading after which a sensor is believed.
-const LONGEST_NS: i64 = 30_000_000_000;
 
 /// Part of the variance of a difference that is left where nothing has told which is right.
 const STILL_HELD: f64 = 0.25;
@@ -95,7 +93,7 @@ impl Doubt {
     pub(super) fn go_on(&mut self, velocity_p_mps: Vector3<f64>, time_ns: i64) -> Option<f64> {
         let open = self.open.as_mut()?;
         open.velocity_p_mps = velocity_p_mps;
-        let (is_over, factor) = (time_ns - open.since_ns >= LONGEST_NS, open.factor);
+        let (is_over, factor) = (time_ns - open.since_ns >= LONGEST_DOUBT_NS, open.factor);
         is_over.then(|| {
             *self = Self::default();
             factor
@@ -132,7 +130,10 @@ impl Eskf {
         let time_ns = self.state.time_ns;
         // Of beams some may be right: through a wide covariance their noise would get in.
         let is_held = sensor != Sensor::Beams;
-        let needed = (self.inflate_after_rejections, if is_held { 0 } else { LONGEST_NS });
+        let needed = (
+            self.inflate_after_rejections,
+            if is_held { 0 } else { LONGEST_DOUBT_NS },
+        );
         let doubt = self.consecutive_rejections.doubts.of_mut(sensor)?;
         let run = doubt.count.rejection(factor, velocity_p_mps, needed, time_ns)?;
         if !is_held {

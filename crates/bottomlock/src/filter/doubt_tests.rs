@@ -116,9 +116,9 @@ fn what_others_have_told_ends_the_doubt() {
     }
     assert!(filter.is_in_doubt(Sensor::Velocity));
     for (part, is_in_doubt) in [(0.26, true), (0.24, false)] {
-        let mut told = filter.clone();
-        told.covariance[(VELOCITY + 1, VELOCITY + 1)] = part * 4.0;
-        assert_eq!(told.is_in_doubt(Sensor::Velocity), is_in_doubt);
+        let mut inflated = filter.clone();
+        inflated.covariance[(VELOCITY + 1, VELOCITY + 1)] = part * 4.0;
+        assert_eq!(inflated.is_in_doubt(Sensor::Velocity), is_in_doubt);
     }
 }
 

@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 
 use super::Eskf;
 use super::predict::ran_out_of_numbers;
-use super::prediction::{Beside, Group, Reached, predict};
+use super::prediction::{Group, LastStep, PredictionHooks, predict};
 use super::streams::Streams;
 use crate::error::NavError;
 use crate::error_model::{FirstOrderInterval, Interval, Matrix, SecondOrderInterval, SideBySide, complete_biases};
@@ -66,7 +66,7 @@ impl<'a> FilterSpan<'a> {
     }
 
     /// True where two filters do the same operations at the same steps, as far as the ends of their samples tell.
-    fn goes_with(&self, other: &Self) -> bool {
+    fn can_share_lanes_with(&self, other: &Self) -> bool {
         let (own, its) = (&*self.filter, &*other.filter);
         let ends = |span: &Self| {
             let [first, .., last] = span.samples else {
@@ -88,7 +88,8 @@ impl<'a> FilterSpan<'a> {
 pub fn predict_together(spans: &mut [FilterSpan<'_>]) {
     let mut waiting: Vec<&mut FilterSpan<'_>> = spans.iter_mut().collect();
     while let Some(first) = waiting.pop() {
-        let (mut group, others): (Vec<_>, Vec<_>) = waiting.into_iter().partition(|span| span.goes_with(first));
+        let (mut group, others): (Vec<_>, Vec<_>) =
+            waiting.into_iter().partition(|span| span.can_share_lanes_with(first));
         group.push(first);
         waiting = others;
         for part in group.chunks_mut(width()) {
@@ -166,9 +167,9 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
         lost: Vec::new(),
         lanes: PhantomData,
     };
-    let reached = predict(simd, &mut group, &streams, &settings, &mut lanes);
+    let last = predict(simd, &mut group, &streams, &settings, &mut lanes);
     complete_biases(group.covariance);
-    lanes.finish(reached, &group);
+    lanes.finish(last, &group);
 }
 
 /// Gravity of the filters; on a plane it is common to them.
@@ -178,7 +179,7 @@ fn lanes_of_earth<S: Simd, T: Lanes<S>>(simd: S, filters: &[&Eskf; WIDEST]) -> E
     EarthTerms::of_array(&filters[0].earth, gather(simd, own.each_ref()))
 }
 
-/// Beside the prediction in lanes: the filters that the lanes belong to.
+/// PredictionHooks the prediction in lanes: the filters that the lanes belong to.
 struct InLanes<'a, 'b, 'c, S> {
     spans: &'a mut [&'b mut FilterSpan<'c>],
     /// Whether some filter has states beyond the 20.
@@ -188,7 +189,7 @@ struct InLanes<'a, 'b, 'c, S> {
     lanes: PhantomData<S>,
 }
 
-impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> Beside<T, I> for InLanes<'_, '_, '_, S> {
+impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> PredictionHooks<T, I> for InLanes<'_, '_, '_, S> {
     #[inline(always)]
     fn propagate(&mut self, interval: &I, end: &Kinematics<T>, earth: &EarthTerms<T>) {
         if !self.are_extended {
@@ -205,7 +206,7 @@ impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> Beside<T, I> for InLanes<'_, '_,
     }
 
     #[cold]
-    fn lose(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool {
+    fn on_non_finite(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool {
         let [x, y, z] = group.kinematics.position_t_m;
         for (k, span) in self.spans.iter_mut().enumerate() {
             if span.failure.is_some() || (x + y + z).get(k).is_finite() {
@@ -214,7 +215,7 @@ impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> Beside<T, I> for InLanes<'_, '_,
             let mut filter = span.filter.clone();
             filter.take_lane(k, group);
             filter.covariance = Covariance::from_fn(|i, j| group.covariance[i.min(j)][i.max(j)].get(k));
-            filter.settle(span.samples, Reached { at, dt_s });
+            filter.settle(span.samples, LastStep { at, dt_s });
             span.failure = Some((at, ran_out_of_numbers(filter.state.time_ns)));
             self.lost.push((k, filter));
         }
@@ -225,7 +226,7 @@ impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> Beside<T, I> for InLanes<'_, '_,
 impl<S: Simd> InLanes<'_, '_, '_, S> {
     /// Writes every lane back to its filter.
     #[inline(always)]
-    fn finish<T: Lanes<S>, I: SideBySide<S, T>>(self, reached: Reached, group: &Group<'_, T, I>) {
+    fn finish<T: Lanes<S>, I: SideBySide<S, T>>(self, last: LastStep, group: &Group<'_, T, I>) {
         for (i, row) in group.covariance.iter().enumerate() {
             scatter_rows(row, self.spans.len(), |k, columns, numbers| {
                 numbers.store(&mut self.spans[k].filter.covariance.data.0[i][columns]);
@@ -233,13 +234,13 @@ impl<S: Simd> InLanes<'_, '_, '_, S> {
         }
         for (k, span) in self.spans.iter_mut().enumerate() {
             span.filter.take_lane(k, group);
-            span.filter.settle(span.samples, reached);
+            span.filter.settle(span.samples, last);
         }
         for (k, filter) in self.lost {
             *self.spans[k].filter = filter;
         }
         // Where times differ between lanes, or do not rise.
-        self.spans.iter_mut().for_each(|span| span.predict_alone(reached.at));
+        self.spans.iter_mut().for_each(|span| span.predict_alone(last.at));
     }
 }
 

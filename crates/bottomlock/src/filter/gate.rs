@@ -1,8 +1,34 @@
-//! The innovation gate and its thresholds.
+//! The innovation gate: its rule, its thresholds, and what follows a verdict.
+//!
+//! | After | follows | in |
+//! |---|---|---|
+//! | acceptance | update; the counts of the sensor's rejections start anew | `update.rs`, `inflation.rs` |
+//! | rejection of some rows | update with the others | `update.rs` |
+//! | rejection | the measurement is not used, and is counted | `inflation.rs` |
+//! | `inflate_after_rejections` of one sensor in a row that agree, explained by an error of the filter | the covariance is inflated and the measurement tested again | `inflation.rs` |
+//! | as many that only an error beyond [`FIVE_SIGMA_FACTOR`] explains | for [`LONGEST_DOUBT_NS`] the covariance holds both, then the sensor is believed | `doubt.rs` |
+//! | rejections that contradict each other, noise, rejected assumptions | nothing | `inflation.rs` |
+//!
+//! What the filter is told by a gate that is not its own (`assume.rs`), and whether a measurement is evidence against the filter,
+//! is tested with [`GateTable::plausible`], whatever the gate in use rejects.
 
 use crate::aiding::MAX_ROWS;
 use crate::chi_squared::quantile;
 use crate::error::NavError;
+use crate::filter::report::UpdateReport;
+
+/// Standard deviations beyond which the gate of the papers rejects a row.
+const ROW_SIGMAS: f64 = 3.0;
+
+/// Factor on variances for an error of five sigma: the largest that a velocity may show which its sensor confirmed before, and the
+/// largest inflation of states that the sensor does not measure itself.
+pub(super) const FIVE_SIGMA_FACTOR: f64 = 25.0;
+
+/// Time from the first rejected reading after which a sensor in doubt is believed.
+pub(super) const LONGEST_DOUBT_NS: i64 = 30_000_000_000;
+
+/// Probability of the test of what is plausible where the gate in use has none.
+const PLAUSIBLE: f64 = 0.9973;
 
 /// Test of an innovation against its covariance S.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -54,6 +80,29 @@ impl GateTable {
         Self {
             gate: Gate::Off,
             quantiles: [f64::INFINITY; MAX_ROWS],
+        }
+    }
+
+    /// The joint test that tells a filter that is wrong from one that is not, whatever gate rejects.
+    ///
+    /// # Errors
+    /// As [`GateTable::new`].
+    pub fn plausible(gate: Gate) -> Result<Self, NavError> {
+        Self::new(match gate {
+            Gate::Joint { .. } => gate,
+            Gate::PerRow | Gate::Off => Gate::Joint { probability: PLAUSIBLE },
+        })
+    }
+
+    /// The rows of an innovation that the gate rejects, a bit per row.
+    #[must_use]
+    pub fn rejected_rows(&self, report: &UpdateReport) -> u8 {
+        match self.gate {
+            Gate::Joint { .. } if report.nis > report.threshold => u8::MAX,
+            Gate::PerRow => (0..report.rows)
+                .filter(|&k| report.residual[k].powi(2) > ROW_SIGMAS.powi(2) * report.covariance[(k, k)])
+                .fold(0, |bits, k| bits | 1 << k),
+            Gate::Off | Gate::Joint { .. } => 0,
         }
     }
 

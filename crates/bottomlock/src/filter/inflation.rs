@@ -28,6 +28,7 @@ use super::doubt::{Doubt, Doubts};
 use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, MAX_ROWS};
 use crate::error::{NavError, require_finite};
+use crate::filter::gate::FIVE_SIGMA_FACTOR;
 use crate::filter::report::Sensor;
 use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION, VELOCITY};
 
@@ -36,9 +37,6 @@ const UNINFORMATIVE_FACTOR: f64 = 1e6;
 
 /// Halvings of the logarithm of a factor: four digits.
 const BISECTIONS: usize = 20;
-
-/// Factor on variances for an error of five sigma: the largest on states that the sensor does not measure itself.
-const FIVE_SIGMA_FACTOR: f64 = 25.0;
 
 /// Largest attitude sigma after inflation, rad.
 const MAX_ATTITUDE_SD_RAD: f64 = 1.0;

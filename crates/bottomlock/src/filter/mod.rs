@@ -51,7 +51,7 @@ use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::earth::{Earth, EarthTerms};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
-use crate::filter::gate::{Gate, GateTable};
+use crate::filter::gate::GateTable;
 use crate::filter::options::Options;
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::filter::water_block::WaterBlock;
@@ -113,10 +113,7 @@ impl Eskf {
                 covariance_period_s: options.covariance_period_ns as f64 * 1e-9,
             },
             gate: GateTable::new(options.gate)?,
-            plausible: GateTable::new(match options.gate {
-                Gate::Joint { .. } => options.gate,
-                Gate::PerRow | Gate::Off => Gate::Joint { probability: 0.9973 },
-            })?,
+            plausible: GateTable::plausible(options.gate)?,
             inflate_after_rejections: options.inflate_after_rejections,
             consecutive_rejections: ConsecutiveRejections::default(),
             extensions: Extensions::new(&model.sensors, options, calibration),

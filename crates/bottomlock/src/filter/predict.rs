@@ -2,7 +2,7 @@
 
 use super::Eskf;
 use super::extensions::Extensions;
-use super::prediction::{Beside, Group, Reached, predict};
+use super::prediction::{Group, LastStep, PredictionHooks, predict};
 use super::streams::Streams;
 use crate::error::NavError;
 use crate::error_model::{CovarianceInterval, Interval};
@@ -39,8 +39,8 @@ impl Eskf {
             is_lost: false,
         };
         let (kinematics, covariance, earth) = (&mut self.kinematics, &mut self.covariance.data.0, &mut self.earth);
-        let reached = match &mut self.interval {
-            Interval::Open => Reached { at: 0, dt_s: 0.0 },
+        let last = match &mut self.interval {
+            Interval::Open => LastStep { at: 0, dt_s: 0.0 },
             Interval::FirstOrder(interval) => with_vectors!(simd => predict(
                 simd, &mut Group { kinematics, interval, covariance, earth }, &streams, &settings, &mut alone
             )),
@@ -49,11 +49,11 @@ impl Eskf {
             )),
         };
         let is_lost = alone.is_lost;
-        self.settle(samples, reached);
+        self.settle(samples, last);
         if is_lost {
-            return Err((reached.at, ran_out_of_numbers(self.state.time_ns)));
+            return Err((last.at, ran_out_of_numbers(self.state.time_ns)));
         }
-        outcome(samples, reached.at)
+        outcome(samples, last.at)
     }
 
     /// Begins an interval where none is open.
@@ -66,12 +66,12 @@ impl Eskf {
     }
 
     /// Takes note of the last sample that was taken.
-    pub(super) fn settle(&mut self, samples: &[ImuSample], reached: Reached) {
-        if reached.at > 0 {
-            let reading = &samples[reached.at];
+    pub(super) fn settle(&mut self, samples: &[ImuSample], last: LastStep) {
+        if last.at > 0 {
+            let reading = &samples[last.at];
             self.state.time_ns = reading.time_ns;
             self.last_rate_p_radps = reading.rate_p_radps.0;
-            self.last_step_s = reached.dt_s;
+            self.last_step_s = last.dt_s;
         }
     }
 
@@ -86,13 +86,13 @@ impl Eskf {
     }
 }
 
-/// Beside the prediction of a filter alone.
+/// PredictionHooks the prediction of a filter alone.
 struct Alone<'a> {
     extensions: &'a mut Extensions,
     is_lost: bool,
 }
 
-impl<I: CovarianceInterval<f64> + Into<Interval>> Beside<f64, I> for Alone<'_> {
+impl<I: CovarianceInterval<f64> + Into<Interval>> PredictionHooks<f64, I> for Alone<'_> {
     #[inline(always)]
     fn propagate(&mut self, interval: &I, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
         if !self.extensions.is_empty() {
@@ -100,7 +100,7 @@ impl<I: CovarianceInterval<f64> + Into<Interval>> Beside<f64, I> for Alone<'_> {
         }
     }
     #[inline(always)]
-    fn lose(&mut self, _at: usize, _dt_s: f64, _group: &Group<'_, f64, I>) -> bool {
+    fn on_non_finite(&mut self, _at: usize, _dt_s: f64, _group: &Group<'_, f64, I>) -> bool {
         self.is_lost = true;
         false
     }

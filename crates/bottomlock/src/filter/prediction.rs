@@ -38,17 +38,17 @@ impl Settings {
     }
 }
 
-/// What goes on beside the prediction of a group, filter by filter.
-pub(super) trait Beside<T, I> {
+/// Hooks run during the prediction of a group, filter by filter.
+pub(super) trait PredictionHooks<T, I> {
     /// The covariance is about to be propagated over an interval, which has come to `end`.
     fn propagate(&mut self, interval: &I, end: &Kinematics<T>, earth: &EarthTerms<T>);
     /// Some filter's position is no number after the step to reading `at`; true where a filter is left.
-    fn lose(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool;
+    fn on_non_finite(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool;
 }
 
-/// How far a prediction came: the last reading taken, and the length of the step to it.
+/// The last step of a prediction: the reading that it ended at, and its length.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Reached {
+pub(super) struct LastStep {
     pub(super) at: usize,
     pub(super) dt_s: f64,
 }
@@ -62,11 +62,11 @@ pub(super) fn predict<S: Simd, T: Strips<S>, I: CovarianceInterval<T>>(
     group: &mut Group<'_, T, I>,
     streams: &Streams<'_, T>,
     settings: &Settings,
-    beside: &mut impl Beside<T, I>,
-) -> Reached {
+    hooks: &mut impl PredictionHooks<T, I>,
+) -> LastStep {
     let sampling = settings.sampling;
     let rate_t = group.earth.rate_t;
-    let mut reached = Reached { at: 0, dt_s: 0.0 };
+    let mut last = LastStep { at: 0, dt_s: 0.0 };
     let mut next = streams.step(
         1,
         &streams.corrected(0),
@@ -81,23 +81,20 @@ pub(super) fn predict<S: Simd, T: Strips<S>, I: CovarianceInterval<T>>(
         attitude_t_p,
     }) = next
     {
-        reached = Reached {
-            at: reached.at + 1,
-            dt_s,
-        };
+        last = LastStep { at: last.at + 1, dt_s };
         // The chain of rotations goes a step ahead of the rest, which fills its pauses.
-        next = streams.step(reached.at + 1, &end, attitude_t_p, sampling, rate_t);
+        next = streams.step(last.at + 1, &end, attitude_t_p, sampling, rate_t);
         let before = *group.kinematics;
         group.kinematics.follow(attitude_t_p, &start, &end, dt_s, group.earth);
         group
             .interval
             .extend(&before, group.kinematics, &start, &end, dt_s, group.earth);
         let [x, y, z] = group.kinematics.position_t_m;
-        if !(x + y + z).all_finite() && !beside.lose(reached.at, dt_s, group) {
+        if !(x + y + z).all_finite() && !hooks.on_non_finite(last.at, dt_s, group) {
             break;
         }
         if group.interval.is_due(dt_s, settings.covariance_period_s) {
-            beside.propagate(group.interval, group.kinematics, group.earth);
+            hooks.propagate(group.interval, group.kinematics, group.earth);
             group
                 .interval
                 .propagate(simd, group.covariance, group.kinematics, &settings.noise, group.earth);
@@ -106,5 +103,5 @@ pub(super) fn predict<S: Simd, T: Strips<S>, I: CovarianceInterval<T>>(
             }
         }
     }
-    reached
+    last
 }

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::*;
 use crate::aiding::CorrelatedNoise;
+use crate::filter::gate::Gate;
 use crate::filter::report::Verdict;
 
 /// A campaign holds hundreds of filters side by side, so each must fit in the second-level cache with its

@@ -9,7 +9,6 @@ use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, TangentRows};
 use crate::error::NavError;
 use crate::error_model::Interval;
-use crate::filter::gate::Gate;
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::layout::{ATTITUDE, DIM, block_name};
 use crate::state::ErrorVector;
@@ -32,7 +31,7 @@ impl Eskf {
         let rejected_rows = if self.is_doubted(innovation, sensor) {
             u8::MAX
         } else {
-            self.rejected_rows(&report)
+            self.gate.rejected_rows(&report)
         };
         let is_rejected = (0..M).all(|row| rejected_rows & (1 << row) != 0);
         if rejected_rows != 0 && !is_rejected {
@@ -84,17 +83,6 @@ impl Eskf {
             }
         }
         report
-    }
-
-    /// The rows that the gate rejects, a bit per row.
-    fn rejected_rows(&self, report: &UpdateReport) -> u8 {
-        match self.gate.gate {
-            Gate::Joint { .. } if report.nis > report.threshold => u8::MAX,
-            Gate::PerRow => (0..report.rows)
-                .filter(|&k| report.residual[k].powi(2) > 9.0 * report.covariance[(k, k)])
-                .fold(0, |bits, k| bits | 1 << k),
-            Gate::Off | Gate::Joint { .. } => 0,
-        }
     }
 
     /// Updates the further states and the tape, where they exist, after an update of the error state.

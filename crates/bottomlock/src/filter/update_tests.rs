@@ -3,6 +3,7 @@
 use super::*;
 use crate::aiding::Motion;
 use crate::aiding::depth::depth;
+use crate::filter::gate::Gate;
 use crate::filter::options::Options;
 use crate::frames::Vec3;
 use crate::model::Model;

@@ -1,5 +1,5 @@
 //! What a live navigator has taken within its horizon: checkpoints, the events after the oldest of them in the order of a
-//! log, and what was told of them.
+//! log, and what was reported of them.
 //!
 //! The order of a log is that of the times of validity, and at the same time inertial reading, ping, then the sensors as
 //! [`super::events::STREAM_NAMES`] lists them. A stream has one event at a time: of two, the one is used whose bytes come
@@ -39,7 +39,7 @@ pub(super) struct History {
     /// Events after the oldest checkpoint, in the order of a log; those that wait are the measurements after the last good
     /// reading.
     pub(super) events: VecDeque<Event>,
-    /// What was told last of each event after the oldest checkpoint.
+    /// What was reported last of each event after the oldest checkpoint.
     pub(super) findings: BTreeMap<FindingKey, Finding>,
 }
 

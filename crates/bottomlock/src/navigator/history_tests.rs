@@ -44,7 +44,7 @@ fn navigator(options: &Options, horizon_ns: i64) -> LiveNavigator {
     .unwrap()
 }
 
-fn told(navigator: &mut LiveNavigator, event: &Event) -> Vec<Notice> {
+fn notices(navigator: &mut LiveNavigator, event: &Event) -> Vec<Notice> {
     let mut all = Vec::new();
     navigator.push(event, &mut |notice| all.push(notice.clone())).unwrap();
     all
@@ -58,8 +58,8 @@ fn the_horizon_is_whole_and_the_rest_forgotten() {
     let mut navigator = navigator(&Options::default(), horizon_ns);
     for k in 0..=150 {
         let now_ns = k * 10 * MS;
-        told(&mut navigator, &Event::Imu(reading(now_ns)));
-        told(&mut navigator, &depth(now_ns));
+        notices(&mut navigator, &Event::Imu(reading(now_ns)));
+        notices(&mut navigator, &depth(now_ns));
         if now_ns > horizon_ns {
             let mut other = navigator.clone();
             assert!(
@@ -94,12 +94,12 @@ fn checkpoints_keep_to_their_grid() {
     for k in 0..=110 {
         let now_ns = k * 10 * MS;
         if now_ns == 350 * MS {
-            told(&mut ordered, &depth(now_ns - 5 * MS));
+            notices(&mut ordered, &depth(now_ns - 5 * MS));
         }
-        told(&mut late, &Event::Imu(reading(now_ns)));
-        told(&mut ordered, &Event::Imu(reading(now_ns)));
+        notices(&mut late, &Event::Imu(reading(now_ns)));
+        notices(&mut ordered, &Event::Imu(reading(now_ns)));
     }
-    told(&mut late, &depth(345 * MS));
+    notices(&mut late, &depth(345 * MS));
     let times = |navigator: &LiveNavigator| -> Vec<i64> {
         navigator
             .history
@@ -129,12 +129,12 @@ fn a_checkpoint_that_is_gone_is_due_again() {
     };
     for ms in (0..=210).step_by(10) {
         if ms == 200 {
-            told(&mut ordered, &turning(195, 200));
+            notices(&mut ordered, &turning(195, 200));
         }
-        told(&mut late, &turning(ms, ms));
-        told(&mut ordered, &turning(ms, ms));
+        notices(&mut late, &turning(ms, ms));
+        notices(&mut ordered, &turning(ms, ms));
     }
-    told(&mut late, &turning(195, 200));
+    notices(&mut late, &turning(195, 200));
     assert_eq!(late.imu_faults()[2], 1);
     assert_eq!((late.history.due_ns, ordered.history.due_ns), (200 * MS, 200 * MS));
 }
@@ -144,23 +144,23 @@ fn a_checkpoint_that_is_gone_is_due_again() {
 fn what_waits_since_a_nanosecond_is_fused() {
     let mut navigator = navigator(&Options::default(), 1_000 * MS);
     for k in 0..=150 {
-        told(&mut navigator, &Event::Imu(reading(k * 10 * MS)));
+        notices(&mut navigator, &Event::Imu(reading(k * 10 * MS)));
     }
-    assert!(told(&mut navigator, &depth(1_500 * MS + 1)).is_empty());
-    assert_eq!(told(&mut navigator, &Event::Imu(reading(1_510 * MS))).len(), 1);
+    assert!(notices(&mut navigator, &depth(1_500 * MS + 1)).is_empty());
+    assert_eq!(notices(&mut navigator, &Event::Imu(reading(1_510 * MS))).len(), 1);
 }
 
 /// A measurement may lie an hour ahead.
 #[test]
 fn an_hour_ahead_is_the_most() {
     let mut navigator = navigator(&Options::default(), 0);
-    told(&mut navigator, &Event::Imu(reading(0)));
+    notices(&mut navigator, &Event::Imu(reading(0)));
     let hour_ns = 3_600_000 * MS;
     assert!(matches!(
         navigator.push(&depth(hour_ns + 1), &mut |_| {}),
         Err(NavError::TooFarAhead { .. })
     ));
-    assert!(told(&mut navigator, &depth(hour_ns)).is_empty());
+    assert!(notices(&mut navigator, &depth(hour_ns)).is_empty());
 }
 
 /// One more equal reading between stuck ones: those after it are told again, with the number that they now have.
@@ -170,9 +170,9 @@ fn a_rejection_for_another_reason_is_told_again() {
     options.imu_limits.stuck_after = 2;
     let mut navigator = navigator(&options, 1_000 * MS);
     for k in [0, 1, 3] {
-        told(&mut navigator, &Event::Imu(reading(k * 10 * MS)));
+        notices(&mut navigator, &Event::Imu(reading(k * 10 * MS)));
     }
-    let seen: Vec<_> = (told(&mut navigator, &Event::Imu(reading(20 * MS))).into_iter())
+    let seen: Vec<_> = (notices(&mut navigator, &Event::Imu(reading(20 * MS))).into_iter())
         .map(|notice| (notice.standing, notice.finding))
         .collect();
     let stuck = |time_ns, readings| Finding::Rejected {

@@ -81,7 +81,7 @@ impl History {
         })
     }
 
-    /// Keeps the checkpoints of a replay from the last one kept, and tells what differs from what was told before: in the
+    /// Keeps the checkpoints of a replay from the last one kept, and reports what differs from what was reported before: in the
     /// order of the replay, then what no longer holds.
     pub(super) fn settle(&mut self, replayed: Replayed, tell: &mut impl FnMut(&Notice)) -> Checked {
         let Replayed {
@@ -100,18 +100,18 @@ impl History {
         for finding in found {
             let standing = match before.remove(&finding.key()) {
                 None => Some(Standing::New),
-                Some(told) if told.is_same(&finding) => None,
+                Some(reported) if reported.is_same(&finding) => None,
                 Some(_) => Some(Standing::Revised),
             };
             let finding = match standing {
-                Some(standing) => told_as(standing, finding, tell),
+                Some(standing) => report_as(standing, finding, tell),
                 None => finding,
             };
             self.findings.insert(finding.key(), finding);
         }
         for (key, finding) in before {
             if is_replayed(&finding) {
-                told_as(Standing::Withdrawn, finding, tell);
+                report_as(Standing::Withdrawn, finding, tell);
             } else {
                 self.findings.insert(key, finding);
             }
@@ -120,17 +120,17 @@ impl History {
         now
     }
 
-    /// Tells findings of which nothing was told before.
+    /// Reports findings of which nothing was reported before.
     pub(super) fn tell_new(&mut self, found: Vec<Finding>, tell: &mut impl FnMut(&Notice)) {
         for finding in found {
-            let finding = told_as(Standing::New, finding, tell);
+            let finding = report_as(Standing::New, finding, tell);
             self.findings.insert(finding.key(), finding);
         }
     }
 }
 
 /// Tells a finding, and gives it back.
-fn told_as(standing: Standing, finding: Finding, tell: &mut impl FnMut(&Notice)) -> Finding {
+fn report_as(standing: Standing, finding: Finding, tell: &mut impl FnMut(&Notice)) -> Finding {
     let notice = Notice { finding, standing };
     tell(&notice);
     notice.finding

@@ -1,4 +1,4 @@
-//! What a push tells of measurements and inertial readings, and whether it corrects what was told before.
+//! What a push reports of measurements and inertial readings, and whether it corrects an earlier report.
 
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::mechanisation::ImuFault;
@@ -17,21 +17,21 @@ pub enum Finding {
     },
 }
 
-/// How a finding stands to what was told before.
+/// Whether a finding corrects an earlier report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
-    /// Nothing was told of it.
+    /// Nothing was reported of it before.
     New,
-    /// It takes the place of what was told, which a late reading has changed.
+    /// It replaces what was reported, which a late reading has changed.
     Revised,
-    /// It was told and no longer holds; nothing takes its place.
+    /// What was reported no longer holds; nothing replaces it.
     Withdrawn,
 }
 
-/// A finding and how it stands to what was told before.
+/// A finding and whether it corrects an earlier report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Notice {
-    /// The finding; of a withdrawn one, as it was told.
+    /// The finding; of a withdrawn one, as it was reported.
     pub finding: Finding,
     /// How it stands.
     pub standing: Standing,

@@ -280,11 +280,11 @@ pub(crate) fn check_cases() {
     }
 }
 
-/// What stands of all that a navigator has told.
+/// What stands of all that a navigator has reported.
 #[derive(Clone, Default)]
-pub(crate) struct Told(BTreeMap<(i64, &'static str), Finding>);
+pub(crate) struct Reported(BTreeMap<(i64, &'static str), Finding>);
 
-impl Told {
+impl Reported {
     pub(crate) fn note(&mut self, notice: &Notice) {
         let key = match &notice.finding {
             Finding::Update(report) => (report.time_ns, report.sensor.name()),
