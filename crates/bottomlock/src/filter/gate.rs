@@ -1,16 +1,15 @@
 //! The innovation gate: its rule, its thresholds, and what follows a verdict.
 //!
-//! | After | follows | in |
-//! |---|---|---|
-//! | acceptance | update; the counts of the sensor's rejections start anew | `update.rs`, `inflation.rs` |
-//! | rejection of some rows | update with the others | `update.rs` |
-//! | rejection | the measurement is not used, and is counted | `inflation.rs` |
-//! | `inflate_after_rejections` of one sensor in a row that agree, explained by an error of the filter | the covariance is inflated and the measurement tested again | `inflation.rs` |
-//! | as many that only an error beyond [`FIVE_SIGMA_FACTOR`] explains | for [`LONGEST_DOUBT_NS`] the covariance holds both, then the sensor is believed | `doubt.rs` |
-//! | rejections that contradict each other, noise, rejected assumptions | nothing | `inflation.rs` |
+//! - Accepted: update (`update.rs`); the counts of the sensor's rejections start anew (`inflation.rs`).
+//! - Some rows rejected: update with the others.
+//! - Rejected: the measurement is not used, and counts as evidence against the filter (`inflation.rs`) unless measurements
+//!   contradict each other, or an assumption is rejected.
+//! - `inflate_after_rejections` of one sensor in a row that agree and that an error of the filter explains: the covariance is
+//!   inflated, and the measurement tested again (`inflation.rs`).
+//! - As many that only an error beyond [`FIVE_SIGMA_FACTOR`] explains: for [`LONGEST_DOUBT_NS`] the covariance holds both
+//!   possibilities, then the sensor is believed (`doubt.rs`).
 //!
-//! What the filter is told by a gate that is not its own (`assume.rs`), and whether a measurement is evidence against the filter,
-//! is tested with [`GateTable::plausible`], whatever the gate in use rejects.
+//! Whether a measurement is evidence against the filter is tested with [`GateTable::plausible`], whatever the gate in use rejects.
 
 use crate::aiding::MAX_ROWS;
 use crate::chi_squared::quantile;
