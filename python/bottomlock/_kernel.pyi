@@ -32,6 +32,7 @@ __all__ = [
     "check_settings",
     "covariance_history",
     "error_model",
+    "integrate_segments",
     "local_earth",
     "normal_gravity_mps2",
     "observe",
@@ -57,6 +58,13 @@ class LocalEarthDict(TypedDict):
     gravity_t_mps2: NDArray[np.float64]
     rotation_t_n: NDArray[np.float64]
     depth_m: NDArray[np.float64]
+
+@type_check_only
+class SegmentsDict(TypedDict):
+    rotation: NDArray[np.float64]
+    force_integral_mps: NDArray[np.float64]
+    rotation_integral_s: NDArray[np.float64]
+    bias_integral: NDArray[np.float64]
 
 @type_check_only
 class WaterDict(TypedDict):
@@ -592,6 +600,9 @@ def error_model(
 def register_method(
     name: str, label: str, call: Callable[[dict[str, Any]], tuple[ArrayLike, ...] | None]
 ) -> None: ...
+def integrate_segments(
+    time_ns: ArrayLike, force_p_mps2: ArrayLike, omega_p_radps: ArrayLike, readings: int
+) -> SegmentsDict: ...
 def local_earth(environment: Environment, position_t_m: ArrayLike) -> LocalEarthDict: ...
 def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...
 def observe(

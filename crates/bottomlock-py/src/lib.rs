@@ -22,6 +22,7 @@ mod replay;
 mod replay_records;
 mod report;
 mod schedule;
+mod segments;
 mod settings;
 mod shared;
 mod state;
@@ -51,6 +52,8 @@ mod _kernel {
     use super::own_method::register_method;
     #[pymodule_export]
     use super::replay::replay_log;
+    #[pymodule_export]
+    use super::segments::integrate_segments;
     #[pymodule_export]
     use super::settings::normal_gravity_mps2;
     #[pymodule_export]

@@ -144,7 +144,7 @@ def at_pings(segments: Segments, time_ns: Integers) -> _At:
         return np.asarray(values.reshape(s * m, *values.shape[2:])[index])
 
     C, force, omega = rows(segments.rotation), rows(segments.force_p_mps2), rows(segments.omega_p_radps)
-    S = rows(segments.force_integral_mps) + np.einsum("pij,pj->pi", C, force) * after_s[:, None]
+    S = rows(segments.force_integral_mps) + _of(C, force) * after_s[:, None]
     begins = segments.time_ns[:, 0][segment]
     if len(C):
         C = C @ Rotation.from_rotvec(omega * after_s[:, None]).as_matrix()
@@ -174,6 +174,19 @@ def lines(values: Floats, at: _At, segments: int) -> tuple[Floats, Floats]:
     return left.reshape(values.shape), slope.reshape(segments, *values.shape[1:])
 
 
+def _skew(v: Floats) -> Floats:
+    """[v×] of vectors (p, 3)."""
+    matrix = np.zeros((len(v), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrix[:, j, i], matrix[:, i, j] = v[:, k], -v[:, k]
+    return matrix
+
+
+def _of(matrix: Floats, v: Floats) -> Floats:
+    """Matrices (p, 3, 3) times vectors (p, 3)."""
+    return np.asarray(np.einsum("pij,pj->pi", matrix, v))
+
+
 def _columns(at: _At, stated: Floats, felt: Floats, scale: float) -> Floats:
     """(p, 3, 14) derivatives of C v_s − felt / (1 + s) by the parameters.
 
@@ -187,15 +200,14 @@ def _columns(at: _At, stated: Floats, felt: Floats, scale: float) -> Floats:
         scale: s.
     """
     columns = np.empty((len(stated), 3, SIZE))
-    eye, k = np.eye(3), 1.0 / (1.0 + scale)
-    turned = np.einsum("pij,pj->pi", at.C, stated)
-    for j in range(3):
-        columns[:, :, j] = np.einsum("pij,pj->pi", at.C, np.cross(eye[j], stated))
-        columns[:, :, 5 + j] = k * at.K[:, :, j] - np.cross(at.J[:, :, j], turned)
-        columns[:, :, 11 + j] = -k * np.einsum("pij,pj->pi", at.C, np.cross(at.omega, eye[j]))
+    k = 1.0 / (1.0 + scale)
+    omega_cross = _skew(at.omega)
+    columns[:, :, 0:3] = -at.C @ _skew(stated)
     columns[:, :, 3] = k * k * felt
-    columns[:, :, 4] = np.einsum("pij,pj->pi", at.C, np.cross(at.omega, stated) - k * at.force)
+    columns[:, :, 4] = _of(at.C, _of(omega_cross, stated) - k * at.force)
+    columns[:, :, 5:8] = k * at.K + _skew(_of(at.C, stated)) @ at.J
     columns[:, :, 8:11] = k * at.J
+    columns[:, :, 11:14] = -k * at.C @ omega_cross
     return columns
 
 
@@ -236,9 +248,9 @@ def fit(
         if at.kept.sum() < 4 * LEAST_PINGS:
             return result
         stated = Rotation.from_rotvec(p[:3]).apply(recorded.velocity_p_mps[at.kept] @ M.T)
-        felt = np.einsum("pij,pj->pi", at.C, np.cross(at.omega, p[11:14])) + at.S - at.J @ p[8:11]
+        felt = _of(at.C, _skew(at.omega) @ p[11:14]) + at.S - at.J @ p[8:11]
         X = _columns(at, stated, felt, float(p[3]))
-        value = np.einsum("pij,pj->pi", at.C, stated) - felt / (1.0 + p[3])
+        value = _of(at.C, stated) - felt / (1.0 + p[3])
         value += X[:, :, 5:8] @ (p[5:8] - used)
         left, slope = lines(np.concatenate([value[:, :, None], X], axis=2), at, segments.count)
         r, A = left[:, :, 0], left[:, :, 1:]

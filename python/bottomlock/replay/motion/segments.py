@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+
+from bottomlock.kernel import integrate_segments
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -91,23 +92,6 @@ def integrate(
     if len(whole) > MOST_SEGMENTS:
         whole = whole[np.round(np.linspace(0, len(whole) - 1, MOST_SEGMENTS)).astype(int)]
     force, omega = (values[: s * m].reshape(s, m, 3)[whole] for values in (force_p_mps2, omega_p_radps))
-    return _strapdown(time[whole], steps_s[whole], force, omega)
-
-
-def _strapdown(time: Integers, steps_s: Floats, force: Floats, omega: Floats) -> Segments:
-    """Trapezoidal integrals along every segment at once."""
-    s, m = time.shape
-    C, S = np.empty((s, m, 3, 3)), np.zeros((s, m, 3))
-    J, K = np.zeros((s, m, 3, 3)), np.zeros((s, m, 3, 3))
-    C[:, 0] = np.eye(3)
-    turns = 0.5 * (omega[:, 1:] + omega[:, :-1]) * steps_s[:, :, None]
-    increments = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(s, m - 1, 3, 3)
-    for k in range(m - 1):
-        C[:, k + 1] = C[:, k] @ increments[:, k]
-    half = 0.5 * steps_s[:, :, None]
-    felt = np.einsum("smij,smj->smi", C, force)
-    S[:, 1:] = np.cumsum(half * (felt[:, 1:] + felt[:, :-1]), axis=1)
-    J[:, 1:] = np.cumsum(half[..., None] * (C[:, 1:] + C[:, :-1]), axis=1)
-    pushed = np.cross(J, felt[..., None], axisa=2, axisb=2, axisc=2)
-    K[:, 1:] = np.cumsum(half[..., None] * (pushed[:, 1:] + pushed[:, :-1]), axis=1)
-    return Segments(time, force, omega, C, S, J, K)
+    time = time[whole]
+    integrals = integrate_segments(time.ravel(), force.reshape(-1, 3), omega.reshape(-1, 3), m)
+    return Segments(time, force, omega, **integrals)
