@@ -23,6 +23,7 @@ def test_two_commands_from_a_shipped_log_to_a_report(root: Path, tmp_path: Path)
     assert 'id="findings"' in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_first_case_of_a_long_log_ends_with_tune(root: Path, tmp_path: Path) -> None:
     """Three minutes are tuned, in a case beside the first, unless told not to; 43 s are not."""
     log = root / "data" / "logs" / "survey_dive"

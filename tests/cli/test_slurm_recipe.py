@@ -22,6 +22,7 @@ def batch(script: str, *words: str, task: int | None = None, tasks: int = 3) -> 
     subprocess.run(command, env=os.environ | slurm, check=True, capture_output=True, timeout=120)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMMAND.exists(), reason="the command is not installed beside this Python")
 def test_shards_of_an_array_join_to_the_bits_of_one_machine(tmp_path: Path) -> None:
     for task in (1, 2, 3):

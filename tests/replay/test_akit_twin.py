@@ -10,7 +10,7 @@ import pytest
 from tools.akit_twin import twin_runs
 from tools.recorded_runs import WORLDS, section_case
 
-pytestmark = pytest.mark.recordings
+pytestmark = [pytest.mark.recordings, pytest.mark.long]
 
 DRAWS = 5
 """Of each of two sections; medians over so many have a spread of 6 %."""

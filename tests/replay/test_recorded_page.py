@@ -68,6 +68,7 @@ def test_dives_as_their_users_hold_them(recordings: Path, tmp_path: Path) -> Non
             )
 
 
+@pytest.mark.long
 @pytest.mark.recordings
 def test_windows_with_lost_beams(recordings: Path, tmp_path: Path) -> None:
     """St Pere, untouched, without beams in windows all along the dive: the page's table, and what must hold of it."""
@@ -86,6 +87,7 @@ def test_windows_with_lost_beams(recordings: Path, tmp_path: Path) -> None:
             assert 0.5 < row["error_over_sigma"] < 1.41, (one, row)
 
 
+@pytest.mark.long
 @pytest.mark.recordings
 def test_sections_of_a_dive_each_untouched(recordings: Path, tmp_path: Path) -> None:
     """St Pere in sections of 300 s through `--init` and `replay`: the page's row, and what must hold in sections."""

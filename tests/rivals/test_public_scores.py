@@ -45,6 +45,7 @@ def test_every_method_and_rival_has_every_public_mission() -> None:
     assert all(len(of_mission) == 1 for of_mission in kinds)
 
 
+@pytest.mark.long
 def test_a_mission_that_is_flown_again_has_the_scores_of_the_table(tmp_path: Path) -> None:
     """One with slip and fish, by ours and by the rivals of numpy alone; the last digits are the machine's."""
     (spec,) = missions_of(names=(SLIPS,))

@@ -34,6 +34,7 @@ def page(name: str) -> str:
     return (ROOT / "docs" / name).read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("file", "scenario", "world", "runs"),
     [
@@ -51,6 +52,7 @@ def test_consistency(file: str, scenario: str, world: str | None, runs: int, tmp
     assert {method: there[method] for method in flown} == flown
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("file", "world"), [("masks.md", None), ("masks_survey.md", "survey_table2")])
 def test_masks(file: str, world: str | None, tmp_path: Path) -> None:
     loaded = load_scenarios(["straight"], runs=50, seed=None, methods=METHODS, threads=0, world=world)
@@ -61,6 +63,7 @@ def test_masks(file: str, world: str | None, tmp_path: Path) -> None:
         assert value == pytest.approx(row["velocity_rms_over_runs_mps"], rel=6e-3, abs=6e-4), row["method"]
 
 
+@pytest.mark.long
 def test_sensor_law() -> None:
     """The nine sets of sensors with beams 1, 2 and 3 along a straight line in still water."""
     (scenario,) = load_scenarios(PAPER_TRAJECTORIES[:1], runs=40, seed=None, methods=None, threads=0)
@@ -75,6 +78,7 @@ def test_sensor_law() -> None:
             assert float(value) == pytest.approx(flown[sensors], abs=6e-4), (method, sensors)
 
 
+@pytest.mark.long
 def test_sway_current_in_a_cross_current() -> None:
     """Beams 1 and 2 on the figure of eight; the row of its own page."""
     batch = sway_measured.flown("figure_eight", sway_measured.CROSS_CURRENT, "sway_current")
@@ -84,6 +88,7 @@ def test_sway_current_in_a_cross_current() -> None:
     )
 
 
+@pytest.mark.long
 def test_the_price_of_the_default_prior() -> None:
     """README's 17 %: the greatest of the page's table, whose row is flown again."""
     text = page("methods/sway_current.md").partition("<!-- table cost -->")[2].partition("<!-- end -->")[0]
@@ -98,6 +103,7 @@ def table_of(name: str, mark: str) -> str:
     return page(name).partition(f"<!-- table {mark} -->\n")[2].partition("<!-- end -->")[0].strip()
 
 
+@pytest.mark.long
 def test_a_bound_on_the_speed() -> None:
     """One beam on the straight leg, with depth."""
     assert f"| {' | '.join(sway_measured.bound_row((1,), ('depth',)))} |" in table_of(
@@ -105,15 +111,18 @@ def test_a_bound_on_the_speed() -> None:
     )
 
 
+@pytest.mark.long
 def test_a_pivot_that_the_prior_does_not_have() -> None:
     assert sway_measured.pivot_table().strip() == table_of("methods/consistent.md", "pivots")
 
 
+@pytest.mark.long
 def test_heavy_tails() -> None:
     row = heavy_tails.row("student", "Student's t, ν = 3")
     assert f"| {' | '.join(row)} |" in table_of("robust.md", "updates")
 
 
+@pytest.mark.long
 def test_coverage_of_fixes(tmp_path: Path) -> None:
     """Noise that is no Student's t, and the dive that ships."""
     kind = "contaminated"

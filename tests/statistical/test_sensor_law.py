@@ -113,6 +113,7 @@ def test_a_run_that_rises() -> None:
     assert not rises(error, corrected, 2.0, 100)
 
 
+@pytest.mark.long
 def test_no_run_runs_away_with_depth_beside_acoustics() -> None:
     """The run of seed 90210 that a depth once drove to 16 m/s beside acoustic fixes, and its neighbours."""
     few = scenario(85)
