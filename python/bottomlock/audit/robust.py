@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import median_abs_deviation, t
+from scipy.stats import t
 
 from bottomlock.audit.findings import SIGNIFICANCE
 from bottomlock.statistics.correlation import correlation_rows
+from bottomlock.statistics.robust import sd_about_median
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ def sigma(values: Array) -> float:
     >>> sigma(np.array([0.0, 1.0, 2.0, 3.0, 1e9])) < 2.0
     True
     """
-    return float(median_abs_deviation(values, scale="normal")) if values.size > 1 else 0.0
+    return float(sd_about_median(values)) if values.size > 1 else 0.0
 
 
 def resolution(values: Array) -> float:
