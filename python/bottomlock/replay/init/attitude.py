@@ -69,13 +69,12 @@ def match_attitude(
     seconds = (imu_time_ns - imu_time_ns[0]) * 1e-9
     at = (time_ns - imu_time_ns[0]) * 1e-9
     lags = np.arange(-LAGS_S, LAGS_S + 0.5 * LAG_STEP_S, LAG_STEP_S)
+    gyros = [(float(lag), *_gyro_rate(at + lag, turned, seconds)) for lag in lags]
     by_frame = {}
     for frame in ("ned_frd", "enu_flu"):
         attitude = platform_attitude(from_angles(*rpy_rad.T), frame, np.zeros(3), 0.0)
         rate = _increments(attitude) / (np.diff(time_ns) * 1e-9)[:, None]
-        by_frame[frame] = max(
-            (_compare(rate, at, turned, seconds, float(lag)) for lag in lags), key=lambda one: one.correlation
-        )
+        by_frame[frame] = max((_compare(rate, *gyro) for gyro in gyros), key=lambda one: one.correlation)
     frame = max(by_frame, key=lambda one: by_frame[one].correlation)
     other = by_frame["enu_flu" if frame == "ned_frd" else "ned_frd"]
     return replace(by_frame[frame], frame=frame, other=other.correlation)
@@ -85,16 +84,19 @@ def _increments(attitude: Rotation) -> Floats:
     return np.asarray((attitude[:-1].inv() * attitude[1:]).as_rotvec())
 
 
-def _compare(rate: Floats, at: Floats, turned: Floats, seconds: Floats, lag_s: float) -> AttitudeMatch:
+def _gyro_rate(when: Floats, turned: Floats, seconds: Floats) -> tuple[NDArray[np.bool_], Floats]:
+    """The intervals between times that the gyros cover, and the mean rate of the gyros in these."""
+    inside = (when[:-1] >= seconds[0]) & (when[1:] <= seconds[-1])
+    gyro = np.stack([np.diff(np.interp(when, seconds, turned[:, k])) for k in range(3)], axis=1)
+    return inside, (gyro / np.diff(when)[:, None])[inside]
+
+
+def _compare(rate: Floats, lag_s: float, inside: NDArray[np.bool_], gyro: Floats) -> AttitudeMatch:
     """The attitude's rate against the gyros' at a clock offset, at the quarter turn that fits roll and pitch best."""
     none = AttitudeMatch("", -1.0, -1.0, np.nan, lag_s, -1.0)
-    when = at + lag_s
-    inside = (when[:-1] >= seconds[0]) & (when[1:] <= seconds[-1])
-    if inside.sum() < 8:
+    if len(gyro) < 8:
         return none
-    gyro = np.stack([np.diff(np.interp(when, seconds, turned[:, k])) for k in range(3)], axis=1)
-    gyro = gyro / np.diff(at)[:, None]
-    a, b = rate[inside], gyro[inside]
+    a, b = rate[inside], gyro
     # A quick jump is a wrap or a reset of the filter, not a turn.
     calm = np.linalg.norm(a, axis=1) < 8.0 * max(float(np.percentile(np.linalg.norm(a, axis=1), 90)), 1e-9)
     a, b = (x[calm] - x[calm].mean(axis=0) for x in (a, b))
