@@ -7,6 +7,7 @@ import pytest
 
 from bottomlock.errors import KernelError
 from bottomlock.kernel import integrate_segments
+from bottomlock.replay.motion.segments import integrate
 from tests.oracle.rotations import Array, exp_rotation
 
 
@@ -54,3 +55,16 @@ def test_wrong_readings() -> None:
         integrate_segments(time_ns, level, np.where(np.arange(30).reshape(10, 3) == 7, np.nan, level), 5)
     with pytest.raises(KernelError, match=r"force_p_mps2 has shape \(9, 3\), expected \(10, 3\)"):
         integrate_segments(time_ns, level[:9], level, 5)
+
+
+@pytest.mark.parametrize("wild", [np.nan, np.inf, 1e200])
+def test_a_segment_with_a_wild_reading_is_left_out(wild: float) -> None:
+    rng = np.random.default_rng(2)
+    time_ns = np.arange(3000) * 20_000_000
+    force, omega = rng.normal(size=(3000, 3)) - [0.0, 0.0, 9.8], rng.normal(size=(3000, 3))
+    whole = integrate(time_ns, force, omega)
+    force[1500, 1] = wild
+    found = integrate(time_ns, force, omega)
+    assert whole is not None and found is not None  # noqa: PT018 - both for the type checker
+    assert (whole.count, found.count) == (3, 2)
+    np.testing.assert_array_equal(found.bias_integral, whole.bias_integral[[0, 2]])

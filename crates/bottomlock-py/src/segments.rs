@@ -7,11 +7,13 @@ use pyo3::types::PyDict;
 use crate::arrays::{Rows, array, times};
 use crate::errors::{invalid, raise};
 
-/// Strapdown integrals of inertial readings along segments of so many readings, each from its own beginning.
+/// Strapdown integrals of inertial readings along segments of `readings` each, every one from its own beginning.
 ///
-/// time_ns (s m,), force_p_mps2 and omega_p_radps (s m, 3). Returns a dict: `rotation` (s, m, 3, 3), from the platform to its axes at
-/// the segment's beginning; `force_integral_mps` (s, m, 3); `rotation_integral_s` (s, m, 3, 3); `bias_integral` (s, m, 3, 3), column j
-/// the effect of a gyro bias along axis j on the velocity.
+/// time_ns (s m,); force_p_mps2 and omega_p_radps (s m, 3), platform frame. Returns a dict: `rotation` (s, m, 3, 3), from the platform
+/// to its axes at the segment's beginning; `force_integral_mps` (s, m, 3); `rotation_integral_s` (s, m, 3, 3); `bias_integral`
+/// (s, m, 3, 3), m: column j is the change of the velocity, m/s, by a gyro bias of 1 rad/s about axis j.
+///
+/// Raises KernelError for a wrong shape, readings that do not divide into segments, and numbers that are not finite.
 #[pyfunction]
 pub fn integrate_segments<'py>(
     py: Python<'py>,

@@ -26,6 +26,8 @@ MOST_SEGMENTS = 90
 """Segments used of a longer recording, evenly spread over it."""
 LONGEST_STEP_S = 0.5
 """Segments with a longer step between readings are left out."""
+LARGEST = 1e6
+"""Segments with a reading of this size, m/s² or rad/s, are left out: no instrument has such a full scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +88,16 @@ def integrate(
         return None
     time = time_ns[: s * m].reshape(s, m)
     steps_s = np.diff(time, axis=1) * 1e-9
-    whole = np.flatnonzero((steps_s.max(axis=1) < LONGEST_STEP_S) & (steps_s.min(axis=1) > 0.0))
+    force, omega = (values[: s * m].reshape(s, m, 3) for values in (force_p_mps2, omega_p_radps))
+    steady = (steps_s.max(axis=1) < LONGEST_STEP_S) & (steps_s.min(axis=1) > 0.0)
+    # False of what is no number, too.
+    sane = (np.abs(force).max(axis=(1, 2)) < LARGEST) & (np.abs(omega).max(axis=(1, 2)) < LARGEST)
+    whole = np.flatnonzero(steady & sane)
     if not whole.size:
         return None
     if len(whole) > MOST_SEGMENTS:
         whole = whole[np.round(np.linspace(0, len(whole) - 1, MOST_SEGMENTS)).astype(int)]
-    force, omega = (values[: s * m].reshape(s, m, 3)[whole] for values in (force_p_mps2, omega_p_radps))
+    force, omega = force[whole], omega[whole]
     time = time[whole]
     integrals = integrate_segments(time.ravel(), force.reshape(-1, 3), omega.reshape(-1, 3), m)
     return Segments(time, force, omega, **integrals)
