@@ -20,6 +20,7 @@ from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init import axes_part, declination
+from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.gyros import match_gyros, slope
@@ -388,3 +389,36 @@ def test_a_missing_model_is_named(dive: RovDive, tmp_path: Path, monkeypatch: py
     assert case.attitude is not None
     assert case.attitude.yaw_offset_deg == 0.0
     assert "pip install '.[magnetic]'" in " ".join(text.replace("#", "").split())
+
+
+@pytest.mark.parametrize(("column", "filler"), [("gyr_x", 1e9), ("gyr_z", -99999.0), ("acc_y", 9.97e36)])
+def test_one_filler_among_inertial_readings_changes_no_guess(
+    dive: RovDive, column: str, filler: float, tmp_path: Path
+) -> None:
+    """Its row is left out and named; before, the attitude did not aid, and the heading counted as unknown."""
+    files = tables(tmp_path, dive)
+    clean, _ = made(tmp_path, files)
+    imu = pl.read_csv(files["imu"])
+    values = imu[column].to_list()
+    values[9000] = filler
+    imu.with_columns(pl.Series(column, values)).write_csv(files["imu"])
+    (tmp_path / "case.toml").unlink()
+    case, text = made(tmp_path, files)
+    assert "left out: 1, the first of them row 9000" in text
+    assert case.attitude == clean.attitude
+    assert case.start == clean.start
+    assert case.readings.omega_unit == "rad/s"
+    assert case.readings.errors.grade == clean.readings.errors.grade
+
+
+def test_the_first_rows_of_a_turn_are_readings() -> None:
+    """After a long rest, nine seconds of a turn at a thousand times the noise; so is a rest without any noise."""
+    rng = np.random.default_rng(3)
+    omega = 1e-4 * rng.normal(size=(60_000, 3))
+    omega[30_000:30_450, 2] += 0.2
+    assert not wild_rows(omega).any()
+    omega[:30_000] = omega[30_450:] = 0.0
+    assert not wild_rows(omega).any()
+    omega += 1e-4
+    omega[100, 1] = 50.0
+    assert np.flatnonzero(wild_rows(omega)).tolist() == [100]

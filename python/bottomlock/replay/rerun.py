@@ -25,6 +25,8 @@ from bottomlock.replay.what_if import beams_returned, read_beam_recording
 
 UNSMOOTHED = ("consistent",)
 """Methods that select between filters; they have no smoother."""
+FEW = 0.01
+"""Fraction of the inertial readings that may be rejected singly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,8 @@ class PreparedRun:
     Attributes:
         run: number of the run.
         streams: the recording with this run's random errors.
+        readings: its inertial readings without the few that the limits reject, for what compares them with other
+            instruments; all of them where more than `FEW` are rejected, as they are in a wrong unit.
         alignment: initial state given to the filter.
         model, options: as the kernel takes them.
         sample_time_ns: (T,) times of inertial readings at which the estimates are sampled.
@@ -42,6 +46,7 @@ class PreparedRun:
 
     run: int
     streams: Streams
+    readings: Inertial
     alignment: Alignment
     model: Model
     options: Options
@@ -91,7 +96,8 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
     key, seed = random_errors.case_key(case.name), case.replay.seed
     streams = _up_to_duration(case, _with_random_errors(case, streams, run, residuals))
     imu, gravity = imu_model(case, streams), gravity_mps2(case, streams)
-    alignment = align(case, _with_good_readings(case, streams, imu), imu, gravity)
+    good = _with_good_readings(case, streams, imu)
+    alignment = align(case, good, imu, gravity)
     initial = InitialModel(
         position_sd_m=alignment.position_sd_m,
         attitude_sd_rad=alignment.attitude_sd_rad,
@@ -111,6 +117,9 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
     return PreparedRun(
         run=run,
         streams=streams,
+        readings=(
+            good if len(good.inertial.time_ns) >= (1.0 - FEW) * len(streams.inertial.time_ns) else streams
+        ).inertial,
         alignment=alignment,
         model=kernel_model(case, streams, imu, initial, gravity),
         options=kernel_options(case, streams.instrument, streams.vehicle_motion),

@@ -51,7 +51,7 @@ def attitude_findings(case: Case, prepared: PreparedRun) -> list[Finding]:
     if case.attitude is None or turns is None:
         return []
     rotation = aligned(turns)
-    inertial, attitudes = prepared.streams.inertial, prepared.streams.attitudes
+    inertial, attitudes = prepared.readings, prepared.streams.attitudes
     assert attitudes is not None  # there are turns of it
     in_imu_axes = attitudes.attitude * rotation.inv()
     seen = slope(inertial.time_ns, inertial.omega_p_radps, attitudes.time_ns, in_imu_axes)
@@ -114,7 +114,7 @@ def aligned(turns: Turns) -> Rotation:
 
 def compared(prepared: PreparedRun) -> Turns | None:
     """Turns and level of both instruments where both have readings; None where that is too short."""
-    attitudes, inertial = prepared.streams.attitudes, prepared.streams.inertial
+    attitudes, inertial = prepared.streams.attitudes, prepared.readings
     if attitudes is None or len(attitudes.time_ns) < 2:
         return None
     begin = max(int(attitudes.time_ns[0]), int(inertial.time_ns[0]), prepared.alignment.time_ns)

@@ -169,7 +169,7 @@ def _against_imu(
     case: Case, prepared: PreparedRun, time_ns: NDArray[np.int64], velocity: Floats
 ) -> list[Finding | None]:
     streams, alignment = prepared.streams, prepared.alignment
-    inertial = streams.inertial
+    inertial = prepared.readings
     rows = slice(int(np.searchsorted(inertial.time_ns, alignment.time_ns)), None)
     omega = inertial.omega_p_radps
     recorded = Recorded(
@@ -216,7 +216,7 @@ def _at_imu(prepared: PreparedRun, time_ns: NDArray[np.int64], velocity: Floats)
     lever = np.asarray(prepared.streams.instrument.geometry.lever_arms_p_m).mean(axis=0)
     if not lever.any():
         return velocity
-    inertial = prepared.streams.inertial
+    inertial = prepared.readings
     at = np.clip(np.searchsorted(inertial.time_ns, time_ns), 0, len(inertial.time_ns) - 1)
     return np.asarray(velocity - np.cross(inertial.omega_p_radps[at], lever))
 

@@ -40,7 +40,7 @@ def start_correction(prepared: PreparedRun, samples: pl.DataFrame, method: str) 
     first, alignment = smoothed.sort("time_ns").row(0, named=True), prepared.alignment
     if first["time_ns"] - alignment.time_ns > NEAR_S * 1e9:
         return None
-    inertial = prepared.streams.inertial
+    inertial = prepared.readings
     rows = slice(*np.searchsorted(inertial.time_ns, [alignment.time_ns, first["time_ns"] + 1]))
     step_s = np.diff(inertial.time_ns[rows])[:, None] * 1e-9
     attitude = alignment.attitude

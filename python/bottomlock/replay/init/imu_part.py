@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from bottomlock.errors import DataError
 from bottomlock.replay.init.found import Found
@@ -25,6 +26,8 @@ FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVI
 HANDED = 1.4
 """Ratio of the unsteadiness of gravity from which it tells left-handed axes from right-handed ones."""
 TILTED_RAD = np.deg2rad(25.0)
+WILD, AROUND = 100.0, 7
+"""A reading so many times as large as 99 % of all, and as the median of so many around it, is not of a vehicle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,7 @@ class ImuPart:
         rate_hz: of the readings.
         even_hz: rate of a clock whose stamps are not used as times; None for the stamps.
         made: whether they are made from an attitude, since no file holds any.
+        left_out: what is wrong with rows that are not used, and the first of them, for a remark.
         unordered, first_unordered: rows that repeat a time or go back, and the first of them.
         notes: remarks for the case.
     """
@@ -60,6 +64,7 @@ class ImuPart:
     axes_known: bool
     rate_hz: float
     even_hz: float | None = None
+    left_out: tuple[str, ...] = ()
     unordered: int = 0
     first_unordered: int = 0
     handed: bool = False
@@ -100,6 +105,12 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
     place = str(found.table.path)
     values = found.values(*(f"{kind}{k}" for kind in ("force", "omega") for k in range(3)))
     whole = np.isfinite(values).all(axis=1)
+    wild = np.zeros(len(values), dtype=np.bool_)
+    wild[whole] = wild_rows(values[whole, :3]) | wild_rows(values[whole, 3:])
+    left_out = (
+        (~whole, "without six numbers"), (wild, f"with a reading beyond {WILD:g} times those around it"),
+    )  # fmt: skip
+    whole &= ~wild
     even_hz = None
     if found.times.time_ns is None:
         if duration_s is None:
@@ -164,5 +175,18 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
         omega=of_omega,
         increments=increments, axes=axes, axes_why=why, axes_known=axis == 2 and sign > 0.0, handed=handed,
         rate_hz=1.0 / step_s, even_hz=even_hz, unordered=int((whole & ~rises).sum()),
+        left_out=tuple(
+            f"rows {words} are left out: {np.sum(of)}, the first of them row {np.argmax(of)}"
+            for of, words in left_out if of.any()
+        ),
         first_unordered=int(np.argmax(whole & ~rises)), notes=tuple(notes),
     )  # fmt: skip
+
+
+def wild_rows(values: Floats) -> NDArray[np.bool_]:
+    """(n,) which rows (n, 3) hold a filler or a gross error in place of a reading; not the first rows of a turn."""
+    size = np.abs(values).max(axis=1)
+    usual = float(np.percentile(size, 99.0)) if len(size) else 0.0
+    if not usual > 0.0:
+        return np.zeros(len(size), dtype=bool)
+    return np.asarray((size > WILD * usual) & (size > WILD * median_filter(size, AROUND, mode="nearest")))

@@ -112,11 +112,7 @@ def _imu(imu: ImuPart, files: Files) -> Section:
         )
     else:
         section.put("clock", clock, found.times.why)
-        if imu.unordered and "unordered" in clock:
-            section.say(
-                f"{imu.unordered} rows repeat a time or go back, the first of them row {imu.first_unordered}: they are "
-                "left out"
-            )
+    _left_out(imu, section, clock)
     section.put("force", [names[f"force{k}"] for k in range(3)])
     section.put("omega", [names[f"omega{k}"] for k in range(3)])
     if imu.increments:
@@ -147,6 +143,17 @@ def _imu(imu: ImuPart, files: Files) -> Section:
                 "limits", {"gap": "inflate"}, "longer gaps: the filter adds the uncertainty of unseen motion"
             )
     return section
+
+
+def _left_out(imu: ImuPart, section: Section, clock: dict[str, Any]) -> None:
+    """Says which rows are not used."""
+    if imu.unordered and imu.even_hz is None and "unordered" in clock:
+        section.say(
+            f"{imu.unordered} rows repeat a time or go back, the first of them row {imu.first_unordered}: they are "
+            "left out"
+        )
+    for remark in imu.left_out:
+        section.say(remark)
 
 
 def _whole_rows(imu: ImuPart) -> bool:
