@@ -6,7 +6,7 @@
 //!   contradict each other, or an assumption is rejected.
 //! - `inflate_after_rejections` of one sensor in a row that agree and that an error of the filter explains: the covariance is
 //!   inflated, and the measurement tested again (`inflation.rs`).
-//! - As many that only an error beyond [`FIVE_SIGMA_FACTOR`] explains: for [`LONGEST_DOUBT_NS`] the covariance holds both
+//! - As many that only an error beyond five sigma explains: for half a minute (`LONGEST_DOUBT_NS`) the covariance holds both
 //!   possibilities, then the sensor is believed (`doubt.rs`).
 //!
 //! Whether a measurement is evidence against the filter is tested with [`GateTable::plausible`], whatever the gate in use rejects.
