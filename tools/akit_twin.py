@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import polars as pl
-from scipy.spatial.transform import Rotation
 
 from bottomlock.config.scenario_sections import ImuErrors
 from bottomlock.kernel import EARTH_RATE_RADPS, local_earth
 from bottomlock.replay import rerun
 from bottomlock.replay.axes import from_quaternions
 from bottomlock.replay.case import Case
+from bottomlock.replay.level import level_axes
 from bottomlock.replay.random_errors import case_key
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
@@ -78,12 +78,13 @@ def exact_streams(case: Case) -> Streams:
     sd = np.tile(recorded.instrument.beam_sd_mps, (len(pings), 1))
     samples = slice(None, None, READINGS_PER_SAMPLE)
     # A recording's depth is below the sea, and its attitude against level and north, at the vehicle.
-    here = local_earth(prepared.model.environment, position[samples])
-    of_place = Rotation.from_matrix(here["rotation_t_n"]).inv() * attitude[samples]
+    environment = prepared.model.environment
+    depth_m = local_earth(environment, position[samples])["depth_m"]
+    of_place = level_axes(environment, position[samples]).inv() * attitude[samples]
     return replace(
         recorded,
         beams=Beams(time_ns[pings], np.asarray(beams), np.ones(beams.shape, dtype=np.bool_), sd),
-        depths=Depths(time_ns[samples], np.asarray(here["depth_m"])),
+        depths=Depths(time_ns[samples], np.asarray(depth_m)),
         reference=ReferenceStates(time_ns[samples], position[samples], velocity[samples], of_place),
     )
 

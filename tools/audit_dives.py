@@ -23,7 +23,7 @@ from bottomlock.audit.robust import sigmas_for
 from bottomlock.audit.run import Audit
 from tools.audit_defects import audited, clock_behind, lever_arm_of, scaled, yawed
 from tools.audit_worlds import World, flown
-from tools.score_recorded import write_tables
+from tools.score_recorded import print_or_write
 
 SCENARIOS = ("survey", "survey_table2", "hovering", "slope", "long_way")
 """Those whose vehicles keep three beams; the paper's three have two by design."""
@@ -149,11 +149,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=2, help="dives of a cell")
     parser.add_argument("--write", type=Path, help="page to write to, between its marks")
     arguments = parser.parse_args()
-    text = table(range(1, arguments.seeds + 1))
-    if arguments.write is None:
-        print(text)
-    else:
-        write_tables(arguments.write, {"dives": text})
+    print_or_write(arguments.write, {"dives": table(range(1, arguments.seeds + 1))})
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from bottomlock.audit.findings import Finding
 from bottomlock.audit.run import Audit
 from tools.audit_defects import DEFECTS, Planted, audited
 from tools.audit_worlds import Noise, World, others, recorded, simulated
-from tools.score_recorded import write_tables
+from tools.score_recorded import print_or_write
 
 WITHIN = 0.15
 """Error of a size that counts as found."""
@@ -175,10 +175,7 @@ def main() -> None:
         )
     )
     text += clean
-    if arguments.write is None:
-        print(text)
-    else:
-        write_tables(arguments.write, {"injections": text})
+    print_or_write(arguments.write, {"injections": text})
 
 
 if __name__ == "__main__":

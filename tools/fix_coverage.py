@@ -27,7 +27,7 @@ from bottomlock.replay.robust_fix import solve_scaled
 from bottomlock.replay.screen_beams import screen_beams
 from tools.audit_worlds import SHIPPED, World, others, recorded
 from tools.recorded_tables import table
-from tools.score_recorded import write_tables
+from tools.score_recorded import print_or_write
 
 PINGS, SEEDS = 1500, range(401, 407)
 """Pings of one half of a simulated log, and the seed of each log."""
@@ -313,10 +313,7 @@ def main() -> None:
         made["caves"] = caves_table(of_caves)
     with tempfile.TemporaryDirectory() as scratch:
         made["halves"] = halves_table(recordings, Path(scratch))
-    if arguments.write is None:
-        print("\n".join(made.values()))
-    else:
-        write_tables(arguments.write, made)
+    print_or_write(arguments.write, made)
 
 
 if __name__ == "__main__":

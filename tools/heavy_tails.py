@@ -11,7 +11,7 @@ import numpy as np
 
 from tests.statistical.heavy import run_tc
 from tools.recorded_tables import number, table
-from tools.score_recorded import write_tables
+from tools.score_recorded import print_or_write
 
 WAYS = {
     "gaussian": "Gaussian, no gate",
@@ -67,11 +67,7 @@ def main() -> None:
     )
     parser.add_argument("--write", type=Path, help="page to write the table into")
     arguments = parser.parse_args()
-    made = {"updates": heavy_table()}
-    if arguments.write is None:
-        print(made["updates"])
-    else:
-        write_tables(arguments.write, made)
+    print_or_write(arguments.write, {"updates": heavy_table()})
 
 
 if __name__ == "__main__":

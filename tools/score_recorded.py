@@ -91,6 +91,18 @@ def write_tables(page: Path, tables: dict[str, str]) -> None:
     write_text(page, replaced(page.read_text(encoding="utf-8"), tables))
 
 
+def print_or_write(page: Path | None, tables: dict[str, str]) -> None:
+    """Prints tables, or writes them between their marks into a page.
+
+    Raises:
+        SystemExit: where the page lacks a mark.
+    """
+    if page is None:
+        print("\n".join(tables.values()))
+    else:
+        write_tables(page, tables)
+
+
 def marked(page: str, name: str) -> re.Match[str]:
     """Where a table stands in the page; its text is group 2.
 

@@ -215,6 +215,12 @@ def tables(runs: int = RUNS) -> dict[str, str]:
     }
 
 
+def rms_and_nees(batch: Mapping[str, Any]) -> str:
+    """Velocity RMS, m/s, and NEES of velocity and attitude of a batch of one method."""
+    rms = number(float(np.sqrt(squares(batch, VELOCITY).mean())))
+    return f"{rms} / {number(float(batch['nees_velocity_attitude'].mean()), 2)}"
+
+
 def selected_table(runs: int = SELECTED_RUNS) -> str:
     """The table of docs/methods/consistent.md: velocity RMS / NEES of velocity and attitude."""
     rows = []
@@ -226,8 +232,7 @@ def selected_table(runs: int = SELECTED_RUNS) -> str:
             cells = []
             for trajectory in PAPER_TRAJECTORIES:
                 batch = flown(trajectory, current, method, runs)
-                rms = number(float(np.sqrt(squares(batch, VELOCITY).mean())))
-                cells.append(f"{rms} / {number(float(batch['nees_velocity_attitude'].mean()), 2)}")
+                cells.append(rms_and_nees(batch))
             rows.append([words, WORDS.get(method, f"`{method}`"), *cells])
     return table(["Water", "Method", *PAPER_TRAJECTORIES], rows, left=2)
 
@@ -240,8 +245,7 @@ def pivot_table(runs: int = PIVOT_RUNS) -> str:
         cells = [f"{pivot_m:g}".replace("-", "−")]
         for method in PIVOT_METHODS:
             batch = flown("figure_eight", STILL_WATER, method, runs, analytic=path)
-            rms = number(float(np.sqrt(squares(batch, VELOCITY).mean())))
-            cells.append(f"{rms} / {number(float(batch['nees_velocity_attitude'].mean()), 2)}")
+            cells.append(rms_and_nees(batch))
         rows.append(cells)
     return table(["true pivot k, m", *(f"`{method}`" for method in PIVOT_METHODS)], rows)
 
@@ -259,7 +263,7 @@ def bound_row(beams: tuple[int, ...], sensors: tuple[str, ...], runs: int = BOUN
             sensors=sensors,
             keys={"filter.speed_sd_mps": sd_mps},
         )
-        late = np.arange(EVERY_S, 250.5, EVERY_S) >= BOUND_FROM_S
+        late = slice(round(BOUND_FROM_S / EVERY_S) - 1, None)
         ways.append((
             number(float(np.sqrt(squares(batch, VELOCITY)[:, late].mean())), 2),
             f"{batch['nees_velocity_attitude'][:, 0, late].mean():.1f}",
