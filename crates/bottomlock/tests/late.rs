@@ -366,7 +366,7 @@ fn readings_out_of_order_take_back_a_gap() {
     assert_eq!(inflating.imu_faults(), &[0; 4]);
 }
 
-/// A ping whose beams are all lost, and one with NaN where a beam is lost, are the same reported twice.
+/// A ping whose beams are all lost, and one with NaN where a beam is lost, are the same, reported twice.
 #[test]
 fn lost_beams_are_no_change() {
     let ping = |time_ns, beams: std::ops::Range<usize>| {

@@ -55,7 +55,7 @@ proptest! {
         let bytes = Snapshot { live: shuffled.clone(), sensors }.to_bytes().unwrap();
         let mut restored = Snapshot::from_bytes(&bytes).unwrap().live;
         prop_assert_eq!(outcome(&restored), outcome(&shuffled));
-        let mut told_restored = reported_late.clone();
+        let mut reported_restored = reported_late.clone();
         pushed(&mut shuffled, after, &mut reported_late).unwrap();
 
         prop_assert_eq!(outcome(&shuffled), outcome(&ordered));
@@ -63,9 +63,9 @@ proptest! {
         prop_assert_eq!(shuffled.late_events(), &[0; STREAMS]);
         // Of many, a quarter: that one goes on costs as much as the law itself.
         if cases() < 1_000 || seed % 4 == 0 {
-            pushed(&mut restored, after, &mut told_restored).unwrap();
+            pushed(&mut restored, after, &mut reported_restored).unwrap();
             prop_assert_eq!(outcome(&restored), outcome(&ordered));
-            prop_assert_eq!(told_restored.text(), reported.text());
+            prop_assert_eq!(reported_restored.text(), reported.text());
         }
 
         let last_ns = ordered.navigators().state().time_ns;

@@ -26,7 +26,7 @@ from bottomlock.replay.what_if import beams_returned, read_beam_recording
 UNSMOOTHED = ("consistent",)
 """Methods that select between filters; they have no smoother."""
 FEW = 0.01
-"""Fraction of the inertial readings that may be rejected singly."""
+"""Largest fraction of rejected inertial readings that counts as single faults; more tells of a wrong unit."""
 
 
 @dataclass(frozen=True, eq=False)

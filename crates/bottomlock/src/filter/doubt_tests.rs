@@ -109,16 +109,16 @@ fn an_outlier_is_no_word_on_the_doubt() {
 
 /// Where other sensors have made the velocity known again, the readings are those of a gate as before, and count anew.
 #[test]
-fn what_others_have_told_ends_the_doubt() {
+fn what_other_sensors_show_ends_the_doubt() {
     let mut filter = filter();
     for at_s in 1..=3 {
         push(&mut filter, at_s, [0.0, 2.0, 0.0]);
     }
     assert!(filter.is_in_doubt(Sensor::Velocity));
     for (part, is_in_doubt) in [(0.26, true), (0.24, false)] {
-        let mut inflated = filter.clone();
-        inflated.covariance[(VELOCITY + 1, VELOCITY + 1)] = part * 4.0;
-        assert_eq!(inflated.is_in_doubt(Sensor::Velocity), is_in_doubt);
+        let mut updated = filter.clone();
+        updated.covariance[(VELOCITY + 1, VELOCITY + 1)] = part * 4.0;
+        assert_eq!(updated.is_in_doubt(Sensor::Velocity), is_in_doubt);
     }
 }
 

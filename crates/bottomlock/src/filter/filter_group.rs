@@ -179,7 +179,7 @@ fn lanes_of_earth<S: Simd, T: Lanes<S>>(simd: S, filters: &[&Eskf; WIDEST]) -> E
     EarthTerms::of_array(&filters[0].earth, gather(simd, own.each_ref()))
 }
 
-/// PredictionHooks the prediction in lanes: the filters that the lanes belong to.
+/// Hooks of a prediction in lanes, for the filters that the lanes belong to.
 struct InLanes<'a, 'b, 'c, S> {
     spans: &'a mut [&'b mut FilterSpan<'c>],
     /// Whether some filter has states beyond the 20.

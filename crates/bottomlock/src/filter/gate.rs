@@ -1,13 +1,13 @@
 //! The innovation gate: its rule, its thresholds, and what follows a verdict.
 //!
-//! - Accepted: update (`update.rs`); the counts of the sensor's rejections start anew (`inflation.rs`).
+//! - Accepted: update (`update.rs`); the count of the sensor's rejections starts again from zero (`inflation.rs`).
 //! - Some rows rejected: update with the others.
 //! - Rejected: the measurement is not used, and counts as evidence against the filter (`inflation.rs`) unless measurements
 //!   contradict each other, or an assumption is rejected.
 //! - `inflate_after_rejections` of one sensor in a row that agree and that an error of the filter explains: the covariance is
 //!   inflated, and the measurement tested again (`inflation.rs`).
 //! - As many that only an error beyond five sigma explains: for half a minute (`LONGEST_DOUBT_NS`) the covariance holds both
-//!   possibilities, then the sensor is believed (`doubt.rs`).
+//!   possibilities, then the readings are used (`doubt.rs`).
 //!
 //! Whether a measurement is evidence against the filter is tested with [`GateTable::plausible`], whatever the gate in use rejects.
 
@@ -19,11 +19,11 @@ use crate::filter::report::UpdateReport;
 /// Standard deviations beyond which the gate of the papers rejects a row.
 const ROW_SIGMAS: f64 = 3.0;
 
-/// Factor on variances for an error of five sigma: the largest that a velocity may show which its sensor confirmed before, and the
-/// largest inflation of states that the sensor does not measure itself.
+/// Factor on variances for an error of five sigma: the largest that counts against a velocity which its sensor has confirmed, and
+/// the largest inflation of states that the sensor does not measure itself.
 pub(super) const FIVE_SIGMA_FACTOR: f64 = 25.0;
 
-/// Time from the first rejected reading after which a sensor in doubt is believed.
+/// Time from the first rejected reading after which the readings of a sensor in doubt are used.
 pub(super) const LONGEST_DOUBT_NS: i64 = 30_000_000_000;
 
 /// Probability of the test of what is plausible where the gate in use has none.
@@ -82,7 +82,7 @@ impl GateTable {
         }
     }
 
-    /// The joint test that tells a filter that is wrong from one that is not, whatever gate rejects.
+    /// The joint test of whether a measurement agrees with the filter, whatever the gate in use rejects.
     ///
     /// # Errors
     /// As [`GateTable::new`].

@@ -86,7 +86,7 @@ impl Eskf {
     }
 }
 
-/// PredictionHooks the prediction of a filter alone.
+/// Hooks of the prediction of a single filter.
 struct Alone<'a> {
     extensions: &'a mut Extensions,
     is_lost: bool,

@@ -40,21 +40,18 @@ pub fn integrate_segment(
     for (k, ((&at_ns, force), rate)) in time_ns.iter().zip(force_p_mps2).zip(omega_p_radps).enumerate() {
         require_finite("force_p_mps2", at_ns, force)?;
         require_finite("omega_p_radps", at_ns, rate)?;
-        let before = (now, felt, pushed);
-        let step_s = if k == 0 {
-            0.0
-        } else {
-            (at_ns - time_ns[k - 1]) as f64 * 1e-9
-        };
+        let (rotation_before, felt_before, pushed_before) = (now.rotation, felt, pushed);
+        let mut half_s = 0.0;
         if k > 0 {
-            let turn = (Vector3::from(omega_p_radps[k - 1]) + Vector3::from(*rate)) * (0.5 * step_s);
+            half_s = 0.5 * (at_ns - time_ns[k - 1]) as f64 * 1e-9;
+            let turn = (Vector3::from(omega_p_radps[k - 1]) + Vector3::from(*rate)) * half_s;
             now.rotation *= Rotation3::new(turn).matrix();
         }
         felt = now.rotation * Vector3::from(*force);
-        now.force_mps += (before.1 + felt) * (0.5 * step_s);
-        now.rotation_s += (before.0.rotation + now.rotation) * (0.5 * step_s);
+        now.force_mps += (felt_before + felt) * half_s;
+        now.rotation_s += (rotation_before + now.rotation) * half_s;
         pushed = Matrix3::from_columns(&[0, 1, 2].map(|j| now.rotation_s.column(j).cross(&felt)));
-        now.bias += (before.2 + pushed) * (0.5 * step_s);
+        now.bias += (pushed_before + pushed) * half_s;
         integrals.push(now);
     }
     Ok(integrals)
