@@ -10,8 +10,8 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
+from bottomlock.figures.images import image_process
 from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.models import Robust
 from bottomlock.overwriting import Files, Result, digests_of
 from bottomlock.own_method import DEAD_RECKONING
@@ -116,19 +116,18 @@ def make_replay_report(folder: str | Path, *, force: bool = False) -> Path:
     result.check(force=force)
     files: Files = {}
     inline = []
-    for drawing in drawings(tables):
-        svg = svg_text(drawing.figure)
-        files |= {
-            f"figures/{drawing.name}.svg": svg,
-            f"figures/{drawing.name}.png": png_bytes(drawing.figure),
-        }
+    with image_process() as draw:
+        drawn = drawings(tables)
+        images = draw([drawing.figure for drawing in drawn])
+    for drawing, image in zip(drawn, images, strict=True):
+        files |= {f"figures/{drawing.name}.svg": image.svg, f"figures/{drawing.name}.png": image.png}
         inline.append(
             {
                 "name": drawing.name,
                 "caption": drawing.caption,
                 "what_if": drawing.what_if,
                 "folded": drawing.folded,
-                "svg": Markup(inline_svg(svg, drawing.name, drawing.caption)),  # noqa: S704 - our own, escaped there
+                "svg": Markup(inline_svg(image.svg, drawing.name, drawing.caption)),  # noqa: S704 - our own, escaped there
             }
         )
     page = folder / "report.html"

@@ -9,8 +9,8 @@ import polars as pl
 from markupsafe import Markup
 
 from bottomlock.atomic_write import parquet_bytes
+from bottomlock.figures.images import Images, image_process
 from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.overwriting import Files, Result, digests_of
 from bottomlock.pages.featured import featured
 from bottomlock.pages.method_words import METHOD_WORDS
@@ -19,7 +19,7 @@ from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim, 
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.paper.verdicts import claims_table, flown
 from bottomlock.report.advice import REFERENCES, advise, choose, swept_current, untested_in_current
-from bottomlock.report.drawings import drawings
+from bottomlock.report.drawings import Drawing, drawings
 from bottomlock.report.swept import virtual_beams
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
 from bottomlock.statistics.run_errors import read_run_errors
@@ -59,42 +59,36 @@ def make_report(folder: str | Path, *, force: bool = False) -> Report:
     )
     result = Result(folder, "report", "report", digests_of(folder, records), beside=True)
     result.check(force=force)
-    files: Files = {}
-    errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
-    paper = load_paper()
-    theirs = flown(campaign, paper)
-    claims = claims_table(campaign, errors, paper).filter(pl.col("trajectory").is_in(theirs))
-    if theirs:
-        files["tables/claims.parquet"] = parquet_bytes(claims)
-    advice = advise(campaign, errors)
-    choice = choose(advice)
-    recommended = (
-        [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
-    )
-    paths, inline = [], []
-    for drawing in drawings(campaign, errors, paper, recommended):
-        svg = svg_text(drawing.figure)
-        files |= {
-            f"figures/{drawing.name}.svg": svg,
-            f"figures/{drawing.name}.png": png_bytes(drawing.figure),
-        }
-        paths += [folder / "figures" / f"{drawing.name}.{suffix}" for suffix in ("svg", "png")]
-        inline.append(
-            {
-                "name": drawing.name,
-                "caption": drawing.caption,
-                "place": drawing.place,
-                "trajectory": drawing.trajectory,
-                "parameter": drawing.parameter,
-                "svg": Markup(inline_svg(svg, drawing.name, drawing.caption)),  # noqa: S704 - our own, escaped there
-            }
+    with image_process() as draw:
+        errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
+        paper = load_paper()
+        theirs = flown(campaign, paper)
+        claims = claims_table(campaign, errors, paper).filter(pl.col("trajectory").is_in(theirs))
+        advice = advise(campaign, errors)
+        choice = choose(advice)
+        recommended = (
+            [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
         )
+        drawn = drawings(campaign, errors, paper, recommended)
+        images = draw([drawing.figure for drawing in drawn])
+    files: Files = {"tables/claims.parquet": parquet_bytes(claims)} if theirs else {}
+    for drawing, image in zip(drawn, images, strict=True):
+        files |= {f"figures/{drawing.name}.svg": image.svg, f"figures/{drawing.name}.png": image.png}
+    paths = [folder / name for name in files if name.startswith("figures/")]
+    inline = [_inline(drawing, image) for drawing, image in zip(drawn, images, strict=True)]
     page = folder / "report.html"
     shown = {name: featured(campaign.methods(name), recommended) for name in campaign.trajectories}
     content = _content(campaign, paper, claims)
     content |= {"advice": advice, "choice": choice, "featured": shown, "figures": inline}
     result.write(files | {page.name: render("report.html.j2", content)}, force=force)
     return Report(page, paths, claims)
+
+
+def _inline(drawing: Drawing, image: Images) -> dict[str, Any]:
+    """What the template needs of a figure."""
+    svg = Markup(inline_svg(image.svg, drawing.name, drawing.caption))  # noqa: S704 - our own, escaped there
+    keys = ("name", "caption", "place", "trajectory", "parameter")
+    return {key: getattr(drawing, key) for key in keys} | {"svg": svg}
 
 
 def _content(campaign: CampaignTables, paper: Paper, claims: pl.DataFrame) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """Sensitivity to the settings that the paper leaves open, changed one at a time."""
 
+import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -85,8 +87,11 @@ def run_sweep(
         As `run_campaign`.
     """
     out = Path(out)
-    parts = []
-    for folder, setting, value in _cells():
+    cores = threads or os.cpu_count() or 1
+    # What a campaign does between its kernel calls takes one core: two at a time keep the cores busy.
+    at_once = min(2, cores)
+
+    def flown(folder: str, setting: Setting, value: float | str) -> pl.DataFrame:
         changed = [
             setting.change(scenario.with_overrides(runs=runs, methods=setting.methods), value)
             for scenario in scenarios
@@ -94,21 +99,26 @@ def run_sweep(
         results = run_campaign(
             changed,
             out / folder,
-            threads=threads,
+            threads=-(-cores // at_once),
             force=force,
             recover=recover,
             progress=_of_cell(f"sweep {folder}", progress),
         )
         summary = summary_table(results.ensemble, results.runs)
         label = value if isinstance(value, str) else f"{value:g}"
-        parts.append(
-            summary.with_columns(
-                pl.lit(setting.parameter).alias("parameter"),
-                pl.lit(label).alias("value"),
-                pl.col("rejected_fraction").fill_nan(None),
-            ).select(list(SWEEP))
-        )
-    return pl.concat(parts)
+        return summary.with_columns(
+            pl.lit(setting.parameter).alias("parameter"),
+            pl.lit(label).alias("value"),
+            pl.col("rejected_fraction").fill_nan(None),
+        ).select(list(SWEEP))
+
+    pool = ThreadPoolExecutor(max_workers=at_once)
+    try:
+        parts = [pool.submit(flown, *cell) for cell in _cells()]
+        return pl.concat([part.result() for part in parts])
+    finally:
+        # After a failure or an interruption the campaigns under way, of a second or two, end first.
+        pool.shutdown(cancel_futures=True)
 
 
 def _of_cell(cell: str, progress: Callable[[CampaignProgress], None]) -> Callable[[CampaignProgress], None]:

@@ -11,7 +11,7 @@
 //! | information | none | the observable principal axes |
 //! | weak sway | `e_y · v = 0` with a large variance | the observable principal axes |
 //!
-//! With three or more independent beams every method is plain least squares.
+//! With three independent beams every method is plain least squares.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -216,7 +216,7 @@ pub fn fix_estimator(
     assumptions.validate()?;
     let beams = beam_rows(geometry, valid, noise);
     let solution = least_squares(&beams)?;
-    estimator_beyond_beams(method, geometry, valid, beams, solution, prior_cov, assumptions)
+    estimator_beyond_beams(method, geometry, valid, &beams, solution, prior_cov, assumptions)
 }
 
 /// As [`fix_estimator`], given the rows of the beams and their least-squares solution.
@@ -224,7 +224,7 @@ fn estimator_beyond_beams(
     method: PartialMethod,
     geometry: &BeamGeometry,
     valid: BeamMask,
-    beams: Rows,
+    beams: &Rows,
     solution: LeastSquares,
     prior_cov: Option<&Matrix3<f64>>,
     assumptions: &Assumptions,
@@ -243,8 +243,7 @@ fn estimator_beyond_beams(
             ..FixEstimator::of_row_space(method, solution)
         }),
         PartialMethod::WeakSway => {
-            let mut rows = beams;
-            rows.put(SWAY_SLOT, axis(1), assumptions.weak_sway_var_m2ps2);
+            let rows = beams.with(SWAY_SLOT, axis(1), assumptions.weak_sway_var_m2ps2);
             Ok(FixEstimator {
                 port: Port::Axes,
                 ..FixEstimator::of_row_space(method, least_squares(&rows)?)
@@ -266,7 +265,7 @@ fn estimator_beyond_beams(
             None => Ok(FixEstimator::unsolved(method, Reason::PriorRequired, solution)),
             Some(prior) => virtual_heave(beams, solution, prior),
         },
-        PartialMethod::Selector => selector(geometry, valid, &beams, prior_cov, assumptions, solution),
+        PartialMethod::Selector => selector(geometry, valid, beams, prior_cov, assumptions, solution),
     }
 }
 
@@ -287,9 +286,8 @@ fn checked_prior(prior_cov: Option<&Matrix3<f64>>) -> Result<Option<&Matrix3<f64
 /// NSV, Eqs. (31)–(36), with a weighted row in place of a deleted column.
 ///
 /// Erratum E2: singular if the beams already determine the sway, as pairs (1,4) and (2,3) of the x-Janus do.
-fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions) -> Result<FixEstimator, NavError> {
-    rows.put(SWAY_SLOT, axis(1), assumptions.nullified_sway_var_m2ps2);
-    let solution = least_squares(&rows)?;
+fn nullified_sway(rows: &Rows, beams: LeastSquares, assumptions: &Assumptions) -> Result<FixEstimator, NavError> {
+    let solution = least_squares(&rows.with(SWAY_SLOT, axis(1), assumptions.nullified_sway_var_m2ps2))?;
     if solution.rank < 3 {
         let reason = if solution.rank == beams.rank {
             Reason::ConstraintSingular
@@ -308,11 +306,12 @@ fn virtual_beam(
     method: PartialMethod,
     geometry: &BeamGeometry,
     valid: BeamMask,
-    mut rows: Rows,
+    rows: &Rows,
     beams: LeastSquares,
     prior_cov: &Matrix3<f64>,
     factor: f64,
 ) -> Result<FixEstimator, NavError> {
+    let mut rows = rows.clone();
     let mut virtual_beams = [None; 2];
     let (mut rank, mut null) = (beams.rank, beams.null);
     while rank < 3 {
@@ -351,11 +350,11 @@ fn virtual_beam(
 }
 
 /// VHV, Eqs. (44)–(47), with the plus sign of erratum E1.
-fn virtual_heave(mut rows: Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) -> Result<FixEstimator, NavError> {
+fn virtual_heave(rows: &Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) -> Result<FixEstimator, NavError> {
     if beams.observes(&axis(2)) {
         return Ok(FixEstimator::of_row_space(PartialMethod::VirtualHeave, beams));
     }
-    rows.put(HEAVE_SLOT, axis(2), prior_cov[(2, 2)]);
+    let rows = rows.with(HEAVE_SLOT, axis(2), prior_cov[(2, 2)]);
     let withheld = |k: usize| (k == 2).then_some(Reason::PriorOnly);
     Ok(FixEstimator::by_axis(
         PartialMethod::VirtualHeave,
@@ -381,8 +380,8 @@ fn selector(
     ];
     let mut selected = FixEstimator::unsolved(PartialMethod::Selector, Reason::OutsideRowSpace, solution.clone());
     for method in CANDIDATES {
-        let (beams, solution) = (beams.clone(), solution.clone());
-        let candidate = estimator_beyond_beams(method, geometry, valid, beams, solution, prior_cov, assumptions)?;
+        let candidate =
+            estimator_beyond_beams(method, geometry, valid, beams, solution.clone(), prior_cov, assumptions)?;
         if method == PartialMethod::VirtualBeam {
             selected.virtual_beams = candidate.virtual_beams;
         }

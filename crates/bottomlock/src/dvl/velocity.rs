@@ -47,42 +47,50 @@ impl Rows {
         self.noise[(slot, slot)] = variance;
     }
 
+    /// The rows and one more.
+    #[must_use]
+    pub fn with(&self, slot: usize, direction: Vector3<f64>, variance: f64) -> Self {
+        let mut rows = self.clone();
+        rows.put(slot, direction, variance);
+        rows
+    }
+
     /// Rank of the rows and an orthonormal basis of their null space (columns).
     #[must_use]
     pub fn null_space(&self) -> (usize, Matrix3<f64>) {
-        let mut a = SMatrix::<f64, SLOTS, 3>::zeros();
-        for (slot, direction) in self.directions.iter().enumerate() {
-            if let Some(direction) = direction {
-                a.set_row(slot, &direction.transpose());
-            }
+        let mut remainders = [Vector3::zeros(); SLOTS];
+        let mut count = 0;
+        for direction in self.directions.iter().flatten() {
+            remainders[count] = *direction;
+            count += 1;
         }
-        let filled = || (0..SLOTS).filter(|&slot| self.directions[slot].is_some());
+        let remainders = &mut remainders[..count];
         // Gram–Schmidt on the rows, largest remainder first: three steps at most, no iteration to fail.
-        let mut basis = Vec::with_capacity(3);
-        while basis.len() < 3 {
-            let (mut best, mut size) = (0, 0.0);
-            for slot in filled() {
-                let norm = a.row(slot).norm();
+        let mut basis = [Vector3::zeros(); 3];
+        let mut rank = 0;
+        while rank < 3 {
+            let (mut largest, mut size) = (Vector3::zeros(), 0.0);
+            for remainder in remainders.iter() {
+                let norm = remainder.norm();
                 if norm > size {
-                    (best, size) = (slot, norm);
+                    (largest, size) = (*remainder, norm);
                 }
             }
             if size < 1e-7 {
                 break;
             }
-            let mut axis: Vector3<f64> = a.row(best).transpose() / size;
-            for earlier in &basis {
-                axis -= *earlier * axis.dot(earlier);
+            let mut axis = largest / size;
+            for earlier in &basis[..rank] {
+                axis -= earlier * axis.dot(earlier);
             }
             let axis = axis.normalize();
-            for slot in filled() {
-                let along = a.row(slot).transpose().dot(&axis);
-                let remainder = a.row(slot) - axis.transpose() * along;
-                a.set_row(slot, &remainder);
+            for remainder in remainders.iter_mut() {
+                *remainder -= axis * remainder.dot(&axis);
             }
-            basis.push(axis);
+            basis[rank] = axis;
+            rank += 1;
         }
-        (basis.len(), complement(&basis))
+        (rank, complement(&basis[..rank]))
     }
 }
 
@@ -168,13 +176,9 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
     let count = slots.len();
 
     let mut noise = SlotNoise::identity();
-    let mut stacked = SMatrix::<f64, { SLOTS + 2 }, 3>::zeros();
     for (i, &slot) in slots.iter().enumerate() {
         for (j, &other) in slots.iter().enumerate() {
             noise[(i, j)] = rows.noise[(slot, other)];
-        }
-        if let Some(direction) = rows.directions[slot] {
-            stacked.set_row(i, &direction.transpose());
         }
     }
     let not_definite = NavError::NotPositiveDefinite {
@@ -184,23 +188,32 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
     let Some(whiten) = whitening(noise, count) else {
         return Err(not_definite);
     };
-    let top = whiten * stacked.fixed_rows::<SLOTS>(0);
-    stacked.fixed_rows_mut::<SLOTS>(0).copy_from(&top);
+    let mut whitened = [Vector3::zeros(); SLOTS + 2];
+    for i in 0..count {
+        for (j, &slot) in slots.iter().enumerate().take(i + 1) {
+            whitened[i] += rows.directions[slot].unwrap_or_default() * whiten[(i, j)];
+        }
+    }
     // With rows along the unobserved axes, orthogonal to all others, the least-squares solution is the minimum-norm
     // one. Their weight is that of the other rows, so that the triangular factor is well scaled.
-    let weight = top.norm().max(f64::MIN_POSITIVE) / (count.max(1) as f64).sqrt();
+    let size = whitened[..count].iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
+    let weight = size.max(f64::MIN_POSITIVE) / (count as f64).sqrt();
     for k in 0..3 - rank {
-        stacked.set_row(SLOTS + k, &(null.column(k).transpose() * weight));
+        whitened[count + k] = null.column(k) * weight;
     }
-    let qr = stacked.qr();
-    let (q, r) = (qr.q(), qr.r());
-    let solved = r.solve_upper_triangular(&q.transpose()).ok_or(not_definite)?;
-    let compact = solved.fixed_columns::<SLOTS>(0) * whiten;
+    let reflected = Householder::of(&mut whitened[..count + 3 - rank]).ok_or(not_definite)?;
     let mut gain = Gain::zeros();
-    for (i, &slot) in slots.iter().enumerate() {
-        gain.set_column(slot, &compact.column(i));
+    for (j, &slot) in slots.iter().enumerate() {
+        let mut value = [0.0; SLOTS + 2];
+        value[..count].copy_from_slice(&whiten.data.0[j][..count]);
+        gain.set_column(slot, &reflected.solve(value));
     }
-    let covariance = gain * rows.noise * gain.transpose();
+    let mut covariance = Matrix3::zeros();
+    for &slot in &slots {
+        for &other in &slots {
+            covariance += gain.column(slot) * rows.noise[(slot, other)] * gain.column(other).transpose();
+        }
+    }
     Ok(LeastSquares {
         gain,
         covariance: (covariance + covariance.transpose()) * 0.5,
@@ -209,10 +222,59 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
     })
 }
 
+/// Rows of rank 3, A = Q R, by Householder reflections (Golub & Van Loan, sect. 5.2), whatever their number.
+struct Householder<'a> {
+    /// A vector of each reflection, column by column; above it R without its diagonal.
+    rows: &'a [Vector3<f64>],
+    diagonal: Vector3<f64>,
+    /// 2/vᵀv of each reflection.
+    scale: Vector3<f64>,
+}
+
+impl<'a> Householder<'a> {
+    /// `None` where a column is zero or not finite.
+    fn of(rows: &'a mut [Vector3<f64>]) -> Option<Self> {
+        let (mut diagonal, mut scale) = (Vector3::zeros(), Vector3::zeros());
+        for k in 0..3 {
+            let size = rows[k..].iter().map(|row| row[k] * row[k]).sum::<f64>().sqrt();
+            diagonal[k] = -size.copysign(rows[k][k]);
+            rows[k][k] -= diagonal[k];
+            scale[k] = -1.0 / (diagonal[k] * rows[k][k]);
+            if !scale[k].is_finite() {
+                return None;
+            }
+            for j in k + 1..3 {
+                let along = rows[k..].iter().map(|row| row[k] * row[j]).sum::<f64>() * scale[k];
+                rows[k..].iter_mut().for_each(|row| row[j] -= along * row[k]);
+            }
+        }
+        Some(Self { rows, diagonal, scale })
+    }
+
+    /// R⁻¹ of the first three of Qᵀ `value`.
+    fn solve(&self, mut value: [f64; SLOTS + 2]) -> Vector3<f64> {
+        for k in 0..3 {
+            let rows = &self.rows[k..];
+            let along = rows
+                .iter()
+                .zip(&value[k..])
+                .map(|(row, value)| row[k] * value)
+                .sum::<f64>()
+                * self.scale[k];
+            value[k..]
+                .iter_mut()
+                .zip(rows)
+                .for_each(|(value, row)| *value -= along * row[k]);
+        }
+        let [u, v, w] = [self.rows[0], self.rows[1], self.diagonal];
+        let z = value[2] / w[2];
+        let y = (value[1] - v[2] * z) / w[1];
+        Vector3::new((value[0] - u[1] * y - u[2] * z) / w[0], y, z)
+    }
+}
+
 /// Inverse of the Cholesky factor of a noise covariance of `count` rows, which whitens them; `None` unless positive
 /// definite.
-///
-/// The operations are those of nalgebra in the same order, without the empty slots.
 fn whitening(mut noise: SlotNoise, count: usize) -> Option<SlotNoise> {
     for j in 0..count {
         for k in 0..j {

@@ -249,18 +249,22 @@ impl Eskf {
     /// Calls `function` with the motion at the time of the state, for the predicted readings of a sensor.
     pub fn with_motion<T>(&self, function: impl FnOnce(&Motion<'_>) -> T) -> T {
         let state = self.state();
+        function(&self.motion_of(&state))
+    }
+
+    fn motion_of<'a>(&self, state: &'a NavState) -> Motion<'a> {
         let gyro_variance = if self.last_step_s > 0.0 {
             self.settings.noise.gyro / self.last_step_s
         } else {
             0.0
         };
-        function(&Motion {
-            state: &state,
+        Motion {
+            state,
             rate_ip_p_radps: self.last_rate_p_radps - state.gyro_bias_p_radps.0,
             earth_rate_t_radps: self.settings.earth.rate_t.into(),
             gyro_variance,
             level: self.settings.earth.level(&state.position_t_m),
-        })
+        }
     }
 
     /// Covariance of the error state with the velocity error (20×3), propagated to the time of the state.

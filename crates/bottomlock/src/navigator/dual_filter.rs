@@ -155,7 +155,7 @@ impl DualFilter {
     pub(crate) fn update(
         &mut self,
         sensor: Sensor,
-        innovation_of: impl Fn(&Eskf) -> Innovation,
+        innovation_of: &dyn Fn(&Eskf) -> Innovation,
     ) -> Result<UpdateReport, NavError> {
         let report = self
             .measurements_only
@@ -178,9 +178,9 @@ impl DualFilter {
     pub(crate) fn update_or_inflate(
         &mut self,
         sensor: Sensor,
-        innovation_of: impl Fn(&Eskf) -> Innovation,
+        innovation_of: &dyn Fn(&Eskf) -> Innovation,
     ) -> Result<UpdateReport, NavError> {
-        let report = self.update(sensor, &innovation_of)?;
+        let report = self.update(sensor, innovation_of)?;
         if report.verdict != Verdict::Rejected {
             self.measurements_only.note_accepted(sensor);
             return Ok(report);
@@ -191,7 +191,7 @@ impl DualFilter {
         if inflation.is_none() {
             return Ok(report);
         }
-        let report = self.update(sensor, &innovation_of)?;
+        let report = self.update(sensor, innovation_of)?;
         Ok(UpdateReport { inflation, ..report })
     }
 
@@ -239,7 +239,7 @@ impl DualFilter {
     pub(crate) fn assume(
         &mut self,
         whole: Option<&(Vector3<f64>, Matrix3<f64>)>,
-        report: &mut impl FnMut(&UpdateReport),
+        report: &mut dyn FnMut(&UpdateReport),
     ) -> Result<(), NavError> {
         if self.assumptions_failed() {
             self.widen_slip(BOTH_LARGER);

@@ -115,7 +115,7 @@ fn the_last_rejection_that_is_allowed_starts_it_again() {
     for (errors, expected) in cases {
         let mut filters = filters([0.0; 3], &WaterPrior::default());
         for (alone, constrained) in errors {
-            let report = filters.update(Sensor::Velocity, surge(*alone, *constrained)).unwrap();
+            let report = filters.update(Sensor::Velocity, &surge(*alone, *constrained)).unwrap();
             assert_eq!(report.residual[0], *alone);
         }
         assert_eq!(starts(&filters), [expected; 2], "{errors:?}");
@@ -136,7 +136,7 @@ fn no_rejection_counts_without_a_limit() {
     let filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     let mut filters = DualFilter::new(filter, Some(WaterBlock::new(&options.water)));
     for constrained in [10.0, 10.0, 0.0, 10.0, 0.0] {
-        filters.update(Sensor::Velocity, surge(0.0, constrained)).unwrap();
+        filters.update(Sensor::Velocity, &surge(0.0, constrained)).unwrap();
     }
     assert_eq!(starts(&filters), [0; 2]);
 }
@@ -151,7 +151,7 @@ fn the_verdict_is_that_of_the_measurements_alone() {
         (10.0, 0.0, None),
     ] {
         let mut filters = filters([0.0; 3], &WaterPrior::default());
-        let report = filters.update(Sensor::Velocity, surge(alone, constrained)).unwrap();
+        let report = filters.update(Sensor::Velocity, &surge(alone, constrained)).unwrap();
         assert_eq!(report.was_used(), expected.is_some());
         let gain = SD * SD / (1.0 + SD * SD);
         for (filter, moved) in filters.each().zip(expected.unwrap_or([0.0; 2])) {
@@ -171,7 +171,7 @@ fn an_inflation_starts_the_constrained_filter_again() {
     for interrupted in [false, true] {
         let mut filters = filters([0.0; 3], &WaterPrior::default());
         let mut push = |innovation_of: &dyn Fn(&Eskf) -> Innovation| {
-            filters.update_or_inflate(Sensor::Velocity, innovation_of).unwrap()
+            filters.update_or_inflate(Sensor::Velocity, &innovation_of).unwrap()
         };
         for _ in 1..ALLOWED {
             let report = push(&wild);

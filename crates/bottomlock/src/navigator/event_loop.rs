@@ -179,7 +179,7 @@ impl Navigator {
     /// # Errors
     /// [`NavError`] for bad numbers and for time that does not increase within a stream or lies before the filter's time; the
     /// event is then not taken and the navigator is as before, unless the numerics themselves have failed.
-    pub fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+    pub fn push(&mut self, event: &Event, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
         self.admit(event)?;
         let (time_ns, (_, index)) = (event.time_ns(), event.stream());
         match event {
@@ -195,7 +195,7 @@ impl Navigator {
         Ok(())
     }
 
-    fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+    fn advance(&mut self, sample: &ImuSample, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
         // Before the first sample the motion is taken as that of the first sample.
         let mut last = self.last_imu.unwrap_or_else(|| ImuSample {
             time_ns: self.filters.measurements_only.time_ns(),
@@ -232,7 +232,7 @@ impl Navigator {
         self.keep_to_motion(sample.time_ns, report)
     }
 
-    fn aid(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+    fn aid(&mut self, event: &Event, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
         let levers = self.options.levers;
         let filters = &mut self.filters;
         match event {
@@ -252,7 +252,7 @@ impl Navigator {
             }
             Event::Aiding(measurement) => {
                 for sensor in measurement.reports() {
-                    report(&filters.update_or_inflate(sensor, |filter| {
+                    report(&filters.update_or_inflate(sensor, &|filter| {
                         filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers))
                     })?);
                 }
@@ -262,7 +262,7 @@ impl Navigator {
     }
 
     /// Applies the prior of the vehicle's motion to every filter where an epoch is due.
-    fn keep_to_motion(&mut self, time_ns: i64, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+    fn keep_to_motion(&mut self, time_ns: i64, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
         let prior = self.options.motion;
         if prior.is_off() || self.next_motion_ns.is_some_and(|next_ns| time_ns < next_ns) {
             return Ok(());
@@ -271,7 +271,7 @@ impl Navigator {
         report(
             &self
                 .filters
-                .update(Sensor::Motion, |filter| prior.innovation(&filter.state()))?,
+                .update(Sensor::Motion, &|filter| prior.innovation(&filter.state()))?,
         );
         Ok(())
     }
@@ -282,7 +282,7 @@ impl Navigator {
         &mut self,
         time_ns: i64,
         before_ns: Option<i64>,
-        report: &mut impl FnMut(&UpdateReport),
+        report: &mut dyn FnMut(&UpdateReport),
     ) -> Result<(), NavError> {
         let part = |time_ns: i64| time_ns.div_euclid(LEARNING_NS);
         if before_ns.is_none_or(|before_ns| part(before_ns) != part(time_ns)) {
@@ -294,7 +294,7 @@ impl Navigator {
     }
 
     /// Bounds the speed of the filter on the measurements alone beyond the linear range, where the options say so.
-    fn bound_speed(&mut self, time_ns: i64, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+    fn bound_speed(&mut self, time_ns: i64, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
         let (bound, filter) = (&self.options.speed_bound, &mut self.filters.measurements_only);
         if bound.sd_mps == 0.0 || self.aiding == BeamAiding::None || !filter.is_beyond_linear_range() {
             return Ok(());
@@ -359,7 +359,7 @@ impl Navigator {
             BeamAiding::None => return Ok(None),
             BeamAiding::Tight | BeamAiding::SwayCurrent => {
                 let innovation_of = |filter: &Eskf| tight_innovation(filter, geometry, ping);
-                return self.filters.update(Sensor::Beams, innovation_of).map(Some);
+                return self.filters.update(Sensor::Beams, &innovation_of).map(Some);
             }
             BeamAiding::Own(own) => return self.aid_by_own(own, ping).map(Some),
             BeamAiding::Loose(method) => method,

@@ -83,7 +83,7 @@ impl History {
 
     /// Keeps the checkpoints of a replay from the last one kept, and reports what differs from what was reported before: in the
     /// order of the replay, then what no longer holds.
-    pub(super) fn settle(&mut self, replayed: Replayed, tell: &mut impl FnMut(&Notice)) -> Checked {
+    pub(super) fn settle(&mut self, replayed: Replayed, tell: &mut dyn FnMut(&Notice)) -> Checked {
         let Replayed {
             now,
             checkpoints,
@@ -121,7 +121,7 @@ impl History {
     }
 
     /// Reports findings of which nothing was reported before.
-    pub(super) fn tell_new(&mut self, found: Vec<Finding>, tell: &mut impl FnMut(&Notice)) {
+    pub(super) fn tell_new(&mut self, found: Vec<Finding>, tell: &mut dyn FnMut(&Notice)) {
         for finding in found {
             let finding = report_as(Standing::New, finding, tell);
             self.findings.insert(finding.key(), finding);
@@ -130,7 +130,7 @@ impl History {
 }
 
 /// Tells a finding, and gives it back.
-fn report_as(standing: Standing, finding: Finding, tell: &mut impl FnMut(&Notice)) -> Finding {
+fn report_as(standing: Standing, finding: Finding, tell: &mut dyn FnMut(&Notice)) -> Finding {
     let notice = Notice { finding, standing };
     tell(&notice);
     notice.finding

@@ -114,7 +114,7 @@ impl LiveNavigator {
     /// [`NavError`] for bad numbers, for a time beyond the horizon, far ahead, or taken in its stream, for a gap between
     /// inertial readings, and where the numerics fail. Nothing is changed then, apart from the count of late events, and
     /// nothing is reported.
-    pub fn push(&mut self, event: &Event, tell: &mut impl FnMut(&Notice)) -> Result<(), NavError> {
+    pub fn push(&mut self, event: &Event, tell: &mut dyn FnMut(&Notice)) -> Result<(), NavError> {
         if let Event::Imu(sample) = event
             && self.first.has_units()
             && self.now.is_plain(sample)

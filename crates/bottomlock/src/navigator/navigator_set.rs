@@ -73,7 +73,7 @@ impl NavigatorSet {
     ///
     /// # Errors
     /// As [`Navigator::push`].
-    pub fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+    pub fn push(&mut self, event: &Event, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
         match self {
             Self::One(navigator) => navigator.push(event, report),
             Self::Consistent(bank) => bank.push(event, report),
@@ -107,7 +107,7 @@ impl NavigatorSet {
         &mut self,
         sample: &ImuSample,
         bridge: Option<&BridgeNoise>,
-        report: &mut impl FnMut(&UpdateReport),
+        report: &mut dyn FnMut(&UpdateReport),
     ) -> Result<(), NavError> {
         let event = Event::Imu(*sample);
         let Some(bridge) = bridge else {

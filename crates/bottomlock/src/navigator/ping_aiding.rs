@@ -14,7 +14,7 @@ impl Navigator {
     pub(super) fn aid_with_ping(
         &mut self,
         ping: &BeamSample,
-        report: &mut impl FnMut(&UpdateReport),
+        report: &mut dyn FnMut(&UpdateReport),
     ) -> Result<BeamMask, NavError> {
         self.filters.each_mut().for_each(Eskf::prepare_for_ping);
         let (mut left, mut weight) = self.screen(ping)?;

@@ -59,7 +59,7 @@ impl Bank {
         })
     }
 
-    pub(super) fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+    pub(super) fn push(&mut self, event: &Event, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
         let mut outcomes = Vec::new();
         let [measurements_only, others @ ..] = &mut self.members[..] else {
             return Ok(());

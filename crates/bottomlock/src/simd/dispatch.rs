@@ -73,28 +73,28 @@ macro_rules! with_vectors {
 }
 pub(crate) use with_vectors;
 
-/// Calls a function over the widest lanes of this machine, compiled for its vectors: `f::<S, T>(simd, …)`; or evaluates `else`
-/// where [`widest_lanes`] is 1.
+/// Calls a function over the widest lanes of this machine, compiled for its vectors: `f::<S, T>(simd, …)`, or with a size
+/// `f::<S, T, N>(simd, …)`; or evaluates `else` where [`widest_lanes`] is 1.
 macro_rules! with_lanes {
-    ($function:ident, $argument:expr, else $alone:expr) => {
+    ($function:ident $(<$size:ident>)?, $argument:expr, else $alone:expr) => {
         match $crate::simd::vectors() {
             #[cfg(target_arch = "x86_64")]
             $crate::simd::Vectors::Avx512(simd) => $crate::simd::Simd::vectorize(
                 simd,
                 #[inline(always)]
-                || $function::<_, $crate::simd::f64x8<_>>(simd, $argument),
+                || $function::<_, $crate::simd::f64x8<_> $(, $size)?>(simd, $argument),
             ),
             #[cfg(target_arch = "x86_64")]
             $crate::simd::Vectors::Avx2(simd) => $crate::simd::Simd::vectorize(
                 simd,
                 #[inline(always)]
-                || $function::<_, $crate::simd::f64x4<_>>(simd, $argument),
+                || $function::<_, $crate::simd::f64x4<_> $(, $size)?>(simd, $argument),
             ),
             #[cfg(target_arch = "x86_64")]
             $crate::simd::Vectors::Sse2(_) => $alone,
             #[cfg(not(target_arch = "x86_64"))]
             $crate::simd::Vectors::Others(level) => {
-                fearless_simd::dispatch!(level, simd => $function::<_, $crate::simd::f64x4<_>>(simd, $argument))
+                fearless_simd::dispatch!(level, simd => $function::<_, $crate::simd::f64x4<_> $(, $size)?>(simd, $argument))
             }
         }
     };

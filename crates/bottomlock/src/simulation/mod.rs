@@ -3,6 +3,7 @@
 pub mod batch;
 pub mod closed_loop;
 mod epochs;
+mod method_record;
 pub mod monte_carlo_run;
 mod run_group;
 pub mod schedule;

@@ -3,10 +3,8 @@
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::error::NavError;
 use crate::filter::filter_group::{FilterSpan, Owner};
-use crate::filter::nees::nees;
 use crate::filter::options::Options;
-use crate::filter::report::{Choice, Sensor, UpdateReport};
-use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM};
+use crate::filter::report::{Sensor, UpdateReport};
 use crate::mechanisation::ImuSample;
 use crate::model::Model;
 use crate::navigator::Method;
@@ -14,45 +12,13 @@ use crate::navigator::NavigatorSet;
 use crate::navigator::events::Event;
 use crate::navigator::run_events::{Failure, Feed};
 use crate::simulation::epochs::{Aid, Epoch, Epochs};
+pub use crate::simulation::method_record::{BiasRecord, MethodRecord};
+use crate::simulation::method_record::{Deviation, nees_of};
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::sensor_errors::{SensorErrors, drawn_start};
 use crate::simulation::truth::{Truth, true_state};
 use crate::state::NavState;
-
-/// Result of one method of one run.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct MethodRecord {
-    /// Error at each sample: position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s).
-    pub error: Vec<[f64; 9]>,
-    /// Standard deviation claimed for each.
-    pub sd: Vec<[f64; 9]>,
-    /// Normalised estimation error squared of the whole state.
-    pub nees: Vec<f64>,
-    /// The same of misalignment and velocity (6 degrees of freedom).
-    pub nees_velocity_attitude: Vec<f64>,
-    /// Mean normalised innovation squared over the DVL fixes; NaN without any.
-    pub nis_mean: f64,
-    /// DVL fixes used, whole or in part.
-    pub fixes_accepted: u64,
-    /// DVL fixes rejected by the gate.
-    pub fixes_rejected: u64,
-    /// DVL fixes before which the velocity was beyond the linear range ([`crate::filter::linear_range`]).
-    pub fixes_beyond_linear_range: u64,
-    /// The selection at each ping, for a method that selects.
-    pub choices: Vec<Choice>,
-    /// How well the IMU's biases are known at the last sample; none without samples.
-    pub biases: Option<BiasRecord>,
-}
-
-/// Errors of the biases of accelerometers (m/s²) and gyros (rad/s), x, y, z each.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BiasRecord {
-    /// True minus estimate.
-    pub error: [f64; 6],
-    /// Standard deviation claimed for each.
-    pub sd: [f64; 6],
-}
 
 /// A method with its filters and results.
 #[derive(Debug, Clone)]
@@ -90,27 +56,12 @@ impl MethodRun {
         self.record
     }
 
-    fn sample(&mut self, truth: &NavState) -> Result<(), NavError> {
-        let error = truth.error_of(&self.navigators.state());
-        let covariance = self.navigators.covariance();
-        let linear_error = self.navigators.selected().filter().linear_error(truth);
-        let nees_of = |error, from, to| {
-            nees(&covariance, error, from, to).ok_or(NavError::NotPositiveDefinite {
-                matrix: "state covariance",
-                time_ns: truth.time_ns,
-            })
-        };
-        self.record.nees.push(nees_of(&linear_error, 0, DIM)?);
-        self.record
-            .nees_velocity_attitude
-            .push(nees_of(&error, ATTITUDE, ATTITUDE + 6)?);
-        self.record.error.push(std::array::from_fn(|i| error[i]));
-        self.record.sd.push(std::array::from_fn(|i| covariance[(i, i)].sqrt()));
-        self.record.biases = Some(BiasRecord {
-            error: std::array::from_fn(|i| error[ACCEL_BIAS + i]),
-            sd: std::array::from_fn(|i| covariance[(ACCEL_BIAS + i, ACCEL_BIAS + i)].sqrt()),
-        });
-        Ok(())
+    fn deviation(&self, truth: &NavState) -> Deviation {
+        Deviation {
+            error: truth.error_of(&self.navigators.state()),
+            linear_error: self.navigators.selected().filter().linear_error(truth),
+            covariance: self.navigators.covariance(),
+        }
     }
 }
 
@@ -188,6 +139,23 @@ impl MonteCarloRun {
         self.methods
             .iter_mut()
             .try_for_each(|one| work(one).map_err(|source| in_run(number, &one.method, source)))
+    }
+
+    /// Records the errors of every method, and their NEES side by side.
+    fn sample(&mut self, truth: &NavState) -> Result<(), NavError> {
+        let deviations: Vec<Deviation> = self.methods.iter().map(|one| one.deviation(truth)).collect();
+        let nees = nees_of(&deviations);
+        for ((one, deviation), nees) in self.methods.iter_mut().zip(&deviations).zip(nees) {
+            let Some(nees) = nees else {
+                let source = NavError::NotPositiveDefinite {
+                    matrix: "state covariance",
+                    time_ns: truth.time_ns,
+                };
+                return Err(in_run(self.number, &one.method, source));
+            };
+            one.record.push(deviation, nees);
+        }
+        Ok(())
     }
 
     fn measure(&mut self, truth: &Truth<'_>, schedule: &Schedule<'_>, (sensor, k): Epoch) -> Result<(), NavError> {
@@ -282,7 +250,7 @@ impl<'a> RunSegment<'a> {
         for _ in 0..due {
             let mut state = true_state(&self.truth, k);
             self.run.sensors.errors_into(&mut state);
-            self.run.each(|one| one.sample(&state))?;
+            self.run.sample(&state)?;
         }
         Ok(())
     }
