@@ -69,13 +69,14 @@ impl Rows {
         let mut basis = [Vector3::zeros(); 3];
         let mut rank = 0;
         while rank < 3 {
-            let (mut largest, mut size) = (Vector3::zeros(), 0.0);
+            let (mut largest, mut square) = (Vector3::zeros(), 0.0);
             for remainder in remainders.iter() {
-                let norm = remainder.norm();
-                if norm > size {
-                    (largest, size) = (*remainder, norm);
+                let own = remainder.norm_squared();
+                if own > square {
+                    (largest, square) = (*remainder, own);
                 }
             }
+            let size = square.sqrt();
             if size < 1e-7 {
                 break;
             }
