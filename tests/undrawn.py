@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO, StringIO
 from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
+
+from bottomlock.figures.images import Images
+from bottomlock.figures.palette import png_bytes, svg_text
 
 
 @contextmanager
@@ -23,4 +26,11 @@ def figures_undrawn() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", save)
+        for room in ("report.page", "replay.report"):
+            patch.setattr(f"bottomlock.{room}.image_process", _in_this_process)
         yield
+
+
+@contextmanager
+def _in_this_process() -> Iterator[Callable[[Iterable[Figure]], list[Images]]]:
+    yield lambda figures: [Images(svg_text(figure), png_bytes(figure)) for figure in figures]

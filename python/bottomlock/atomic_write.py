@@ -32,18 +32,21 @@ def write_bytes(path: Path, content: bytes | memoryview) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def write_parquet(path: Path, frame: pl.DataFrame) -> str:
+def write_parquet(path: Path, frame: pl.DataFrame, *, compressed: bool = False) -> str:
     """A table to Parquet, as `write_bytes`.
 
-    Uncompressed: noise does not compress, and compressing it costs more than writing it.
+    Uncompressed unless asked for: noise in double precision does not compress, and trying costs more than writing.
     """
-    return write_bytes(path, parquet_bytes(frame))
+    return write_bytes(path, parquet_bytes(frame, compressed=compressed))
 
 
-def parquet_bytes(frame: pl.DataFrame) -> memoryview:
+def parquet_bytes(frame: pl.DataFrame, *, compressed: bool = False) -> memoryview:
     """A table as `write_parquet` writes it."""
     content = io.BytesIO()
-    frame.write_parquet(content, compression="uncompressed", statistics=False)
+    if compressed:
+        frame.write_parquet(content, compression="zstd", compression_level=1, statistics=False)
+    else:
+        frame.write_parquet(content, compression="uncompressed", statistics=False)
     return content.getbuffer()
 
 

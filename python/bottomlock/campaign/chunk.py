@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
@@ -54,7 +53,6 @@ def run_chunk(
     *,
     threads: int = 1,
     progress: Callable[[float], None] = lambda _: None,
-    kernel_lock: AbstractContextManager[Any] | None = None,
     stop: Event | None = None,
 ) -> ChunkResult:
     """Runs a chunk with every method of its scenario; run again, it gives the same bits.
@@ -64,7 +62,6 @@ def run_chunk(
         chunk: the runs.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         progress: called with the fraction done, 0 to 1, during a chunk in closed loop.
-        kernel_lock: held during the kernel call, which uses every thread.
         stop: ends the kernel call early, with KernelError, once another thread has set it.
 
     Raises:
@@ -73,14 +70,13 @@ def run_chunk(
     for place in built.scenario.campaign.own_methods:
         # In a worker process nothing has read the scenario's text.
         own_method.load(place)
-    with kernel_lock or nullcontext():
-        started = time.perf_counter()
-        result = (
-            _closed_loop(built, chunk, threads, progress)
-            if built.closed_loop
-            else _on_truth(built, chunk, threads, stop)
-        )
-        kernel_s = time.perf_counter() - started
+    started = time.perf_counter()
+    result = (
+        _closed_loop(built, chunk, threads, progress)
+        if built.closed_loop
+        else _on_truth(built, chunk, threads, stop)
+    )
+    kernel_s = time.perf_counter() - started
     methods = built.scenario.campaign.methods
     keys = pl.DataFrame(
         {
@@ -175,9 +171,8 @@ def _outcomes(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
 def _samples(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
     """A row per run, method and second (`tables.campaign.SAMPLES`)."""
     samples = result["nees"].shape[-1]
-    # Views of the columns as they lie in memory, where the result comes from a batch.
     columns = {
-        name: values[..., k].reshape(-1)
+        name: values[..., k].reshape(-1).astype(np.float32)
         for prefix, values in (("err_", result["error"]), ("sd_", result["sd"]))
         for k, name in enumerate(name for name in SAMPLES if name.startswith(prefix))
     }
@@ -188,8 +183,7 @@ def _samples(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
             "method": np.repeat(np.arange(keys.height) % len(methods), samples),
             "time_ns": np.tile(result["sample_time_ns"], keys.height),
             **columns,
-            "nees": result["nees"].reshape(-1),
-            "nees_velocity_attitude": result["nees_velocity_attitude"].reshape(-1),
+            **{name: result[name].reshape(-1).astype(np.float32) for name in NEES},
         }
     )
     names = pl.col("method").replace_strict(range(len(methods)), methods, return_dtype=pl.String)

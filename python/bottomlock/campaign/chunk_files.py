@@ -55,7 +55,10 @@ def write_chunk(out: Path, chunk: Chunk, result: ChunkResult, identity: Identity
         link_or_copy(record_path(result.directory, chunk), record_path(out, chunk))
         return
     tables = (result.samples, result.choices, result.counts)
-    digests = {path.name: write_parquet(path, table) for path, table in zip(paths, tables, strict=True)}
+    digests = {
+        path.name: write_parquet(path, table, compressed=True)
+        for path, table in zip(paths, tables, strict=True)
+    }
     write_record(record_path(out, chunk), {**identity, "chunk": asdict(chunk)}, digests)
 
 

@@ -1,13 +1,14 @@
 """Engines: what runs a list of chunks. The numbers do not depend on the engine."""
 
+import os
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from importlib.util import find_spec
-from threading import Event, Lock
-from typing import Any, Literal, Protocol, get_args
+from threading import Event
+from typing import Literal, Protocol, get_args
 from urllib.parse import urlsplit
 
 from bottomlock.campaign.build import BuiltScenario
@@ -35,9 +36,9 @@ class ChunkSource(Protocol):
 
 
 class LocalEngine:
-    """Chunks in this process, one after another, each with the kernel's threads.
+    """Chunks in this process, two at a time on half of the threads each.
 
-    While the tables of one chunk are made and written, the next one is in the kernel.
+    While the tables of one chunk are made, which takes the interpreter, the other is in the kernel.
     """
 
     def __init__(self, scenarios: Sequence[BuiltScenario], threads: int) -> None:
@@ -47,7 +48,8 @@ class LocalEngine:
 
     def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:
         """Yields the chunks in order."""
-        pool, lock, stop = ThreadPoolExecutor(max_workers=2), Lock(), Event()
+        at_once, threads = halves(self._threads)
+        pool, stop = ThreadPoolExecutor(max_workers=at_once), Event()
         ahead: deque[tuple[Chunk, Future[ChunkResult]]] = deque()
         try:
             for chunk in chunks:
@@ -60,14 +62,25 @@ class LocalEngine:
                         run_chunk(built, chunk, threads=self._threads, progress=partial(progress, chunk)),
                     )
                     continue
-                settings: dict[str, Any] = {"threads": self._threads, "kernel_lock": lock, "stop": stop}
-                ahead.append((chunk, pool.submit(run_chunk, built, chunk, **settings)))
-                yield from _finished(ahead, 1)
+                ahead.append((chunk, pool.submit(run_chunk, built, chunk, threads=threads, stop=stop)))
+                # One waits, for the worker that is free while the caller writes.
+                yield from _finished(ahead, at_once)
             yield from _finished(ahead, 0)
         finally:
             # An interruption reaches this thread alone; nothing waits for the results any more.
             stop.set()
             pool.shutdown(cancel_futures=True)
+
+
+def halves(threads: int) -> tuple[int, int]:
+    """How many works share `threads`, 0 for as many as there are cores, and how many threads each has.
+
+    >>> halves(1), halves(2), halves(7)
+    ((1, 1), (2, 1), (2, 4))
+    """
+    threads = threads or os.cpu_count() or 1
+    at_once = min(2, threads)
+    return at_once, -(-threads // at_once)
 
 
 def _finished(ahead: deque[tuple[Chunk, Future[ChunkResult]]], but: int) -> ChunkResults:

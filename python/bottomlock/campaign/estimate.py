@@ -9,7 +9,7 @@ from bottomlock.config.scenario import Scenario
 STEP_S = 2.5e-7
 """Time of one filter step of one method on one core, s, samples written: 150 to 350 ns on machines of 2020 to 2025."""
 
-SAMPLE_BYTES = 160
+SAMPLE_BYTES = 55
 """Size on the disk of a method's sample at one second of one run; `tables.campaign.SAMPLES`, compressed."""
 
 LONG_S, LARGE_BYTES = 60.0, 1e9

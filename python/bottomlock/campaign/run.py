@@ -26,13 +26,14 @@ from bottomlock.campaign.directory import (
     start_directory,
     write_tables,
 )
-from bottomlock.campaign.engine import ChunkSource, Engine, check_engine, open_engine
+from bottomlock.campaign.engine import ChunkSource, Engine, LocalEngine, check_engine, open_engine
 from bottomlock.campaign.manifest import Clock, describe, identity_of
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
 from bottomlock.campaign.shown_results import ShownResults
 from bottomlock.config.scenario import Scenario
 from bottomlock.overwriting import check_apart, remove_outdated
 from bottomlock.records import write_record
+from bottomlock.simulation.build import Simulation
 
 
 @dataclass(frozen=True)
@@ -267,6 +268,39 @@ def execute(
     for folder in (out, out.parent):
         remove_outdated(folder)
     return tables, manifest
+
+
+def run_in_memory(
+    simulations: Sequence[Simulation],
+    room: Path,
+    *,
+    threads: int = 0,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
+) -> Tables:
+    """The tables of a campaign of which nothing is kept; the numbers are those of `run_campaign`.
+
+    Args:
+        simulations: of its scenarios.
+        room: a folder that has room for what memory does not hold.
+        threads: 0 for as many as there are cores.
+        progress: called after each chunk.
+
+    Raises:
+        KernelError: for input that the kernel rejects, naming run and method.
+        OutputError: on a full disk.
+    """
+    built = build_scenarios(simulations)
+    partitions = [Partition.of(one.scenario) for one in built]
+    chunks = all_chunks(partitions)
+    counter = _RunCounter(chunks, [], progress)
+    with (
+        open_aggregate(room, partitions) as aggregate,
+        closing(LocalEngine(built, threads).run(chunks, counter.report)) as results,
+    ):
+        for chunk, result in results:
+            aggregate.add(chunk, result)
+            counter.finish(chunk)
+        return aggregate.tables()
 
 
 class _RunCounter:

@@ -1,6 +1,6 @@
 """The figures of a campaign's page: which, where on the page, with what caption."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -47,8 +47,8 @@ class Drawing:
 
 def drawings(
     campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper, recommended: list[str]
-) -> list[Drawing]:
-    """Every figure of a campaign, in the order of the page.
+) -> Iterator[Drawing]:
+    """Every figure of a campaign, in the order of the page, as it is made.
 
     Args:
         campaign: its tables.
@@ -58,20 +58,19 @@ def drawings(
     """
     names = campaign.trajectories
     shown = {name: featured(campaign.methods(name), recommended) for name in names}
-    found = [
-        _rms(campaign, name, paper, "velocity", shown[name], banded=None, place="first") for name in names
-    ]
-    found += _paths(campaign, paper)
+    for name in names:
+        yield _rms(campaign, name, paper, "velocity", shown[name], banded=None, place="first")
+    yield from _paths(campaign, paper)
     for name in names:
         # Yaw bounds the attitude of every method alike: more than two bands would be one grey.
         banded = [method for method in ("ins", *recommended[:1]) if method in shown[name]] or shown[name][:2]
-        found.append(_rms(campaign, name, paper, "attitude", shown[name], banded=banded, place="trajectory"))
-        found += _consistency(campaign, name, errors[name], shown[name])
+        yield _rms(campaign, name, paper, "attitude", shown[name], banded=banded, place="trajectory")
+        yield from _consistency(campaign, name, errors[name], shown[name])
         chosen = None if campaign.choices is None else choices_figure(campaign.choices, name)
         if chosen is not None:
             words = "What the selectors choose: share of the runs at each ping."
-            found.append(Drawing(f"choices_{name}", words, chosen, "every method", name))
-    return found + _sweep(campaign, recommended)
+            yield Drawing(f"choices_{name}", words, chosen, "every method", name)
+    yield from _sweep(campaign, recommended)
 
 
 def _paths(campaign: CampaignTables, paper: Paper) -> list[Drawing]:
@@ -111,44 +110,43 @@ def _rms(
     return Drawing(f"{quantity}_{name}", f"{caption}.", figure, place, name)
 
 
-def _consistency(campaign: CampaignTables, name: str, errors: RunErrors, shown: list[str]) -> list[Drawing]:
-    return [
-        Drawing(
-            f"nees_{name}",
-            "Mean NEES of the whole state; above the grey band a method is overconfident.",
-            nees_figure(campaign.ensemble, campaign.consistency, name, methods=shown),
-            "trajectory",
-            name,
-        ),
-        Drawing(
-            f"calibration_{name}",
-            "Velocity error against its claimed σ, a point per second; the ring is the end.",
-            calibration_figure({method: velocity_calibration(errors, method) for method in shown}),
-            "calibration",
-            name,
-        ),
-        Drawing(
-            f"methods_{name}",
-            "Velocity error of every method, RMS over runs; shaded: 95 % interval; grey: the other methods.",
-            velocity_multiples(campaign.ensemble, name),
-            "every method",
-            name,
-        ),
-        Drawing(
-            f"normalised_{name}",
-            "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
-            normalised_figure({method: errors.normalised_rms[method] for method in campaign.methods(name)}),
-            "every method",
-            name,
-        ),
-    ]
+def _consistency(
+    campaign: CampaignTables, name: str, errors: RunErrors, shown: list[str]
+) -> Iterator[Drawing]:
+    yield Drawing(
+        f"nees_{name}",
+        "Mean NEES of the whole state; above the grey band a method is overconfident.",
+        nees_figure(campaign.ensemble, campaign.consistency, name, methods=shown),
+        "trajectory",
+        name,
+    )
+    yield Drawing(
+        f"calibration_{name}",
+        "Velocity error against its claimed σ, a point per second; the ring is the end.",
+        calibration_figure({method: velocity_calibration(errors, method) for method in shown}),
+        "calibration",
+        name,
+    )
+    yield Drawing(
+        f"methods_{name}",
+        "Velocity error of every method, RMS over runs; shaded: 95 % interval; grey: the other methods.",
+        velocity_multiples(campaign.ensemble, name),
+        "every method",
+        name,
+    )
+    yield Drawing(
+        f"normalised_{name}",
+        "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
+        normalised_figure({method: errors.normalised_rms[method] for method in campaign.methods(name)}),
+        "every method",
+        name,
+    )
 
 
-def _sweep(campaign: CampaignTables, recommended: list[str]) -> list[Drawing]:
+def _sweep(campaign: CampaignTables, recommended: list[str]) -> Iterator[Drawing]:
     """A figure for each swept setting and trajectory; that of n_f has the error of `tc` across."""
-    found: list[Drawing] = []
     if campaign.sweep is None:
-        return found
+        return
     tc = {
         one.trajectory: one.tc["velocity_rms_over_runs_mps"]
         for one in virtual_beams(campaign.sweep, campaign.trajectories)
@@ -170,8 +168,7 @@ def _sweep(campaign: CampaignTables, recommended: list[str]) -> list[Drawing]:
             caption += f" In the rows only: {', '.join(one for one in methods if one not in shown)}."
         figure = sweep_figure(rows.filter(pl.col("method").is_in(shown)), level=level)
         name = f"sweep_{numbers[parameter]}_{trajectory}"
-        found.append(Drawing(name, caption, figure, "sweep", trajectory, parameter))
-    return found
+        yield Drawing(name, caption, figure, "sweep", trajectory, parameter)
 
 
 def _drawable(rows: pl.DataFrame) -> bool:

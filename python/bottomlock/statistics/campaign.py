@@ -20,7 +20,7 @@ NORMS = ("velocity_mps", "attitude_deg", "position_m", "nees", "nees_velocity_at
 
 
 def _norm(prefix: str) -> pl.Expr:
-    return pl.sum_horizontal(pl.col(f"^{prefix}.*$") ** 2).sqrt()
+    return pl.sum_horizontal(pl.col(f"^{prefix}.*$").cast(pl.Float64) ** 2).sqrt()
 
 
 def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
@@ -33,8 +33,7 @@ def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
         _norm("err_velocity_").alias("velocity_mps"),
         (_norm("err_misalignment_") * DEGREES_PER_RADIAN).alias("attitude_deg"),
         _norm("err_position_").alias("position_m"),
-        "nees",
-        "nees_velocity_attitude",
+        pl.col("nees", "nees_velocity_attitude").cast(pl.Float64),
     )
 
 

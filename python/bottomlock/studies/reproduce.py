@@ -59,7 +59,7 @@ def reproduce(
     with campaign_directory(scenarios, out, force=force, recover=recover):
         manifest = run_campaign(scenarios, out, **settings).manifest
         run_without_causes(scenarios, out, **settings)
-        sweep = run_sweep(scenarios, out / "sweep", runs=sweep_runs(runs), **settings)
+        sweep = run_sweep(scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, progress=progress)
         identity = {"configuration_hash": manifest["configuration_hash"]}
         write_recorded_table(out / "sweep.parquet", sweep, identity)
         return make_report(out, force=force)

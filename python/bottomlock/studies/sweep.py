@@ -1,6 +1,5 @@
 """Sensitivity to the settings that the paper leaves open, changed one at a time."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -9,9 +8,15 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.campaign.run import CampaignProgress, run_campaign
+from bottomlock.atomic_write import make_folder
+from bottomlock.campaign.aggregate import Tables
+from bottomlock.campaign.build import build_simulations
+from bottomlock.campaign.engine import halves
+from bottomlock.campaign.manifest import identity_of
+from bottomlock.campaign.run import CampaignProgress, run_in_memory
 from bottomlock.config.scenario import Scenario
 from bottomlock.statistics.campaign import summary_table
+from bottomlock.studies.study_folder import configuration_hash, finished_part
 from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 
 
@@ -72,13 +77,11 @@ def run_sweep(
     *,
     runs: int,
     threads: int = 0,
-    force: bool = False,
-    recover: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> pl.DataFrame:
     """Runs every value of every setting on scenarios with a vehicle, with the same sensor errors for all.
 
-    Each value has a campaign in a folder of `out`. Finished campaigns are kept and not run again.
+    The rows of each value are a part in `out`; finished parts are kept and not run again. Their samples are not kept.
 
     Returns:
         `tables.studies.SWEEP`: RMS over runs at the end, mean NEES, rejected fraction of the fixes.
@@ -87,46 +90,59 @@ def run_sweep(
         As `run_campaign`.
     """
     out = Path(out)
-    cores = threads or os.cpu_count() or 1
-    # What a campaign does between its kernel calls takes one core: two at a time keep the cores busy.
-    at_once = min(2, cores)
+    # A value of one chunk a trajectory leaves cores idle while its tables are made.
+    at_once, threads_each = halves(threads)
 
-    def flown(folder: str, setting: Setting, value: float | str) -> pl.DataFrame:
+    def part(name: str, setting: Setting, value: float | str) -> pl.DataFrame:
         changed = [
             setting.change(scenario.with_overrides(runs=runs, methods=setting.methods), value)
             for scenario in scenarios
         ]
-        results = run_campaign(
-            changed,
-            out / folder,
-            threads=-(-cores // at_once),
-            force=force,
-            recover=recover,
-            progress=_of_cell(f"sweep {folder}", progress),
-        )
-        summary = summary_table(results.ensemble, results.runs)
-        label = value if isinstance(value, str) else f"{value:g}"
-        return summary.with_columns(
-            pl.lit(setting.parameter).alias("parameter"),
-            pl.lit(label).alias("value"),
-            pl.col("rejected_fraction").fill_nan(None),
-        ).select(list(SWEEP))
+        report = _of_part(f"sweep {name}", progress)
+        simulations = build_simulations(changed)
+        identity = [identity_of(simulations)["configuration_hash"], runs]
+        flown = []
 
+        def fly() -> pl.DataFrame:
+            tables = run_in_memory(simulations, out, threads=threads_each, progress=report)
+            flown.append(name)
+            return _rows(setting.parameter, value, tables)
+
+        rows = finished_part(out / f"{name}.parquet", configuration_hash(identity), fly)
+        if not flown:
+            for scenario in changed:
+                report(CampaignProgress(scenario.name, runs, runs, runs * len(changed), found=True))
+        return rows
+
+    make_folder(out)
     pool = ThreadPoolExecutor(max_workers=at_once)
     try:
-        parts = [pool.submit(flown, *cell) for cell in _cells()]
+        parts = [pool.submit(part, *cell) for cell in _cells()]
         return pl.concat([part.result() for part in parts])
     finally:
-        # After a failure or an interruption the campaigns under way, of a second or two, end first.
+        # After a failure or an interruption the parts under way, of a second or two, end first.
         pool.shutdown(cancel_futures=True)
 
 
-def _of_cell(cell: str, progress: Callable[[CampaignProgress], None]) -> Callable[[CampaignProgress], None]:
-    return lambda state: progress(replace(state, trajectory=f"{cell} {state.trajectory}"))
+def _rows(parameter: str, value: float | str, tables: Tables) -> pl.DataFrame:
+    label = value if isinstance(value, str) else f"{value:g}"
+    return (
+        summary_table(tables.ensemble, tables.runs)
+        .with_columns(
+            pl.lit(parameter).alias("parameter"),
+            pl.lit(label).alias("value"),
+            pl.col("rejected_fraction").fill_nan(None),
+        )
+        .select(list(SWEEP))
+    )
+
+
+def _of_part(name: str, progress: Callable[[CampaignProgress], None]) -> Callable[[CampaignProgress], None]:
+    return lambda state: progress(replace(state, trajectory=f"{name} {state.trajectory}"))
 
 
 def sweep_cells() -> int:
-    """Number of campaigns of a sweep."""
+    """Number of values of a sweep."""
     return sum(1 for _ in _cells())
 
 
