@@ -24,7 +24,7 @@ use crate::state::{Covariance, ErrorVector};
 /// A square matrix, column by column.
 type Columns<const M: usize> = [[f64; M]; M];
 
-/// The statistics that the filter predicts for an innovation.
+/// The statistics that the filter predicts for an innovation of at most M rows.
 pub(super) struct PredictedInnovation<const M: usize> {
     /// X = E[δx zᵀ].
     pub(super) cross_covariance: SMatrix<f64, DIM, M>,
@@ -108,6 +108,10 @@ impl<const M: usize> PredictedInnovation<M> {
                 noise[n][m] = innovation.noise[(m, n)];
                 s[n][m] += noise[n][m];
             }
+        }
+        // A row that is not there has no Jacobian, no residual and a variance of one: its gain is zero.
+        for n in innovation.rows..M {
+            (noise[n][n], s[n][n]) = (1.0, 1.0);
         }
         if let Some(cross) = &innovation.cross {
             let h_c = times::<S, M>(simd, h, &cross.data.0, &observed);

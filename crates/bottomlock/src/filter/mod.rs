@@ -292,17 +292,12 @@ impl Eskf {
         }
     }
 
-    /// [`Eskf::fuse`] for the number of rows.
+    /// [`Eskf::fuse`] with room for the number of rows; every further size is compiled for every kind of vectors.
     fn fuse_rows(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
         match innovation.rows {
             0 => Ok(UpdateReport::empty(sensor, self.state.time_ns)),
             1 => self.fuse::<1>(innovation, sensor),
-            2 => self.fuse::<2>(innovation, sensor),
-            3 => self.fuse::<3>(innovation, sensor),
-            4 => self.fuse::<4>(innovation, sensor),
-            5 => self.fuse::<5>(innovation, sensor),
-            6 => self.fuse::<6>(innovation, sensor),
-            7 => self.fuse::<7>(innovation, sensor),
+            2..=4 => self.fuse::<4>(innovation, sensor),
             _ => self.fuse::<MAX_ROWS>(innovation, sensor),
         }
     }

@@ -102,22 +102,23 @@ impl Eskf {
         update: &Update<'_, M>,
         further_gain: &SMatrix<f64, M, FURTHER>,
     ) {
-        let states = self.extensions.states();
-        let mut h = DMatrix::zeros(M, states);
-        let mut gain = DMatrix::zeros(states, M);
-        h.view_mut((0, 0), (M, DIM))
-            .copy_from(&innovation.jacobian.fixed_rows::<M>(0));
-        gain.view_mut((0, 0), (DIM, M)).copy_from(update.gain);
+        let (rows, states) = (innovation.rows, self.extensions.states());
+        let mut h = DMatrix::zeros(rows, states);
+        let mut gain = DMatrix::zeros(states, rows);
+        h.view_mut((0, 0), (rows, DIM))
+            .copy_from(&innovation.jacobian.rows(0, rows));
+        gain.view_mut((0, 0), (DIM, rows))
+            .copy_from(&update.gain.columns(0, rows));
         if let Some(noise) = &innovation.correlated_noise {
-            let mut own = h.view_mut((0, 0), (M, DIM));
-            own += noise.by_state.fixed_rows::<M>(0);
+            let mut own = h.view_mut((0, 0), (rows, DIM));
+            own += noise.by_state.rows(0, rows);
             for (at, k) in (DIM..).zip(self.extensions.further().states()) {
-                h.column_mut(at)
-                    .copy_from(&noise.by_further.fixed_rows::<M>(0).column(k));
+                h.column_mut(at).copy_from(&noise.by_further.rows(0, rows).column(k));
             }
         }
         for (at, k) in (DIM..).zip(self.extensions.further().states()) {
-            gain.row_mut(at).copy_from(&further_gain.column(k).transpose());
+            gain.row_mut(at)
+                .copy_from(&further_gain.rows(0, rows).column(k).transpose());
         }
         // What corrects the depth alone is no information on any other state.
         let informs = if innovation.corrects_depth_alone { 0.0 } else { 1.0 };
@@ -127,8 +128,8 @@ impl Eskf {
         );
         if let Some(tape) = &mut self.extensions.tape {
             tape.push(Step::Update {
-                weighted_innovation: DVector::from_column_slice(weighted_innovation.as_slice()),
-                weight: DMatrix::from_column_slice(M, M, weight.as_slice()),
+                weighted_innovation: DVector::from_column_slice(&weighted_innovation.as_slice()[..rows]),
+                weight: DMatrix::from_fn(rows, rows, |m, n| weight[(m, n)]),
                 h,
                 gain,
             });

@@ -14,7 +14,7 @@ use crate::layout::{ATTITUDE, DIM, block_name};
 use crate::state::ErrorVector;
 
 impl Eskf {
-    /// Tests an innovation, corrects covariance and state, and reports.
+    /// Tests an innovation of at most M rows, corrects covariance and state, and reports.
     pub(super) fn fuse<const M: usize>(
         &mut self,
         innovation: &Innovation,
@@ -33,7 +33,7 @@ impl Eskf {
         } else {
             self.gate.rejected_rows(&report)
         };
-        let is_rejected = (0..M).all(|row| rejected_rows & (1 << row) != 0);
+        let is_rejected = (0..innovation.rows).all(|row| rejected_rows & (1 << row) != 0);
         if rejected_rows != 0 && !is_rejected {
             self.fuse_rows(&innovation.select(|row| rejected_rows & (1 << row) == 0), sensor)?;
             report.verdict = Verdict::AcceptedInPart { rejected_rows };
@@ -68,7 +68,7 @@ impl Eskf {
         predicted: &PredictedInnovation<M>,
     ) -> UpdateReport {
         let mut report = UpdateReport {
-            rows: M,
+            rows: innovation.rows,
             degrees: innovation.degrees,
             nis: predicted.nis,
             threshold: self.gate.threshold(innovation.degrees),
@@ -76,9 +76,9 @@ impl Eskf {
             is_beyond_linear_range: self.is_beyond_linear_range(),
             ..UpdateReport::empty(sensor, self.state.time_ns)
         };
-        for n in 0..M {
+        for n in 0..innovation.rows {
             report.residual[n] = innovation.residual[n];
-            for m in 0..M {
+            for m in 0..innovation.rows {
                 report.covariance[(m, n)] = predicted.s[(m, n)];
             }
         }

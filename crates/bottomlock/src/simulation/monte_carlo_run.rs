@@ -298,7 +298,7 @@ impl Feed for RunSegment<'_> {
         let readings = &mut self.readings;
         self.run
             .sensors
-            .imus(&self.truth, self.next..self.next + count, |reading, _, _| {
+            .imus(&self.truth, self.next..self.next + count, &mut |reading, _, _| {
                 readings.push(reading);
             });
         let bad = self.readings[taken..]

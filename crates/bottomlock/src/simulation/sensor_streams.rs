@@ -67,11 +67,15 @@ pub fn simulate(
         scale_factor: Vec::with_capacity(schedule.dvl_time_ns.len()),
         sensors: Default::default(),
     };
-    errors.imus(truth, 0..truth.time_ns.len(), |reading, &accel_bias, &gyro_bias| {
-        streams.imu.push(reading);
-        streams.accel_bias_p_mps2.push(accel_bias.into());
-        streams.gyro_bias_p_radps.push(gyro_bias.into());
-    });
+    errors.imus(
+        truth,
+        0..truth.time_ns.len(),
+        &mut |reading, &accel_bias, &gyro_bias| {
+            streams.imu.push(reading);
+            streams.accel_bias_p_mps2.push(accel_bias.into());
+            streams.gyro_bias_p_radps.push(gyro_bias.into());
+        },
+    );
     for (&time_ns, &valid) in schedule.dvl_time_ns.iter().zip(schedule.beam_valid) {
         if let Some(previous) = streams.pings.last().filter(|last| time_ns <= last.time_ns) {
             return Err(NavError::TimeNotIncreasing {

@@ -53,7 +53,7 @@ impl Inertial {
         sampling: Sampling,
         at: &Truth<'_>,
         mut samples: Range<usize>,
-        mut take: impl FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
+        take: &mut dyn FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
     ) {
         if !self.started {
             let Some(first) = samples.next() else { return };

@@ -168,7 +168,7 @@ impl SensorErrors {
     /// The inertial reading at sample k of the truth; samples come in order, each once.
     pub(crate) fn imu(&mut self, at: &Truth<'_>, k: usize) -> ImuSample {
         let mut readings = Vec::with_capacity(1);
-        self.imus(at, k..k + 1, |reading, _, _| readings.push(reading));
+        self.imus(at, k..k + 1, &mut |reading, _, _| readings.push(reading));
         readings[0]
     }
 
@@ -178,7 +178,7 @@ impl SensorErrors {
         &mut self,
         at: &Truth<'_>,
         samples: Range<usize>,
-        take: impl FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
+        take: &mut dyn FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
     ) {
         self.inertial
             .read(&self.model, &self.earth, self.sampling, at, samples, take);
