@@ -27,6 +27,10 @@ bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
 # The build backend calls the locked maturin by its name.
 on_path := PATH="$(abspath $(bin)):$$PATH"
+# Requirements of a table of pyproject.toml, a line each, and how they are installed.
+named_in_pyproject := $(bin)/python -c 'import sys, tomllib; \
+    print(*tomllib.load(open("pyproject.toml", "rb"))[sys.argv[1]][sys.argv[2]], sep="\n")'
+install_named := $(pip) install --no-compile --requirement /dev/stdin
 # By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
 make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
@@ -220,15 +224,20 @@ $(VENV)/pyvenv.cfg:
 	    { echo "make: $(PYTHON) is older than 3.11; name another one: make PYTHON=python3.12" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 
-# A release build of the extension, with the locked crates, installed as users get it.
+# A release build of the extension, with the locked crates, installed as users get it. What it needs is downloaded and unpacked
+# while the kernel compiles; Python compiles of it what is imported, and no more.
 $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
-	$(on_path) $(pip) install $$(test -x $(bin)/maturin && echo --no-build-isolation) .
+	test -x $(bin)/maturin || $(named_in_pyproject) 'build-system' 'requires' | $(install_named)
+	rm -rf target/wheel
+	@$(on_path) maturin build --release --locked --quiet --interpreter $(bin)/python --out target/wheel & wheel=$$!; \
+	    $(named_in_pyproject) 'project' 'dependencies' | $(install_named); needed=$$?; wait $$wheel && exit $$needed
+	$(pip) install --no-deps --force-reinstall target/wheel/*.whl
 	touch $@
 
 # What the tests need and what the wheel needs, at the locked versions and with their hashes; the wheel, if it is installed
 # after it, finds all it asks for.
 $(VENV)/.tools: requirements-dev.lock | $(VENV)/pyvenv.cfg
-	$(pip) install --require-hashes --requirement requirements-dev.lock
+	$(pip) install --no-compile --require-hashes --requirement requirements-dev.lock
 	touch $@
 
 # What the site needs beside them.
