@@ -225,12 +225,12 @@ $(VENV)/pyvenv.cfg:
 	$(PYTHON) -m venv $(VENV)
 
 # A release build of the extension, with the locked crates, installed as users get it. What it needs is downloaded and unpacked
-# while the kernel compiles; Python compiles of it what is imported, and no more.
+# where the compiler leaves a core idle; Python compiles of it what is imported, and no more.
 $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
 	test -x $(bin)/maturin || $(named_in_pyproject) 'build-system' 'requires' | $(install_named)
 	rm -rf target/wheel
 	@$(on_path) maturin build --release --locked --quiet --interpreter $(bin)/python --out target/wheel & wheel=$$!; \
-	    $(named_in_pyproject) 'project' 'dependencies' | $(install_named); needed=$$?; wait $$wheel && exit $$needed
+	    $(named_in_pyproject) 'project' 'dependencies' | nice $(install_named); needed=$$?; wait $$wheel && exit $$needed
 	$(pip) install --no-deps --force-reinstall target/wheel/*.whl
 	touch $@
 
