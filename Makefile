@@ -31,6 +31,8 @@ on_path := PATH="$(abspath $(bin)):$$PATH"
 named_in_pyproject := $(bin)/python -c 'import sys, tomllib; \
     print(*tomllib.load(open("pyproject.toml", "rb"))[sys.argv[1]][sys.argv[2]], sep="\n")'
 install_named := $(pip) install --no-compile --requirement /dev/stdin
+# What every command imports of them: that alone is compiled beforehand.
+imported := import cyclopts, jinja2, matplotlib.figure, numpy, polars, pydantic, rich.progress, scipy.optimize, scipy.stats
 # By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
 make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
@@ -230,7 +232,7 @@ $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
 	test -x $(bin)/maturin || $(named_in_pyproject) 'build-system' 'requires' | $(install_named)
 	rm -rf target/wheel
 	@$(on_path) maturin build --release --locked --quiet --interpreter $(bin)/python --out target/wheel & wheel=$$!; \
-	    $(named_in_pyproject) 'project' 'dependencies' | nice $(install_named); needed=$$?; wait $$wheel && exit $$needed
+	    $(named_in_pyproject) 'project' 'dependencies' | nice $(install_named) && nice $(bin)/python -c '$(imported)'; needed=$$?; wait $$wheel && exit $$needed
 	$(pip) install --no-deps --force-reinstall target/wheel/*.whl
 	touch $@
 

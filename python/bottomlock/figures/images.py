@@ -1,6 +1,5 @@
 """Figures as images, by two processes: matplotlib takes one core, and images are most of a report's time."""
 
-import contextlib
 import gc
 import pickle
 import subprocess
@@ -14,6 +13,7 @@ from typing import IO
 from matplotlib.figure import Figure
 
 from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.other_process import other_process
 
 PREPARING = 0.25
 """Time to prepare a figure, by the time to draw it."""
@@ -34,21 +34,8 @@ def image_process() -> Iterator[Callable[[Iterable[Figure]], list[Images]]]:
     The process imports matplotlib meanwhile, and draws while the caller prepares the next figures. The images do not
     depend on who draws them; where the process fails, the caller draws all of them.
     """
-    # Not a pool of `multiprocessing`, which would run the main module of whoever calls this again.
-    serve = f"import sys; sys.path = {sys.path!r}; from {__name__} import _serve; _serve()"
-    with subprocess.Popen(  # noqa: S603 - our own code
-        [sys.executable, "-c", serve],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    ) as process:
-        assert process.stdin is not None
-        try:
-            yield lambda figures: _draw(process, figures)
-        finally:
-            process.kill()
-            with contextlib.suppress(BrokenPipeError):
-                process.stdin.close()
+    with other_process(_serve) as process:
+        yield lambda figures: _draw(process, figures)
 
 
 def _draw(process: subprocess.Popen[bytes], figures: Iterable[Figure]) -> list[Images]:

@@ -4,12 +4,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from bottomlock.campaign.flights_ahead import flights_ahead
 from bottomlock.campaign.run import CampaignProgress, campaign_directory, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.records import write_recorded_table
 from bottomlock.report.page import Report, make_report
+from bottomlock.simulation.build import build_simulation
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
-from bottomlock.studies.sweep import run_sweep, sweep_cells
+from bottomlock.studies.sweep import run_sweep, sweep_cells, swept_missions
 from bottomlock.studies.without_cause import run_without_causes, variants
 
 RUNS = 500
@@ -55,8 +57,13 @@ def reproduce(
     out = Path(out)
     scenarios = study_scenarios(runs, seed, methods)
     settings: Any = {"threads": threads, "force": force, "recover": recover, "progress": progress}
+    changed = [one for cause in variants(scenarios).values() for one in cause]
+    simulated = [build_simulation(one) for one in (*scenarios, *changed, *swept_missions(scenarios))]
     # Held from the first campaign to the report.
-    with campaign_directory(scenarios, out, force=force, recover=recover):
+    with (
+        campaign_directory(scenarios, out, force=force, recover=recover),
+        flights_ahead(simulated, threads=threads),
+    ):
         manifest = run_campaign(scenarios, out, **settings).manifest
         run_without_causes(scenarios, out, **settings)
         sweep = run_sweep(scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, progress=progress)

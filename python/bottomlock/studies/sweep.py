@@ -141,6 +141,21 @@ def _of_part(name: str, progress: Callable[[CampaignProgress], None]) -> Callabl
     return lambda state: progress(replace(state, trajectory=f"{name} {state.trajectory}"))
 
 
+def swept_missions(scenarios: Sequence[Scenario]) -> list[Scenario]:
+    """The scenarios with every value that changes their mission, in the order of the sweep.
+
+    >>> from bottomlock.config.scenario import load_scenario
+    >>> [one.mission["current"]["speed_mps"] for one in swept_missions([load_scenario("straight")])]
+    [0.0, 0.1, 0.3]
+    """
+    changed = (
+        (setting.change(scenario, value), scenario)
+        for _, setting, value in _cells()
+        for scenario in scenarios
+    )
+    return [one for one, scenario in changed if one.mission != scenario.mission]
+
+
 def sweep_cells() -> int:
     """Number of values of a sweep."""
     return sum(1 for _ in _cells())
