@@ -2,6 +2,7 @@
 
 import inspect
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -22,10 +23,12 @@ from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.live.sections import (
     DVL_FORMATS,
     LEVELLING_SD_DEG,
+    AcousticPositionSection,
     AttitudeSection,
     CheckpointSection,
     DepthSection,
     DvlSection,
+    GpsSection,
     HealthSection,
     ImuFromAttitude,
     ImuSection,
@@ -48,6 +51,14 @@ from bottomlock.ports.registry import PORTS
 from bottomlock.ports.registry import port as make_port
 from bottomlock.ports.rotation import matrix, quaternion
 
+LINES_OF = (
+    ("attitude-csv", "attitude"),
+    ("depth-csv", "depth"),
+    ("gps-csv", "gps"),
+    ("acoustic-csv", "acoustic_position"),
+)
+"""Formats of lines beside the inertial ones, and the section that each needs."""
+
 
 class LiveConfig(Section):
     """A whole configuration."""
@@ -68,6 +79,8 @@ class LiveConfig(Section):
     ) = None
     attitude: AttitudeSection | None = None
     depth: DepthSection | None = None
+    gps: GpsSection | None = None
+    acoustic_position: AcousticPositionSection | None = None
     origin: OriginSection | None = None
     start: StartSection | None = None
     navigation: NavigationSection = NavigationSection()
@@ -118,9 +131,10 @@ class LiveConfig(Section):
                 "a source has format 'imu-csv', and imu.source is \"attitude\": expected one of them"
             )
         self._start_is_known(by_attitude=by_attitude)
-        for lines, key in (("attitude-csv", "attitude"), ("depth-csv", "depth")):
+        for lines, key in LINES_OF:
             if lines in formats and getattr(self, key) is None:
                 raise ValueError(f"a source has format '{lines}', which needs the section [{key}]")
+        self._positions_have_a_place(formats)
         if self.attitude is not None:
             self._attitude_is_one(self.attitude)
         reopens = self.filter.inflate_after_rejections
@@ -129,6 +143,15 @@ class LiveConfig(Section):
                 f"states.rejected_pings is {self.states.rejected_pings}, and the gate opens again at rejection "
                 f"{reopens} (filter.inflate_after_rejections): expected less, or the state would never say so"
             )
+
+    def _positions_have_a_place(self, formats: Sequence[str]) -> None:
+        assert self.origin is not None  # seen above
+        if self.gps is not None and self.origin.longitude_deg is None:
+            raise ValueError("'origin.longitude_deg' is missing, expected number in deg: [gps] needs it")
+        if self.gps is not None and not self.sources_of("gps-csv"):
+            raise ValueError('[gps] needs a source with format "gps-csv" or "mavlink"')
+        if self.acoustic_position is not None and "acoustic-csv" not in formats:
+            raise ValueError('[acoustic_position] needs a source with format "acoustic-csv"')
 
     def _start_is_known(self, *, by_attitude: bool) -> None:
         start, attitude = self.start, self.attitude
@@ -181,7 +204,7 @@ class LiveConfig(Section):
             )
 
     def _needs_nothing_else(self) -> None:
-        for key in ("imu", "attitude", "depth", "origin", "start", "checkpoint"):
+        for key in ("imu", *(key for _, key in LINES_OF), "origin", "start", "checkpoint"):
             if getattr(self, key) is not None:
                 raise ValueError(
                     f'section [{key}] belongs to mode = "navigation", and the mode is "velocity"'
@@ -314,13 +337,11 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
     gravity = normal_gravity_mps2(latitude) if origin.gravity == "normal" else float(origin.gravity)
     # The kernel's model names every sensor; those that are not there are never pushed.
     sensors: dict[str, Any] = {one.name: one.model(one.section(), gravity) for one in SENSORS}
-    lever = (0.0, 0.0, 0.0)
-    if config.depth is not None:
-        depth = config.depth
-        lever = depth.lever_arm_m
-        sensors["depth"] = models.DepthModel(
-            sd_m=depth.sd_m, bias_sd_m=depth.bias_m, bias_time_s=depth.bias_time_s
-        )
+    added: dict[str, Any] = {}
+    for section in (config.depth, config.gps, config.acoustic_position):
+        if section is not None:
+            sensors |= section.kernel_models()
+            added |= section.kernel_options()
     if config.attitude is not None:
         sensors |= config.attitude.kernel_models()
     tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
@@ -344,7 +365,7 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
         robust=config.robust.kernel_options(),
         **imu.limits.kernel_options() | {"imu_gap": "inflate"},
         imu_sampling="averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
-        depth_lever_p_m=lever,
+        **added,
     )
     axes = np.eye(3)
     if isinstance(imu, ImuSection):

@@ -125,14 +125,16 @@ class Engine:
     def _mavlink_reader(self, section: SourceSection) -> MavlinkReader:
         """Of what no lines give."""
         config = self.config
-        inertial, turned, deep = (
-            section in config.sources_of(lines) for lines in ("imu-csv", "attitude-csv", "depth-csv")
+        inertial, turned, deep, fixed = (
+            section in config.sources_of(lines)
+            for lines in ("imu-csv", "attitude-csv", "depth-csv", "gps-csv")
         )
         return MavlinkReader(
             config.depth if deep else None,
             kernel_settings(config, config.instrument()).gravity_mps2,
             config.attitude.message if turned and config.attitude is not None else None,
             inertial=inertial and isinstance(config.imu, ImuSection),
+            gps=fixed and config.gps is not None,
         )
 
     @property
@@ -212,7 +214,7 @@ class Engine:
         elif isinstance(reading, AttitudeReading):
             self.estimator.attitude(time_ns, reading, arrival_ns)
         else:
-            self.estimator.depth(time_ns, reading)
+            self.estimator.aid(time_ns, reading)
 
     def _time_ns(self, one: SourceState, arrival_ns: int, reading: Ping | Reading) -> int | None:
         """Time of validity on the host's clock; None where it is unsure, which is counted."""

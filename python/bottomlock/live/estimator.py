@@ -11,7 +11,7 @@ from bottomlock.kernel import VelocityFixes, solve_velocity
 from bottomlock.live.beam_jumps import BeamJumps
 from bottomlock.live.closure import Closure
 from bottomlock.live.pings import Ping
-from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
+from bottomlock.live.readings import AidingReading, AttitudeReading, ImuReading
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import VelocityMethod, VelocitySection
 from bottomlock.ports.estimate import Beams, Estimate, State
@@ -71,8 +71,8 @@ class Estimator(Protocol):
     def reference_error(self) -> tuple[Floats, Floats] | None:
         """Slow error found of the aiding attitude (roll, pitch, yaw) or heading, and 1 sigma, rad; None without one."""
 
-    def depth(self, time_ns: int, reading: DepthReading) -> None:
-        """Takes a depth."""
+    def aid(self, time_ns: int, reading: AidingReading) -> None:
+        """Takes a measurement beside pings and attitudes."""
 
     def estimate(self, state: State, reset_counter: int) -> Estimate | None:
         """The estimate as it is now; None without one."""
@@ -172,7 +172,7 @@ class VelocityEstimator:
     def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
         """Not used in this mode."""
 
-    def depth(self, time_ns: int, reading: DepthReading) -> None:
+    def aid(self, time_ns: int, reading: AidingReading) -> None:
         """Not used in this mode."""
 
     @property

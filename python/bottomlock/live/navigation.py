@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from bottomlock import units
 from bottomlock.attitude_motion import MotionFromAttitude
 from bottomlock.kernel import KernelError, Navigator, VelocityFixes
+from bottomlock.live.aiding import push
 from bottomlock.live.alignment import Alignment, AttitudeAlignment
 from bottomlock.live.closure import Closure
 from bottomlock.live.config import LiveConfig, kernel_settings
 from bottomlock.live.estimator import LastPing, beams_of, solve_ping
 from bottomlock.live.pings import Ping
 from bottomlock.live.platform_attitude import PlatformAttitude
-from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
+from bottomlock.live.readings import AidingReading, AttitudeReading, ImuReading
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import ImuFromAttitude
 from bottomlock.models import MagnetometerModel
@@ -27,7 +28,7 @@ from bottomlock.ports.rotation import angles
 _ACCEPTED = ("accepted", "accepted_in_part")
 _BEAM_SENSORS = ("beams", "velocity")
 """The kernel's names of a DVL's measurements in its reports."""
-_AIDING = ("attitude", "heading", "depth")
+_AIDING = ("attitude", "heading", "depth", "gps_position", "acoustic_position")
 """The kernel's names of the other measurements."""
 _PENDING = 256
 
@@ -58,7 +59,7 @@ class NavigationEstimator:
         self._instrument = config.instrument()
         self._settings = kernel_settings(config, self._instrument)
         assert config.start is not None  # validated in LiveConfig
-        self._start, self._method, self._depth = config.start, config.navigation.method, config.depth
+        self._config, self._start, self._method = config, config.start, config.navigation.method
         self._horizon_ns = units.ns_from_s(config.navigation.horizon_s)
         self._navigator: Navigator | None = None
         self._attitude = config.attitude
@@ -356,14 +357,14 @@ class NavigationEstimator:
         if self.rank:
             self._fixes, self.ping_used_ns = fixes, self._now_ns
 
-    def depth(self, time_ns: int, reading: DepthReading) -> None:
-        """Takes a depth.
+    def aid(self, time_ns: int, reading: AidingReading) -> None:
+        """Takes a measurement beside pings and attitudes.
 
         Raises:
             KernelError: for one that is older than the horizon.
         """
-        if self._navigator is not None and self._depth is not None:
-            self._take(self._navigator.push_depth(time_ns, reading.depth_m, sd_m=self._depth.sd_m))
+        if self._navigator is not None:
+            self._take(push(self._navigator, self._config, time_ns, reading))
 
     def estimate(self, state: State, reset_counter: int) -> Estimate | None:
         """The navigator's estimate as it is now; None before the alignment."""

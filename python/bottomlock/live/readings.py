@@ -17,6 +17,9 @@ Quaternion = tuple[float, float, float, float]
 
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 PASCAL_PER_HECTOPASCAL = 100.0
+MOST_LATITUDE_DEG, MOST_LONGITUDE_DEG = 90.0, 360.0
+_FIX_3D = 3
+"""Of GPS_RAW_INT: from here on the position has a height."""
 _ROUNDING = 1e-3
 """By how much the norm of a quaternion of single precision may be off."""
 
@@ -46,7 +49,27 @@ class DepthReading:
     depth_m: float
 
 
-Reading = ImuReading | AttitudeReading | DepthReading
+@dataclass(frozen=True)
+class GpsReading:
+    """Position of the antenna, degrees and m, at a time of the receiver's clock."""
+
+    time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+
+
+@dataclass(frozen=True)
+class AcousticPositionReading:
+    """Position of the transponder, north, east, down, m, and 1 sigma of each, m, where it is stated."""
+
+    time_ns: int
+    position_t_m: Triple
+    sd_m: Triple | None
+
+
+AidingReading = DepthReading | GpsReading | AcousticPositionReading
+Reading = ImuReading | AttitudeReading | AidingReading
 
 
 def _imu(time_ns: int, values: list[float]) -> Reading:
@@ -63,11 +86,35 @@ def _depth(time_ns: int, values: list[float]) -> Reading:
     return DepthReading(time_ns, values[0])
 
 
-_LINES: dict[str, tuple[int, str, Callable[[int, list[float]], Reading]]] = {
-    "imu-csv": (6, "time_ns,wx,wy,wz,fx,fy,fz", _imu),
-    "attitude-csv": (3, "time_ns,roll,pitch,yaw", _attitude),
-    "depth-csv": (1, "time_ns,depth_m", _depth),
+def _gps(time_ns: int, values: list[float]) -> Reading | None:
+    latitude, longitude, height = values
+    return GpsReading(time_ns, latitude, longitude, height) if _on_earth(latitude, longitude) else None
+
+
+def _on_earth(latitude_deg: float, longitude_deg: float) -> bool:
+    return abs(latitude_deg) <= MOST_LATITUDE_DEG and abs(longitude_deg) <= MOST_LONGITUDE_DEG
+
+
+def _acoustic_position(time_ns: int, values: list[float]) -> Reading | None:
+    north, east, down, *stated = values
+    if not stated:
+        return AcousticPositionReading(time_ns, (north, east, down), None)
+    sd_n, sd_e, sd_d = stated
+    return (
+        AcousticPositionReading(time_ns, (north, east, down), (sd_n, sd_e, sd_d))
+        if min(stated) > 0.0
+        else None
+    )
+
+
+_LINES: dict[str, tuple[tuple[int, ...], str, Callable[[int, list[float]], Reading | None]]] = {
+    "imu-csv": ((6,), "time_ns,wx,wy,wz,fx,fy,fz", _imu),
+    "attitude-csv": ((3,), "time_ns,roll,pitch,yaw", _attitude),
+    "depth-csv": ((1,), "time_ns,depth_m", _depth),
+    "gps-csv": ((3,), "time_ns,latitude_deg,longitude_deg,height_m", _gps),
+    "acoustic-csv": ((3, 6), "time_ns,north_m,east_m,down_m[,sd_n,sd_e,sd_d]", _acoustic_position),
 }
+"""How many numbers a line has beside its time, its columns, and the reading; None for one that cannot be."""
 
 
 @dataclass
@@ -79,7 +126,7 @@ class LineReader:
     number of columns, too; only a checksum tells them.
 
     Args:
-        format: "imu-csv", "attitude-csv" or "depth-csv".
+        format: a key of `_LINES`.
         checksum: whether every line must have one, the first too.
         within: whether the stream may begin in the middle of a line.
 
@@ -96,7 +143,7 @@ class LineReader:
 
     def __post_init__(self) -> None:
         """Chooses the columns of the format."""
-        self._count, self._columns, self._make = _LINES[self.format]
+        self._counts, self._columns, self._make = _LINES[self.format]
         self.framer = Lines(within=self.within)
 
     def feed(self, data: bytes) -> list[Reading]:
@@ -118,15 +165,18 @@ class LineReader:
             return None
         self.checksum = bool(star)
         first, *rest = text.split(b",")
-        if len(rest) != self._count:
+        if len(rest) not in self._counts:
             self.skipped.add(f"not the columns {self._columns}")
             return None
         time_ns, values = whole(first), [number(part) for part in rest]
         numbers = [value for value in values if value is not None and math.isfinite(value)]
-        if time_ns is None or len(numbers) < self._count or not _EARLIEST_NS < time_ns < _LATEST_NS:
+        if time_ns is None or len(numbers) < len(rest) or not _EARLIEST_NS < time_ns < _LATEST_NS:
             self.skipped.add("not a time in ns and finite numbers")
             return None
-        return self._make(time_ns, numbers)
+        reading = self._make(time_ns, numbers)
+        if reading is None:
+            self.skipped.add(f"numbers that are no {self._columns}")
+        return reading
 
 
 class _MavlinkFramer:
@@ -149,13 +199,14 @@ class _MavlinkFramer:
 
 @dataclass
 class MavlinkReader:
-    """Readings from MAVLink: HIGHRES_IMU (forward, starboard, down), an attitude, and the water's pressure.
+    """Readings from MAVLink: HIGHRES_IMU (forward, starboard, down), an attitude, the water's pressure, and GPS.
 
     Args:
         depth: the section that names the message of the pressure and turns it into a depth; None without.
         gravity_mps2: for that.
         attitude: the message of the attitude; None without.
         inertial: whether HIGHRES_IMU is read.
+        gps: whether GPS_RAW_INT is read.
 
     Attributes:
         records: messages so far, of any kind.
@@ -167,6 +218,7 @@ class MavlinkReader:
     gravity_mps2: float
     attitude: AttitudeMessage | None = None
     inertial: bool = True
+    gps: bool = False
     records: int = 0
     skipped: Reasons = field(default_factory=Reasons)
     bad_bytes: int = 0
@@ -213,6 +265,8 @@ class MavlinkReader:
             if all(map(math.isfinite, (*omega, *force))):
                 return ImuReading(message.time_usec * 1000, omega, force)
             self.skipped.add("HIGHRES_IMU without finite numbers")
+        elif kind == "GPS_RAW_INT" and self.gps:
+            return self._fixed(message)
         elif self.depth is not None and kind == self.depth.message:
             pressure = message.press_abs * PASCAL_PER_HECTOPASCAL - self.depth.surface_pressure_pa
             if math.isfinite(pressure):
@@ -222,6 +276,14 @@ class MavlinkReader:
                 )
             self.skipped.add(f"{kind} without a finite pressure")
         return None
+
+    def _fixed(self, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
+        """GPS_RAW_INT: 1e-7 degrees, and mm above the sea."""
+        latitude, longitude = message.lat * 1e-7, message.lon * 1e-7
+        if message.fix_type < _FIX_3D or not _on_earth(latitude, longitude):
+            self.skipped.add("GPS_RAW_INT without a fix in 3D")
+            return None
+        return GpsReading(message.time_usec * 1000, latitude, longitude, message.alt * 1e-3)
 
     def _turned(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
         """ATTITUDE in Euler angles, ATTITUDE_QUATERNION scalar first, both of forward-starboard-down to NED."""

@@ -5,11 +5,11 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.motion_errors import MotionErrors
-from bottomlock.config.scenario_sections import Imu, ImuLimits, NonNegative, Positive, Section, Vector
-from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
+from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegative, Positive, Section, Vector
 from bottomlock.kernel import Method
 from bottomlock.live.address import SinkAddress, SourceAddress
 
@@ -24,7 +24,7 @@ DVL_FORMATS = (
 
 SourceFormat = Literal[
     "waterlinked-json", "waterlinked-serial", "pd0", "nortek-dvl", "nortek-ad2cp", "nucleus", "nortek-ascii",
-    "cerulean-dvkfc", "imu-csv", "attitude-csv", "depth-csv", "mavlink",
+    "cerulean-dvkfc", "imu-csv", "attitude-csv", "depth-csv", "gps-csv", "acoustic-csv", "mavlink",
 ]  # fmt: skip
 
 
@@ -95,25 +95,35 @@ class AttitudeSection(AttitudeReference):
     message: AttitudeMessage = "ATTITUDE"
 
 
-class DepthSection(Section):
+class DepthSection(DepthErrors):
     """Depth sensor: noise and bias (1 sigma), lever arm; density and surface pressure turn a pressure into a depth.
 
     `message` is the MAVLink message of the water's pressure: on ArduSub it is SCALED_PRESSURE2.
     """
 
     sd_m: Positive = 0.05
-    bias_m: NonNegative = DEPTH_BIAS_M
-    bias_time_s: Positive = DEPTH_BIAS_TIME_S
-    lever_arm_m: Vector = (0.0, 0.0, 0.0)
     water_density_kg_per_m3: Positive = 1025.0
     surface_pressure_pa: Positive = 101_325.0
     message: Literal["SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3"] = "SCALED_PRESSURE"
 
 
+class GpsSection(GpsErrors):
+    """GPS receiver: noise of its positions, and its antenna; MAVLink's message is GPS_RAW_INT, with a fix in 3D."""
+
+
+class AcousticPositionSection(AcousticPositionErrors):
+    """Acoustic positions (USBL, LBL) of a transponder of the vehicle: their noise where a line states none."""
+
+
 class OriginSection(Section):
-    """Where the vehicle is: latitude, for gravity and the Earth's rate."""
+    """Where the vehicle is: latitude, for gravity and the Earth's rate; all three for GPS positions.
+
+    `height_m` is the origin's as the receiver counts: above the ellipsoid, or above the sea.
+    """
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    longitude_deg: Annotated[float, Field(ge=-360, le=360)] | None = None
+    height_m: Finite = 0.0
     gravity: Literal["normal"] | Positive = "normal"
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from bottomlock import units
+from bottomlock.config.aiding_errors import GpsErrors
 from bottomlock.models import (
-    AcousticPositionModel,
     DepthModel,
-    GpsModel,
     HeadingModel,
     MagnetometerModel,
     Settings,
@@ -44,9 +43,7 @@ class Sensor:
 def _depth_model(stream: DepthStream | None) -> dict[str, Settings]:
     if stream is None:
         return {"depth": DepthModel(sd_m=1.0, bias_sd_m=0.0, bias_time_s=1.0)}
-    return {
-        "depth": DepthModel(sd_m=stream.sd_m, bias_sd_m=stream.bias_m, bias_time_s=stream.bias_time_s),
-    }
+    return stream.kernel_models()
 
 
 def _depth_log(_: DepthStream, streams: Streams, within: Within) -> dict[str, Any]:
@@ -88,16 +85,7 @@ def _acoustic_position_log(_: AcousticPositionStream, streams: Streams, within: 
 
 
 def _acoustic_position_model(stream: AcousticPositionStream | None) -> dict[str, Settings]:
-    if stream is None:
-        return {}
-    noise = AcousticPositionModel(
-        sd_m=stream.sd_m,
-        sd_per_range=units.fraction_from_percent(stream.sd_percent_of_range),
-        transceiver_t_m=stream.transceiver_m,
-        outlier_fraction=0.0,
-        outlier_factor=1.0,
-    )
-    return {"acoustic_position": noise}
+    return {} if stream is None else stream.kernel_models()
 
 
 def _attitude_model(stream: AttitudeStream | None) -> dict[str, Settings]:
@@ -112,8 +100,7 @@ def _attitude_model(stream: AttitudeStream | None) -> dict[str, Settings]:
 
 
 def _gps_model(stream: GpsStream | None) -> dict[str, Settings]:
-    position = (2.0, 2.0, 4.0) if stream is None else stream.position_sd_m
-    return {"gps": GpsModel(position_sd_m=position, velocity_sd_mps=(0.1, 0.1, 0.2))}
+    return (GpsErrors() if stream is None else stream).kernel_models()
 
 
 SENSORS = (
@@ -121,19 +108,19 @@ SENSORS = (
         section="depth",
         model=_depth_model,
         log=_depth_log,
-        options=lambda stream: {"depth_lever_p_m": stream.lever_arm_m},
+        options=DepthStream.kernel_options,
     ),
     Sensor(section="attitude", model=_attitude_model, log=_attitude_log),
     Sensor(
         section="gps",
         model=_gps_model,
         log=_gps_log,
-        options=lambda stream: {"gps_lever_p_m": stream.lever_arm_m},
+        options=GpsStream.kernel_options,
     ),
     Sensor(
         section="acoustic_position",
         model=_acoustic_position_model,
         log=_acoustic_position_log,
-        options=lambda stream: {"acoustic_position_lever_p_m": stream.lever_arm_m},
+        options=AcousticPositionStream.kernel_options,
     ),
 )

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import (
@@ -16,7 +17,6 @@ from bottomlock.config.scenario_sections import (
     Section,
     Vector,
 )
-from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
@@ -166,22 +166,14 @@ def kind_of_imu(section: Any) -> str:  # noqa: ANN401 - what a file holds, or a 
     return ImuFromAttitude.__name__ if source == "attitude" else ImuStream.__name__
 
 
-class DepthStream(Stream):
-    """Depth, height (`up` = true) or pressure, measured at `lever_arm_m` from the IMU (platform frame).
-
-    `bias_m`, 1 sigma with the correlation time `bias_time_s`, is what the reading is off for hours: offset, tide,
-    density, barometer. The filter estimates it.
-    """
+class DepthStream(DepthErrors, Stream):
+    """Depth, height (`up` = true) or pressure: its column, density, and errors."""
 
     column: str
     unit: Literal["m", "cm", "Pa", "kPa", "mbar", "bar", "dbar"] = "m"
     up: bool = False
     offset_m: Finite = 0.0
     water_density_kg_per_m3: Positive = 1025.0
-    sd_m: Positive
-    bias_m: NonNegative = DEPTH_BIAS_M
-    bias_time_s: Positive = DEPTH_BIAS_TIME_S
-    lever_arm_m: Vector = (0.0, 0.0, 0.0)
 
 
 class AttitudeStream(AttitudeReference, Stream):
@@ -240,10 +232,9 @@ class PositionStream(Stream):
         return self
 
 
-class GpsStream(PositionStream):
+class GpsStream(GpsErrors, PositionStream):
     """GPS positions of an antenna at `lever_arm_m` from the IMU; with `aids` = false only the alignment uses them."""
 
-    position_sd_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
     aids: bool = True
 
     @model_validator(mode="after")
@@ -253,17 +244,10 @@ class GpsStream(PositionStream):
         return self
 
 
-class AcousticPositionStream(PositionStream):
-    """Acoustic positions (USBL, LBL) of a transponder at `lever_arm_m` from the IMU (platform frame).
-
-    1 sigma of each axis is in the columns `sd` (m; north, east, down), or the root of sd_m² +
-    (sd_percent_of_range/100 · slant range)², the slant range from `transceiver_m` in the tangent frame.
-    """
+class AcousticPositionStream(AcousticPositionErrors, PositionStream):
+    """Acoustic positions (USBL, LBL): columns, and errors; `sd` are the columns of 1 sigma (m; north, east, down)."""
 
     sd: ColumnTriple | None = None
-    sd_m: Positive = 0.5
-    sd_percent_of_range: NonNegative = 1.0
-    transceiver_m: Vector = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
     def _has_positions(self) -> Self:

@@ -1,0 +1,71 @@
+"""Errors and lever arms of depth, GPS and acoustic positions as a filter takes them; of a replay or live."""
+
+from bottomlock import models, units
+from bottomlock.config.scenario_sections import NonNegative, Positive, Section, Vector
+from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
+
+
+class DepthErrors(Section):
+    """Noise, 1 sigma, of a depth measured at `lever_arm_m` from the IMU (platform frame), and its bias.
+
+    `bias_m`, 1 sigma with the correlation time `bias_time_s`, is what the reading is off for hours: offset, tide,
+    density, barometer. The filter estimates it.
+    """
+
+    sd_m: Positive
+    bias_m: NonNegative = DEPTH_BIAS_M
+    bias_time_s: Positive = DEPTH_BIAS_TIME_S
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+
+    def kernel_models(self) -> dict[str, models.Settings]:
+        """Section of the kernel's model, SI."""
+        return {
+            "depth": models.DepthModel(sd_m=self.sd_m, bias_sd_m=self.bias_m, bias_time_s=self.bias_time_s)
+        }
+
+    def kernel_options(self) -> dict[str, Vector]:
+        """What it adds to the filter's options."""
+        return {"depth_lever_p_m": self.lever_arm_m}
+
+
+class GpsErrors(Section):
+    """Noise of GPS positions along north, east, down, 1 sigma, of an antenna at `lever_arm_m` from the IMU."""
+
+    position_sd_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+
+    def kernel_models(self) -> dict[str, models.Settings]:
+        """Section of the kernel's model, SI."""
+        return {"gps": models.GpsModel(position_sd_m=self.position_sd_m, velocity_sd_mps=(0.1, 0.1, 0.2))}
+
+    def kernel_options(self) -> dict[str, Vector]:
+        """What it adds to the filter's options."""
+        return {"gps_lever_p_m": self.lever_arm_m}
+
+
+class AcousticPositionErrors(Section):
+    """Noise of acoustic positions (USBL, LBL) of a transponder at `lever_arm_m` from the IMU (platform frame).
+
+    1 sigma of each axis is the root of sd_m² + (sd_percent_of_range/100 · slant range)², the slant range from
+    `transceiver_m` in the tangent frame, unless the readings state it.
+    """
+
+    sd_m: Positive = 0.5
+    sd_percent_of_range: NonNegative = 1.0
+    transceiver_m: Vector = (0.0, 0.0, 0.0)
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+
+    def kernel_models(self) -> dict[str, models.Settings]:
+        """Section of the kernel's model, SI."""
+        noise = models.AcousticPositionModel(
+            sd_m=self.sd_m,
+            sd_per_range=units.fraction_from_percent(self.sd_percent_of_range),
+            transceiver_t_m=self.transceiver_m,
+            outlier_fraction=0.0,
+            outlier_factor=1.0,
+        )
+        return {"acoustic_position": noise}
+
+    def kernel_options(self) -> dict[str, Vector]:
+        """What it adds to the filter's options."""
+        return {"acoustic_position_lever_p_m": self.lever_arm_m}

@@ -1,0 +1,203 @@
+"""GPS and acoustic positions of `live`: lines, MAVLink, and what the filter makes of them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.geodesy import Place, geodetic_from_tangent
+from bottomlock.live.config import LiveConfig, parse_config
+from bottomlock.live.engine import Engine
+from bottomlock.live.navigation import NavigationEstimator
+from bottomlock.live.raw_log import RawLog
+from bottomlock.live.readings import AcousticPositionReading, GpsReading, LineReader, MavlinkReader
+from bottomlock.live.replay import replay_log
+from tests.live.world import LATITUDE_DEG, NAVIGATION_TOML, START_NS, VELOCITY, World
+
+SECONDS, HEADING_RAD = 20.0, np.deg2rad(30.0)
+HOME = Place(np.deg2rad(LATITUDE_DEG), np.deg2rad(35.0), 17.0)
+AWAY_M = np.array([40.0, -25.0, 0.0])
+"""Of the true start from that of the configuration, which allows for it."""
+LEVER_M = np.array([1.0, 0.5, -2.0])
+GPS = """
+[gps]
+position_sd_m = [0.5, 0.5, 1.0]
+lever_arm_m = [1.0, 0.5, -2.0]
+[[source]]
+name = "gps"
+address = "udpin:127.0.0.1:10"
+format = "gps-csv"
+rate_hz = 1
+clock = "host"
+"""
+USBL = """
+[acoustic_position]
+sd_m = 0.5
+lever_arm_m = [1.0, 0.5, -2.0]
+[[source]]
+name = "usbl"
+address = "udpin:127.0.0.1:11"
+format = "acoustic-csv"
+rate_hz = 1
+clock = "host"
+"""
+
+
+def navigation(extra: str = "", *, longitude: bool = True) -> LiveConfig:
+    place = "\nlongitude_deg = 35.0\nheight_m = 17.0" if longitude else ""
+    text = NAVIGATION_TOML.format(
+        dvl="tcp:127.0.0.1:9", imu="udpin:127.0.0.1:9", to="udpout:127.0.0.1:9", format="waterlinked-json"
+    )
+    text = text.replace("origin.latitude_deg = 32.8\n", "")
+    text = text.replace(
+        "[start]\n", f"[origin]\nlatitude_deg = 32.8{place}\n[start]\nposition_sd_m = [50.0, 50.0, 1.0]\n"
+    )
+    return parse_config(text + extra, place="test")
+
+
+def to_tangent() -> np.ndarray:
+    c, s = np.cos(HEADING_RAD), np.sin(HEADING_RAD)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def truth_m(seconds: float) -> np.ndarray:
+    return np.asarray(AWAY_M + to_tangent() @ VELOCITY * seconds)
+
+
+def fixes(form: str, source: int, seed: int = 4) -> list[tuple[int, int, bytes]]:
+    """Positions of the point at the lever arm, a second apart, with 0.5 m of noise, 0.3 s late."""
+    random, lines = np.random.default_rng(seed), []
+    for second in range(2, int(SECONDS)):
+        time_ns = START_NS + second * 1_000_000_000 + 5_000_000
+        at = truth_m(second + 0.005) + to_tangent() @ LEVER_M + 0.5 * random.standard_normal(3)
+        numbers = at.tolist()
+        if form == "gps":
+            latitude, longitude, height = (
+                float(part[0]) for part in geodetic_from_tangent(at[np.newaxis], HOME)
+            )
+            numbers = [np.rad2deg(latitude), np.rad2deg(longitude), height]
+        line = f"{time_ns}," + ",".join(f"{number!r}" for number in map(float, numbers))
+        lines.append((time_ns + 300_000_000, source, line.encode() + b"\n"))
+    return lines
+
+
+def flown(settings: LiveConfig, more: list[tuple[int, int, bytes]]) -> Engine:
+    engine = Engine(settings)
+    entries = sorted([*World(SECONDS).arrivals(imu=True), *more], key=lambda entry: entry[:2])
+    for arrival_ns, source, data in entries:
+        engine.arrive(source, arrival_ns, data)
+    return engine
+
+
+def position(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
+    """Error and 1 sigma of the position at the end, m."""
+    assert isinstance(engine.estimator, NavigationEstimator)
+    assert engine.estimator.navigator is not None
+    state, covariance = engine.estimator.navigator.state(), engine.estimator.navigator.covariance()
+    error = truth_m((state["time_ns"] - START_NS) * 1e-9) - state["position_t_m"]
+    return np.asarray(error), np.sqrt(np.diag(covariance)[:3])
+
+
+@pytest.mark.parametrize(("form", "extra"), [("gps", GPS), ("usbl", USBL)])
+def test_positions_bring_the_vehicle_where_it_is(form: str, extra: str) -> None:
+    """Horizontally from 47 m off to within the claim of 0.3 m, the lever arm and the delay allowed for."""
+    error, sd = position(flown(navigation(extra), fixes(form, 2)))
+    assert (sd[:2] < 0.3).all()
+    assert (np.abs(error[:2]) < 3.0 * sd[:2]).all()
+    without, claimed = position(flown(navigation(), []))
+    assert np.linalg.norm(without[:2]) > 40.0
+    assert (claimed[:2] > 49.0).all()
+
+
+def test_a_position_that_is_wrong_is_rejected_and_counted() -> None:
+    """300 m beside the others: the gate says so under the sensor's name."""
+    wrong = fixes("usbl", 2)
+    time_ns, source, line = wrong[15]
+    stamp, north, east, down = line.decode().strip().split(",")
+    wrong[15] = (time_ns, source, f"{stamp},{float(north) + 300.0},{east},{down}\n".encode())
+    engine = flown(navigation(USBL), wrong)
+    assert dict(engine.estimator.gated) == {"acoustic_position": 1}
+    error, sd = position(engine)
+    assert (np.abs(error[:2]) < 3.0 * sd[:2]).all()
+
+
+def test_a_log_of_them_replays_to_the_same_bits(tmp_path: Path) -> None:
+    """Both sensors at once: what was sent is sent again."""
+    pytest.importorskip("mcap")
+    settings = navigation(GPS + USBL)
+    more = [*fixes("gps", 2), *fixes("usbl", 3, seed=5)]
+    names = [source.name for source in settings.source]
+    log = RawLog(tmp_path, sources=names, ports=["probe"], start={})
+    engine = Engine(settings)
+    sent = 0
+    for arrival_ns, source, data in sorted(
+        [*World(SECONDS).arrivals(imu=True), *more], key=lambda entry: entry[:2]
+    ):
+        log.write("in", source, arrival_ns, data)
+        for message in engine.arrive(source, arrival_ns, data):
+            log.write("out", message.port, arrival_ns, message.data)
+            sent += 1
+    log.close()
+    again = replay_log(settings, log.path)
+    assert again.first_difference == ""
+    assert again.sent == sent > 100
+
+
+def test_lines() -> None:
+    """Degrees and heights; positions with and without their sigma; what cannot be one is told."""
+    gps, usbl = LineReader("gps-csv"), LineReader("acoustic-csv")
+    assert gps.feed(b"7,54.5,-10.25,3\n") == [GpsReading(7, 54.5, -10.25, 3.0)]
+    assert gps.feed(b"7,91,0,3\n7,0,361,3\n7,1,2\n") == []
+    assert dict(gps.skipped) == {
+        "numbers that are no time_ns,latitude_deg,longitude_deg,height_m": 2,
+        "not the columns time_ns,latitude_deg,longitude_deg,height_m": 1,
+    }
+    assert usbl.feed(b"7,1,2,3\n8,1,2,3,0.5,0.6,0.7\n") == [
+        AcousticPositionReading(7, (1.0, 2.0, 3.0), None),
+        AcousticPositionReading(8, (1.0, 2.0, 3.0), (0.5, 0.6, 0.7)),
+    ]
+    assert usbl.feed(b"9,1,2,3,0.5,0,0.7\n9,1,2,3,4\n") == []
+    assert sum(usbl.skipped.values()) == 2
+
+
+def test_mavlink_gives_a_fix_in_three_dimensions() -> None:
+    """1e-7 degrees and mm; a fix in two dimensions, and without [gps] every fix, is none."""
+    os.environ.setdefault("MAVLINK20", "1")
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link = dialect.MAVLink(None)
+    fixed = [545_000_000, -102_500_000, 3_000, 100, 100, 0, 0, 9]
+    data = b"".join(dialect.MAVLink_gps_raw_int_message(5_000, kind, *fixed).pack(link) for kind in (3, 2))
+    reader = MavlinkReader(None, 9.81, gps=True)
+    (reading,) = reader.feed(data)
+    assert isinstance(reading, GpsReading)
+    assert (reading.time_ns, reading.height_m) == (5_000_000, 3.0)
+    assert (reading.latitude_deg, reading.longitude_deg) == pytest.approx((54.5, -10.25), abs=1e-12)
+    assert dict(reader.skipped) == {"GPS_RAW_INT without a fix in 3D": 1}
+    assert MavlinkReader(None, 9.81).feed(data) == []
+    engine = Engine(navigation(GPS.replace("gps-csv", "mavlink")))
+    engine.arrive(2, START_NS, data)
+    assert engine.sources[2].reader.skipped == reader.skipped
+
+
+@pytest.mark.parametrize(
+    ("extra", "longitude", "words"),
+    [
+        (GPS, False, "'origin.longitude_deg' is missing"),
+        ("[gps]\n", True, r"\[gps\] needs a source"),
+        ("[acoustic_position]\n", True, r"\[acoustic_position\] needs a source"),
+        (
+            USBL[USBL.index("[[source]]") :],
+            True,
+            r"'acoustic-csv', which needs the section \[acoustic_position\]",
+        ),
+        (GPS.replace("[0.5, 0.5, 1.0]", "[0.5, 0.0, 1.0]"), True, "gps.position_sd_m"),
+    ],
+)
+def test_a_section_without_what_it_needs_is_named(extra: str, longitude: bool, words: str) -> None:
+    """The section, the key, and what was expected."""
+    with pytest.raises(ScenarioError, match=words):
+        navigation(extra, longitude=longitude)
