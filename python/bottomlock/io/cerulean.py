@@ -9,10 +9,12 @@ import numpy as np
 
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
 from bottomlock.io.dollar_sentences import Names, Remarks, Sentences, sentences
+from bottomlock.io.framing import Lines, Stream
 from bottomlock.io.lines import Bytes, running_crc8, running_xor
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "cerulean-dvkfc"
+STREAM = Stream(lambda _: Lines())
 _BEAMS = 3
 _LEAST_RANGE_CONFIDENCE = 25.0
 _NAMES = Names(b"DV", letters=(2, 4), digits=0, longest=600)

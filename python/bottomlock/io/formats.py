@@ -1,12 +1,13 @@
 """Registry of the formats of `bottomlock convert`, and detection of a file's format.
 
-A new format is a module with `NAME`, `sniff` and `read`, and a line in `BYTES` (or `PATHS`) below.
+A new format is a module with `NAME`, `sniff` and `read` (for live use also `STREAM`), and a line in `BYTES` or `PATHS`.
 """
 
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from bottomlock.errors import DataError
 from bottomlock.io import (
@@ -24,6 +25,7 @@ from bottomlock.io import (
     waterlinked_serial,
 )
 from bottomlock.io.beam_table import Recording
+from bottomlock.io.framing import Stream
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import show
 from bottomlock.nearest import did_you_mean
@@ -36,12 +38,13 @@ _TIMES_ITS_SIZE = 6.0
 
 @dataclass(frozen=True)
 class Format:
-    """A format read from bytes: name, title, detection from the file's beginning, and reader."""
+    """A format read from bytes: name, title, detection from the file's beginning, reader, and its stream, if any."""
 
     name: str
     title: str
     sniff: Callable[[bytes], bool]
     read: Callable[[bytes, str, Options], Recording]
+    stream: Stream | None = None
 
 
 @dataclass(frozen=True)
@@ -54,25 +57,36 @@ class PathFormat:
     read: Callable[[Path, str, Options], Recording]
 
 
+def _format(module: Any, title: str) -> Format:  # noqa: ANN401 - modules have no common type
+    return Format(module.NAME, title, module.sniff, module.read, getattr(module, "STREAM", None))
+
+
 # From the most to the least specific mark: the first match is used. Nucleus before AD2CP: both begin with A5 records.
 BYTES = (
-    Format(linkquest.NAME, "LinkQuest NavQuest, CSV of a ROS log", linkquest.sniff, linkquest.read),
-    Format(nortek_ascii.NAME, "Nortek $PNORBT0, $PNORBT1", nortek_ascii.sniff, nortek_ascii.read),
-    Format(cerulean.NAME, "Cerulean Tracker 650 $DVKFC", cerulean.sniff, cerulean.read),
-    Format(waterlinked_json.NAME, "Water Linked TCP, JSON v1 to v3", waterlinked_json.sniff, waterlinked_json.read),
-    Format(waterlinked_serial.NAME, "Water Linked serial, wrz, wru", waterlinked_serial.sniff, waterlinked_serial.read),
-    Format(pd6.NAME, "Teledyne PD6 text (no beams: rejected with advice)", pd6.sniff, pd6.read),
-    Format(pd6.NAME_BINARY, "Teledyne PD3, PD4, PD5 (no beams: rejected)", pd6.sniff_binary, pd6.read_binary),
-    Format(nucleus.NAME, "Nortek Nucleus1000, binary", nucleus.sniff, nucleus.read),
-    Format(nortek_dvl.NAME, "Nortek DVL500/1000, DF21 and DF22", nortek_dvl.sniff, nortek_dvl.read),
-    Format(nortek_ad2cp.NAME, "Nortek AD2CP bottom track, DF20", nortek_ad2cp.sniff, nortek_ad2cp.read),
-    Format(pd0.NAME, "Teledyne PD0, bottom track", pd0.sniff, pd0.read),
-)  # fmt: skip
+    _format(linkquest, "LinkQuest NavQuest, CSV of a ROS log"),
+    _format(nortek_ascii, "Nortek $PNORBT0, $PNORBT1"),
+    _format(cerulean, "Cerulean Tracker 650 $DVKFC"),
+    _format(waterlinked_json, "Water Linked TCP, JSON v1 to v3"),
+    _format(waterlinked_serial, "Water Linked serial, wrz, wru"),
+    _format(pd6, "Teledyne PD6 text (no beams: rejected with advice)"),
+    Format(
+        pd6.NAME_BINARY,
+        "Teledyne PD3, PD4, PD5 (no beams: rejected)",
+        pd6.sniff_binary,
+        pd6.read_binary,
+    ),
+    _format(nucleus, "Nortek Nucleus1000, binary"),
+    _format(nortek_dvl, "Nortek DVL500/1000, DF21 and DF22"),
+    _format(nortek_ad2cp, "Nortek AD2CP bottom track, DF20"),
+    _format(pd0, "Teledyne PD0, bottom track"),
+)
 PATHS = (
     PathFormat(ros.NAME, "marine_acoustic_msgs/Dvl in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
     PathFormat(table.NAME, "CSV or Parquet, with a column map", table.sniff_path, table.read_path),
 )
 NAMES = tuple(one.name for one in (*BYTES, *PATHS))
+STREAMS = {one.name: one for one in BYTES if one.stream is not None}
+"""Formats with beams that come as a stream, too."""
 
 
 def _content(path: Path) -> bytes:

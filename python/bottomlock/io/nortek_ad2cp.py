@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.binary_records import fields_at
+from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import BOTTOM_AD2CP, Frames, frames, kinds, struct_tm_ns
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nortek-ad2cp"
+STREAM = Stream(lambda _: nortek(), kind=BOTTOM_AD2CP)
 _BEAMS = 4
 _HEAD = np.dtype(
     [

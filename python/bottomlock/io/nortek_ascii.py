@@ -12,10 +12,12 @@ import numpy as np
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
 from bottomlock.io.civil_time import minute_ns
 from bottomlock.io.dollar_sentences import Fields, Names, Remarks, Sentences, sentences
+from bottomlock.io.framing import NortekLines, Stream
 from bottomlock.io.lines import Bytes, is_text, running_xor
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nortek-ascii"
+STREAM = Stream(NortekLines)
 MOST_BEAMS = 4
 NO_VELOCITY_MPS, NO_FOM_MPS = -32.768, 10.0
 TILT_RAD = math.radians(25.0)

@@ -10,11 +10,13 @@ import numpy as np
 
 from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.binary_records import fields_at
+from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
 from bottomlock.io.nortek_frames import BOTTOM_DVL, Frames, frames, kinds, struct_tm_ns
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nortek-dvl"
+STREAM = Stream(lambda _: nortek(), kind=BOTTOM_DVL)
 _BEAMS = 4
 _DATA = np.dtype(
     [

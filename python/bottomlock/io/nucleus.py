@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, BeamTable, Integers, Recording
 from bottomlock.io.binary_records import fields_at
+from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_dvl import UNSURE, vertical_note
 from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, frames, kinds
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nucleus"
+STREAM = Stream(lambda _: nortek(), kind=BOTTOM_NUCLEUS)
 _BEAMS = 3
 _FAMILY = 0x20
 _NUCLEUS_RECORDS = {0x82, 0x87, 0xAA, 0xB4, 0xBE, 0xD2, 0xDC}

@@ -19,9 +19,11 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
 from bottomlock.io.binary_records import BLOCK, EMPTY, Headers, Places, blocks, bytes_of, fields_at, words_at
 from bottomlock.io.civil_time import minute_ns
+from bottomlock.io.framing import Stream, pd0
 from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, raise_if_empty, running_sums
 
 NAME = "pd0"
+STREAM = Stream(lambda _: pd0())
 _BEAMS = 4
 FRAMES = ("beam", "instrument", "ship", "earth")
 _FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE = 0x0000, 0x0080, 0x0600, 0x5803

@@ -6,15 +6,23 @@ vehicle moves along its beam: on a recorded A50 it fits b . v with tilt 22.5° a
 
 import contextlib
 import math
+import re
 from typing import Any
 
 import numpy as np
 
 from bottomlock.io.beam_table import Account, BeamTable, Floats, Recording
-from bottomlock.io.json_lines import objects
+from bottomlock.io.framing import Lines, Stream
+from bottomlock.io.json_lines import LONGEST_JSON, objects
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "waterlinked-json"
+STREAM = Stream(
+    lambda _: Lines(LONGEST_JSON),
+    transmission=re.compile(rb'"time_of_transmission"\s{0,4}:\s{0,4}([0-9]{1,18})'),
+    repeats=True,
+    sums=True,
+)
 _BEAMS = 4
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
+from bottomlock.io.framing import Stream, WaterLinkedLines
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 from bottomlock.io.waterlinked_sentences import (
     LOST,
@@ -24,6 +25,12 @@ from bottomlock.io.waterlinked_sentences import (
 )
 
 NAME = "waterlinked-serial"
+STREAM = Stream(
+    WaterLinkedLines,
+    transmission=re.compile(rb"wrz(?:,[^,*\n]{0,200}){9},([0-9]{1,18}),[^,*\n]{1,32},[^,*\n]{1,8}\*"),
+    sums=True,
+    lost=True,
+)
 _BEAMS = 4
 _MISSING = 1.5
 """Intervals between two reports from which on one is missing between them."""

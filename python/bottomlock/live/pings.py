@@ -6,7 +6,6 @@ soon as its fourth transducer is in, and a sum of intervals begins with the firs
 """
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,36 +13,9 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable
-from bottomlock.io.formats import BYTES
-from bottomlock.io.json_lines import LONGEST_JSON
-from bottomlock.io.nortek_frames import BOTTOM_AD2CP, BOTTOM_DVL, BOTTOM_NUCLEUS
+from bottomlock.io.formats import STREAMS
 from bottomlock.io.rows import Options
-from bottomlock.live.framing import Framer, Lines, NortekLines, WaterLinkedLines, nortek, pd0
 from bottomlock.live.reasons import Reasons
-
-FRAMERS: dict[str, Callable[[int], Framer]] = {
-    "waterlinked-json": lambda _: Lines(LONGEST_JSON),
-    "waterlinked-serial": WaterLinkedLines,
-    "pd0": lambda _: pd0(),
-    "nortek-dvl": lambda _: nortek(),
-    "nortek-ad2cp": lambda _: nortek(),
-    "nucleus": lambda _: nortek(),
-    "nortek-ascii": NortekLines,
-    "cerulean-dvkfc": lambda _: Lines(),
-}
-"""Formats with beams that come as a stream, and the framer of each for a number of beams."""
-
-_KINDS = {"nortek-dvl": BOTTOM_DVL, "nortek-ad2cp": BOTTOM_AD2CP, "nucleus": BOTTOM_NUCLEUS}
-_REPEATS = "waterlinked-json"
-"""The format whose reports may repeat the beams of the report before."""
-
-_TRANSMISSION = {
-    "waterlinked-json": re.compile(rb'"time_of_transmission"\s{0,4}:\s{0,4}([0-9]{1,18})'),
-    "waterlinked-serial": re.compile(
-        rb"wrz(?:,[^,*\n]{0,200}){9},([0-9]{1,18}),[^,*\n]{1,32},[^,*\n]{1,8}\*"
-    ),
-}
-"""Where a report says when it was sent, µs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +50,7 @@ class PingReader:
     """The pings of a byte stream in one format.
 
     Args:
-        format: a key of `FRAMERS`.
+        format: a key of `io.formats.STREAMS`.
         beams: number of beams of the geometry.
         options: of the reader.
 
@@ -99,16 +71,16 @@ class PingReader:
         Raises:
             DataError: for a format that is no stream of beams.
         """
-        if self.format not in FRAMERS:
+        if self.format not in STREAMS:
             raise DataError(
-                f"format '{self.format}' is no stream of beams, expected one of {', '.join(FRAMERS)}"
+                f"format '{self.format}' is no stream of beams, expected one of {', '.join(STREAMS)}"
             )
-        self.framer = FRAMERS[self.format](self.beams)
-        self._read = next(one.read for one in BYTES if one.name == self.format)
+        chosen = STREAMS[self.format]
+        assert chosen.stream is not None
+        self._read, self._stream = chosen.read, chosen.stream
+        self.framer = self._stream.frame(self.beams)
         # A report whose transducers are all missing is a ping with all beams lost, not a log without beams.
-        serial = self.format == "waterlinked-serial"
-        self._settings = replace(self.options, instrument_only=True) if serial else self.options
-        self._kind = _KINDS.get(self.format)
+        self._settings = replace(self.options, instrument_only=True) if self._stream.lost else self.options
         self._before: tuple[bytes, ...] | None = None
         self._absolute: bool | None = None
         self._sum_ns = 0
@@ -123,7 +95,7 @@ class PingReader:
 
     def _pings(self, record: bytes) -> list[Ping]:
         self.records += 1
-        if self._kind is not None and record[2] != self._kind:
+        if self._stream.kind is not None and record[2] != self._stream.kind:
             self.skipped.add("another kind of record")
             return []
         try:
@@ -135,7 +107,7 @@ class PingReader:
         if table.beams > self.beams:
             self.skipped.add(f"{table.beams} beams, the geometry has {self.beams}")
             return []
-        absolute = recording.time_of == "validity" or self.format not in _SUMS
+        absolute = recording.time_of == "validity" or not self._stream.sums
         if self._absolute is None:
             self._absolute = absolute
         if absolute != self._absolute:
@@ -156,7 +128,7 @@ class PingReader:
     def _ping(self, table: BeamTable, row: int, time_ns: int, record: bytes, *, only: bool) -> Ping:
         valid = _padded(table.valid[row], self.beams, fill=False)
         stale = False
-        if self.format == _REPEATS:
+        if self._stream.repeats:
             block = tuple(
                 column[row].tobytes()
                 for column in (table.velocity_mps, table.range_m, table.quality, *_noise(table))
@@ -165,7 +137,7 @@ class PingReader:
             self._before = block
             if stale and not self.options.keep_stale:
                 valid = np.zeros_like(valid)
-        pattern = _TRANSMISSION.get(self.format)
+        pattern = self._stream.transmission
         sent = pattern.search(record) if pattern is not None and only else None
         flag = int(table.instrument_valid[row])
         return Ping(
@@ -179,10 +151,6 @@ class PingReader:
             instrument_valid=None if flag < 0 else bool(flag),
             stale=stale,
         )
-
-
-_SUMS = ("waterlinked-json", "waterlinked-serial")
-"""Formats whose older versions carry intervals in place of times."""
 
 
 def _noise(table: BeamTable) -> list[NDArray[np.float64]]:

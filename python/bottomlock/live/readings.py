@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from bottomlock.io.framing import Lines
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
-from bottomlock.live.framing import Lines
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import AttitudeMessage, DepthSection
 from bottomlock.ports.mavlink import dialect

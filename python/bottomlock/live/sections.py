@@ -1,6 +1,6 @@
 """Sections of a live configuration, in human units, each checked as it is read."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -10,22 +10,22 @@ from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegative, Positive, Section, Vector
+from bottomlock.io.formats import STREAMS
 from bottomlock.kernel import Method
 from bottomlock.live.address import SinkAddress, SourceAddress
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 
-DVL_FORMATS = (
-    "waterlinked-json", "waterlinked-serial", "pd0", "nortek-dvl", "nortek-ad2cp", "nucleus", "nortek-ascii",
-    "cerulean-dvkfc",
-)  # fmt: skip
-"""Streams with beams, as `live.pings.FRAMERS` has them."""
+DVL_FORMATS = tuple(STREAMS)
+"""Streams with beams."""
 
-SourceFormat = Literal[
-    "waterlinked-json", "waterlinked-serial", "pd0", "nortek-dvl", "nortek-ad2cp", "nucleus", "nortek-ascii",
-    "cerulean-dvkfc", "imu-csv", "attitude-csv", "depth-csv", "gps-csv", "acoustic-csv", "mavlink",
-]  # fmt: skip
+if TYPE_CHECKING:
+    SourceFormat = str
+else:
+    SourceFormat = Literal[
+        (*DVL_FORMATS, "imu-csv", "attitude-csv", "depth-csv", "gps-csv", "acoustic-csv", "mavlink")
+    ]
 
 
 class DvlSection(Section):

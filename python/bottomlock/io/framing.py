@@ -2,12 +2,13 @@
 
 A framer is given bytes as they arrive and returns the records that have become whole: a text line, the lines of one
 ping, or a binary record whose checksum fits. What comes out depends on the bytes alone, not on how they were cut
-(`tests/live/test_framing.py`). The fields of a record are read by the readers of `bottomlock.io`.
+(`tests/readers/test_framing.py`). The fields of a record are read by the readers of `bottomlock.io`.
 """
 
 import re
 import struct
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, xor_of
@@ -37,6 +38,27 @@ class Framer(Protocol):
 
     def reset(self) -> None:
         """Forgets a record that has begun: the connection was made anew."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """How a format comes as a stream of bytes.
+
+    Attributes:
+        frame: its framer, for a number of beams.
+        kind: the third byte of the records with beams; None where all have them.
+        transmission: where a report says when it was sent, µs; None where it does not.
+        repeats: whether a report may repeat the beams of the report before.
+        sums: whether older versions carry intervals in place of times.
+        lost: whether a record without any beam is a ping, with all of them lost.
+    """
+
+    frame: Callable[[int], Framer]
+    kind: int | None = None
+    transmission: re.Pattern[bytes] | None = None
+    repeats: bool = False
+    sums: bool = False
+    lost: bool = False
 
 
 class Lines:

@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable
 from bottomlock.io.formats import BYTES
+from bottomlock.io.formats import STREAMS as STREAM_FORMATS
+from bottomlock.io.framing import Lines
 from bottomlock.io.rows import Options, longest_rising
-from bottomlock.live.framing import Lines
-from bottomlock.live.pings import FRAMERS, Ping, PingReader
+from bottomlock.live.pings import Ping, PingReader
 from tools import reader_seeds as seeds
 
-FORMATS = sorted(FRAMERS)
+FORMATS = sorted(STREAM_FORMATS)
 READ = {one.name: one.read for one in BYTES}
 STREAMS = {name: seeds.seeds()[name] for name in FORMATS}
 # One firmware: a stream of reports with and without a clock has no time of its own.
