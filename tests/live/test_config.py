@@ -25,7 +25,7 @@ NAVIGATION = NAVIGATION_TOML.format(**PLACES)
 @pytest.mark.parametrize(
     ("text", "old", "new", "message"),
     [
-        (VELOCITY, 'format = "w', 'format = "v', "'source.0.format' is 'vaterlinked-json', expected .*'waterlinked-json'"),
+        (VELOCITY, 'format = "w', 'format = "v', "'source.0.format' is 'vaterlinked-json', expected 'nortek-ascii'"),
         (VELOCITY, "rate_hz = 10", "rate_hz = 0", "'source.0.rate_hz' is 0, expected > 0.0 Hz"),
         (VELOCITY, "address =", "adress =", "unknown key 'source.0.adress', did you mean 'address'?"),
         (VELOCITY, "tcp:", "tpc:", "'tpc:127.0.0.1:16171' cannot be a source, did you mean tcp:HOST:PORT (connects)?"),
