@@ -15,11 +15,11 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Slerp
 
-from bottomlock.replay.axes import from_angles
+from bottomlock.recordings.axes import from_angles
+from bottomlock.recordings.streams import Times
 from bottomlock.replay.compare import innovations_table, samples_table
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import prepare, run_methods
-from bottomlock.replay.streams import Times
 from bottomlock.statistics.rms import rms
 from tools.akit import DVL_LEVER_M, akit_case
 

@@ -11,14 +11,15 @@ import polars as pl
 
 from bottomlock.config.scenario_sections import ImuErrors
 from bottomlock.kernel import EARTH_RATE_RADPS, local_earth
+from bottomlock.recordings.axes import from_quaternions
+from bottomlock.recordings.streams import Beams, Depths, ReferenceStates
 from bottomlock.replay import rerun
-from bottomlock.replay.axes import from_quaternions
 from bottomlock.replay.case import Case
 from bottomlock.replay.level import level_axes
 from bottomlock.replay.random_errors import case_key
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
-from bottomlock.replay.streams import Beams, Depths, ReferenceStates, Streams
+from bottomlock.replay.streams import Streams
 
 NO_ERRORS = ImuErrors(
     accel_bias_mg=0.0, gyro_bias_deg_per_h=0.0, accel_noise_mps_per_rt_h=0.0, gyro_noise_deg_per_rt_h=0.0

@@ -13,21 +13,14 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.logs import (
-    BeamLog,
-    Depths,
-    Inertial,
-    Reference,
-    read_depths,
-    read_inertial,
-    read_log,
-)
+from bottomlock.audit.logs import BeamLog, Reference, read_depths, read_inertial, read_log
 from bottomlock.config.scenario import load_scenario
 from bottomlock.instruments.from_scenario import with_geometry
 from bottomlock.io import linkquest, pd0, waterlinked_json
 from bottomlock.io.beam_table import write_recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.plant.telemetry import euler_rad
+from bottomlock.recordings.streams import Depths, Inertial
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bottomlock.atomic_write import write_text
 from bottomlock.io import pd0
 from bottomlock.io.beams import read_geometry
-from bottomlock.replay.random_errors import closure_residuals
+from bottomlock.recordings.closure import closure_residuals
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "python" / "bottomlock" / "bench" / "recorded.toml"

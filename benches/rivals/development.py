@@ -7,7 +7,7 @@ from benches.rivals import rotations
 from bottomlock.bench.mission import Mission, Pings, Scalars, Start, Truth
 from bottomlock.config.scenario import Scenario
 from bottomlock.models import InitialModel
-from bottomlock.replay.streams import Inertial
+from bottomlock.recordings.streams import Inertial
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth import truth as truths

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.bench.methods import estimate
 from bottomlock.bench.mission import Estimates, Mission, Pings, Scalars, Start, Truth
 from bottomlock.config.scenario import Scenario
-from bottomlock.replay.streams import Inertial
+from bottomlock.recordings.streams import Inertial
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bottomlock.bench.mission import Mission
 from bottomlock.errors import DataError
-from bottomlock.replay.streams import Inertial
+from bottomlock.recordings.streams import Inertial
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -32,8 +32,8 @@ from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live
 from bottomlock.live.sections import AttitudeSection, StartSection
 from bottomlock.ports.rotation import angles, quaternion
+from bottomlock.recordings.axes import from_angles, platform_attitude, quaternions
 from bottomlock.replay import rerun
-from bottomlock.replay.axes import from_angles, platform_attitude, quaternions
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 from tests.live.world import START_NS, Sent

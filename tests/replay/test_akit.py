@@ -10,8 +10,8 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.recordings.axes import quaternions
 from bottomlock.replay import rerun
-from bottomlock.replay.axes import quaternions
 from bottomlock.replay.model import gravity_mps2
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import ReplayResult, replay_case

@@ -8,11 +8,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.audit.logs import BeamLog, Inertial, Reference, read_depths
+from bottomlock.audit.logs import BeamLog, Reference, read_depths
 from bottomlock.audit.mounting import LIMITS, Mounting, find_mounting
 from bottomlock.audit.run import Audit, audit_file, audit_log
 from bottomlock.io import linkquest, pd0, waterlinked_json
 from bottomlock.io.beam_table import write_recording
+from bottomlock.recordings.streams import Inertial
 
 pytestmark = pytest.mark.recordings
 

@@ -21,10 +21,10 @@ from bottomlock.dead_reckoning.track_sd import (
 )
 from bottomlock.errors import ScenarioError
 from bottomlock.own_method import DEAD_RECKONING as METHOD
+from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reckon import attitude_errors
 from bottomlock.replay.run import ReplayResult, replay_case
-from bottomlock.replay.streams import Attitudes, Depths
 from tests.replay.mistaken_case import write_case
 from tests.replay.rov_dive import RovDive, rov_dive
 

@@ -9,8 +9,8 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.recordings.axes import quaternions
 from bottomlock.replay import rerun
-from bottomlock.replay.axes import quaternions
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.report import make_replay_report

@@ -27,7 +27,7 @@ from bottomlock.errors import DataError
 from bottomlock.models import Options
 from bottomlock.plant import Vehicle
 from bottomlock.plant.trim import trim
-from bottomlock.replay.streams import Inertial
+from bottomlock.recordings.streams import Inertial
 from bottomlock.simulation.build import build_simulation
 from tests.unit.plant.helpers import finned
 

@@ -32,7 +32,7 @@ from benches.rivals.unscented import SigmaPoints, UnscentedFilter, moments
 from bottomlock.bench.mission import Mission
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.models import DepthModel, DvlModel, HeadingModel
-from bottomlock.replay.streams import Inertial
+from bottomlock.recordings.streams import Inertial
 
 Floats = NDArray[np.float64]
 

@@ -10,11 +10,12 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
+from bottomlock.recordings.axes import from_angles, to_angles
+from bottomlock.recordings.streams import Attitudes, Beams, Inertial, MagneticFields, Positions
 from bottomlock.replay.align import Alignment, align
-from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.model import imu_model
-from bottomlock.replay.streams import Attitudes, Beams, Inertial, MagneticFields, Positions, Streams
+from bottomlock.replay.streams import Streams
 from tests.oracle.mechanisation import earth_rate_tangent
 from tests.oracle.rotations import Array, matrix_from_euler
 from tests.unit.test_replay_case import LEAST

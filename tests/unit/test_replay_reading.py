@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
-from bottomlock.replay import rerun
-from bottomlock.replay.axes import (
+from bottomlock.recordings.axes import (
     from_angles,
     handedness,
     permute_axes,
@@ -20,6 +19,7 @@ from bottomlock.replay.axes import (
     quaternions,
     to_angles,
 )
+from bottomlock.replay import rerun
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams

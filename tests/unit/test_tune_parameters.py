@@ -11,9 +11,9 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.kernel import KernelError
 from bottomlock.models import Options
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.streams import Floats
 from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.parameters import noise_of, value_of, with_values
 from bottomlock.replay.tune.passes import Inputs, passes_of

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from bottomlock.config.scenario_sections import ImuErrors
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
+from bottomlock.recordings.closure import closure_residuals, closure_rows
+from bottomlock.recordings.streams import Inertial
 from bottomlock.replay import random_errors
 from bottomlock.replay.dvl_sections import BeamRecording, WhatIf
-from bottomlock.replay.streams import Inertial
 from bottomlock.replay.what_if import beams_returned
 
 S = 1_000_000_000
@@ -78,7 +79,7 @@ def test_beam_that_does_not_exist() -> None:
 def test_no_velocity_closes_wrongly(tilt: float, roll: float, velocity: list[float]) -> None:
     """The closure combination is blind to every velocity, of unit length, for any tilt and mounting."""
     janus = BeamGeometry.janus(tilt, mounting_rpy_rad=[roll, 0.1, 0.3])
-    (null,) = random_errors.closure_directions(janus)
+    (null,) = closure_rows(janus.directions_p)
     assert np.linalg.norm(null) == pytest.approx(1.0)
     assert abs(null @ janus.beam_velocities([velocity])[0]) < 1e-12
 
@@ -88,7 +89,7 @@ def test_closure_residuals_scatter_as_one_beam() -> None:
     rng = np.random.default_rng(11)
     janus = BeamGeometry.janus(0.4)
     beams = janus.beam_velocities(rng.uniform(-2, 2, (4000, 3))) + rng.standard_normal((4000, 4)) * 0.03
-    residuals = random_errors.closure_residuals(janus, beams, np.ones((4000, 4), dtype=bool))
+    residuals = closure_residuals(janus, beams, np.ones((4000, 4), dtype=bool))
     assert abs(residuals.std() - 0.03) < 4 * 0.03 / np.sqrt(8000)
     drawn = random_errors.resampled_beam_noise((50, 4), residuals, seed=1, key=2, run=0)
     assert set(drawn.ravel()) <= set(residuals)
@@ -96,7 +97,7 @@ def test_closure_residuals_scatter_as_one_beam() -> None:
 
 
 def test_three_beams_have_no_closure() -> None:
-    assert random_errors.closure_directions(BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0])).shape == (
+    assert closure_rows(BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0]).directions_p).shape == (
         0,
         3,
     )

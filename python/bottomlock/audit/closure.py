@@ -24,6 +24,7 @@ from bottomlock.audit.robust import (
     resolution,
     sigma,
 )
+from bottomlock.recordings.closure import closure_rows
 from bottomlock.statistics.correlation import correlation_rows
 
 GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
@@ -35,7 +36,7 @@ def null_space(rows: Array) -> Array:
     >>> null_space(np.array([[1.0, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])).round(9).T.tolist()
     [[1.0, -1.0, 1.0, -1.0]]
     """
-    left = np.linalg.svd(rows)[0][:, 3:]
+    left = closure_rows(rows).T
     if not left.size:
         return np.zeros((len(rows), 0))
     largest = np.argmax(np.abs(left) > np.abs(left).max(axis=0) * (1.0 - 1e-2), axis=0)

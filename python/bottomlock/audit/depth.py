@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from bottomlock.audit.findings import Finding
-from bottomlock.audit.logs import Depths, Reference
+from bottomlock.audit.logs import Reference
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, sigmas_for
+from bottomlock.recordings.streams import Depths
 from bottomlock.statistics.rms import rms
 
 WINDOW_S = 5.0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.io.beams import LEAST_READING_NS, Columns, beam_flags, times_as_they_stand
 from bottomlock.io.columns import column_numbers, read_rows
+from bottomlock.recordings.streams import Depths, Inertial
 
 AXES = ("x", "y", "z")
 
@@ -191,23 +192,6 @@ class Reference:
     time_ns: NDArray[np.int64]
     rpy_rad: NDArray[np.float64]
     velocity_t_mps: NDArray[np.float64] | None
-
-
-@dataclass(frozen=True, eq=False)
-class Inertial:
-    """Recorded IMU: time_ns (m,), force_p_mps2 (m, 3), omega_p_radps (m, 3), in the platform frame."""
-
-    time_ns: NDArray[np.int64]
-    force_p_mps2: NDArray[np.float64]
-    omega_p_radps: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Depths:
-    """Recorded depth: time_ns (m,), depth_m (m,), positive down."""
-
-    time_ns: NDArray[np.int64]
-    depth_m: NDArray[np.float64]
 
 
 def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:

@@ -9,8 +9,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
-from bottomlock.audit.logs import Inertial, Reference
+from bottomlock.audit.logs import Reference
 from bottomlock.audit.robust import Array, fit_nonlinear
+from bottomlock.recordings.streams import Inertial
 from bottomlock.statistics.rms import rms
 
 SLOW_S = 0.3

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.audit.logs import Inertial, Reference
+from bottomlock.audit.logs import Reference
 from bottomlock.audit.motion import ImuAlignment, Motion, align_imu, integral
 from bottomlock.audit.robust import (
     LEAST_BLOCKS,
@@ -30,6 +30,7 @@ from bottomlock.audit.robust import (
     jacobian,
     sigma,
 )
+from bottomlock.recordings.streams import Inertial
 from bottomlock.statistics.rms import rms
 
 Rows = NDArray[np.int64]

@@ -15,7 +15,7 @@ from bottomlock.audit.closure_findings import closure_findings
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
 from bottomlock.audit.findings import Finding, ranked
 from bottomlock.audit.lock import lock_findings
-from bottomlock.audit.logs import BeamLog, Depths, Inertial, Reference, read_log
+from bottomlock.audit.logs import BeamLog, Reference, read_log
 from bottomlock.audit.matrix import LEAST_PINGS
 from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import Mounting, find_mounting
@@ -27,6 +27,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry
+from bottomlock.recordings.streams import Depths, Inertial
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from bottomlock.audit.findings import Finding
-from bottomlock.audit.logs import Inertial, Reference
+from bottomlock.audit.logs import Reference
 from bottomlock.audit.motion import Motion
 from bottomlock.audit.robust import Array, fit_linear, sigmas_for
+from bottomlock.recordings.streams import Inertial
 
 SLOW_S = 4.0
 """Slower motion is removed: it is the vehicle's manoeuvring."""

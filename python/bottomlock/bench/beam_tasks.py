@@ -19,8 +19,8 @@ from bottomlock.bench.tasks import RANKED, climatology
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry, FixMethod, solve_velocity
 from bottomlock.models import DvlModel
+from bottomlock.recordings.closure import closure_rows
 from bottomlock.replay.leave_out import VelocityWalk, random_walk
-from bottomlock.replay.random_errors import closure_directions
 from bottomlock.statistics.rms import rms
 from bottomlock.tables.bench import SCORES
 
@@ -171,7 +171,7 @@ def left_out(pings: int, beams: int = 4) -> LeftOut:
 
 def noise_so_far(geometry: BeamGeometry, readings: Floats, first_sd_mps: float, least: int = 20) -> Floats:
     """(n,) noise of a beam before each ping: robust σ of the closures of the pings before; at first the file's."""
-    closure = readings @ closure_directions(geometry)[0]
+    closure = readings @ closure_rows(geometry.directions_p)[0]
     return np.array(
         [1.4826 * np.median(np.abs(closure[:k])) if k >= least else first_sd_mps for k in range(len(closure))]
     )

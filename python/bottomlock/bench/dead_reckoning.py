@@ -6,8 +6,8 @@ import numpy as np
 
 from bottomlock.bench.mission import Estimates, Mission, initial_state
 from bottomlock.dead_reckoning.sensors import Sensors, reckon
-from bottomlock.dead_reckoning.streams import Depths
-from bottomlock.replay.axes import quaternions
+from bottomlock.recordings.axes import quaternions
+from bottomlock.recordings.streams import Depths
 
 
 def sensors_of(mission: Mission) -> Sensors:

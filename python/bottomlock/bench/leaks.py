@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bottomlock.bench.mission import Mission
-from bottomlock.replay.random_errors import closure_directions
+from bottomlock.recordings.closure import closure_rows
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def without_closure(missions: Iterable[Mission]) -> list[str]:
         if mission.geometry.beams <= mission.geometry.rank:
             continue
         whole = mission.pings.valid.all(axis=1)
-        closure = mission.pings.velocity_mps[whole] @ closure_directions(mission.geometry).T
+        closure = mission.pings.velocity_mps[whole] @ closure_rows(mission.geometry.directions_p).T
         if whole.any() and np.abs(closure).max() < NO_CLOSURE_MPS:
             names.append(mission.name)
     return names

@@ -9,8 +9,8 @@ from bottomlock.bench.digests import digest
 from bottomlock.bench.make import CASE, RECORD, SEALED, TRUTH
 from bottomlock.bench.mission import Mission, Pings, Scalars, Start, Truth
 from bottomlock.errors import DataError
+from bottomlock.recordings.axes import quaternions, to_angles
 from bottomlock.records import read_record, read_recorded
-from bottomlock.replay.axes import quaternions, to_angles
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import PreparedRun, prepare

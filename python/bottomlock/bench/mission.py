@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bottomlock.kernel import BeamGeometry
 from bottomlock.models import InitialState, Model, Options
-from bottomlock.replay.streams import Inertial
+from bottomlock.recordings.streams import Inertial
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -14,9 +14,9 @@ from bottomlock import kernel
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.partition import Chunk
 from bottomlock.dead_reckoning.sensors import Sensors, reckon
-from bottomlock.dead_reckoning.streams import Attitudes, Depths
 from bottomlock.models import InitialState, Model, Options
 from bottomlock.own_method import DEAD_RECKONING
+from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.simulation.build import trajectory_key
 
 NOT_ESTIMATED = ("nees", "nees_velocity_attitude", "nis_mean", "final_bias_error", "final_bias_sd")

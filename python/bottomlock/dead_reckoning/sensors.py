@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.dead_reckoning.streams import Attitudes, Depths, Flags, Floats, Times
 from bottomlock.dead_reckoning.track import (
     Begin,
     DepthAid,
@@ -25,6 +24,7 @@ from bottomlock.dead_reckoning.track import (
 from bottomlock.dead_reckoning.track_sd import AttitudeErrors, StructureFunction, VelocityErrors
 from bottomlock.kernel import STATUS, BeamGeometry, solve_velocity
 from bottomlock.models import DepthModel, DvlModel, InitialState, MagnetometerModel, Model
+from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Times
 
 LEVEL_TIME_S = 30.0
 """Longer than a turn of a vehicle's speed, short enough for gyros of 100 deg/h: 0.8 deg."""

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from bottomlock.dead_reckoning.streams import Attitudes, Depths, Flags, Floats, Times
 from bottomlock.dead_reckoning.track_sd import (
     AttitudeErrors,
     VelocityErrors,
@@ -26,6 +25,7 @@ from bottomlock.dead_reckoning.track_sd import (
     outer,
     summed,
 )
+from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Times
 
 AttitudeAt = Callable[[Times], Rotation]
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from bottomlock.dead_reckoning.streams import Floats, Times
+from bottomlock.recordings.streams import Floats, Times
 
 STEPS_OF_WALK = 20
 """Even steps in the time constant of the walk."""

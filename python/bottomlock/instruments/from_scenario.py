@@ -10,7 +10,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.instruments.readings import Floats, Readings, TrueStates, ranges_or_flat
 from bottomlock.io.beams import read_instrument_file
 from bottomlock.plant.telemetry import euler_rad
-from bottomlock.replay.streams import Depths, Inertial
+from bottomlock.recordings.streams import Depths, Inertial
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth.truth import Truth

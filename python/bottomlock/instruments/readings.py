@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bottomlock.encoders.ping import Ping
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, solve_velocity
-from bottomlock.replay.streams import Depths, Inertial
+from bottomlock.recordings.streams import Depths, Inertial
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -7,7 +7,7 @@ from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import Encoder
 from bottomlock.instruments.faults import FaultDraws, Faults
 from bottomlock.instruments.readings import Readings, pings
-from bottomlock.replay.streams import Depths, Inertial
+from bottomlock.recordings.streams import Depths, Inertial
 
 LATENCY_NS = 10_000_000
 """Time from the last echo to the sending of a record, where none is given."""

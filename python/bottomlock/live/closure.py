@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.io.beams import Instrument
+from bottomlock.recordings.closure import closure_rows
 
 PINGS = 20
 """Complete pings that are judged together."""
@@ -20,7 +21,7 @@ _GAUSSIAN = 0.6745
 def whitened_closure(instrument: Instrument) -> NDArray[np.float64]:
     """(k, n) combinations of the readings over their claimed noise that no velocity causes, each of variance 1."""
     whitened = instrument.geometry.directions_p / instrument.beam_sd_mps[:, np.newaxis]
-    return np.linalg.svd(whitened)[0][:, 3:].T
+    return closure_rows(whitened)
 
 
 class Closure:

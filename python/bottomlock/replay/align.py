@@ -10,11 +10,12 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
 from bottomlock.levelling import level_from_force
 from bottomlock.models import Environment, ImuModel
-from bottomlock.replay.axes import from_angles, to_angles
+from bottomlock.recordings.axes import from_angles, to_angles
+from bottomlock.recordings.streams import Floats, Inertial, Times
 from bottomlock.replay.case import FROM_REFERENCE, Case
 from bottomlock.replay.level import level_axes
 from bottomlock.replay.stream_sections import ImuFromAttitude
-from bottomlock.replay.streams import Floats, Inertial, Streams, Times
+from bottomlock.replay.streams import Streams
 from bottomlock.replay.window_mean import mean_over
 
 NEEDS_WINDOW = {"levelling", "magnetometer", "gps_course", "gyrocompass"}

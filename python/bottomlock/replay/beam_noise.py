@@ -18,8 +18,8 @@ from scipy.optimize import minimize
 from scipy.stats import norm, t
 
 from bottomlock.kernel import BeamGeometry
-from bottomlock.replay.random_errors import closure_directions
-from bottomlock.replay.streams import Flags, Floats
+from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.statistics.robust import sd_about_zero
 
 FEWEST_PINGS = 100
@@ -115,7 +115,7 @@ def normalised_closure(
         [[1.0]]
     """
     whole = np.asarray(valid.all(axis=1))
-    N = closure_directions(geometry).T
+    N = closure_rows(geometry.directions_p).T
     L = np.linalg.cholesky(N.T @ (N * sd_mps[:, None] ** 2)) if N.size else np.zeros((0, 0))
     return np.asarray(np.linalg.solve(L, N.T @ velocity_mps[whole].T).T), whole
 

@@ -2,9 +2,10 @@
 
 from bottomlock.errors import BottomlockError, DataError
 from bottomlock.io.beams import read_geometry
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay import rerun
 from bottomlock.replay.case import Case
-from bottomlock.replay.streams import Floats, Streams
+from bottomlock.replay.streams import Streams
 
 
 def check_files(case: Case) -> None:

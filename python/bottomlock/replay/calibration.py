@@ -15,10 +15,10 @@ from bottomlock.io.calibrated_file import Calibrated, calibrated_text
 from bottomlock.kernel import STATES
 from bottomlock.models import Calibration, DvlModel
 from bottomlock.overwriting import check_free
-from bottomlock.replay.axes import from_angles
+from bottomlock.recordings.axes import from_angles
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import Rerun
-from bottomlock.replay.streams import Floats
 from bottomlock.tables.replay import CALIBRATION, RECORDED
 
 PARAMETERS = ("mounting_forward", "mounting_right", "mounting_down", "clock_offset", "scale")

@@ -10,11 +10,12 @@ from scipy.spatial.transform import Rotation
 from bottomlock.geodesy import geodetic_from_tangent
 from bottomlock.kernel import FIX_STATUS
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.axes import from_quaternions, to_angles
+from bottomlock.recordings.axes import from_quaternions, to_angles
+from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.level import level_axes
 from bottomlock.replay.rerun import PreparedRun, Rerun
-from bottomlock.replay.streams import Floats, Streams, Times
+from bottomlock.replay.streams import Streams
 from bottomlock.tables.replay import (
     FORWARD,
     IMU_FAULTS,

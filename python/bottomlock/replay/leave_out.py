@@ -17,11 +17,11 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes
+from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
-from bottomlock.replay.random_errors import closure_directions
 from bottomlock.replay.robust_fix import solve_scaled
 from bottomlock.replay.screen_beams import screen_beams
-from bottomlock.replay.streams import Flags, Floats, Times
 from bottomlock.statistics.rms import rms
 from bottomlock.statistics.robust import sd_about_zero
 from bottomlock.tables.replay import SCORES
@@ -165,7 +165,7 @@ def reference_pings(
     every = np.asarray(valid.all(axis=1))
     if closure_gate is None or not every.any():
         return np.asarray(every)
-    closure = np.where(every[:, None], velocity_mps, 0.0) @ closure_directions(geometry).T
+    closure = np.where(every[:, None], velocity_mps, 0.0) @ closure_rows(geometry.directions_p).T
     sigma = sd_about_zero(closure[every], axis=0)
     return np.asarray(every & (np.abs(closure) <= closure_gate * sigma).all(axis=1))
 

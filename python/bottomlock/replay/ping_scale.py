@@ -10,9 +10,9 @@ degrees of freedom and the scale s √((ν + q)/(ν + ρ)). Its tail is lighter,
 import numpy as np
 
 from bottomlock.kernel import BeamGeometry
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.beam_noise import MOST_DEGREES, BeamNoise, student_halfwidths
 from bottomlock.replay.screen_beams import Screened
-from bottomlock.replay.streams import Floats
 
 OF_MEDIAN = 0.4
 """Variance of the median of four pings over that of one, about: the least scatter of a prediction."""

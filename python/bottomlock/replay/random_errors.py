@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from bottomlock import units
 from bottomlock.config.scenario_sections import ImuErrors
-from bottomlock.kernel import BeamGeometry
 from bottomlock.plant.beam_loss import generator
-from bottomlock.replay.streams import Flags, Floats, Inertial
+from bottomlock.recordings.streams import Floats, Inertial
 
 _NOISE, _FORCE, _OMEGA, _START = 0xE1, 0xE2, 0xE3, 0xE4
 
@@ -22,32 +21,6 @@ def case_key(name: str) -> int:
 def random_stream(seed: int, key: int, run: int, error: int) -> np.random.Generator:
     """The random numbers of one kind of error in one run."""
     return generator(seed, key, run, error, 0)
-
-
-def closure_directions(geometry: BeamGeometry) -> Floats:
-    """(B − 3, B) orthonormal combinations of beams to which no velocity contributes; none for three beams or fewer.
-
-    They span the null space of the transposed geometry matrix A, A the (B, 3) beam directions: n · A v = 0 for every v.
-
-    Examples:
-        The four beams of a Janus have one, with alternating signs and unit length, so that its residual scatters as
-        one beam:
-
-        >>> closure_directions(BeamGeometry.janus(0.35)).round(3).tolist()
-        [[0.5, -0.5, 0.5, -0.5]]
-    """
-    left, _, _ = np.linalg.svd(np.asarray(geometry.directions_p))
-    null = left[:, geometry.rank :].T
-    # The sign of a singular vector is arbitrary: the first component is made positive.
-    signs = np.where(null[:, :1] < 0.0, -1.0, 1.0)
-    return np.ascontiguousarray(null * signs)
-
-
-def closure_residuals(geometry: BeamGeometry, velocity_mps: Floats, valid: Flags) -> Floats:
-    """(m,) closure residuals, m/s, of pings with all beams valid, about their median; each scatters as one beam."""
-    whole = valid.all(axis=1)
-    residuals = velocity_mps[whole] @ closure_directions(geometry).T
-    return np.asarray((residuals - np.median(residuals, axis=0)).ravel())
 
 
 def white_beam_noise(shape: tuple[int, int], sd_mps: float, *, seed: int, key: int, run: int) -> Floats:

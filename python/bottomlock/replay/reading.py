@@ -10,8 +10,26 @@ from bottomlock.geodesy import Place, tangent_from_geodetic
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.io.columns import column_numbers
+from bottomlock.recordings.axes import (
+    from_angles,
+    handedness,
+    permute_axes,
+    platform_attitude,
+    to_platform_axes,
+)
+from bottomlock.recordings.streams import (
+    Attitudes,
+    Beams,
+    Depths,
+    Flags,
+    Floats,
+    Inertial,
+    MagneticFields,
+    Positions,
+    ReferenceStates,
+    Times,
+)
 from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
-from bottomlock.replay.axes import from_angles, handedness, permute_axes, platform_attitude, to_platform_axes
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.read_tables import read_stream
@@ -25,19 +43,7 @@ from bottomlock.replay.stream_sections import (
     PositionStream,
     ReferenceStream,
 )
-from bottomlock.replay.streams import (
-    Attitudes,
-    Beams,
-    Depths,
-    Flags,
-    Floats,
-    Inertial,
-    MagneticFields,
-    Positions,
-    ReferenceStates,
-    Streams,
-    Times,
-)
+from bottomlock.replay.streams import Streams
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2, "m/s": 1.0}

@@ -16,14 +16,14 @@ from bottomlock.dead_reckoning.track_sd import (
 )
 from bottomlock.kernel import STATUS
 from bottomlock.models import DvlModel
-from bottomlock.replay.axes import quaternions
+from bottomlock.recordings.axes import quaternions
+from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.robust_fix import solve_scaled
 from bottomlock.replay.screen_beams import screen_beams
 from bottomlock.replay.stream_sections import AttitudeStream
-from bottomlock.replay.streams import Flags, Floats
 
 
 def whole_velocities(prepared: PreparedRun, valid: Flags) -> Velocities:

@@ -11,16 +11,18 @@ from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.models import ImuModel, InitialModel, InitialState, Model, Options
+from bottomlock.recordings.axes import quaternions
+from bottomlock.recordings.closure import closure_residuals
+from bottomlock.recordings.streams import Flags, Floats, Inertial, Times
 from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.attitude_inertial import with_persistence
-from bottomlock.replay.axes import quaternions
 from bottomlock.replay.case import Case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.stream_sections import ImuFromAttitude, ImuStream
-from bottomlock.replay.streams import Flags, Floats, Inertial, Streams, Times
+from bottomlock.replay.streams import Streams
 from bottomlock.replay.what_if import beams_returned, read_beam_recording
 
 UNSMOOTHED = ("consistent",)
@@ -144,7 +146,7 @@ def noise_residuals(case: Case) -> Floats | None:
             f"{of.file}: has no ping with all beams valid, or no redundant beams, expected both: there is "
             "no closure residual to draw noise from"
         )
-    return random_errors.closure_residuals(geometry, velocity, valid) * case.dvl.noise.scale
+    return closure_residuals(geometry, velocity, valid) * case.dvl.noise.scale
 
 
 def _with_random_errors(case: Case, streams: Streams, run: int, residuals: Floats | None) -> Streams:

@@ -8,10 +8,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes, solve_velocity
+from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import BeamNoise, measure_noise
 from bottomlock.replay.ping_scale import ping_noise
 from bottomlock.replay.screen_beams import Screened, screen_beams
-from bottomlock.replay.streams import Flags, Floats, Times
 from bottomlock.tables.fixes import OUTLIER_TESTS
 
 

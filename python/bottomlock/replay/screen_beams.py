@@ -16,8 +16,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from bottomlock.kernel import STATUS, BeamGeometry, solve_velocity
+from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import BeamNoise
-from bottomlock.replay.streams import Flags, Floats, Times
 from bottomlock.statistics.robust import sd_about_zero
 from bottomlock.tables.fixes import OUTLIER_TESTS
 
@@ -118,8 +119,7 @@ def _closure(B: Floats, y: Floats, sd_mps: Floats) -> tuple[Floats, int]:
     """Statistic of readings y (..., m) along directions B (m, 3), and its degrees of freedom."""
     if not len(B):
         return np.zeros(y.shape[:-1]), 0
-    left, values, _ = np.linalg.svd(B)
-    N = left[:, int((values > 1e-9 * values[0]).sum()) :]
+    N = closure_rows(B).T
     residual = y @ N
     weighted = residual @ np.linalg.inv(N.T @ (N * sd_mps[:, None] ** 2)) if N.shape[1] else residual
     return np.asarray((residual * weighted).sum(axis=-1)), N.shape[1]

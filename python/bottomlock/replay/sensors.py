@@ -15,9 +15,10 @@ from bottomlock.models import (
     MagnetometerModel,
     Settings,
 )
-from bottomlock.replay.axes import to_angles
+from bottomlock.recordings.axes import to_angles
+from bottomlock.recordings.streams import Times
 from bottomlock.replay.stream_sections import AcousticPositionStream, AttitudeStream, DepthStream, GpsStream
-from bottomlock.replay.streams import Streams, Times
+from bottomlock.replay.streams import Streams
 
 Within = Callable[[Times], slice]
 """Rows of a stream between the start and the last inertial reading."""

@@ -17,9 +17,8 @@ from bottomlock.config.scenario_sections import (
     Section,
     Vector,
 )
+from bottomlock.recordings.axes import Axes
 
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
-Axes = tuple[Axis, Axis, Axis]
 ColumnTriple = tuple[str, str, str]
 
 ANGLE_UNITS = ("rad", "deg")

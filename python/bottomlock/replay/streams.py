@@ -3,84 +3,21 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from bottomlock.dead_reckoning.streams import Attitudes, Depths, Flags, Floats, Times
 from bottomlock.geodesy import Place
 from bottomlock.io.beams import Instrument
 from bottomlock.models import Motion
+from bottomlock.recordings.streams import (
+    Attitudes,
+    Beams,
+    Depths,
+    Floats,
+    Inertial,
+    MagneticFields,
+    Positions,
+    ReferenceStates,
+)
 from bottomlock.replay.clock import ClockReport
-
-__all__ = [
-    "Attitudes",
-    "Beams",
-    "Depths",
-    "Flags",
-    "Floats",
-    "Inertial",
-    "MagneticFields",
-    "Positions",
-    "ReferenceStates",
-    "Streams",
-    "Times",
-    "VehicleMotion",
-]
-
-
-@dataclass(frozen=True, eq=False)
-class Inertial:
-    """IMU readings: times (n,), specific force and inertial rate in the platform frame, (n, 3) each."""
-
-    time_ns: Times
-    force_p_mps2: Floats
-    omega_p_radps: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Beams:
-    """Pings: times (n,), beam velocities (n, B) with NaN for a lost beam, validity and noise 1 sigma, (n, B) each.
-
-    `velocity_d_mps` (n, 3) is the instrument's velocity that the beams were projected from; None for recorded beams.
-    """
-
-    time_ns: Times
-    velocity_mps: Floats
-    valid: Flags
-    sd_mps: Floats
-    velocity_d_mps: Floats | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class MagneticFields:
-    """Magnetic field in the platform frame, (n, 3), any unit."""
-
-    time_ns: Times
-    field_p: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Positions:
-    """Positions of a point of the vehicle in the tangent frame, (n, 3), and their 1 sigma where recorded, (n, 3)."""
-
-    time_ns: Times
-    position_t_m: Floats
-    sd_m: Floats | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class ReferenceStates:
-    """Reference states of the IMU: times (n,), position, velocity and attitude, each None where it is absent.
-
-    Positions are in the tangent frame; attitudes against north, east and down at the vehicle.
-
-    Without `has_down` the reference measures no height: its positions are on the level of the origin.
-    """
-
-    time_ns: Times
-    position_t_m: Floats | None
-    velocity_p_mps: Floats | None
-    attitude: Rotation | None
-    has_down: bool = True
 
 
 @dataclass(frozen=True, eq=False)

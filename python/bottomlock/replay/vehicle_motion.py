@@ -5,7 +5,8 @@ from scipy.optimize import nnls
 
 from bottomlock.dead_reckoning.track_sd import structure_function
 from bottomlock.errors import DataError
-from bottomlock.replay.streams import Floats, Times, VehicleMotion
+from bottomlock.recordings.streams import Floats, Times
+from bottomlock.replay.streams import VehicleMotion
 
 LONGEST_LAG_S = 300.0
 """Times over which a vehicle that has lost the bottom has to be predicted."""

@@ -5,9 +5,9 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.plant import beam_loss
+from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.dvl_sections import BeamRecording, WhatIf
 from bottomlock.replay.random_errors import case_key
-from bottomlock.replay.streams import Flags, Floats, Times
 
 
 def beams_returned(

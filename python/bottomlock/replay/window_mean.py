@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.replay.streams import Floats
+from bottomlock.recordings.streams import Floats
 
 BLOCKS = 10
 """Number of blocks of a window: scatter slower than the sampling then still counts."""

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from bottomlock.audit.depth import depth_findings, depth_rate
-from bottomlock.audit.logs import Depths, Inertial, Reference
+from bottomlock.audit.logs import Reference
 from bottomlock.audit.mounting import GRAVITY_MPS2, LIMITS, Mounting, find_mounting
 from bottomlock.audit.mounting_findings import mounting_findings
+from bottomlock.recordings.streams import Depths, Inertial
 from tests.oracle import mounting as oracle
 from tests.oracle.rotations import Array
 

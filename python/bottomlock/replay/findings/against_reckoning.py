@@ -14,7 +14,7 @@ import polars as pl
 from scipy.stats import norm
 
 from bottomlock.own_method import DEAD_RECKONING as METHOD
-from bottomlock.replay.streams import Floats
+from bottomlock.recordings.streams import Floats
 from bottomlock.statistics.chi_squared import each_probability
 from bottomlock.tables.replay import FORWARD
 

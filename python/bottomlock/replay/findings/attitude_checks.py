@@ -11,13 +11,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.dead_reckoning.track import attitude_between
+from bottomlock.recordings.streams import Floats, Inertial, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.findings.motion_findings import ANEW
 from bottomlock.replay.motion.gyros import slope
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.stream_sections import ImuStream
-from bottomlock.replay.streams import Floats, Inertial, Times
 
 STEP_S, LEVEL_S = 1.0, 10.0
 """Intervals over which turns and the direction of gravity are compared."""

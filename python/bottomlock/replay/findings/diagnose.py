@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.axes import to_angles
+from bottomlock.recordings.axes import to_angles
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
-from bottomlock.replay.axes import to_angles
+from bottomlock.recordings.axes import to_angles
 from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.tables.replay import FORWARD

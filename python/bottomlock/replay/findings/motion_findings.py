@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from bottomlock.recordings.axes import Axes
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.findings.hypotheses import Cause, Comparison
 from bottomlock.replay.init.guess import axis_names
-from bottomlock.replay.stream_sections import Axes
 
 ANEW = "noise and offset of the gyros may be in the wrong unit too; delete grade and its keys, or run --init again"
 """What a wrong unit of the gyros leaves behind."""

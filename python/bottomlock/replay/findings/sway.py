@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.reckon import whole_velocities
 from bottomlock.replay.rerun import PreparedRun
-from bottomlock.replay.streams import Floats, Times
 
 FEWEST = 100
 """Complete pings from which the sway is known."""

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.finding import Finding
-from bottomlock.replay.streams import Floats, Streams, Times
+from bottomlock.replay.streams import Streams
 
 SIGMAS = 5.0
 LEAST_EXTENT_M = 5.0

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.replay.axes import from_angles, platform_attitude
+from bottomlock.recordings.axes import from_angles, platform_attitude
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

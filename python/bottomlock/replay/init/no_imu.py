@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.attitude_motion import inertial_readings
 from bottomlock.errors import DataError
-from bottomlock.replay.axes import from_angles
+from bottomlock.recordings.axes import from_angles
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, angle_unit, round_up

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.replay.axes import from_angles, platform_attitude
+from bottomlock.recordings.axes import from_angles, platform_attitude
 from bottomlock.replay.init.attitude import AttitudeMatch, match_attitude
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock.recordings.closure import closure_rows
 from bottomlock.statistics.robust import sd_about_zero
 
 Floats = NDArray[np.float64]
@@ -19,7 +20,7 @@ LEAST_PINGS = 30
 
 def closure_sd(directions_p: Floats, velocity_mps: Floats) -> float:
     """Robust sigma of the readings along the combinations that no velocity contributes to, m/s; NaN without any."""
-    null = np.linalg.svd(directions_p.T)[2][3:]
+    null = closure_rows(directions_p)
     return float(sd_about_zero(velocity_mps @ null.T)) if len(null) else float("nan")
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.replay.streams import Floats
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion
 from bottomlock.replay.tune.likelihood import white_residuals
 from bottomlock.replay.tune.passes import LEFT_OUT, LOST_S, Group

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from bottomlock.replay.streams import Floats, Times
+from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.tune.passes import Group
 
 TAIL = 1e-3

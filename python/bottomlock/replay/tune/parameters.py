@@ -9,10 +9,11 @@ import numpy as np
 from bottomlock import units
 from bottomlock.config.scenario_sections import Section
 from bottomlock.io.beams import InstrumentFile
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case
 from bottomlock.replay.model import imu_model
 from bottomlock.replay.stream_sections import ImuFromAttitude, ImuStream
-from bottomlock.replay.streams import Floats, Streams
+from bottomlock.replay.streams import Streams
 
 FACTOR = 10.0
 """A setting of a case is right within this factor, 1 sigma: the width of its log-normal prior."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bottomlock.kernel import BeamGeometry, replay_log
 from bottomlock.models import InitialState, Model, Options
-from bottomlock.replay.streams import Flags, Floats, Times
+from bottomlock.recordings.streams import Flags, Floats, Times
 
 HORIZONS_S = (10.0, 30.0, 100.0)
 """Times after the last beams used at which the beams are predicted."""

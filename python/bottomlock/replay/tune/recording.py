@@ -9,8 +9,9 @@ import numpy as np
 from bottomlock.io.beams import InstrumentFile, instrument_of, read_instrument_file
 from bottomlock.kernel import BeamGeometry, KernelError, replay_log
 from bottomlock.models import InitialState, Robust
+from bottomlock.recordings.axes import from_angles, to_angles
+from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay import rerun
-from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.beforehand import check_files
 from bottomlock.replay.case import Case
 from bottomlock.replay.model import imu_model, kernel_model, kernel_options
@@ -18,7 +19,6 @@ from bottomlock.replay.motion.fit import Recorded, fit
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.stream_sections import ImuStream
-from bottomlock.replay.streams import Flags, Floats
 from bottomlock.replay.tune.parameters import (
     ATTITUDE_CLOCK,
     BEAM_NOISE,

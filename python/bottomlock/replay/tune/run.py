@@ -13,8 +13,8 @@ import numpy as np
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.nearest import did_you_mean
 from bottomlock.own_method import known_names
+from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay.case import Case, load_case
-from bottomlock.replay.streams import Flags, Floats
 from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.journal import Journal
 from bottomlock.replay.tune.judge import Judged, gain_of, judged

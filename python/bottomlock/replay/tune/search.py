@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.replay.streams import Floats
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion, Slopes
 
 ITERATIONS = 30

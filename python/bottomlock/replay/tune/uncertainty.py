@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.replay.streams import Floats, Times
+from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.search import Found
 

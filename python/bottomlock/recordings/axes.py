@@ -1,12 +1,15 @@
 """Sensor axes to platform axes, and attitudes between Euler angles and quaternions."""
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.replay.stream_sections import Axes
-
 Floats = NDArray[np.float64]
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Axes = tuple[Axis, Axis, Axis]
+"""For each axis of the platform the sensor's, with its sign."""
 
 _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Symmetric: the same matrix takes east–north–up to north–east–down."""

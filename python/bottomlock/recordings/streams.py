@@ -1,0 +1,83 @@
+"""The streams of a recording, in SI, on one clock."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Depths:
+    """Depth below the level of the tangent frame's origin, m, (n,), positive down."""
+
+    time_ns: Times
+    depth_m: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Attitudes:
+    """Attitudes of the platform against north, east and down at the vehicle, as recorded, (n,)."""
+
+    time_ns: Times
+    attitude: Rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """IMU readings: times (n,), specific force and inertial rate in the platform frame, (n, 3) each."""
+
+    time_ns: Times
+    force_p_mps2: Floats
+    omega_p_radps: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """Pings: times (n,), beam velocities (n, B) with NaN for a lost beam, validity and noise 1 sigma, (n, B) each.
+
+    `velocity_d_mps` (n, 3) is the instrument's velocity that the beams were projected from; None for recorded beams.
+    """
+
+    time_ns: Times
+    velocity_mps: Floats
+    valid: Flags
+    sd_mps: Floats
+    velocity_d_mps: Floats | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MagneticFields:
+    """Magnetic field in the platform frame, (n, 3), any unit."""
+
+    time_ns: Times
+    field_p: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Positions of a point of the vehicle in the tangent frame, (n, 3), and their 1 sigma where recorded, (n, 3)."""
+
+    time_ns: Times
+    position_t_m: Floats
+    sd_m: Floats | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceStates:
+    """Reference states of the IMU: times (n,), position, velocity and attitude, each None where it is absent.
+
+    Positions are in the tangent frame; attitudes against north, east and down at the vehicle.
+
+    Without `has_down` the reference measures no height: its positions are on the level of the origin.
+    """
+
+    time_ns: Times
+    position_t_m: Floats | None
+    velocity_p_mps: Floats | None
+    attitude: Rotation | None
+    has_down: bool = True
