@@ -43,7 +43,7 @@ def estimate(scenarios: Sequence[Scenario], *, threads: int = 0) -> Cost:
     >>> from bottomlock.config.scenario import load_scenario
     >>> cost = estimate([load_scenario("straight").with_overrides(runs=10_000)], threads=4)
     >>> cost.is_worth_saying, str(cost)
-    (True, 'about 5 min and 5.2 GB on the disk, within a factor of two')
+    (True, 'about 5 min and 1.8 GB on the disk, within a factor of two')
     """
     cores = threads or os.cpu_count() or 1
     steps = samples = 0.0
