@@ -13,6 +13,9 @@ use crate::random::Normals;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::truth::Truth;
 
+/// What takes each reading, with the true biases of accelerometers (m/s²) and gyros (rad/s).
+pub(crate) type Take<'a> = dyn FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>) + 'a;
+
 /// Samples whose noise is drawn at a time.
 const AT_ONCE: usize = 64;
 
@@ -53,7 +56,7 @@ impl Inertial {
         sampling: Sampling,
         at: &Truth<'_>,
         mut samples: Range<usize>,
-        take: &mut dyn FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
+        take: &mut Take<'_>,
     ) {
         if !self.started {
             let Some(first) = samples.next() else { return };

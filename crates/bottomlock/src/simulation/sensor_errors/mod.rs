@@ -7,8 +7,6 @@ mod inertial;
 
 use std::ops::Range;
 
-use nalgebra::Vector3;
-
 use self::inertial::Inertial;
 use crate::aiding::registry::{Levers, Measurement, SENSORS, SensorKind};
 use crate::aiding::sensor::Scene;
@@ -174,12 +172,7 @@ impl SensorErrors {
 
     /// The inertial readings at samples of the truth, which come in order, each once; `take` gets each of them with the true
     /// biases of accelerometers (m/s²) and gyros (rad/s).
-    pub(crate) fn imus(
-        &mut self,
-        at: &Truth<'_>,
-        samples: Range<usize>,
-        take: &mut dyn FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
-    ) {
+    pub(crate) fn imus(&mut self, at: &Truth<'_>, samples: Range<usize>, take: &mut inertial::Take<'_>) {
         self.inertial
             .read(&self.model, &self.earth, self.sampling, at, samples, take);
     }
