@@ -232,7 +232,8 @@ $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
 	test -x $(bin)/maturin || $(named_in_pyproject) 'build-system' 'requires' | $(install_named)
 	rm -rf target/wheel
 	@$(on_path) maturin build --release --locked --quiet --interpreter $(bin)/python --out target/wheel & wheel=$$!; \
-	    $(named_in_pyproject) 'project' 'dependencies' | nice -n 19 $(install_named) && nice -n 19 $(bin)/python -c '$(imported)'; needed=$$?; wait $$wheel && exit $$needed
+	    $(named_in_pyproject) 'project' 'dependencies' | nice -n 19 $(install_named) \
+        && nice -n 19 $(bin)/python -c '$(imported)'; needed=$$?; wait $$wheel && exit $$needed
 	$(pip) install --no-deps --force-reinstall target/wheel/*.whl
 	touch $@
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from bottomlock.figures.images import Images
+from bottomlock.figures.images import Drawn, Images
 from bottomlock.figures.palette import png_bytes, svg_text
 
 
@@ -32,5 +32,5 @@ def figures_undrawn() -> Iterator[None]:
 
 
 @contextmanager
-def _in_this_process() -> Iterator[Callable[[Iterable[Figure]], list[Images]]]:
-    yield lambda figures: [Images(svg_text(figure), png_bytes(figure)) for figure in figures]
+def _in_this_process() -> Iterator[Callable[[Iterable[Drawn]], list[tuple[Drawn, Images]]]]:
+    yield lambda drawings: [(one, Images(svg_text(one.figure), png_bytes(one.figure))) for one in drawings]

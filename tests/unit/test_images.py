@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+from dataclasses import dataclass
 from typing import IO
 
 import matplotlib as mpl
@@ -13,19 +14,28 @@ from bottomlock.figures import images
 from bottomlock.figures.palette import STYLE, new_figure, png_bytes, svg_text
 
 
-def _figures() -> list[Figure]:
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """A figure and nothing else."""
+
+    figure: Figure
+
+
+def _drawings() -> list[Drawing]:
     """Of unequal size."""
-    figures = []
+    drawings = []
     with mpl.rc_context(STYLE):
         for points in (10, 4000, 20, 30, 2000):
             figure = new_figure()
             figure.subplots().plot(np.arange(points), np.sin(np.arange(points) * points))
-            figures.append(figure)
-    return figures
+            drawings.append(Drawing(figure))
+    return drawings
 
 
 def _drawn_here() -> list[images.Images]:
-    return [images.Images(svg_text(figure), png_bytes(figure)) for figure in _figures()]
+    return [
+        images.Images(svg_text(figure), png_bytes(figure)) for figure in (one.figure for one in _drawings())
+    ]
 
 
 def test_images_are_those_of_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,12 +49,15 @@ def test_images_are_those_of_one_process(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(images, "_send", noted)
     with images.image_process() as draw:
-        assert draw(iter(_figures())) == _drawn_here()
-    assert 0 < len(sizes) < len(_figures())
+        drawings = _drawings()
+        drawn = draw(iter(drawings))
+    assert [one for one, _ in drawn] == drawings
+    assert [image for _, image in drawn] == _drawn_here()
+    assert 0 < len(sizes) < len(drawings)
 
 
 def test_a_process_that_fails_costs_time_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """It ends at once: the caller draws all."""
     monkeypatch.setattr(sys, "executable", shutil.which("false"))
     with images.image_process() as draw:
-        assert draw(_figures()) == _drawn_here()
+        assert [image for _, image in draw(_drawings())] == _drawn_here()

@@ -31,7 +31,7 @@ GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
 
 
 def null_space(rows: Array) -> Array:
-    """(beams, beams − 3) basis of the left null space, each column scaled so that its (first) largest entry is 1.
+    """(beams, beams − rank) basis of the left null space, each column scaled so that its (first) largest entry is 1.
 
     >>> null_space(np.array([[1.0, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])).round(9).T.tolist()
     [[1.0, -1.0, 1.0, -1.0]]

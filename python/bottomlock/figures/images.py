@@ -4,11 +4,12 @@ import gc
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import IO
+from functools import partial
+from typing import IO, Protocol, TypeVar
 
 from matplotlib.figure import Figure
 
@@ -19,6 +20,17 @@ PREPARING = 0.25
 """Time to prepare a figure, by the time to draw it."""
 
 
+class Drawn(Protocol):
+    """What has a figure."""
+
+    @property
+    def figure(self) -> Figure:
+        """Itself."""
+
+
+D = TypeVar("D", bound=Drawn)
+
+
 @dataclass(frozen=True)
 class Images:
     """A figure as SVG and as PNG."""
@@ -27,27 +39,35 @@ class Images:
     png: bytes
 
 
+class Draw(Protocol):
+    """What `image_process` gives."""
+
+    def __call__(self, drawings: Iterable[D]) -> list[tuple[D, Images]]:
+        """Each drawing with its images, in order; to be called once."""
+
+
 @contextmanager
-def image_process() -> Iterator[Callable[[Iterable[Figure]], list[Images]]]:
-    """Starts a process that draws half of the figures, and gives a function that returns their images in order.
+def image_process() -> Iterator[Draw]:
+    """Starts a process that draws half of the figures, and gives a function that draws.
 
     The process imports matplotlib meanwhile, and draws while the caller prepares the next figures. The images do not
     depend on who draws them; where the process fails, the caller draws all of them.
     """
     with other_process(_serve) as process:
-        yield lambda figures: _draw(process, figures)
+        yield partial(_draw, process)
 
 
-def _draw(process: subprocess.Popen[bytes], figures: Iterable[Figure]) -> list[Images]:
+def _draw(process: subprocess.Popen[bytes], drawings: Iterable[D]) -> list[tuple[D, Images]]:
     assert process.stdin is not None
     assert process.stdout is not None
-    kept: list[Figure] = []
+    kept: list[D] = []
+    ours: list[int] = []
     theirs: list[int] = []
     load_here = load_there = 0.0
     with ThreadPoolExecutor(max_workers=1) as sender:
-        for k, figure in enumerate(figures):
-            kept.append(figure)
-            data = pickle.dumps(figure)
+        for k, drawing in enumerate(drawings):
+            kept.append(drawing)
+            data = pickle.dumps(drawing.figure)
             load_here += PREPARING * len(data)
             # The time of a figure is about as its size.
             if load_there <= load_here:
@@ -55,13 +75,14 @@ def _draw(process: subprocess.Popen[bytes], figures: Iterable[Figure]) -> list[I
                 theirs.append(k)
                 load_there += len(data)
             else:
+                ours.append(k)
                 load_here += len(data)
         sender.submit(process.stdin.close)
-        images = {k: _images(figure) for k, figure in enumerate(kept) if k not in set(theirs)}
+        images = {k: _images(kept[k].figure) for k in ours}
         written = process.stdout.read()
     if process.wait() == 0:
         images |= dict(zip(theirs, pickle.loads(written), strict=True))  # noqa: S301 - our own
-    return [images[k] if k in images else _images(figure) for k, figure in enumerate(kept)]
+    return [(one, images[k] if k in images else _images(one.figure)) for k, one in enumerate(kept)]
 
 
 def _send(to: IO[bytes], data: bytes) -> None:

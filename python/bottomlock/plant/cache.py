@@ -38,12 +38,12 @@ def cache_folder() -> Path:
     return base / "bottomlock" / "histories"
 
 
-def history_key(vehicle: AnyVehicle, mission: Mission, **settings: float) -> str:
-    """SHA-256 over vehicle, mission, settings and the plant's own source, as 64 hex digits."""
+def history_key(vehicle: AnyVehicle, mission: Mission, *, gravity_mps2: float, imu_rate_hz: float) -> str:
+    """SHA-256 over vehicle, mission, gravity, rate and the plant's own source, as 64 hex digits."""
     content = {
         "vehicle": vehicle.model_dump(mode="json"),
         "mission": asdict(mission),
-        "settings": settings,
+        "settings": {"gravity_mps2": gravity_mps2, "imu_rate_hz": imu_rate_hz},
         "source": _source_digest(),
         "numpy": np.__version__,
     }

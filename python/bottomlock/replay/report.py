@@ -117,9 +117,8 @@ def make_replay_report(folder: str | Path, *, force: bool = False) -> Path:
     files: Files = {}
     inline = []
     with image_process() as draw:
-        drawn = drawings(tables)
-        images = draw([drawing.figure for drawing in drawn])
-    for drawing, image in zip(drawn, images, strict=True):
+        drawn = draw(drawings(tables))
+    for drawing, image in drawn:
         files |= {f"figures/{drawing.name}.svg": image.svg, f"figures/{drawing.name}.png": image.png}
         inline.append(
             {

@@ -206,7 +206,6 @@ class PositionStream(Stream):
     north: str | None = None
     east: str | None = None
     down: str | None = None
-    lever_arm_m: Vector = (0.0, 0.0, 0.0)
 
     @property
     def geodetic(self) -> bool:
@@ -261,6 +260,7 @@ class ReferenceStream(PositionStream):
     `note` is printed in the report, for instance that the reference is computed from the same sensors.
     """
 
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
     velocity_ned: ColumnTriple | None = None
     velocity_body: ColumnTriple | None = None
     roll: str | None = None

@@ -1,14 +1,12 @@
 """A finished campaign as one page, with its figures and the verdicts on the paper's claims."""
 
 import json
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from bottomlock.atomic_write import parquet_bytes
 from bottomlock.figures.images import Images, image_process
@@ -71,26 +69,18 @@ def make_report(folder: str | Path, *, force: bool = False) -> Report:
         recommended = (
             [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
         )
-        drawn: list[Drawing] = []
-        images = draw(_noted(drawings(campaign, errors, paper, recommended), drawn))
+        drawn = draw(drawings(campaign, errors, paper, recommended))
     files: Files = {"tables/claims.parquet": parquet_bytes(claims)} if theirs else {}
-    for drawing, image in zip(drawn, images, strict=True):
+    for drawing, image in drawn:
         files |= {f"figures/{drawing.name}.svg": image.svg, f"figures/{drawing.name}.png": image.png}
     paths = [folder / name for name in files if name.startswith("figures/")]
-    inline = [_inline(drawing, image) for drawing, image in zip(drawn, images, strict=True)]
+    inline = [_inline(drawing, image) for drawing, image in drawn]
     page = folder / "report.html"
     shown = {name: featured(campaign.methods(name), recommended) for name in campaign.trajectories}
     content = _content(campaign, paper, claims)
     content |= {"advice": advice, "choice": choice, "featured": shown, "figures": inline}
     result.write(files | {page.name: render("report.html.j2", content)}, force=force)
     return Report(page, paths, claims)
-
-
-def _noted(made: Iterable[Drawing], into: list[Drawing]) -> Iterator[Figure]:
-    """The figures of drawings as these are made."""
-    for drawing in made:
-        into.append(drawing)
-        yield drawing.figure
 
 
 def _inline(drawing: Drawing, image: Images) -> dict[str, Any]:

@@ -150,9 +150,9 @@ def test_flights_come_back_from_the_cache_bit_for_bit(
     monkeypatch.setattr("bottomlock.plant.truth.swim", lambda *_, **__: pytest.fail("not from the cache"))
     again = simulated_truth()
     assert (again.force_p_mps2 == first.force_p_mps2).all()
-    assert cache.history_key(tauv, mission, g=1.0) != cache.history_key(
-        tauv, replace(mission, speed_mps=1.9), g=1.0
-    )
+    settings = {"gravity_mps2": GRAVITY_MPS2, "imu_rate_hz": 150.0}
+    faster = replace(mission, speed_mps=1.9)
+    assert cache.history_key(tauv, mission, **settings) != cache.history_key(tauv, faster, **settings)
     monkeypatch.undo()
     monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
     whole = kept.read_bytes()
