@@ -9,8 +9,8 @@ use crate::state::{Covariance, ErrorVector};
 /// Normalised estimation error squared δxᵀP⁻¹δx over the states `range`, of each pair of P and δx; `None` where P is not
 /// positive definite there.
 ///
-/// Frozen states (zero variance) are left out. N is at least 8 and the number of states. A value has the same bits whatever
-/// its neighbours are.
+/// Frozen states (zero variance) are left out. N, at least 8, is not less than the length of the range. A value has the same
+/// bits whatever its neighbours are.
 #[must_use]
 pub fn nees<const N: usize>(estimates: &[(&Covariance, &ErrorVector)], range: Range<usize>) -> Vec<Option<f64>> {
     let mut squares = Vec::with_capacity(estimates.len());
