@@ -25,12 +25,12 @@ tools           := target/tools
 
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
+# What pyproject.toml names, at the versions and with the hashes of the lock, from where pip is told to look.
+uv := UV_DEFAULT_INDEX="$${UV_DEFAULT_INDEX:-$${PIP_INDEX_URL:-$$($(bin)/python -m pip config get global.index-url 2>/dev/null || \
+    echo https://pypi.org/simple)}}" $(bin)/uv pip
+locked := $(uv) install --no-config --quiet --system-certs --python $(bin)/python --require-hashes --constraints requirements.lock
 # The build backend calls the locked maturin by its name.
 on_path := PATH="$(abspath $(bin)):$$PATH"
-# Requirements of a table of pyproject.toml, a line each, and how they are installed.
-named_in_pyproject := $(bin)/python -c 'import sys, tomllib; \
-    print(*tomllib.load(open("pyproject.toml", "rb"))[sys.argv[1]][sys.argv[2]], sep="\n")'
-install_named := $(pip) install --no-compile --requirement /dev/stdin
 # What every command imports of them: that alone is compiled beforehand.
 imported := import cyclopts, jinja2, matplotlib.figure, numpy, polars, pydantic, rich.progress, scipy.optimize, scipy.stats
 # By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
@@ -57,7 +57,7 @@ demo: $(VENV)/.installed
 	$(bin)/bottomlock reproduce --runs $(RUNS) --out $(OUT)
 
 # What guards a change. The wheel's kernel is one long step on one core: the Rust unit tests are built beside it.
-test: $(VENV)/pyvenv.cfg
+test: $(bin)/uv
 	@cargo test --locked --lib --no-run & rust=$$!; \
 	    $(make) $(VENV)/.tools $(VENV)/.installed; python=$$?; wait $$rust && exit $$python
 	@$(make) test-python test-rust
@@ -82,7 +82,7 @@ test-all: test test-long
 # What needs libraries that nothing else does: rivals in gtsam and JAX, Zenoh between two processes, MHKiT as another reader.
 # The learned rivals need torch, which is in no lock (gigabytes); recordings are read from BOTTOMLOCK_RECORDINGS.
 test-others: $(VENV)/.tools $(VENV)/.installed
-	$(pip) install --no-deps --require-hashes -r tests/requirements-others.lock
+	$(locked) --group others
 	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/readers/test_logs.py
 
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
@@ -180,26 +180,17 @@ mutants: mutants-rust mutants-python
 mutants-python: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/python tools/mutants.py
 
-# Writes the locked versions and hashes of all that the tests and the site install, for every platform and Python that is supported.
-lock: $(tools)/python/.ready
-	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --extra dev --universal --python-version 3.11 \
-	    --generate-hashes --no-annotate --upgrade --quiet --custom-compile-command "make lock" --output-file requirements-dev.lock
-	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --extra docs --universal --python-version 3.11 \
-	    --constraints requirements-dev.lock --generate-hashes --no-annotate --upgrade --quiet \
-	    --custom-compile-command "make lock" --output-file requirements-docs.lock
-	$(tools)/python/bin/uv pip compile benches/rivals/requirements.in --no-config --universal --python-version 3.11 \
-	    --constraints requirements-dev.lock --generate-hashes --no-annotate --upgrade --quiet \
-	    --custom-compile-command "make lock" --output-file benches/rivals/requirements.lock
-	$(tools)/python/bin/uv pip compile tests/requirements-others.in --no-config --universal --python-version 3.11 \
-	    --constraints requirements-dev.lock --constraints benches/rivals/requirements.lock --generate-hashes --no-annotate \
-	    --upgrade --quiet --custom-compile-command "make lock" --output-file tests/requirements-others.lock
+# Writes the versions and hashes of all that the groups of pyproject.toml install, for every platform and Python that is supported.
+lock: $(bin)/uv
+	$(uv) compile pyproject.toml --no-config --group dev --group docs --group others --universal --python-version 3.11 \
+	    --generate-hashes --no-annotate --upgrade --quiet --custom-compile-command "make lock" --output-file requirements.lock
 
 # The bill of materials, CycloneDX: what an install brings along, at the locked versions, and the crates in the wheel. Its
 # check against the schema takes minutes.
-sbom: $(tools)/python/.ready $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/cargo-cyclonedx
+sbom: $(bin)/uv $(tools)/python/.ready $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/cargo-cyclonedx
 	mkdir -p out/sbom
-	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --universal --python-version 3.11 --generate-hashes \
-	    --no-annotate --quiet --constraints requirements-dev.lock --output-file out/sbom/requirements.txt
+	$(uv) compile pyproject.toml --no-config --universal --python-version 3.11 --generate-hashes \
+	    --no-annotate --quiet --constraints requirements.lock --output-file out/sbom/requirements.txt
 	$(tools)/python/bin/cyclonedx-py requirements --no-validate --pyproject pyproject.toml --output-reproducible \
 	    --output-file out/sbom/python.cdx.json out/sbom/requirements.txt
 	$(lastword $^) cyclonedx --format json --manifest-path crates/bottomlock-py/Cargo.toml --override-filename rust.cdx
@@ -226,31 +217,32 @@ $(VENV)/pyvenv.cfg:
 	    { echo "make: $(PYTHON) is older than 3.11; name another one: make PYTHON=python3.12" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 
+$(bin)/uv: | $(VENV)/pyvenv.cfg
+	$(pip) install --no-compile uv==$(UV)
+
 # A release build of the extension, with the locked crates, installed as users get it. What it needs is downloaded and unpacked
 # where the compiler leaves a core idle; Python compiles of it what is imported, and no more.
-$(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
-	test -x $(bin)/maturin || $(named_in_pyproject) 'build-system' 'requires' | $(install_named)
+$(VENV)/.installed: $(wheel_sources) | $(bin)/uv
+	$(locked) maturin
 	rm -rf target/wheel
 	@$(on_path) maturin build --release --locked --quiet --interpreter $(bin)/python --out target/wheel & wheel=$$!; \
-	    $(named_in_pyproject) 'project' 'dependencies' | nice -n 19 $(install_named) \
-        && nice -n 19 $(bin)/python -c '$(imported)'; needed=$$?; wait $$wheel && exit $$needed
-	$(pip) install --no-deps --force-reinstall target/wheel/*.whl
+	    $(locked) --requirement pyproject.toml && nice -n 19 $(bin)/python -c '$(imported)'; needed=$$?; wait $$wheel && exit $$needed
+	$(uv) install --no-config --quiet --python $(bin)/python --no-deps --reinstall target/wheel/*.whl
 	touch $@
 
-# What the tests need and what the wheel needs, at the locked versions and with their hashes; the wheel, if it is installed
-# after it, finds all it asks for.
-$(VENV)/.tools: requirements-dev.lock | $(VENV)/pyvenv.cfg
-	$(pip) install --no-compile --require-hashes --requirement requirements-dev.lock
+# What the tests need and what the wheel needs; the wheel, if it is installed after it, finds all it asks for.
+$(VENV)/.tools: requirements.lock | $(bin)/uv
+	$(locked) --requirement pyproject.toml --group dev
 	touch $@
 
 # What the site needs beside them.
-$(VENV)/.docs: requirements-docs.lock | $(VENV)/pyvenv.cfg
-	$(pip) install --require-hashes --requirement requirements-docs.lock
+$(VENV)/.docs: requirements.lock | $(bin)/uv
+	$(locked) --requirement pyproject.toml --group docs
 	touch $@
 
 $(tools)/python/.ready: Makefile
 	$(PYTHON) -m venv $(tools)/python
-	$(tools)/python/bin/python -m pip --disable-pip-version-check --quiet install uv==$(UV) cyclonedx-bom==$(CYCLONEDX_BOM)
+	$(tools)/python/bin/python -m pip --disable-pip-version-check --quiet install cyclonedx-bom==$(CYCLONEDX_BOM)
 	touch $@
 
 $(tools)/zig/.ready: Makefile

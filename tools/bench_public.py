@@ -1,6 +1,6 @@
 """The public tables of docs/bench.md: every method and rival on the train and validation missions of both versions.
 
-    pip install --no-deps --require-hashes -r benches/rivals/requirements.lock        # gtsam, for the factor graph
+    pip install gtsam==4.3a0        # for the factor graph
     python tools/bench_public.py DIR
 
 makes the missions in DIR and compares their digests, flies them with two processes of one thread each, scores them,

@@ -1,4 +1,4 @@
-"""The factor graph against the kernel and against differences. gtsam is not among the locked requirements."""
+"""The factor graph against the kernel and against differences. gtsam is installed by `make test-others` alone."""
 # ruff: noqa: ANN401 - what is imported only where it is installed has no types here
 
 from dataclasses import replace

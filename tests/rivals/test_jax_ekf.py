@@ -1,4 +1,4 @@
-"""The batched filter in JAX against the kernel. JAX is not among the locked requirements."""
+"""The batched filter in JAX against the kernel. JAX is installed by `make test-others` alone."""
 
 from dataclasses import replace
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""requirements-dev.lock: what pyproject.toml asks for, one version each, with hashes, from nowhere in particular."""
+"""requirements.lock: what pyproject.toml asks for, one version each, with hashes, from nowhere in particular."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ def name_of(requirement: str) -> str:
 
 @pytest.fixture(scope="module")
 def lock(root: Path) -> str:
-    return (root / "requirements-dev.lock").read_text(encoding="utf-8")
+    return (root / "requirements.lock").read_text(encoding="utf-8")
 
 
 def test_the_lock_has_what_is_asked_for(root: Path, lock: str) -> None:
     """`make lock` after every change of the dependencies."""
-    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    written = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    groups = written["dependency-groups"]
+    assert sorted(groups) == ["dev", "docs", "others"]
     locked: dict[str, set[str]] = {}
     for name, version in _ENTRY.findall(lock):
         locked.setdefault(name, set()).add(version)
-    asked = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    asked = [*written["project"]["dependencies"], *(one for group in groups.values() for one in group)]
     assert [one for one in asked if name_of(one) not in locked] == []
     pinned = [one.split("==") for one in asked if "==" in one]
     assert len(pinned) > 8
