@@ -63,7 +63,7 @@ test: $(bin)/uv
 	@$(make) test-python test-rust
 
 test-python: $(VENV)/.tools $(VENV)/.installed
-	$(pytest) -m "not long" --doctest-modules --pyargs bottomlock tests
+	$(pytest) -m "not long" --doctest-modules --pyargs bottomlock partialdvl_bench tests
 
 # Unit tests with overflow checks, then the laws. The bindings are tested by Python, examples by `make lint`.
 test-rust:

@@ -10,8 +10,8 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.atomic_write import write_parquet
-from bottomlock.records import DIGESTS, OWN_DIGEST, write_record
+from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.records import DIGESTS, OWN_DIGEST, write_record
 
 
 def edit_record(path: Path, edit: Callable[[dict[str, Any]], object] = lambda _: None) -> None:

@@ -6,7 +6,7 @@ The recordings are not republished; nothing of them stands here but what was fou
 from collections.abc import Sequence
 from pathlib import Path
 
-from bottomlock.atomic_write import write_text
+from bottomlock.files.atomic_write import write_text
 from bottomlock.replay.case import Case, parse_case
 
 LAG_S = {

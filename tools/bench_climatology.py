@@ -3,7 +3,7 @@
     python tools/bench_climatology.py DIR
 
 reads the train missions that `bottomlock bench make --out DIR` has written, and writes
-`python/bottomlock/bench/climatology.toml` anew.
+`python/partialdvl_bench/climatology.toml` anew.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_text
-from bottomlock.bench.load import truth_of
-from bottomlock.bench.mission_list import missions_of
-from bottomlock.table_file import read_parquet
+from bottomlock.files.atomic_write import write_text
+from bottomlock.files.table_file import read_parquet
+from partialdvl_bench.load import truth_of
+from partialdvl_bench.mission_list import missions_of
 
-OUT = Path(__file__).resolve().parent.parent / "python" / "bottomlock" / "bench" / "climatology.toml"
+OUT = Path(__file__).resolve().parent.parent / "python" / "partialdvl_bench" / "climatology.toml"
 
 
 def main() -> None:

@@ -16,11 +16,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.bench.load import load_mission
-from bottomlock.bench.methods import estimate
-from bottomlock.bench.mission_list import missions_of
-from bottomlock.bench.tasks import NAVIGATION, RANKED, scores_of
-from bottomlock.models import HeadingModel
+from bottomlock.kernel.models import HeadingModel
+from partialdvl_bench.load import load_mission
+from partialdvl_bench.methods import estimate
+from partialdvl_bench.mission_list import missions_of
+from partialdvl_bench.tasks import NAVIGATION, RANKED, scores_of
 
 SHOWN = (RANKED, "position NEES a component", "position RMS, m")
 

@@ -21,11 +21,11 @@ import polars as pl
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_text
-from bottomlock.bench.leaderboard import read_submissions, score_submissions
-from bottomlock.bench.mission_list import MissionSpec, missions_of
+from bottomlock.files.atomic_write import write_text
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
+from partialdvl_bench.leaderboard import read_submissions, score_submissions
+from partialdvl_bench.mission_list import MissionSpec, missions_of
 from tools.publish_bench import PUBLIC_SCORES, ROOT, SCORES_KEPT, publish_public
 
 RIVALS = (

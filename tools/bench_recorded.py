@@ -18,13 +18,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_text
+from bottomlock.files.atomic_write import write_text
 from bottomlock.io import pd0
 from bottomlock.io.beams import read_geometry
 from bottomlock.recordings.closure import closure_residuals
 
 ROOT = Path(__file__).resolve().parent.parent
-OUT = ROOT / "python" / "bottomlock" / "bench" / "recorded.toml"
+OUT = ROOT / "python" / "partialdvl_bench" / "recorded.toml"
 HEADER, VARIABLE_LEADER, BOTTOM_TRACK = b"\x7f\x7f", 0x0080, 0x0600
 
 

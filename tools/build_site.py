@@ -91,10 +91,14 @@ def notebooks(folder: Path) -> Iterator[Path]:
 
 
 def tables(root: Path = ROOT) -> str:
-    """The columns, types and meanings of every table: a section a file of the package's `tables`."""
+    """Columns, types and meanings of every table: a section a file of the package's `tables`, and the benchmark's."""
     parts: list[str] = []
-    for path in sorted((root / "python" / "bottomlock" / "tables").glob("*.py")):
-        module = importlib.import_module(f"bottomlock.tables.{path.stem}")
+    package = root / "python"
+    for path in [
+        *sorted((package / "bottomlock" / "tables").glob("*.py")),
+        package / "partialdvl_bench" / "tables.py",
+    ]:
+        module = importlib.import_module(".".join(path.relative_to(package).with_suffix("").parts))
         body = ast.parse(path.read_text(encoding="utf-8")).body
         found = [part for one, after in pairwise(body) for part in _table(module, one, after)]
         if found:

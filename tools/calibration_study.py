@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
-from bottomlock.models import Calibration, DvlModel, GpsModel, Model
+from bottomlock.kernel.models import Calibration, DvlModel, GpsModel, Model
 from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
 from bottomlock.truth.truth import Truth, sample_times_ns
 from tools.recorded_tables import number

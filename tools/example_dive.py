@@ -20,9 +20,9 @@ import polars as pl
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_bytes, write_parquet, write_text
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
+from bottomlock.files.atomic_write import write_bytes, write_parquet, write_text
 from bottomlock.instruments.faults import Faults
 from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.schedule import POWERED_S, records

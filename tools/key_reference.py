@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from bottomlock.atomic_write import write_text
 from bottomlock.cli.keys import Kind, reference
 from bottomlock.config.key_reference import Key, KeySection
+from bottomlock.files.atomic_write import write_text
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "keys.md"
 TITLES: dict[Kind, str] = {

@@ -24,7 +24,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_text
+from bottomlock.files.atomic_write import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 CODE = ("Cargo.lock", "crates", "python", "tools", "benches", "data")

@@ -58,15 +58,16 @@ def listed(path: Path = LIST) -> list[Mutant]:
 
 
 def copied(folder: Path) -> Path:
-    """A copy of the package with its compiled kernel, to be imported in the place of the installed one."""
-    package = folder / "bottomlock"
-    shutil.copytree(ROOT / "python" / "bottomlock", package, ignore=shutil.ignore_patterns("__pycache__"))
+    """A copy of the packages with the compiled kernel, to be imported in the place of the installed ones."""
+    packages = folder / "python"
+    shutil.copytree(ROOT / "python", packages, ignore=shutil.ignore_patterns("__pycache__"))
     found = importlib.util.find_spec("bottomlock._kernel")
     if found is None or found.origin is None:
         raise SystemExit("mutants: bottomlock is not installed; run `make develop` first")
-    if not (package / Path(found.origin).name).exists():
-        shutil.copy(found.origin, package)
-    return package
+    compiled = packages / "bottomlock" / Path(found.origin).name
+    if not compiled.exists():
+        shutil.copy(found.origin, compiled)
+    return packages
 
 
 def fails(folder: Path, file: str, tests: tuple[str, ...]) -> bool:
@@ -75,7 +76,7 @@ def fails(folder: Path, file: str, tests: tuple[str, ...]) -> bool:
     Raises:
         SystemExit: where no test ran.
     """
-    module = ".".join(("bottomlock", *Path(file).with_suffix("").parts))
+    module = ".".join(Path(file).with_suffix("").parts)
     environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [
         sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not long and not slow",
@@ -132,7 +133,7 @@ def main() -> int:
     stale = []
     for mutant in mutants:
         try:
-            mutant.applied((ROOT / "python" / "bottomlock" / mutant.file).read_text(encoding="utf-8"))
+            mutant.applied((ROOT / "python" / mutant.file).read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             stale.append(str(error))
     if stale:

@@ -17,14 +17,14 @@ import polars as pl
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_text
-from bottomlock.bench.leaderboard import OVERALL, leaderboard
-from bottomlock.bench.mission_list import MissionSpec, mission_list
-from bottomlock.bench.tasks import CURRENT, NAVIGATION, RANKED, RECOVERY, TASKS
+from bottomlock.files.atomic_write import write_text
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.statistics.compare import difference_of, estimate_of
-from bottomlock.tables.bench import SCORES
+from partialdvl_bench.leaderboard import OVERALL, leaderboard
+from partialdvl_bench.mission_list import MissionSpec, mission_list
+from partialdvl_bench.tables import SCORES
+from partialdvl_bench.tasks import CURRENT, NAVIGATION, RANKED, RECOVERY, TASKS
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "bench.md"

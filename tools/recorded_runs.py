@@ -14,7 +14,7 @@ from pathlib import Path
 import polars as pl
 
 import bottomlock
-from bottomlock.atomic_write import write_parquet
+from bottomlock.files.atomic_write import write_parquet
 from bottomlock.replay.case import Case
 from bottomlock.replay.run import replay_case
 from tools.akit import SECTIONS, akit_case

@@ -16,9 +16,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.attitude_motion import held
 from bottomlock.config.scenario_sections import Outage
 from bottomlock.dead_reckoning.track import attitude_between
+from bottomlock.kernel.attitude_motion import held
 from bottomlock.replay.attitude_inertial import complete_pings
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dvl_sections import WhatIf

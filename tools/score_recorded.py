@@ -15,7 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.atomic_write import write_text
+from bottomlock.files.atomic_write import write_text
 from tools import recorded_tables
 from tools.akit import SECTIONS
 from tools.akit_reference import innovations, reference_quality

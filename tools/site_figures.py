@@ -24,8 +24,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import bottomlock
-from bottomlock.atomic_write import write_text
 from bottomlock.figures.palette import FAINT, INK, PAPER, STYLE, stroke
+from bottomlock.files.atomic_write import write_text
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "figures"
 LEGS = ("straight, still water", "straight, 0.3 m/s across", "figure of eight, still water")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benches.rivals.error_state import ErrorStateFilter, run
 from benches.rivals.state import INERTIAL
-from bottomlock.bench.mission import Estimates, Mission
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 

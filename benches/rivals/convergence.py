@@ -32,14 +32,14 @@ from benches.rivals.state import MISALIGNMENT, Additive, RightInvariant
 from benches.rivals.timeline import Positions, stops
 from benches.rivals.unscented import UnscentedFilter
 from bottomlock import Navigator
-from bottomlock.bench.mission import Mission
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import BottomlockError
 from bottomlock.kernel import Method
-from bottomlock.models import DepthModel, DvlModel, InitialState
+from bottomlock.kernel.models import DepthModel, DvlModel, InitialState
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth.truth import Truth
+from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from benches.rivals.sensors import Sensors
 from benches.rivals.state import at_start
 from benches.rivals.strapdown import Earth, Motion, advance
 from benches.rivals.timeline import Stretch, stops
-from bottomlock.bench.mission import Estimates, Mission
-from bottomlock.models import DvlModel
+from bottomlock.kernel.models import DvlModel
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 

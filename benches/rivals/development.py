@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benches.rivals import rotations
-from bottomlock.bench.mission import Mission, Pings, Scalars, Start, Truth
 from bottomlock.config.scenario import Scenario
-from bottomlock.models import InitialModel
+from bottomlock.kernel.models import InitialModel
 from bottomlock.recordings.streams import Inertial
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth import truth as truths
+from partialdvl_bench.mission import Mission, Pings, Scalars, Start, Truth
 
 Floats = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from benches.rivals.state import (
 )
 from benches.rivals.strapdown import Earth, Increment, advance
 from benches.rivals.timeline import PERIOD_NS, Positions, Stretch, stops
-from bottomlock.bench.mission import Estimates, Mission
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 

@@ -28,8 +28,8 @@ from benches.rivals.beam_factors import (
     walk_factor,
 )
 from benches.rivals.held_start import HeldStart
-from bottomlock.bench.mission import Estimates, Mission
-from bottomlock.models import Model
+from bottomlock.kernel.models import Model
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 

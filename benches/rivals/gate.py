@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from bottomlock.models import Options
+from bottomlock.kernel.models import Options
 
 Floats = NDArray[np.float64]
 

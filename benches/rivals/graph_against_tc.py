@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from benches.rivals import factor_graph
 from benches.rivals.scenario_missions import scenario_mission, tightly_coupled
-from bottomlock.atomic_write import write_text
-from bottomlock.bench.mission import Estimates, Mission
 from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.files.atomic_write import write_text
 from bottomlock.simulation.build import build_simulation
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 DRAWS = 2000

@@ -10,7 +10,7 @@ wherever no beam returns, with a covariance that grows as a random walk of the s
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.bench.mission import Mission
+from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
 

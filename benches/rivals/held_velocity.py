@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from benches.rivals.error_state import ErrorStateFilter, run
 from benches.rivals.sensors import Measurement, velocity_measurement
 from benches.rivals.timeline import Positions, Stretch
-from bottomlock.bench.mission import Estimates, Mission
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ errors (a test shows it).
 
 from benches.rivals.error_state import ErrorStateFilter, run
 from benches.rivals.state import RightInvariant
-from bottomlock.bench.mission import Estimates, Mission
+from partialdvl_bench.mission import Estimates, Mission
 
 
 def estimate(mission: Mission) -> Estimates:

@@ -9,7 +9,7 @@ import numpy as np
 from benches.rivals.error_state import ErrorStateFilter, run
 from benches.rivals.sensors import Measurement
 from benches.rivals.state import RightInvariant
-from bottomlock.bench.mission import Estimates, Mission
+from partialdvl_bench.mission import Estimates, Mission
 
 ITERATIONS = 4
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.bench.mission import Mission
+from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor, nn
 
 from benches.rivals.learned_data import Samples, mirrored, with_fewer_beams
-from bottomlock.atomic_write import write_bytes
 from bottomlock.errors import DataError
+from bottomlock.files.atomic_write import write_bytes
 
 LEAST_LOG_SD = -6.0
 """2.5 mm/s: no sample of a likelihood is worth more."""

@@ -19,7 +19,7 @@ from torch import nn
 from benches.rivals import learned_beams, learned_velocity
 from benches.rivals.learned_data import Samples, baseline, joined, samples_of
 from benches.rivals.learned_network import save, train
-from bottomlock.bench.load import load_mission
+from partialdvl_bench.load import load_mission
 
 Floats = NDArray[np.float64]
 Learned = Any

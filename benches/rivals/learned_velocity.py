@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from benches.rivals.learned_data import BEAMS, PINGS, Samples, baseline, samples_of
 from benches.rivals.learned_network import LEAST_LOG_SD, gaussian_loss, load, static_inputs, tensor
 from benches.rivals.loose_ins import aided_by
-from bottomlock.bench.mission import Estimates, Mission
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 WEIGHTS = Path(__file__).parent / "weights" / "learned_velocity.npz"

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.bench.mission import Estimates, Mission, initial_state
 from bottomlock.kernel import Navigator
+from partialdvl_bench.mission import Estimates, Mission, initial_state
 
 Floats = NDArray[np.float64]
 

@@ -21,10 +21,10 @@ from benches.rivals.sensors import Measurement
 from benches.rivals.state import VELOCITY, State, velocity_rows
 from benches.rivals.strapdown import Increment, Motion
 from benches.rivals.timeline import Stretch
-from bottomlock.bench.mission import Estimates, Mission
 from bottomlock.errors import DataError
 from bottomlock.plant import Vehicle, load_vehicle
 from bottomlock.plant.trim import trim
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from benches.rivals import rotations
 from benches.rivals.state import ACCEL_BIAS, GYRO_BIAS, MISALIGNMENT, POSITION, VELOCITY, Layout
 from benches.rivals.strapdown import Earth, Increment
-from bottomlock.models import DepthModel, DvlModel, HeadingModel, Model
+from bottomlock.kernel.models import DepthModel, DvlModel, HeadingModel, Model
 
 Floats = NDArray[np.float64]
 

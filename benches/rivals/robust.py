@@ -20,8 +20,8 @@ from benches.rivals.error_state import ErrorStateFilter, run
 from benches.rivals.gate import Gate
 from benches.rivals.sensors import Measurement
 from benches.rivals.timeline import Positions
-from bottomlock.bench.mission import Estimates, Mission
-from bottomlock.models import Robust
+from bottomlock.kernel.models import Robust
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.bench.methods import estimate
-from bottomlock.bench.mission import Estimates, Mission, Pings, Scalars, Start, Truth
 from bottomlock.config.scenario import Scenario
 from bottomlock.recordings.streams import Inertial
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
+from partialdvl_bench.methods import estimate
+from partialdvl_bench.mission import Estimates, Mission, Pings, Scalars, Start, Truth
 
 Floats = NDArray[np.float64]
 

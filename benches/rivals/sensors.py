@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from benches.rivals import rotations
 from benches.rivals.state import GYRO_BIAS, MISALIGNMENT, POSITION, Layout, State, velocity_rows
 from benches.rivals.strapdown import Earth
-from bottomlock.bench.mission import Mission
-from bottomlock.models import DepthModel, DvlModel
+from bottomlock.kernel.models import DepthModel, DvlModel
+from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
 

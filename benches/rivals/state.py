@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from benches.rivals import rotations
 from benches.rivals.strapdown import Motion
-from bottomlock.bench.mission import Mission
-from bottomlock.models import DepthModel, DvlModel, HeadingModel
+from bottomlock.kernel.models import DepthModel, DvlModel, HeadingModel
+from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
 

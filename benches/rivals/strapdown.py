@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benches.rivals import rotations
 from benches.rivals.timeline import Stretch
-from bottomlock.models import Environment
+from bottomlock.kernel.models import Environment
 
 Floats = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.bench.mission import Mission
 from bottomlock.errors import DataError
 from bottomlock.recordings.streams import Inertial
+from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -16,7 +16,7 @@ from benches.rivals.sensors import Measurement
 from benches.rivals.state import Chart, RightInvariant, State
 from benches.rivals.strapdown import Increment, Motion, advance
 from benches.rivals.timeline import Stretch
-from bottomlock.bench.mission import Estimates, Mission
+from partialdvl_bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
 

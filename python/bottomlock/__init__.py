@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     __version__: str
 
-    from bottomlock.attitude_motion import MotionFromAttitude
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
     from bottomlock.campaign.run import run_campaign, run_shard
@@ -40,7 +39,8 @@ if TYPE_CHECKING:
         simulate_sensors,
         solve_velocity,
     )
-    from bottomlock.models import (
+    from bottomlock.kernel.attitude_motion import MotionFromAttitude
+    from bottomlock.kernel.models import (
         AcousticPositionModel,
         DepthModel,
         DvlModel,
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from bottomlock.simulation.measurement_schedule import measurement_schedule
     from bottomlock.simulation.sensor_streams import sensor_streams
     from bottomlock.truth.analytic import analytic_truth
+    from bottomlock.truth.path import truth_from_path
     from bottomlock.truth.truth import Truth
 
 __all__ = [
@@ -116,43 +117,44 @@ __all__ = [
     "sensor_streams",
     "simulate_sensors",
     "solve_velocity",
+    "truth_from_path",
     "vehicle_water",
 ]
 
 # Each name is imported when it is first used: the command's help needs no numpy, and a vehicle's computer no polars.
 _LAZY = {
-    "AcousticPositionModel": "bottomlock.models",
+    "AcousticPositionModel": "bottomlock.kernel.models",
     "BeamGeometry": "bottomlock.kernel",
     "BottomlockError": "bottomlock.errors",
     "DataError": "bottomlock.errors",
-    "DepthModel": "bottomlock.models",
-    "DvlModel": "bottomlock.models",
-    "DvlOutlierModel": "bottomlock.models",
+    "DepthModel": "bottomlock.kernel.models",
+    "DvlModel": "bottomlock.kernel.models",
+    "DvlOutlierModel": "bottomlock.kernel.models",
     "EngineError": "bottomlock.errors",
-    "Environment": "bottomlock.models",
+    "Environment": "bottomlock.kernel.models",
     "FIX_METHODS": "bottomlock.kernel",
-    "GpsModel": "bottomlock.models",
-    "ImuModel": "bottomlock.models",
-    "InitialModel": "bottomlock.models",
-    "InitialState": "bottomlock.models",
+    "GpsModel": "bottomlock.kernel.models",
+    "ImuModel": "bottomlock.kernel.models",
+    "InitialModel": "bottomlock.kernel.models",
+    "InitialState": "bottomlock.kernel.models",
     "KernelError": "bottomlock.errors",
     "METHODS": "bottomlock.kernel",
-    "HeadingModel": "bottomlock.models",
-    "MagnetometerModel": "bottomlock.models",
-    "Model": "bottomlock.models",
-    "Motion": "bottomlock.models",
-    "MotionFromAttitude": "bottomlock.attitude_motion",
+    "HeadingModel": "bottomlock.kernel.models",
+    "MagnetometerModel": "bottomlock.kernel.models",
+    "Model": "bottomlock.kernel.models",
+    "Motion": "bottomlock.kernel.models",
+    "MotionFromAttitude": "bottomlock.kernel.attitude_motion",
     "Navigator": "bottomlock.kernel",
-    "Options": "bottomlock.models",
+    "Options": "bottomlock.kernel.models",
     "OutputError": "bottomlock.errors",
-    "Robust": "bottomlock.models",
+    "Robust": "bottomlock.kernel.models",
     "Scenario": "bottomlock.config.scenario",
     "ScenarioError": "bottomlock.errors",
     "Shard": "bottomlock.campaign.partition",
     "Simulation": "bottomlock.simulation.build",
     "Truth": "bottomlock.truth.truth",
     "VelocityFixes": "bottomlock.kernel",
-    "Water": "bottomlock.models",
+    "Water": "bottomlock.kernel.models",
     "analytic_truth": "bottomlock.truth.analytic",
     "build_simulation": "bottomlock.simulation.build",
     "imu_grade": "bottomlock.config.instrument_grades",
@@ -173,6 +175,7 @@ _LAZY = {
     "sensor_streams": "bottomlock.simulation.sensor_streams",
     "simulate_sensors": "bottomlock.kernel",
     "solve_velocity": "bottomlock.kernel",
+    "truth_from_path": "bottomlock.truth.path",
 }
 
 

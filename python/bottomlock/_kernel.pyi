@@ -2,8 +2,8 @@
 
 SI units, radians, int64 nanoseconds; tangent NED, platform FRD, quaternions scalar first.
 
-Settings are objects of `bottomlock.models`; dicts with the same keys are taken, too. Of every dict, each key that is
-given must be one that is read: an unknown one is an error that names the nearest.
+Settings are objects of `bottomlock.kernel.models`; dicts with the same keys are taken, too. Of every dict, each key
+that is given must be one that is read: an unknown one is an error that names the nearest.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.kernel import FixMethod, JanusConfiguration, Method, OwnName
-from bottomlock.models import Environment, ImuModel, InitialState, Model, Options
+from bottomlock.kernel.models import Environment, ImuModel, InitialState, Model, Options
 
 __all__ = [
     "DEFAULT_OPTIONS",

@@ -28,10 +28,10 @@ from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Shard
 from bottomlock.campaign.run import Results, run_campaign, run_shard
 from bottomlock.errors import BottomlockError, Note
+from bottomlock.files.records import DIGESTS, OWN_DIGEST
 from bottomlock.io.beam_table import read_beam_table, write_recording
 from bottomlock.io.formats import read_recording
 from bottomlock.plant import fly, load_vehicle, straight
-from bottomlock.records import DIGESTS, OWN_DIGEST
 from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import KIND, TABLES, ReplayResult, write_replay
 from bottomlock.studies import study_folder

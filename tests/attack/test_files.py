@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bottomlock import records
+from bottomlock.files import records
 from tests.attack import bit_flips, kills
 
 

@@ -13,7 +13,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from bottomlock import kernel
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import load_scenario
-from bottomlock.models import InitialState
+from bottomlock.kernel.models import InitialState
 from bottomlock.plant import swim
 from bottomlock.simulation.build import build_simulation
 from tests.analytic import batch_along

@@ -7,15 +7,15 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock.bench import mission_list as lists
-from bottomlock.bench.leaderboard import read_submissions
-from bottomlock.bench.methods import estimate
-from bottomlock.bench.mission import Estimates, Mission
-from bottomlock.bench.mission_list import missions_of
 from bottomlock.errors import DataError
-from bottomlock.records import read_record, write_record
-from bottomlock.tables.bench import LEADERBOARD, SUBMISSION
+from bottomlock.files.records import read_record, write_record
 from bottomlock.tables.check import check
+from partialdvl_bench import mission_list as lists
+from partialdvl_bench.leaderboard import read_submissions
+from partialdvl_bench.methods import estimate
+from partialdvl_bench.mission import Estimates, Mission
+from partialdvl_bench.mission_list import missions_of
+from partialdvl_bench.tables import LEADERBOARD, SUBMISSION
 from tests.cli.calls import command
 
 RIVAL = "rival=tests.cli.test_bench:rival"

@@ -13,8 +13,8 @@ import pytest
 
 from bottomlock.audit.logs import BeamLog
 from bottomlock.errors import OutputError
-from bottomlock.overwriting import digest_of
-from bottomlock.records import read_record
+from bottomlock.files.overwriting import digest_of
+from bottomlock.files.records import read_record
 from bottomlock.replay.init.files import Files
 from tests.cli.calls import command
 from tests.live.world import NAVIGATION_TOML

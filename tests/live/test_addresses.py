@@ -15,7 +15,8 @@ import pytest
 
 from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.connections import Connection, cancel
-from bottomlock.live.sinks import Sink, open_sink
+from bottomlock.live.sink import Sink
+from bottomlock.live.sinks import open_sink
 from tests.live.world import World
 
 DATA = b"".join(data for _, _, data in World(1.0).arrivals())

@@ -18,7 +18,7 @@ from bottomlock.kernel import (
     normal_gravity_mps2,
     solve_velocity,
 )
-from bottomlock.models import InitialState
+from bottomlock.kernel.models import InitialState
 from bottomlock.ports import estimate as estimate_module
 from bottomlock.ports.estimate import Beams, Estimate
 

@@ -13,7 +13,7 @@ import pytest
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import Navigator, normal_gravity_mps2, solve_velocity
-from bottomlock.models import InitialState
+from bottomlock.kernel.models import InitialState
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.registry import PORTS, port
 from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, mavlink, mip, navigated, ping

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import BeamGeometry, Navigator
-from bottomlock.models import DepthModel, MagnetometerModel, Model, Options
+from bottomlock.kernel.models import DepthModel, MagnetometerModel, Model, Options
 
 Times = NDArray[np.int64]
 STREAMS = ("imu", "dvl", "depth", "attitude", "heading", "gps")

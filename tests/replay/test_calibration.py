@@ -12,7 +12,7 @@ from bottomlock.cli.app import app
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import Navigator
-from bottomlock.models import Calibration, DvlModel, InitialState
+from bottomlock.kernel.models import Calibration, DvlModel, InitialState
 from bottomlock.replay.calibration import calibration_words, found, write_calibration
 from bottomlock.replay.case import Case, load_case, parse_case
 from bottomlock.replay.reading import read_streams

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.config.instrument_grades import grade_of
-from bottomlock.geodesy import Place, geodetic_from_tangent
 from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
+from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init import axes_part, declination
 from bottomlock.replay.init.imu_part import wild_rows

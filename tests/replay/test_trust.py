@@ -11,7 +11,7 @@ import pytest
 from matplotlib.patches import Ellipse
 from scipy.stats import norm
 
-from bottomlock.models import Robust
+from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.replay.case import load_case
 from bottomlock.replay.figures import map_figure

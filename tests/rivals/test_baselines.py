@@ -21,14 +21,14 @@ from benches.rivals.model_aided import (
     estimate_with_controls,
 )
 from benches.rivals.state import Additive, State
-from bottomlock.bench.mission import Mission, Pings, Scalars, Start
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError
-from bottomlock.models import Options
+from bottomlock.kernel.models import Options
 from bottomlock.plant import Vehicle
 from bottomlock.plant.trim import trim
 from bottomlock.recordings.streams import Inertial
 from bottomlock.simulation.build import build_simulation
+from partialdvl_bench.mission import Mission, Pings, Scalars, Start
 from tests.unit.plant.helpers import finned
 
 Floats = NDArray[np.float64]

@@ -9,9 +9,9 @@ from benches.rivals.development import mission_along
 from benches.rivals.error_state import ErrorStateFilter
 from benches.rivals.iterated import IteratedFilter
 from benches.rivals.state import MISALIGNMENT, Additive, RightInvariant
-from bottomlock.bench.mission import Mission
 from bottomlock.simulation.build import build_simulation
 from bottomlock.truth.truth import Truth
+from partialdvl_bench.mission import Mission
 
 
 @pytest.fixture(scope="module")

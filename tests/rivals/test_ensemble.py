@@ -7,8 +7,8 @@ from scipy.stats import chi2
 from benches.rivals import adaptive, error_state, invariant, unscented
 from benches.rivals.convergence import world
 from benches.rivals.development import mission_along
-from bottomlock.bench.mission import Estimates, Mission
 from bottomlock.simulation.build import build_simulation
+from partialdvl_bench.mission import Estimates, Mission
 
 RUNS, DURATION_S = 40, 60.0
 

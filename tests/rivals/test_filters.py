@@ -29,10 +29,10 @@ from benches.rivals.state import (
 from benches.rivals.strapdown import Earth, Motion, advance
 from benches.rivals.timeline import Stretch, between, stops
 from benches.rivals.unscented import SigmaPoints, UnscentedFilter, moments
-from bottomlock.bench.mission import Mission
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.models import DepthModel, DvlModel, HeadingModel
+from bottomlock.kernel.models import DepthModel, DvlModel, HeadingModel
 from bottomlock.recordings.streams import Inertial
+from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.bench.load import load_mission
-from bottomlock.bench.make import make_missions
-from bottomlock.bench.mission_list import missions_of
-from bottomlock.bench.seeds import PUBLIC_SEED
 from bottomlock.config.scenario import load_scenario
+from partialdvl_bench.load import load_mission
+from partialdvl_bench.make import make_missions
+from partialdvl_bench.mission_list import missions_of
+from partialdvl_bench.seeds import PUBLIC_SEED
 
 torch: Any = pytest.importorskip("torch", reason="torch is installed for the rivals alone")
 data: Any = import_module("benches.rivals.learned_data")

@@ -5,14 +5,14 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock.bench.load import load_mission
-from bottomlock.bench.make import make_missions
-from bottomlock.bench.methods import estimator
-from bottomlock.bench.mission_list import mission_list, missions_of
-from bottomlock.bench.seeds import PUBLIC_SEED
-from bottomlock.bench.tasks import scores_of
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
+from partialdvl_bench.load import load_mission
+from partialdvl_bench.make import make_missions
+from partialdvl_bench.methods import estimator
+from partialdvl_bench.mission_list import mission_list, missions_of
+from partialdvl_bench.seeds import PUBLIC_SEED
+from partialdvl_bench.tasks import scores_of
 from tools import bench_public, publish_bench
 
 SLIPS = "remus100-tactical-slip_20cm_60s-drop_off-sheared-janus20-fish-recorded-lawn-250s"

@@ -13,9 +13,9 @@ from benches.rivals.robust import RobustFilter, screened, student_t_variance
 from benches.rivals.sensors import Sensors
 from benches.rivals.state import Additive, Layout, at_start, covariance_at_start
 from benches.rivals.strapdown import Earth, Increment
-from bottomlock.bench.mission import Mission
 from bottomlock.config.scenario import load_scenario
-from bottomlock.models import HeadingModel
+from bottomlock.kernel.models import HeadingModel
+from partialdvl_bench.mission import Mission
 from tests.oracle import heavy_tails
 
 SLOW = HeadingModel(sd_rad=0.01, offset_sd_rad=0.07, walk_sd_rad=0.05, walk_time_s=60.0)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
 from bottomlock.kernel import Method
-from bottomlock.models import ImuModel, Robust
+from bottomlock.kernel.models import ImuModel, Robust
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.truth.truth import Truth

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import bottomlock
-from bottomlock.models import DvlModel, Robust
+from bottomlock.kernel.models import DvlModel, Robust
 from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion
 from tests.statistical.ensembles import SEED

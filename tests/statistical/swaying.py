@@ -16,7 +16,7 @@ import numpy as np
 import bottomlock
 from bottomlock.config.instrument_grades import imu_grade
 from bottomlock.config.scenario_sections import Filter
-from bottomlock.models import ImuModel
+from bottomlock.kernel.models import ImuModel
 from tests.oracle.rotations import Array
 from tests.property import settings
 from tests.statistical import worlds

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import Method, Navigator
-from bottomlock.models import DvlModel
+from bottomlock.kernel.models import DvlModel
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band

@@ -11,12 +11,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from bottomlock.bench import methods
-from bottomlock.bench.load import load_mission
-from bottomlock.bench.make import make_missions
-from bottomlock.bench.mission import Mission
-from bottomlock.bench.mission_list import missions_of
-from bottomlock.bench.scores import nees
+from partialdvl_bench import methods
+from partialdvl_bench.load import load_mission
+from partialdvl_bench.make import make_missions
+from partialdvl_bench.mission import Mission
+from partialdvl_bench.mission_list import missions_of
+from partialdvl_bench.scores import nees
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

@@ -11,7 +11,7 @@ import pytest
 
 import bottomlock
 from bottomlock.kernel import Method
-from bottomlock.models import DepthModel, HeadingModel, MagnetometerModel
+from bottomlock.kernel.models import DepthModel, HeadingModel, MagnetometerModel
 from bottomlock.statistics.chi_squared import mean_band
 from tests.analytic import analytic_simulation
 from tests.statistical import ensembles

@@ -20,8 +20,7 @@ import numpy as np
 import pytest
 
 import bottomlock
-from bottomlock import models
-from bottomlock.kernel import Method
+from bottomlock.kernel import Method, models
 from tests.oracle import chi_squared
 from tests.oracle.rotations import Array
 from tests.property import settings

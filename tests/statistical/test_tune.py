@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
 from bottomlock.kernel import replay_log
-from bottomlock.models import Options
+from bottomlock.kernel.models import Options
 from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.journal import Journal

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
-from bottomlock.models import (
+from bottomlock.kernel.models import (
     DepthModel,
     DvlModel,
     Environment,

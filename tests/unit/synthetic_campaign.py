@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.atomic_write import write_parquet
-from bottomlock.records import write_record
+from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.records import write_record
 from bottomlock.statistics import campaign
 from bottomlock.tables.campaign import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
 from tests.analytic import analytic

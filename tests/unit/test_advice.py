@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.records import write_recorded_table
+from bottomlock.files.records import write_recorded_table
 from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
 from bottomlock.statistics.run_errors import read_run_errors

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-ROOTS = ("", "python/bottomlock", "crates/bottomlock/src")
+ROOTS = ("", "python/bottomlock", "python", "crates/bottomlock/src")
 """What a path on the page may be relative to."""
 
 _PATH = re.compile(
@@ -30,7 +30,7 @@ def exists(root: Path, path: str) -> bool:
 
 def rooms(root: Path) -> list[str]:
     """Every folder of the package and of the kernel, relative to the checkout."""
-    tops = [root / "python" / "bottomlock", root / "crates" / "bottomlock" / "src"]
+    tops = [root / "python", root / "crates" / "bottomlock" / "src"]
     folders = [
         folder for top in tops for folder in top.rglob("*") if folder.is_dir() and any(folder.iterdir())
     ]
@@ -64,7 +64,7 @@ def test_a_missing_path_and_an_unnamed_room_are_noticed(tmp_path: Path) -> None:
     (tmp_path / "python" / "bottomlock" / "io" / "new").mkdir(parents=True)
     (tmp_path / "python" / "bottomlock" / "io" / "pd0.py").touch()
     (tmp_path / "python" / "bottomlock" / "io" / "new" / "x.py").touch()
-    assert rooms(tmp_path) == ["python/bottomlock/io/", "python/bottomlock/io/new/"]
+    assert rooms(tmp_path) == ["python/bottomlock/", "python/bottomlock/io/", "python/bottomlock/io/new/"]
     paths = named_paths("`io/pd0.py`, `python/bottomlock/io/` and tests/gone/ beside `moved.rs` and figures/")
     assert paths == {"io/pd0.py", "python/bottomlock/io/", "tests/gone/", "moved.rs"}
     assert sorted(path for path in paths if not exists(tmp_path, path)) == ["moved.rs", "tests/gone/"]
@@ -73,13 +73,18 @@ def test_a_missing_path_and_an_unnamed_room_are_noticed(tmp_path: Path) -> None:
 def layers(page: str, after: str) -> list[set[str]]:
     """The layers, from the top down, of the block that follows some words."""
     block = page.split(after, 1)[1].split("```\n", 2)[1]
-    return [set(line.split(" | ")) for line in block.splitlines()]
+    return [siblings(line) for line in block.splitlines()]
+
+
+def siblings(layer: str) -> set[str]:
+    """The rooms of a layer, parted by | or by :."""
+    return set(re.split(r" [|:] ", layer))
 
 
 def test_python_layers_are_those_of_the_contract(root: Path, page: str) -> None:
     settings = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     (contract,) = [one for one in settings["tool"]["importlinter"]["contracts"] if one["id"] == "layers"]
-    enforced = [set(layer.split(" | ")) for layer in contract["layers"] if layer != "__main__"]
+    enforced = [siblings(layer) - {"__main__"} for layer in contract["layers"]]
     assert layers(page, "Python layers") == enforced
 
 

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import bottomlock
-from bottomlock.attitude_motion import MotionFromAttitude, divided, held, inertial_readings
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.config.scenario import load_scenario
+from bottomlock.kernel.attitude_motion import MotionFromAttitude, divided, held, inertial_readings
 
 LATITUDE = 0.7
 EARTH_T = 7.292115e-5 * np.array([np.cos(LATITUDE), 0.0, -np.sin(LATITUDE)])

@@ -7,10 +7,10 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import atomic_write
 from bottomlock.campaign import partition
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.files import atomic_write
 from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, RUNS
 from bottomlock.tables.check import check
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, TABLES, short

@@ -19,7 +19,7 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
 from bottomlock.dead_reckoning.track import Velocities
 from bottomlock.errors import ScenarioError
-from bottomlock.models import Environment, InitialState
+from bottomlock.kernel.models import Environment, InitialState
 from bottomlock.recordings.streams import Attitudes
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report

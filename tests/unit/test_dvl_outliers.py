@@ -14,7 +14,7 @@ from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import KernelError, run_batch
-from bottomlock.models import DvlOutlierModel
+from bottomlock.kernel.models import DvlOutlierModel
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings

@@ -7,8 +7,10 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock import geodesy, kernel, models
+from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
+from bottomlock.kernel import models
+from bottomlock.recordings import geodesy
 from bottomlock.replay.findings.earth_limits import earth_findings
 from bottomlock.replay.level import level_axes
 from bottomlock.simulation.build import build_simulation

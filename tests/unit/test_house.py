@@ -99,10 +99,11 @@ def test_versions_agree(root: Path) -> None:
     assert locked["bottomlock"] == locked["bottomlock-py"] == version
 
 
-def test_every_package_file_ships(root: Path) -> None:
+@pytest.mark.parametrize("package", ["bottomlock", "partialdvl_bench"])
+def test_every_package_file_ships(root: Path, package: str) -> None:
     """Scenarios, stub and marker are read at run time or by type checkers, so the wheel must hold them all."""
-    source = root / "python" / "bottomlock"
-    shipped = importlib.resources.files("bottomlock")
+    source = root / "python" / package
+    shipped = importlib.resources.files(package)
     expected = [
         path.relative_to(source)
         for path in source.rglob("*")
@@ -122,7 +123,7 @@ def test_licences_ship() -> None:
 def test_kernel_has_one_importer(root: Path) -> None:
     """All Python goes through bottomlock.kernel, which checks shapes in the user's words."""
     importers = set()
-    for path in (root / "python" / "bottomlock").rglob("*.py"):
+    for path in (root / "python").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             match node:
                 case ast.ImportFrom(module=module, names=names):
@@ -132,8 +133,8 @@ def test_kernel_has_one_importer(root: Path) -> None:
                 case _:
                     continue
             if "bottomlock._kernel" in found:
-                importers.add(path.name)
-    assert importers == {"kernel.py"}
+                importers.add(path.relative_to(root / "python").as_posix())
+    assert importers == {"bottomlock/kernel/__init__.py"}
 
 
 def test_sound_speed_scale() -> None:

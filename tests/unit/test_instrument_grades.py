@@ -7,11 +7,12 @@ import pytest
 from pydantic import ValidationError
 
 import bottomlock
-from bottomlock import kernel, models
+from bottomlock import kernel
 from bottomlock.config.instrument_grades import FULL_SCALES, Kind, grade_of, grades
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.scenario_sections import Filter, ImuErrors
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel import models
 
 
 def test_a_grade_in_si_is_that_of_its_data_sheet() -> None:

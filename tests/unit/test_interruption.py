@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock import kernel, models
+from bottomlock import kernel
+from bottomlock.kernel import models
 from tests.analytic import batch_along
 
 MOST_S = 0.5

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock import kernel, models
+from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
-from bottomlock.kernel import DEFAULT_OPTIONS, BeamGeometry, KernelError
+from bottomlock.kernel import DEFAULT_OPTIONS, BeamGeometry, KernelError, models
 from tests.property import settings
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import bottomlock
-from bottomlock.bench.methods import estimator
-from bottomlock.bench.mission_list import missions_of
 from bottomlock.campaign.engine import check_engine
 from bottomlock.config.instrument_grades import grade_of
 from bottomlock.config.scenario import copy_scenario
 from bottomlock.encoders.registry import format_named
 from bottomlock.errors import BottomlockError
-from bottomlock.nearest import did_you_mean, nearest
 from bottomlock.plant import load_vehicle
 from bottomlock.studies.sensor_law import variant
+from bottomlock.support.nearest import did_you_mean, nearest
+from partialdvl_bench.methods import estimator
+from partialdvl_bench.mission_list import missions_of
 
 PACKAGE = Path(bottomlock.__file__).parent
 
@@ -72,7 +72,7 @@ def _navigator(method: Any) -> object:  # noqa: ANN401 - a wrong one
         (lambda: format_named("nucleos"), "nucleus"),
         (lambda: bottomlock.read_recording("x", format="pd-0"), "pd0"),
         (lambda: variant(bottomlock.load_scenario("straight"), (1, 3), ("dept",), 0.0), "depth"),
-        (lambda: bottomlock.Truth.from_path("x.csv", rate_hz=10.0, gravity_mps2=9.8, smoth_s=1.0), "smooth_s"),
+        (lambda: bottomlock.truth_from_path("x.csv", rate_hz=10.0, gravity_mps2=9.8, smoth_s=1.0), "smooth_s"),
     ],
 )  # fmt: skip
 def test_every_kind_of_name(call: Callable[[], object], proposed: str) -> None:

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator, error_model
-from bottomlock.models import DepthModel, DvlModel, InitialState, Model
+from bottomlock.kernel.models import DepthModel, DvlModel, InitialState, Model
 from bottomlock.observability import report, tables
 from bottomlock.observability.analysis import LEAST_GAP, Aiding, Finding, deviations, observe
 from bottomlock.observability.figures import deviation_figure

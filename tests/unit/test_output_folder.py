@@ -14,19 +14,19 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import atomic_write
 from bottomlock.campaign.run import run_campaign
 from bottomlock.errors import DataError, Note, OutputError
-from bottomlock.output_folder import LOCK, is_occupied, locked
-from bottomlock.overwriting import Result, remove_named
-from bottomlock.records import read_record, write_record
+from bottomlock.files import atomic_write
+from bottomlock.files.output_folder import LOCK, is_occupied, locked
+from bottomlock.files.overwriting import Result, remove_named
+from bottomlock.files.records import read_record, write_record
 from bottomlock.studies import study_folder
 from tests.unit.small_campaign import short
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from bottomlock.output_folder import locked
+from bottomlock.files.output_folder import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)

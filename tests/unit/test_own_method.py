@@ -15,7 +15,7 @@ from bottomlock.campaign.run import run_campaign
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import KernelError, ScenarioError
-from bottomlock.models import Calibration
+from bottomlock.kernel.models import Calibration
 from bottomlock.own_method import Beams, Fix, Prior, Rows
 from bottomlock.replay.case import Settings
 from bottomlock.simulation.build import build_simulation

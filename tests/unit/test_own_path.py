@@ -16,13 +16,12 @@ from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario, load_scenario
 from bottomlock.errors import BottomlockError, DataError, ScenarioError
 from bottomlock.io.track import read_track
 from bottomlock.kernel import local_earth
-from bottomlock.models import Environment
+from bottomlock.kernel.models import Environment
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.closure import closure
 from bottomlock.simulation.own_path import resolved
-from bottomlock.truth.path import Path
+from bottomlock.truth.path import Path, truth_from_path
 from bottomlock.truth.path_spline import PathOptions
-from bottomlock.truth.truth import Truth
 from tests.analytic import analytic_simulation
 
 Floats = NDArray[np.float64]
@@ -145,7 +144,7 @@ def test_a_flown_truth_comes_back_from_a_few_rows(tmp_path: File) -> None:
     columns |= {f"attitude_t_p_{axis}": flown.attitude_t_p[every, k] for k, axis in enumerate("wxyz")}
     file = tmp_path / "truth.parquet"
     pl.DataFrame({"time_ns": flown.time_ns[every], **columns}).write_parquet(file)
-    truth = Truth.from_path(
+    truth = truth_from_path(
         file, rate_hz=150.0, gravity_mps2=flown.gravity_mps2, latitude_rad=flown.latitude_rad
     )
     np.testing.assert_allclose(truth.position_t_m, flown.position_t_m, atol=1e-4)
@@ -408,9 +407,9 @@ def test_from_path_states_what_is_missing(tmp_path: File) -> None:
     """A latitude, and keys that it has not."""
     file = written(tmp_path, position_only())
     with pytest.raises(DataError, match="has no latitude, expected latitude_rad"):
-        Truth.from_path(file, rate_hz=50.0, gravity_mps2=9.8)
+        truth_from_path(file, rate_hz=50.0, gravity_mps2=9.8)
     with pytest.raises(DataError, match="has no key 'speed'"):
-        Truth.from_path(file, rate_hz=50.0, gravity_mps2=9.8, latitude_rad=0.5, speed=2.0)
+        truth_from_path(file, rate_hz=50.0, gravity_mps2=9.8, latitude_rad=0.5, speed=2.0)
 
 
 def test_iso_times_and_other_names(tmp_path: File) -> None:

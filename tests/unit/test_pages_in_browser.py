@@ -10,8 +10,8 @@ import polars as pl
 import pytest
 
 from bottomlock.figures.palette import new_figure
+from bottomlock.files.records import write_recorded_table
 from bottomlock.pages.sheet import Part, Picture, sheet
-from bottomlock.records import write_recorded_table
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
 from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR

@@ -12,32 +12,32 @@ from bottomlock.errors import ScenarioError
 from tests.unit.small_campaign import same_bits, short
 
 ENTRY_POINTS = {
-    "campaign.until": ["run_until"],
-    "studies.consistency": ["run_consistency"],
-    "studies.masks": ["run_masks"],
-    "studies.recovery": ["run_recovery"],
-    "studies.reproduce": ["reproduce"],
-    "studies.sensor_law": ["run_sensor_law"],
-    "studies.sweep": ["run_sweep"],
-    "studies.variants": ["run_variants"],
-    "studies.without_cause": ["run_without_causes"],
-    "studies.expected_verdicts": ["read_expectations"],
-    "report.compare": ["compare"],
-    "report.page": ["make_report"],
-    "replay.case": ["load_case"],
-    "replay.run": ["replay_case", "write_replay"],
-    "replay.report": ["read_replay", "make_replay_report"],
-    "replay.tune.run": ["tune_case"],
-    "bench.leaderboard": ["score_submissions", "read_submissions"],
-    "bench.make": ["make_missions"],
-    "bench.run": ["run_missions"],
-    "bench.page": ["write_page"],
-    "observability.report": ["observe_scenario", "observe_paper"],
-    "live.config": ["load_config"],
-    "config.scenario": ["copy_scenario"],
+    "bottomlock.campaign.until": ["run_until"],
+    "bottomlock.studies.consistency": ["run_consistency"],
+    "bottomlock.studies.masks": ["run_masks"],
+    "bottomlock.studies.recovery": ["run_recovery"],
+    "bottomlock.studies.reproduce": ["reproduce"],
+    "bottomlock.studies.sensor_law": ["run_sensor_law"],
+    "bottomlock.studies.sweep": ["run_sweep"],
+    "bottomlock.studies.variants": ["run_variants"],
+    "bottomlock.studies.without_cause": ["run_without_causes"],
+    "bottomlock.studies.expected_verdicts": ["read_expectations"],
+    "bottomlock.report.compare": ["compare"],
+    "bottomlock.report.page": ["make_report"],
+    "bottomlock.replay.case": ["load_case"],
+    "bottomlock.replay.run": ["replay_case", "write_replay"],
+    "bottomlock.replay.report": ["read_replay", "make_replay_report"],
+    "bottomlock.replay.tune.run": ["tune_case"],
+    "partialdvl_bench.leaderboard": ["score_submissions", "read_submissions"],
+    "partialdvl_bench.make": ["make_missions"],
+    "partialdvl_bench.run": ["run_missions"],
+    "partialdvl_bench.page": ["write_page"],
+    "bottomlock.observability.report": ["observe_scenario", "observe_paper"],
+    "bottomlock.live.config": ["load_config"],
+    "bottomlock.config.scenario": ["copy_scenario"],
 }
 PUBLIC = [getattr(bottomlock, name) for name in bottomlock.__all__] + [
-    getattr(importlib.import_module(f"bottomlock.{module}"), name)
+    getattr(importlib.import_module(module), name)
     for module, names in ENTRY_POINTS.items()
     for name in names
 ]

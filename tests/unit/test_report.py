@@ -20,12 +20,12 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError, OutputError
 from bottomlock.figures import palette
 from bottomlock.figures.labels import Line, draw_lines, spread
+from bottomlock.files.records import write_recorded_table
 from bottomlock.kernel import METHODS as KERNEL_METHODS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.featured import MOST, featured
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.numbers import number
-from bottomlock.records import write_recorded_table
 from bottomlock.report.page import make_report
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors

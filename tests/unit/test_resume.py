@@ -13,7 +13,7 @@ from bottomlock.campaign.directory import MANIFEST
 from bottomlock.campaign.manifest import identity_of
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import DataError, Note, OutputError
-from bottomlock.output_folder import LOCK
+from bottomlock.files.output_folder import LOCK
 from tests.attack.kills import finished
 from tests.recorded import edit_record
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short

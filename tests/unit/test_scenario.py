@@ -8,7 +8,7 @@ import pytest
 
 from bottomlock.config.scenario import copy_scenario, load_scenario, packaged_scenarios, parse_scenario
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.models import DepthModel, DvlModel
+from bottomlock.kernel.models import DepthModel, DvlModel
 
 TEXT = """
 name = "t"

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 import bottomlock
-from bottomlock.attitude_motion import inertial_readings
 from bottomlock.config.scenario import EARTH_RATE_RADPS, load_scenario
 from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
 from bottomlock.dead_reckoning.track import Velocities
+from bottomlock.kernel.attitude_motion import inertial_readings
 from bottomlock.plant.ideal_sensors import inertial_measurements
 from bottomlock.replay.init.moved import turns
 from bottomlock.simulation.build import build_simulation

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from bottomlock import kernel, models
+from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.scenario_sections import Water
-from bottomlock.kernel import Method
+from bottomlock.kernel import Method, models
 from tests.property import settings
 
 JANUS = kernel.BeamGeometry.janus(np.deg2rad(20.0))

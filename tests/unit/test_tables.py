@@ -16,7 +16,7 @@ from bottomlock import tables
 from bottomlock.config.scenario_sections import Filter, ImuLimits, Robust
 from bottomlock.errors import DataError
 from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
-from bottomlock.models import Options
+from bottomlock.kernel.models import Options
 from bottomlock.statistics.rms import combined_rms, rms, rms_column
 from bottomlock.tables.check import check
 from bottomlock.tables.fixes import fixes_schema

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock import kernel
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError
-from bottomlock.models import Model
+from bottomlock.kernel.models import Model
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.truth.analytic import analytic_truth
 from bottomlock.truth.truth import Truth

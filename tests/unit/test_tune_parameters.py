@@ -10,7 +10,7 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import KernelError
-from bottomlock.models import Options
+from bottomlock.kernel.models import Options
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams

@@ -12,9 +12,9 @@ from bottomlock import kernel
 from bottomlock.audit.logs import read_log
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.files.table_file import read_table_file
 from bottomlock.io.beams import Columns, read_geometry, read_times
 from bottomlock.kernel import BeamGeometry, KernelError, Method
-from bottomlock.table_file import read_table_file
 from tests.unit.test_models import JANUS, LOG, MODEL, OPTIONS, STATE
 
 SECOND = 1_000_000_000

@@ -13,7 +13,7 @@ from bottomlock.campaign import partition, until
 from bottomlock.campaign.run import run_campaign
 from bottomlock.campaign.until import Until, next_runs, run_until
 from bottomlock.errors import ScenarioError
-from bottomlock.records import read_record
+from bottomlock.files.records import read_record
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 RUNS = 12

@@ -12,7 +12,7 @@ use crate::errors::invalid;
 /// Characters of a value beyond which a message names its type alone.
 const LINE: usize = 60;
 
-/// Keys and values of a dict, or of an object of `bottomlock.models`, with the keys that were asked for.
+/// Keys and values of a dict, or of an object of `bottomlock.kernel.models`, with the keys that were asked for.
 pub struct Keys<'py> {
     dict: Bound<'py, PyDict>,
     owner: String,
@@ -26,7 +26,7 @@ pub fn read<'py, T>(owner: &str, value: &Bound<'py, PyAny>, of: impl FnOnce(&Key
         Err(_) if value.hasattr("as_dict")? => value.call_method0("as_dict")?.cast_into()?,
         Err(_) => {
             return Err(invalid(format!(
-                "{owner} is of type {}, expected a dict or an object of bottomlock.models",
+                "{owner} is of type {}, expected a dict or an object of bottomlock.kernel.models",
                 value.get_type().name()?
             )));
         }
@@ -164,7 +164,7 @@ impl<'py> Keys<'py> {
 
 /// The name nearest to one given, if one is alike: by the package's own rule, which is imported with the first error.
 pub fn nearest(py: Python<'_>, name: &str, names: &[String]) -> PyResult<Option<String>> {
-    py.import("bottomlock.nearest")?
+    py.import("bottomlock.support.nearest")?
         .call_method1("nearest", (name, names.to_vec()))?
         .extract()
 }

@@ -7,13 +7,13 @@ import polars as pl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from bottomlock.atomic_write import json_text, parquet_bytes
 from bottomlock.audit import figures
 from bottomlock.audit.findings import findings_table
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
-from bottomlock.overwriting import Files
+from bottomlock.files.atomic_write import json_text, parquet_bytes
+from bottomlock.files.overwriting import Files
 from bottomlock.pages.render import render
 
 CAPTIONS = {

@@ -1,7 +1,7 @@
 """One chunk: runs of one scenario to tables. It needs only the built scenario and can run anywhere."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
@@ -45,6 +45,9 @@ class ChunkResult:
     kernel_s: float = 0.0
     work_s: float = 0.0
     directory: Path | None = None
+
+
+ChunkResults = Generator[tuple[Chunk, ChunkResult], None, None]
 
 
 def run_chunk(

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.atomic_write import link_or_copy, write_parquet
 from bottomlock.campaign.chunk import ChunkResult
 from bottomlock.campaign.partition import Chunk, Partition
 from bottomlock.errors import DataError, note
-from bottomlock.records import (
+from bottomlock.files.atomic_write import link_or_copy, write_parquet
+from bottomlock.files.records import (
     MissingFileError,
     read_record,
     read_recorded,

@@ -20,8 +20,7 @@ from distributed import Client, LocalCluster, Worker, WorkerPlugin, wait
 from distributed.comm import CommClosedError
 
 from bottomlock.campaign.build import BuiltScenario
-from bottomlock.campaign.chunk import ChunkResult, run_chunk
-from bottomlock.campaign.engine import ChunkResults
+from bottomlock.campaign.chunk import ChunkResult, ChunkResults, run_chunk
 from bottomlock.campaign.partition import Chunk
 from bottomlock.errors import BottomlockError, EngineError, note
 from bottomlock.tables.versions import bit_versions, versions_in_words

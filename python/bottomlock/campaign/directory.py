@@ -7,14 +7,14 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.atomic_write import write_parquet
 from bottomlock.campaign.aggregate import Tables
 from bottomlock.campaign.chunk_files import Identity
 from bottomlock.campaign.partition import Shard
 from bottomlock.errors import DataError, OutputError
-from bottomlock.output_folder import is_occupied, locked
-from bottomlock.overwriting import named_in, remove_named
-from bottomlock.records import read_record, read_recorded_table
+from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.output_folder import is_occupied, locked
+from bottomlock.files.overwriting import named_in, remove_named
+from bottomlock.files.records import read_record, read_recorded_table
 from bottomlock.tables.campaign import PATHS
 from bottomlock.tables.check import check
 from bottomlock.tables.versions import versions_in_words

@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -12,16 +12,14 @@ from typing import Literal, Protocol, get_args
 from urllib.parse import urlsplit
 
 from bottomlock.campaign.build import BuiltScenario
-from bottomlock.campaign.chunk import ChunkResult, run_chunk
+from bottomlock.campaign.chunk import ChunkResult, ChunkResults, run_chunk
 from bottomlock.campaign.partition import Chunk
 from bottomlock.errors import EngineError
-from bottomlock.extras import install
-from bottomlock.nearest import did_you_mean
+from bottomlock.support.extras import install
+from bottomlock.support.nearest import did_you_mean
 
 Engine = Literal["local", "dask"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
-
-ChunkResults = Generator[tuple[Chunk, ChunkResult], None, None]
 
 
 class ChunkSource(Protocol):

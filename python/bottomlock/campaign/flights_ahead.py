@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from bottomlock.errors import BottomlockError
-from bottomlock.other_process import other_process, send_all
 from bottomlock.plant.cache import is_stored
 from bottomlock.simulation.build import Simulation
+from bottomlock.support.other_process import other_process, send_all
 
 
 @contextmanager

@@ -7,14 +7,14 @@ from typing import Any
 import polars as pl
 
 from bottomlock import kernel
+from bottomlock.campaign.chunk import ChunkResults
 from bottomlock.campaign.chunk_files import Identity, check_files, read_chunk
 from bottomlock.campaign.directory import MANIFEST, open_directory, read_paths, shard_of
-from bottomlock.campaign.engine import ChunkResults
 from bottomlock.campaign.manifest import Clock
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
 from bottomlock.campaign.run import Campaign, Results, execute
 from bottomlock.errors import DataError, OutputError, note
-from bottomlock.records import DIGESTS, read_record
+from bottomlock.files.records import DIGESTS, read_record
 from bottomlock.tables.versions import bit_versions
 
 Manifest = Mapping[str, Any]

@@ -14,7 +14,7 @@ from bottomlock import kernel
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.partition import Chunk
 from bottomlock.dead_reckoning.sensors import Sensors, reckon
-from bottomlock.models import InitialState, Model, Options
+from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.simulation.build import trajectory_key

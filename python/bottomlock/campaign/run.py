@@ -31,8 +31,8 @@ from bottomlock.campaign.manifest import Clock, describe, identity_of
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
 from bottomlock.campaign.shown_results import ShownResults
 from bottomlock.config.scenario import Scenario
-from bottomlock.overwriting import check_apart, remove_outdated
-from bottomlock.records import write_record
+from bottomlock.files.overwriting import check_apart, remove_outdated
+from bottomlock.files.records import write_record
 from bottomlock.simulation.build import Simulation
 
 

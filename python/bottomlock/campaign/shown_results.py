@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.nearest import did_you_mean
-from bottomlock.notebook import html_table
 from bottomlock.pages.numbers import number
 from bottomlock.statistics.campaign import summary_table
+from bottomlock.support.nearest import did_you_mean
+from bottomlock.support.notebook import html_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,8 +14,8 @@ from bottomlock.campaign.partition import Partition
 from bottomlock.campaign.run import CampaignProgress, Results, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.nearest import did_you_mean
-from bottomlock.records import DIGESTS, read_record, write_record
+from bottomlock.files.records import DIGESTS, read_record, write_record
+from bottomlock.support.nearest import did_you_mean
 
 QUANTITIES = {
     "velocity_rms": "velocity_rms_over_runs{}_mps",

@@ -9,17 +9,17 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from bottomlock.atomic_write import write_text
 from bottomlock.audit.geometry_file import geometry_text
 from bottomlock.audit.logs import read_depths, read_inertial, read_reference
 from bottomlock.audit.page import audit_files, beams_table
 from bottomlock.audit.run import Audit, audit_file
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
+from bottomlock.files.atomic_write import write_text
+from bottomlock.files.overwriting import Result, check_free
 from bottomlock.io.beam_table import sha256_of
 from bottomlock.io.calibrated_file import require_toml
 from bottomlock.io.formats import converted_first
-from bottomlock.overwriting import Result, check_free
 
 _COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
 

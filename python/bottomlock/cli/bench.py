@@ -7,33 +7,6 @@ from typing import Annotated
 import polars as pl
 from cyclopts import App, Parameter
 
-from bottomlock.atomic_write import write_parquet, write_text
-from bottomlock.bench.beam_submission import (
-    BEAMS,
-    PINGS,
-    beam_table_names,
-    our_beam_tables,
-    score_beam_submissions,
-)
-from bottomlock.bench.beam_tasks import PINGS_TASK, VELOCITY_TASK
-from bottomlock.bench.digests import published
-from bottomlock.bench.leaderboard import (
-    OVERALL,
-    check_reference,
-    leaderboard,
-    read_submissions,
-    score_submissions,
-)
-from bottomlock.bench.load import load_mission
-from bottomlock.bench.make import RECORD, make_missions
-from bottomlock.bench.methods import estimator
-from bottomlock.bench.mission_list import MissionSpec, mission_list, missions_of
-from bottomlock.bench.page import write_page
-from bottomlock.bench.run import Shard, run_missions, write_submissions
-from bottomlock.bench.seeds import PUBLIC_SEED, commitment, commitments, read_sealed
-from bottomlock.bench.seeds import seal as write_seed
-from bottomlock.bench.submission import check_submission, write_tum
-from bottomlock.bench.tasks import RANKED, TASKS
 from bottomlock.cli.console import console, narrow_table
 from bottomlock.cli.engine_parameters import EngineName, Scheduler
 from bottomlock.cli.examples import epilogue
@@ -42,11 +15,38 @@ from bottomlock.cli.parameters import check_threads
 from bottomlock.cli.parameters import split as words
 from bottomlock.cli.study_output import study_bar
 from bottomlock.errors import DataError
+from bottomlock.files.atomic_write import write_parquet, write_text
+from bottomlock.files.overwriting import check_free
+from bottomlock.files.table_file import read_parquet
 from bottomlock.kernel import METHODS
-from bottomlock.overwriting import check_free
 from bottomlock.pages.numbers import plain
-from bottomlock.table_file import read_parquet
-from bottomlock.tables.bench import BLOCKS
+from partialdvl_bench.beam_submission import (
+    BEAMS,
+    PINGS,
+    beam_table_names,
+    our_beam_tables,
+    score_beam_submissions,
+)
+from partialdvl_bench.beam_tasks import PINGS_TASK, VELOCITY_TASK
+from partialdvl_bench.digests import published
+from partialdvl_bench.leaderboard import (
+    OVERALL,
+    check_reference,
+    leaderboard,
+    read_submissions,
+    score_submissions,
+)
+from partialdvl_bench.load import load_mission
+from partialdvl_bench.make import RECORD, make_missions
+from partialdvl_bench.methods import estimator
+from partialdvl_bench.mission_list import MissionSpec, mission_list, missions_of
+from partialdvl_bench.page import write_page
+from partialdvl_bench.run import Shard, run_missions, write_submissions
+from partialdvl_bench.seeds import PUBLIC_SEED, commitment, commitments, read_sealed
+from partialdvl_bench.seeds import seal as write_seed
+from partialdvl_bench.submission import check_submission, write_tum
+from partialdvl_bench.tables import BLOCKS
+from partialdvl_bench.tasks import RANKED, TASKS
 
 bench = App(
     name="bench",

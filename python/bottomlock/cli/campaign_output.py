@@ -19,11 +19,11 @@ from rich.table import Table
 from rich.text import Text
 
 from bottomlock import own_method
-from bottomlock.atomic_write import json_text
 from bottomlock.campaign.estimate import Cost, estimate
 from bottomlock.campaign.run import CampaignProgress, Results
 from bottomlock.cli.console import bars_are_off, console, errors, narrow_table
 from bottomlock.config.scenario import Scenario
+from bottomlock.files.atomic_write import json_text
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics.campaign import summary_table
 

@@ -21,11 +21,11 @@ from rich.table import Table
 from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, errors
 from bottomlock.cli.force import Force
 from bottomlock.errors import OutputError
+from bottomlock.files.overwriting import check_free
 from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, sidecar, write_recording
 from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.progress import progress_to
 from bottomlock.io.rows import Options
-from bottomlock.overwriting import check_free
 from bottomlock.replay.init.column_map import write_map
 
 SHOWN = 28

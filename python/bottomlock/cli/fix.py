@@ -8,7 +8,6 @@ import polars as pl
 from cyclopts import Parameter
 from rich.table import Table
 
-from bottomlock.atomic_write import write_parquet
 from bottomlock.audit.lock import ADVICE, why_never_locked
 from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.beam_noise import print_noise
@@ -17,10 +16,11 @@ from bottomlock.cli.force import Force
 from bottomlock.cli.left_out import score
 from bottomlock.cli.parameters import Robust
 from bottomlock.errors import DataError, OutputError, ScenarioError
+from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.io.formats import converted_first
 from bottomlock.kernel import FIX_METHODS, FixMethod, fix_method, solve_velocity
-from bottomlock.overwriting import check_free
 from bottomlock.replay.leave_out import VelocityWalk
 from bottomlock.replay.robust_fix import RobustFixes, solve_robust
 

@@ -16,9 +16,9 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Columns, InstrumentFile
 from bottomlock.live.config import LiveConfig
-from bottomlock.nearest import did_you_mean
 from bottomlock.plant import HoveringVehicle, Vehicle
 from bottomlock.replay.case import Case
+from bottomlock.support.nearest import did_you_mean
 
 Kind = Literal["scenario", "case", "geometry", "vehicle", "hovering_vehicle", "columns", "live"]
 MODELS: dict[Kind, type[BaseModel]] = {

@@ -7,10 +7,10 @@ import numpy as np
 import polars as pl
 from rich.table import Table
 
-from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console, narrow_table
 from bottomlock.errors import ScenarioError
+from bottomlock.files.atomic_write import write_parquet
 from bottomlock.io.beams import Instrument, Pings
 from bottomlock.pages.numbers import number
 from bottomlock.replay.beam_noise import measure_noise

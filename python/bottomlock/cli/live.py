@@ -11,10 +11,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from bottomlock.atomic_write import write_text
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.cli.force import Force
 from bottomlock.errors import ScenarioError
+from bottomlock.files.atomic_write import write_text
+from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.live.cautions import cautions
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
@@ -22,7 +23,6 @@ from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live, Say, begin, host_clock
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
-from bottomlock.overwriting import check_apart, check_free
 from bottomlock.ports.mavlink import begin_dry_run
 
 

@@ -8,7 +8,6 @@ import polars as pl
 from cyclopts import Parameter
 from rich.table import Table
 
-from bottomlock.atomic_write import write_text
 from bottomlock.campaign.run import CampaignProgress
 from bottomlock.cli.console import console, errors, narrow_table
 from bottomlock.cli.force import ForceStudy
@@ -26,6 +25,7 @@ from bottomlock.cli.parameters import (
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.files.atomic_write import write_text
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import masks as mask_study

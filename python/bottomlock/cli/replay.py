@@ -14,9 +14,9 @@ from bottomlock.cli.console import console, errors, late_bar, narrow_table
 from bottomlock.cli.parameters import Threads, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
+from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
-from bottomlock.overwriting import check_free
 from bottomlock.pages.numbers import number
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write

@@ -6,11 +6,11 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from bottomlock.atomic_write import json_text
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Json
 from bottomlock.config.scenario import copy_scenario, packaged_scenarios
+from bottomlock.files.atomic_write import json_text
 
 
 def scenarios(

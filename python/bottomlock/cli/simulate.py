@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 from cyclopts import Parameter
 
-from bottomlock.atomic_write import parquet_bytes
 from bottomlock.campaign.manifest import identity_of
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
@@ -17,8 +16,9 @@ from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.flight import flight_figure
 from bottomlock.figures.palette import png_bytes
+from bottomlock.files.atomic_write import parquet_bytes
+from bottomlock.files.overwriting import Files, Result
 from bottomlock.io.beams import InstrumentFile
-from bottomlock.overwriting import Files, Result
 from bottomlock.plant import telemetry
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.closure import closure

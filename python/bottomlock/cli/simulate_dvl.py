@@ -14,13 +14,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.toml_file import kinds_of
 from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named
 from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.overwriting import check_free
 from bottomlock.instruments.address import EXPECTED, parse_address
 from bottomlock.instruments.faults import parse_faults
 from bottomlock.instruments.from_log import readings_of_case, readings_of_log
@@ -29,7 +30,6 @@ from bottomlock.instruments.play import Channel, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records
 from bottomlock.instruments.sent_table import sent_table
-from bottomlock.overwriting import check_free
 from bottomlock.replay.case import load_case
 
 DEFAULT_START = "2026-01-01T00:00:00"

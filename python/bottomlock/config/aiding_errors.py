@@ -1,8 +1,9 @@
 """Errors and lever arms of depth, GPS and acoustic positions as a filter takes them; of a replay or live."""
 
-from bottomlock import models, units
+from bottomlock import units
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section, Vector
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
+from bottomlock.kernel import models
 
 
 class DepthErrors(Section):

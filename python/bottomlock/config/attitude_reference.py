@@ -5,9 +5,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
-from bottomlock import models, units
+from bottomlock import units
 from bottomlock.config.instrument_grades import filled_from_grade
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section
+from bottomlock.kernel import models
 
 START_FACTOR = 3.0
 """1 sigma of a start over that of the reading it is from, where readings with the same slow error follow. The slow

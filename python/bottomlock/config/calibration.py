@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section
-from bottomlock.models import Calibration
+from bottomlock.kernel.models import Calibration
 
 SmallAngle = Annotated[float, Field(ge=0, le=30, allow_inf_nan=False)]
 """1 sigma of a mounting angle, degrees: the filter is linear in it."""

@@ -1,7 +1,8 @@
 """Errors of a DVL that a filter assumes, of a replay or live."""
 
-from bottomlock import models, units
+from bottomlock import units
 from bottomlock.config.scenario_sections import NonNegative, Section
+from bottomlock.kernel import models
 
 
 class DvlErrors(Section):

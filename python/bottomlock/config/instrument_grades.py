@@ -8,10 +8,10 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ModelWrapValidatorHandler
 
-from bottomlock import models
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.errors import ScenarioError
-from bottomlock.nearest import did_you_mean
+from bottomlock.kernel import models
+from bottomlock.support.nearest import did_you_mean
 from bottomlock.units import mps2_from_mg, per_rt_s_from_per_rt_h, rad_from_deg, radps_from_deg_per_h
 
 M = TypeVar("M", bound=BaseModel)

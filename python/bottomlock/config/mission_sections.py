@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
-from bottomlock.nearest import did_you_mean
+from bottomlock.support.nearest import did_you_mean
 
 Table = TypeVar("Table", bound=BaseModel)
 

@@ -2,7 +2,7 @@
 
 from bottomlock import units
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section
-from bottomlock.models import ImuModel
+from bottomlock.kernel.models import ImuModel
 
 WEIGHTLESS_MPS2 = 0.0
 """Gravity of a filter whose specific forces are made without it."""

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from bottomlock import models, units
-from bottomlock.atomic_write import write_text
+from bottomlock import units
 from bottomlock.config.mission_sections import faults_of
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario_sections import (
@@ -29,8 +28,10 @@ from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Hea
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
-from bottomlock.nearest import did_you_mean
-from bottomlock.overwriting import check_free
+from bottomlock.files.atomic_write import write_text
+from bottomlock.files.overwriting import check_free
+from bottomlock.kernel import models
+from bottomlock.support.nearest import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5

@@ -15,14 +15,14 @@ from pydantic import (
     model_validator,
 )
 
-from bottomlock import models, units
+from bottomlock import units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
 from bottomlock.config.instrument_grades import filled_from_grade, imu_model
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
-from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration
-from bottomlock.nearest import did_you_mean
+from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration, models
 from bottomlock.own_method import known_names
+from bottomlock.support.nearest import did_you_mean
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from bottomlock.config.sensors import SENSORS
 from bottomlock.config.toml_value import toml_value
-from bottomlock.notebook import html_table
+from bottomlock.support.notebook import html_table
 
 if TYPE_CHECKING:
     from bottomlock.config.scenario import Scenario

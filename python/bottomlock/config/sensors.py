@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from bottomlock import models, units
+from bottomlock import units
 from bottomlock.config.scenario_sections import (
     Factor,
     Finite,
@@ -19,6 +19,7 @@ from bottomlock.config.scenario_sections import (
     Section,
     Vector,
 )
+from bottomlock.kernel import models
 
 AXES = ("north", "east", "down")
 

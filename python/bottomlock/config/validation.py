@@ -4,7 +4,7 @@ from pydantic import BaseModel, ValidationError
 
 from bottomlock.config.key_reference import key_of, model_at, section_models, section_paths
 from bottomlock.config.unit_of_key import unit_of
-from bottomlock.nearest import nearest
+from bottomlock.support.nearest import nearest
 
 _BOUNDS = {
     "greater_than": ("gt", ">"),

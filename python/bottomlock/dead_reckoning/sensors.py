@@ -23,7 +23,7 @@ from bottomlock.dead_reckoning.track import (
 )
 from bottomlock.dead_reckoning.track_sd import AttitudeErrors, StructureFunction, VelocityErrors
 from bottomlock.kernel import STATUS, BeamGeometry, solve_velocity
-from bottomlock.models import DepthModel, DvlModel, InitialState, MagnetometerModel, Model
+from bottomlock.kernel.models import DepthModel, DvlModel, InitialState, MagnetometerModel, Model
 from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Times
 
 LEVEL_TIME_S = 30.0

@@ -14,7 +14,7 @@ from bottomlock.encoders.instrument import Instrument
 from bottomlock.encoders.ping import Ping
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.nearest import did_you_mean
+from bottomlock.support.nearest import did_you_mean
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import IO, Protocol, TypeVar
 from matplotlib.figure import Figure
 
 from bottomlock.figures.palette import png_bytes, svg_text
-from bottomlock.other_process import other_process
+from bottomlock.support.other_process import other_process
 
 PREPARING = 0.25
 """Time to prepare a figure, by the time to draw it."""

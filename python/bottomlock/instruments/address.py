@@ -1,8 +1,8 @@
 """Where an instrument sends its bytes: it listens on TCP, sends datagrams, or writes to a line or a file."""
 
-from bottomlock.address import Address, Kind, forms
-from bottomlock.address import parse_address as parse
 from bottomlock.errors import OutputError
+from bottomlock.ports.address import Address, Kind, forms
+from bottomlock.ports.address import parse_address as parse
 
 KINDS: tuple[Kind, ...] = ("tcpin", "udpout", "pty", "serial", "file")
 EXPECTED = forms(KINDS)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bottomlock.address import Address
 from bottomlock.instruments.schedule import Record
 from bottomlock.instruments.terminals import Pty, Serial
 from bottomlock.instruments.transports import File, TcpServer, Transport, Udp
+from bottomlock.ports.address import Address
 
 
 def transport_of(address: Address, *, force: bool = False, patient: bool = True) -> Transport:

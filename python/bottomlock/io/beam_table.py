@@ -16,13 +16,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.atomic_write import read_json, write_parquet
 from bottomlock.errors import DataError
+from bottomlock.files.atomic_write import read_json, write_parquet
+from bottomlock.files.records import write_record
+from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Account, Flags, Integers, Reason
 from bottomlock.io.converted import check_converted
-from bottomlock.later import pl
-from bottomlock.records import write_record
-from bottomlock.table_file import read_parquet
+from bottomlock.support.later import pl
 
 __all__ = [
     "EXTRA", "EXTRA_PER_BEAM", "MOST_BEAMS", "NO_TIME_NS", "Account", "BeamTable", "Flags", "Floats", "Integers",

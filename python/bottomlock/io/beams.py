@@ -20,12 +20,12 @@ from bottomlock.config.calibration import StatedCalibration
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.files.table_file import read_table_file
 from bottomlock.io.columns import column_names, column_numbers, nanoseconds, number_series, read_rows
 from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
-from bottomlock.later import pl
-from bottomlock.nearest import did_you_mean
-from bottomlock.table_file import read_table_file
+from bottomlock.support.later import pl
+from bottomlock.support.nearest import did_you_mean
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]

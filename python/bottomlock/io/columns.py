@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
+from bottomlock.files.table_file import read_table_file
 from bottomlock.io.converted import check_converted
 from bottomlock.io.sentences import printable
-from bottomlock.later import pl
-from bottomlock.table_file import read_table_file
+from bottomlock.support.later import pl
 
 NS_OF: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 """Nanoseconds of a unit of time."""

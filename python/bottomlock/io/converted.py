@@ -3,9 +3,9 @@
 import hashlib
 from pathlib import Path
 
-from bottomlock.atomic_write import read_json
 from bottomlock.errors import DataError
-from bottomlock.records import DIGESTS, OWN_DIGEST, read_record
+from bottomlock.files.atomic_write import read_json
+from bottomlock.files.records import DIGESTS, OWN_DIGEST, read_record
 
 _REMEDY = "convert the log again, or remove the account if the change is meant"
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bottomlock.errors import DataError
+from bottomlock.files.table_file import check_memory, check_regular
 from bottomlock.io import (
     cerulean,
     linkquest,
@@ -28,8 +29,7 @@ from bottomlock.io.beam_table import Recording
 from bottomlock.io.framing import Stream
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import show
-from bottomlock.nearest import did_you_mean
-from bottomlock.table_file import check_memory, check_regular
+from bottomlock.support.nearest import did_you_mean
 
 _HEAD = 65_536
 _TIMES_ITS_SIZE = 6.0

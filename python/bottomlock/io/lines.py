@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bottomlock.io.beam_table import Flags, Floats, Integers
 from bottomlock.io.progress import reporter
 from bottomlock.io.sentences import number, whole
-from bottomlock.later import pl
+from bottomlock.support.later import pl
 
 BATCH = 1 << 18
 """Bytes of a batch, more where its last line goes on."""

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.extras import install
 from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import printable
+from bottomlock.support.extras import install
 
 NAME = "ros"
 TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")

@@ -13,12 +13,12 @@ from pydantic import ValidationError
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.files.table_file import check_memory, check_regular, read_table_file
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
 from bottomlock.io.beams import Columns, beam_flags, read_flags, read_times
 from bottomlock.io.columns import column_names, column_numbers
 from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
-from bottomlock.later import pl
-from bottomlock.table_file import check_memory, check_regular, read_table_file
+from bottomlock.support.later import pl
 
 NAME = "table"
 _ROW_BYTES = 2000.0

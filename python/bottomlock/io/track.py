@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError
 from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows
 from bottomlock.io.track_points import Points, read_geojson, read_kml
-from bottomlock.later import pl
-from bottomlock.nearest import did_you_mean
+from bottomlock.support.later import pl
+from bottomlock.support.nearest import did_you_mean
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.table_file import check_regular
+from bottomlock.files.table_file import check_regular
 
 Floats = NDArray[np.float64]
 LARGEST_BYTES = 256 * 1024 * 1024

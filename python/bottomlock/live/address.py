@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from bottomlock.address import Address, Kind, parse_address
+from bottomlock.ports.address import Address, Kind, parse_address
 
 SOURCES: tuple[Kind, ...] = ("tcp", "tcpin", "udpin", "serial", "file", "stdin")
 SINKS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial", "file", "stdout", "zenoh")

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from bottomlock import units
-from bottomlock.geodesy import Place, tangent_from_geodetic
 from bottomlock.kernel import Navigator
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.readings import AcousticPositionReading, AidingReading, DepthReading, GpsReading
 from bottomlock.live.sections import OriginSection
+from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 
 
 def push(navigator: Navigator, config: LiveConfig, time_ns: int, reading: AidingReading) -> Sequence[Any]:

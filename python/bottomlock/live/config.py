@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Tag, ValidationError, model_validator
 
-from bottomlock import models, units
+from bottomlock import units
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust, Section
 from bottomlock.config.sensors import SENSORS
@@ -19,7 +19,7 @@ from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Instrument, read_geometry
-from bottomlock.kernel import normal_gravity_mps2
+from bottomlock.kernel import models, normal_gravity_mps2
 from bottomlock.live.sections import (
     DVL_FORMATS,
     LEVELLING_SD_DEG,

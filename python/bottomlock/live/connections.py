@@ -11,10 +11,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from bottomlock.address import Address
 from bottomlock.errors import DataError
-from bottomlock.extras import install
 from bottomlock.live.listening import accept, listen
+from bottomlock.ports.address import Address
+from bottomlock.support.extras import install
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0
 SHORTEST_SILENCE_S = 5.0

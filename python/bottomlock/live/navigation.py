@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import units
-from bottomlock.attitude_motion import MotionFromAttitude
 from bottomlock.kernel import KernelError, Navigator, VelocityFixes
+from bottomlock.kernel.attitude_motion import MotionFromAttitude
+from bottomlock.kernel.models import MagnetometerModel
 from bottomlock.live.aiding import push
 from bottomlock.live.alignment import Alignment, AttitudeAlignment
 from bottomlock.live.closure import Closure
@@ -21,7 +22,6 @@ from bottomlock.live.platform_attitude import PlatformAttitude
 from bottomlock.live.readings import AidingReading, AttitudeReading, ImuReading
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import ImuFromAttitude
-from bottomlock.models import MagnetometerModel
 from bottomlock.ports.estimate import Beams, Estimate, State
 from bottomlock.ports.rotation import angles
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from bottomlock.errors import DataError, OutputError
-from bottomlock.extras import install
+from bottomlock.support.extras import install
 
 Kind = Literal["in", "connected", "out"]
 _RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")

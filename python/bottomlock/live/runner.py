@@ -7,8 +7,8 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from bottomlock.atomic_write import write_bytes
 from bottomlock.errors import BottomlockError
+from bottomlock.files.atomic_write import write_bytes
 from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.checkpoint import begin as begin_engine
 from bottomlock.live.checkpoint import pack
@@ -17,7 +17,8 @@ from bottomlock.live.connections import Answers, Connection, cancel, no_answer
 from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.garbage import collected_between_readings
 from bottomlock.live.raw_log import Kind, RawLog
-from bottomlock.live.sinks import Sink, open_sink
+from bottomlock.live.sink import Sink
+from bottomlock.live.sinks import open_sink
 from bottomlock.ports.mavlink import MavlinkPort, Timesync
 
 SILENT_CONNECTION_PERIODS = 10.0

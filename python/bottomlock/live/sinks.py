@@ -6,54 +6,24 @@ Estimates are of the moment: what cannot be written at once is dropped and count
 import asyncio
 import socket
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, Any
 
-from bottomlock.address import Address
 from bottomlock.errors import OutputError
 from bottomlock.live.connections import (
-    FIRST_WAIT_S,
-    LONGEST_WAIT_S,
     Answers,
     Connection,
     Datagrams,
     no_answer,
-    words_of,
 )
 from bottomlock.live.listening import accept, listen
+from bottomlock.live.sink import Sink
+from bottomlock.ports.address import Address
 
 MOST_WAITING_BYTES = 65_536
 MOST_RECEIVERS = 32
 """Clients of one TCP server."""
-
-T = TypeVar("T")
-
-
-class Sink:
-    """A target of bytes. `state` says in words what it does; `dropped` counts the messages that were not written."""
-
-    state = "not opened yet"
-    dropped = 0
-
-    def write(self, data: bytes) -> None:
-        """Writes bytes at once, or drops them."""
-        raise NotImplementedError
-
-    async def run(self) -> None:
-        """Keeps the target open until it is cancelled."""
-        raise NotImplementedError
-
-    async def opened(self, attempt: Callable[[], Awaitable[T]]) -> T:
-        """What an attempt to open the target gives, once one succeeds."""
-        wait_s = FIRST_WAIT_S
-        while True:
-            try:
-                return await attempt()
-            except OSError as error:
-                wait_s = min(2.0 * wait_s, LONGEST_WAIT_S)
-                self.state = f"cannot be opened: {words_of(error)}; next attempt in {wait_s:g} s"
-                await asyncio.sleep(wait_s)
 
 
 class _Udp(Sink):
@@ -225,7 +195,7 @@ def open_sink(address: Address, on_state: Callable[[str], None], answers: Answer
     if address.kind in {"file", "stdout"}:
         return _File(address)
     if address.kind == "zenoh":
-        from bottomlock.live.zenoh_sink import ZenohSink  # noqa: PLC0415 - it needs what this module has
+        from bottomlock.live.zenoh_sink import ZenohSink  # noqa: PLC0415 - an extra, imported only on request
 
         return ZenohSink(address)
     return _Stream(address, on_state, answers)

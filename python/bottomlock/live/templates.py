@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 from bottomlock.errors import ScenarioError
-from bottomlock.nearest import did_you_mean
+from bottomlock.support.nearest import did_you_mean
 
 Mode = Literal["velocity", "navigation"]
 _T = TypeVar("_T")

@@ -9,10 +9,10 @@ import asyncio
 import json
 from typing import Any
 
-from bottomlock.address import Address
 from bottomlock.errors import DataError
-from bottomlock.extras import install
-from bottomlock.live.sinks import Sink
+from bottomlock.live.sink import Sink
+from bottomlock.ports.address import Address
+from bottomlock.support.extras import install
 
 CDR_HEADER = b"\x00\x01\x00\x00"
 

@@ -31,7 +31,7 @@ from bottomlock import kernel
 from bottomlock.config import sensors
 from bottomlock.errors import DataError
 from bottomlock.kernel import SENSORS
-from bottomlock.models import DvlModel, Environment, ImuModel, InitialModel, Model
+from bottomlock.kernel.models import DvlModel, Environment, ImuModel, InitialModel, Model
 from bottomlock.observability.schedule import Schedule
 from bottomlock.truth.truth import Array, Truth
 from bottomlock.units import ns_from_s

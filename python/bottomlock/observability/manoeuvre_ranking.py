@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from bottomlock.kernel import BeamGeometry
-from bottomlock.models import DvlModel, Model
+from bottomlock.kernel.models import DvlModel, Model
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
 from bottomlock.tables.check import check

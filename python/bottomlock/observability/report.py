@@ -9,11 +9,12 @@ import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
 
-from bottomlock.atomic_write import parquet_bytes
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.palette import png_bytes
+from bottomlock.files.atomic_write import parquet_bytes
+from bottomlock.files.overwriting import Files, Result
 from bottomlock.kernel import kernel_version
 from bottomlock.observability.analysis import Aiding, Deviations, Finding, Kind, deviations, observe
 from bottomlock.observability.figures import deviation_figure, figure_names
@@ -30,7 +31,6 @@ from bottomlock.observability.tables import (
     paper_table,
     table_row,
 )
-from bottomlock.overwriting import Files, Result
 from bottomlock.pages.sheet import Picture
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import SENSORS
-from bottomlock.nearest import did_you_mean
 from bottomlock.simulation.sensor_times import epochs_ns
+from bottomlock.support.nearest import did_you_mean
 
 Times = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
-from bottomlock.models import Environment, Model
+from bottomlock.kernel.models import Environment, Model
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
 from bottomlock.tables.observability import DEVIATIONS, OBSERVABILITY, RANKS

@@ -10,15 +10,17 @@ from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.numbers import number
 from bottomlock.pages.shared_svg import share_svg
 
+HOME = "bottomlock.pages"
 
-def render(template: str, content: dict[str, Any]) -> str:
-    """A packaged template with its content, as text.
+
+def render(template: str, content: dict[str, Any], *, package: str = HOME) -> str:
+    """A template of a package's folder `templates`, or of this one's, with its content, as text.
 
     The templates use the filters `number` (three significant digits), `swatch` (the look of a method),
     `words` (a line on it) and `title` (a name with underscores as a title).
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("bottomlock.pages", "templates"),
+        loader=jinja2.ChoiceLoader([jinja2.PackageLoader(package), jinja2.PackageLoader(HOME)]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from bottomlock.atomic_write import write_bytes
 from bottomlock.errors import DataError, OutputError, note
+from bottomlock.files.atomic_write import write_bytes
+from bottomlock.files.records import MissingFileError, read_record, read_recorded, record_of, write_record
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.swim import StateHistory
-from bottomlock.records import MissingFileError, read_record, read_recorded, record_of, write_record
 
 _ARRAYS = ("time_ns", "state", "acceleration", "velocity_through_water_p_mps", "segment")
 

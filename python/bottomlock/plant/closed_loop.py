@@ -10,9 +10,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from bottomlock import models
 from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel import models
 from bottomlock.plant import model
 from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.guidance import offset_and_heading

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
-from bottomlock.extras import install
 from bottomlock.plant.maths import FloatArray, IntArray
 from bottomlock.plant.matrices import rotation_t_p
+from bottomlock.support.extras import install
 
 BoolArray = NDArray[np.bool_]
 

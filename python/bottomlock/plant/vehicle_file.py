@@ -9,9 +9,9 @@ from pydantic import ValidationError
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
-from bottomlock.nearest import did_you_mean
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.vehicle import Vehicle
+from bottomlock.support.nearest import did_you_mean
 
 
 def packaged_vehicles() -> list[str]:

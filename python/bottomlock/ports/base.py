@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.nearest import did_you_mean
 from bottomlock.ports.estimate import SILENT, Estimate
 from bottomlock.ports.port import Loss, loss_of
+from bottomlock.support.nearest import did_you_mean
 from bottomlock.units import ns_from_s
 
 Floats = NDArray[np.float64]

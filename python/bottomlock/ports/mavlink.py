@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError, note
-from bottomlock.extras import install
 from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
+from bottomlock.support.extras import install
 
 Floats = NDArray[np.float64]
 

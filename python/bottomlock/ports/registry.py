@@ -9,7 +9,6 @@ from typing import Any
 
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.nearest import did_you_mean
 from bottomlock.ports.mip import MicroStrain
 from bottomlock.ports.odometry import Odometry
 from bottomlock.ports.port import Port
@@ -19,6 +18,7 @@ from bottomlock.ports.ros_velocity import RosTwist, RosVelocity
 from bottomlock.ports.sentence import Sentence
 from bottomlock.ports.vision_position_delta import VisionPositionDelta
 from bottomlock.ports.vision_speed_estimate import VisionSpeedEstimate
+from bottomlock.support.nearest import did_you_mean
 
 PORTS: dict[str, Callable[..., Port]] = {
     one.name: one

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
-from bottomlock.levelling import level_from_force
-from bottomlock.models import Environment, ImuModel
+from bottomlock.kernel.models import Environment, ImuModel
 from bottomlock.recordings.axes import from_angles, to_angles
+from bottomlock.recordings.levelling import level_from_force
 from bottomlock.recordings.streams import Floats, Inertial, Times
 from bottomlock.replay.case import FROM_REFERENCE, Case
 from bottomlock.replay.level import level_axes

@@ -8,13 +8,13 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
-from bottomlock.atomic_write import write_text
 from bottomlock.errors import ScenarioError
+from bottomlock.files.atomic_write import write_text
+from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import Instrument, geometry_text
 from bottomlock.io.calibrated_file import Calibrated, calibrated_text
 from bottomlock.kernel import STATES
-from bottomlock.models import Calibration, DvlModel
-from bottomlock.overwriting import check_free
+from bottomlock.kernel.models import Calibration, DvlModel
 from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case

@@ -7,10 +7,10 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
-from bottomlock.geodesy import geodetic_from_tangent
 from bottomlock.kernel import FIX_STATUS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.axes import from_quaternions, to_angles
+from bottomlock.recordings.geodesy import geodetic_from_tangent
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.level import level_axes

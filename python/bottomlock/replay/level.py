@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import local_earth
-from bottomlock.models import Environment
+from bottomlock.kernel.models import Environment
 
 
 def level_axes(environment: Environment, position_t_m: ArrayLike) -> Rotation:

@@ -8,7 +8,7 @@ from bottomlock.config.calibration import scale_sd
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
-from bottomlock.models import DvlModel, Environment, ImuModel, InitialModel, Model, Options
+from bottomlock.kernel.models import DvlModel, Environment, ImuModel, InitialModel, Model, Options
 from bottomlock.replay.case import Case
 from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.stream_sections import ImuFromAttitude

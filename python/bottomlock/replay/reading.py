@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.geodesy import Place, tangent_from_geodetic
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.io.columns import column_numbers
@@ -17,6 +16,7 @@ from bottomlock.recordings.axes import (
     platform_attitude,
     to_platform_axes,
 )
+from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.streams import (
     Attitudes,
     Beams,

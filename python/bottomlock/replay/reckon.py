@@ -15,7 +15,7 @@ from bottomlock.dead_reckoning.track_sd import (
     white_noise,
 )
 from bottomlock.kernel import STATUS
-from bottomlock.models import DvlModel
+from bottomlock.kernel.models import DvlModel
 from bottomlock.recordings.axes import quaternions
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay.beam_noise import measure_noise

@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from bottomlock.errors import DataError
 from bottomlock.figures.images import image_process
 from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.models import Robust
-from bottomlock.overwriting import Files, Result, digests_of
+from bottomlock.files.overwriting import Files, Result, digests_of
+from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
+from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.featured import featured
 from bottomlock.pages.render import render
-from bottomlock.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
 from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.statistics.replay import summary_table, track_table

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import rejected_imu, replay_log
-from bottomlock.models import ImuModel, InitialModel, InitialState, Model, Options
+from bottomlock.kernel.models import ImuModel, InitialModel, InitialState, Model, Options
 from bottomlock.recordings.axes import quaternions
 from bottomlock.recordings.closure import closure_residuals
 from bottomlock.recordings.streams import Flags, Floats, Inertial, Times

@@ -11,13 +11,13 @@ from typing import Any
 import polars as pl
 
 from bottomlock import kernel
-from bottomlock.atomic_write import write_parquet
 from bottomlock.errors import DataError, OutputError
+from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.output_folder import is_occupied, locked
+from bottomlock.files.overwriting import check_apart, named_in, remove_named
+from bottomlock.files.records import read_record, write_record
 from bottomlock.kernel import KernelError
-from bottomlock.output_folder import is_occupied, locked
-from bottomlock.overwriting import check_apart, named_in, remove_named
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.records import read_record, write_record
 from bottomlock.replay import compare, rerun
 from bottomlock.replay.beforehand import check_files, check_what_ifs
 from bottomlock.replay.calibration import calibration_table

@@ -9,7 +9,7 @@ from typing import Any
 
 from bottomlock import units
 from bottomlock.config.aiding_errors import GpsErrors
-from bottomlock.models import (
+from bottomlock.kernel.models import (
     DepthModel,
     HeadingModel,
     MagnetometerModel,

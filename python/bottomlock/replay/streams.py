@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bottomlock.geodesy import Place
 from bottomlock.io.beams import Instrument
-from bottomlock.models import Motion
+from bottomlock.kernel.models import Motion
+from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.streams import (
     Attitudes,
     Beams,

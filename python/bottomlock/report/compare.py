@@ -9,15 +9,15 @@ from typing import Any
 import polars as pl
 from markupsafe import Markup
 
-from bottomlock.atomic_write import parquet_bytes
 from bottomlock.errors import DataError
 from bottomlock.figures.compare import compare_figure
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
-from bottomlock.nearest import did_you_mean
-from bottomlock.overwriting import Files, Result, digests_of
+from bottomlock.files.atomic_write import parquet_bytes
+from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.pages.render import render
 from bottomlock.statistics.compare import QUANTITIES, comparison_table, differing_settings, why_unpaired
+from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
 from bottomlock.tables.spreadsheet import csv_text
 from bottomlock.tables.variants import campaign_folders

@@ -8,10 +8,10 @@ from typing import Any
 import polars as pl
 from markupsafe import Markup
 
-from bottomlock.atomic_write import parquet_bytes
 from bottomlock.figures.images import Images, image_process
 from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.overwriting import Files, Result, digests_of
+from bottomlock.files.atomic_write import parquet_bytes
+from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.pages.featured import featured
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render

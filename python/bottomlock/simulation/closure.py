@@ -3,7 +3,7 @@
 import numpy as np
 
 from bottomlock import kernel
-from bottomlock.models import InitialState
+from bottomlock.kernel.models import InitialState
 from bottomlock.simulation.build import Simulation
 from bottomlock.truth.truth import Truth
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bottomlock import kernel
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import ScenarioError
-from bottomlock.models import DvlModel
+from bottomlock.kernel.models import DvlModel
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.truth.truth import Truth

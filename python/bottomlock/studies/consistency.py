@@ -14,9 +14,9 @@ import numpy as np
 import polars as pl
 
 from bottomlock import kernel
-from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.files.atomic_write import write_parquet, write_text
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import polars as pl
 
-from bottomlock.atomic_write import write_parquet
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.nearest import did_you_mean
+from bottomlock.files.atomic_write import write_parquet
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics import campaign
 from bottomlock.studies import cases, study_folder
+from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.studies import MASKS
 
 KIND = "masks"

@@ -13,9 +13,9 @@ import numpy as np
 import polars as pl
 from scipy.stats import binom, chi2, norm
 
-from bottomlock.atomic_write import write_parquet
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.files.atomic_write import write_parquet
 from bottomlock.kernel import kernel_version
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.own_path import resolved

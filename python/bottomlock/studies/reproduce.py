@@ -7,7 +7,7 @@ from typing import Any
 from bottomlock.campaign.flights_ahead import flights_ahead
 from bottomlock.campaign.run import CampaignProgress, campaign_directory, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.records import write_recorded_table
+from bottomlock.files.records import write_recorded_table
 from bottomlock.report.page import Report, make_report
 from bottomlock.simulation.build import build_simulation
 from bottomlock.studies.cases import PAPER_TRAJECTORIES

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.config import sensors as config_sensors
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.errors import ScenarioError
+from bottomlock.files.atomic_write import write_parquet, write_text
 from bottomlock.kernel import Method
-from bottomlock.nearest import did_you_mean
 from bottomlock.simulation.build import build_simulation
 from bottomlock.statistics import chi_squared
 from bottomlock.statistics.rms import rms
@@ -28,6 +27,7 @@ from bottomlock.studies import cases, study_folder
 from bottomlock.studies.consistency import FALSE_ALARM, run_judged
 from bottomlock.studies.sensor_law_page import markdown
 from bottomlock.studies.study_sheets import sensor_law_sheet
+from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.studies import SENSOR_LAW
 
 KIND = "sensor_law"

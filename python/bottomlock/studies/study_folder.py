@@ -11,10 +11,9 @@ import polars as pl
 
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, OutputError, note
-from bottomlock.kernel import kernel_version
-from bottomlock.output_folder import LOCK, is_occupied, locked
-from bottomlock.overwriting import check_apart, named_in, remove_named
-from bottomlock.records import (
+from bottomlock.files.output_folder import LOCK, is_occupied, locked
+from bottomlock.files.overwriting import check_apart, named_in, remove_named
+from bottomlock.files.records import (
     MissingFileError,
     read_record,
     read_recorded_table,
@@ -22,6 +21,7 @@ from bottomlock.records import (
     write_record,
     write_recorded_table,
 )
+from bottomlock.kernel import kernel_version
 from bottomlock.tables.versions import bit_versions, check_identity, library_versions, versions_in_words
 
 MANIFEST = "study.json"

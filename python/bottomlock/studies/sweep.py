@@ -8,13 +8,13 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.atomic_write import make_folder
 from bottomlock.campaign.aggregate import Tables
 from bottomlock.campaign.build import build_simulations
 from bottomlock.campaign.engine import halves
 from bottomlock.campaign.manifest import identity_of
 from bottomlock.campaign.run import CampaignProgress, run_in_memory
 from bottomlock.config.scenario import Scenario
+from bottomlock.files.atomic_write import make_folder
 from bottomlock.statistics.campaign import summary_table
 from bottomlock.studies.study_folder import configuration_hash, finished_part
 from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bottomlock.atomic_write import make_folder
 from bottomlock.campaign.engine import Engine
 from bottomlock.campaign.run import CampaignProgress, Results, campaign_directory, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.toml_value import toml_value
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.output_folder import is_occupied, locked
-from bottomlock.records import read_record, write_record
+from bottomlock.files.atomic_write import make_folder
+from bottomlock.files.output_folder import is_occupied, locked
+from bottomlock.files.records import read_record, write_record
 from bottomlock.tables.variants import KIND, VARIANTS
 
 MOST_VARIANTS = 200

@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.records import DIGESTS, read_record, read_recorded_table, record_of
+from bottomlock.files.records import DIGESTS, read_record, read_recorded_table, record_of
 from bottomlock.tables.campaign import CHOICES, CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES
 from bottomlock.tables.check import check
 from bottomlock.tables.studies import SWEEP

@@ -6,7 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.records import read_record
+from bottomlock.files.records import read_record
 
 VARIANTS = "variants.json"
 """In a folder of variants: their folders and values."""

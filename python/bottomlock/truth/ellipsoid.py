@@ -16,7 +16,9 @@ with dw = R' (w_ie(L) - w_ie(L_0)), all in the platform frame (Groves 2013, Eqs.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock import geodesy, kernel, models
+from bottomlock import kernel
+from bottomlock.kernel import models
+from bottomlock.recordings import geodesy
 from bottomlock.truth.truth import Array, Truth
 
 PASSES = 6

@@ -9,13 +9,18 @@ angular rate follow from the splines' own derivatives (`truth.analytic`). There 
 - with `turn_radius_m`, or without times, as waypoints: straight legs whose corners are rounded by a B-spline.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import DataError
-from bottomlock.io.track import Track
+from bottomlock.io.track import Track, read_track
+from bottomlock.support.nearest import did_you_mean
 from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings, rate_tp, rotation_t_p
 from bottomlock.truth.path_check import Peak, check_angles, check_rows, check_smooth, row_at
 from bottomlock.truth.path_spline import PathOptions, check_options, row_times, spline_through
@@ -205,6 +210,51 @@ def path_truth(
         gravity_mps2=gravity_mps2,
     )
     return truth, summary
+
+
+def truth_from_path(
+    file: str | FilePath,
+    *,
+    rate_hz: float,
+    gravity_mps2: float,
+    latitude_rad: float | None = None,
+    depth_m: float = 0.0,
+    columns: Mapping[str, str] | None = None,
+    earth_rate_radps: float = EARTH_RATE_RADPS,
+    **way: Any,  # noqa: ANN401 - the fields of PathOptions have their types
+) -> Truth:
+    """The truth along a path from a file, as `[trajectory] file` flies it (docs/own_trajectory.md).
+
+    Args:
+        file: CSV, Parquet, KML or GeoJSON (`io.track`).
+        rate_hz: rate of the samples.
+        gravity_mps2: local gravity.
+        latitude_rad: where the file has none; otherwise the file's.
+        depth_m: of a file without depths.
+        columns: the file's names of columns.
+        earth_rate_radps: 0 for an Earth that stands still.
+        way: `speed_mps`, `smooth_s`, `turn_radius_m`, `max_gap_s`, `limits` (`truth.path_spline.PathOptions`).
+
+    Raises:
+        DataError: for rows that are no path, a motion that is not plausible, an unknown key, and a latitude that
+            neither file nor caller gives.
+    """
+    known = [field.name for field in fields(PathOptions)]
+    unknown = set(way) - set(known)
+    if unknown:
+        raise DataError(f"truth_from_path has no key '{min(unknown)}'{did_you_mean(min(unknown), known)}")
+    path = Path(read_track(FilePath(file), columns), PathOptions(**way), depth_m=depth_m)
+    latitude = path.track.latitude_rad if latitude_rad is None else latitude_rad
+    if latitude is None:
+        raise DataError(f"{file}: has no latitude, expected latitude_rad, for the rate of the Earth")
+    truth, _ = path_truth(
+        path,
+        rate_hz=rate_hz,
+        latitude_rad=latitude,
+        gravity_mps2=gravity_mps2,
+        earth_rate_radps=earth_rate_radps,
+    )
+    return truth
 
 
 def summarised(path: Path, time_s: Array, state: Attitudes) -> PathSummary:

@@ -1,17 +1,13 @@
 """A true motion at the IMU's rate: what the sensors of a simulation are drawn from."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import DataError
-from bottomlock.nearest import did_you_mean
 
 Array = NDArray[np.float64]
 
@@ -85,54 +81,6 @@ class Truth:
         return cls(
             time_ns=times.astype(np.int64), latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, **values
         )
-
-    @classmethod
-    def from_path(
-        cls,
-        file: str | Path,
-        *,
-        rate_hz: float,
-        gravity_mps2: float,
-        latitude_rad: float | None = None,
-        depth_m: float = 0.0,
-        columns: Mapping[str, str] | None = None,
-        earth_rate_radps: float = EARTH_RATE_RADPS,
-        **way: Any,  # noqa: ANN401 - the fields of PathOptions have their types
-    ) -> "Truth":
-        """The truth along a path from a file, as `[trajectory] file` flies it (docs/own_trajectory.md).
-
-        Args:
-            file: CSV, Parquet, KML or GeoJSON (`io.track`).
-            rate_hz: rate of the samples.
-            gravity_mps2: local gravity.
-            latitude_rad: where the file has none; otherwise the file's.
-            depth_m: of a file without depths.
-            columns: the file's names of columns.
-            earth_rate_radps: 0 for an Earth that stands still.
-            way: `speed_mps`, `smooth_s`, `turn_radius_m`, `max_gap_s`, `limits` (`truth.path_spline.PathOptions`).
-
-        Raises:
-            DataError: for rows that are no path, a motion that is not plausible, an unknown key, and a latitude that
-                neither file nor caller gives.
-        """
-        from bottomlock.io.track import read_track  # noqa: PLC0415 - most truths are not from a file
-        from bottomlock.truth import path, path_spline  # noqa: PLC0415 - which import this module
-
-        known = [field.name for field in fields(path_spline.PathOptions)]
-        unknown = set(way) - set(known)
-        if unknown:
-            raise DataError(f"Truth.from_path has no key '{min(unknown)}'{did_you_mean(min(unknown), known)}")
-        own = path.Path(read_track(Path(file), columns), path_spline.PathOptions(**way), depth_m=depth_m)
-        latitude = own.track.latitude_rad if latitude_rad is None else latitude_rad
-        if latitude is None:
-            raise DataError(f"{file}: has no latitude, expected latitude_rad, for the rate of the Earth")
-        return path.path_truth(
-            own,
-            rate_hz=rate_hz,
-            latitude_rad=latitude,
-            gravity_mps2=gravity_mps2,
-            earth_rate_radps=earth_rate_radps,
-        )[0]
 
     def kernel_arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays as the kernel takes them, contiguous and aligned; those of another process may be neither."""

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.kernel import local_earth
-from bottomlock.models import Environment
+from bottomlock.kernel.models import Environment
 from bottomlock.replay.findings.finding import Finding
 
 NEAREST_POLE_DEG = 0.1

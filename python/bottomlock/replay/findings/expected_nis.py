@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from bottomlock.models import Robust
+from bottomlock.kernel.models import Robust
 
 
 def least_ratio(robust: Robust | None) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.table_file import check_memory, check_regular, read_parquet
+from bottomlock.files.table_file import check_memory, check_regular, read_parquet
 
 SEPARATORS = (",", ";", "\t", "|", " ")
 _HEAD = 65_536

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from bottomlock.atomic_write import write_text
 from bottomlock.errors import DataError, OutputError
+from bottomlock.files.atomic_write import write_text
+from bottomlock.files.overwriting import check_free
 from bottomlock.io.columns import column_names
-from bottomlock.overwriting import check_free
 from bottomlock.replay.init.any_table import read_any_table
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.dvl_part import SPEED_SI, dvl_of_velocity

@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.files.atomic_write import write_parquet, write_text
+from bottomlock.files.overwriting import check_free
 from bottomlock.io.beam_table import Recording, sidecar, write_recording
-from bottomlock.overwriting import check_free
 from bottomlock.replay.init.found import Found, Times
 
 Integers = NDArray[np.int64]

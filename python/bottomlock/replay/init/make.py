@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bottomlock.atomic_write import write_text
 from bottomlock.errors import DataError
+from bottomlock.files.atomic_write import write_text
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
 from bottomlock.replay.init.axes_part import set_axes, set_yaw_by_track, telling_track, track_yaw

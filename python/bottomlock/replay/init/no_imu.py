@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.attitude_motion import inertial_readings
 from bottomlock.errors import DataError
+from bottomlock.kernel.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found

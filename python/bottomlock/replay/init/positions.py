@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.geodesy import Place, tangent_from_geodetic
+from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, angle_unit

@@ -8,7 +8,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, KernelError
-from bottomlock.models import InitialState
+from bottomlock.kernel.models import InitialState
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.tune.likelihood import Part, Scores, central_derivatives, derivatives, part_of, scores
 from bottomlock.replay.tune.parameters import STEP

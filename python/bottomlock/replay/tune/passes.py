@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.kernel import BeamGeometry, replay_log
-from bottomlock.models import InitialState, Model, Options
+from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.recordings.streams import Flags, Floats, Times
 
 HORIZONS_S = (10.0, 30.0, 100.0)

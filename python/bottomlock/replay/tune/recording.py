@@ -8,7 +8,7 @@ import numpy as np
 
 from bottomlock.io.beams import InstrumentFile, instrument_of, read_instrument_file
 from bottomlock.kernel import BeamGeometry, KernelError, replay_log
-from bottomlock.models import InitialState, Robust
+from bottomlock.kernel.models import InitialState, Robust
 from bottomlock.recordings.axes import from_angles, to_angles
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay import rerun

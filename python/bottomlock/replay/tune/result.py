@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from bottomlock import kernel
-from bottomlock.atomic_write import write_text
 from bottomlock.config.toml_edit import edited
 from bottomlock.config.toml_file import read_text
 from bottomlock.errors import OutputError
+from bottomlock.files.atomic_write import write_text
+from bottomlock.files.overwriting import check_apart, check_free
+from bottomlock.files.records import read_record, write_record
 from bottomlock.io.beams import geometry_text
-from bottomlock.overwriting import check_apart, check_free
-from bottomlock.records import read_record, write_record
 from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.run import file_digests
 from bottomlock.replay.tune.journal import Journal

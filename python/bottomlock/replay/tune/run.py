@@ -11,7 +11,6 @@ from threading import Lock
 import numpy as np
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.nearest import did_you_mean
 from bottomlock.own_method import known_names
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay.case import Case, load_case
@@ -34,6 +33,7 @@ from bottomlock.replay.tune.passes import (
 from bottomlock.replay.tune.recording import LOOSE, MARGIN_S, Recording, cut, read_recording, without_outliers
 from bottomlock.replay.tune.search import Found, State, search
 from bottomlock.replay.tune.uncertainty import uncertainty
+from bottomlock.support.nearest import did_you_mean
 
 START_FACTORS = (1.0, 5.0, 25.0, 0.2)
 """Factors on the inertial noise of the case from which the search may start; the best of them does."""

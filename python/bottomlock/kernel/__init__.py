@@ -1,0 +1,373 @@
+"""The only importer of the compiled kernel: arrays in, arrays out.
+
+Examples:
+    A vehicle at rest, aided by two beams at 1 Hz:
+
+    >>> import numpy as np
+    >>> from bottomlock.config.scenario import load_scenario
+    >>> from bottomlock.kernel.models import InitialState
+    >>> scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
+    >>> initial = InitialState(
+    ...     time_ns=0, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[0, 0, 0]
+    ... )
+    >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
+    >>> navigator = Navigator(janus, scenario.kernel_model(gravity), scenario.kernel_options(), initial, method="tc")
+    >>> for k in range(151):
+    ...     _ = navigator.push_imu(
+    ...         k * 6_666_667, omega_p_radps=[0.0, 0.0, 0.0], force_p_mps2=[0.0, 0.0, -gravity]
+    ...     )
+    >>> reports = navigator.push_beams(
+    ...     150 * 6_666_667, np.zeros(4), np.array([True, True, False, False]), sd_mps=np.full(4, 0.042)
+    ... )
+    >>> reports[0]["verdict"], bool(np.linalg.norm(navigator.state()["velocity_p_mps"]) < 0.01)
+    ('accepted', True)
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, NewType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bottomlock import _kernel
+from bottomlock._kernel import (
+    DEFAULT_OPTIONS,
+    EARTH_RATE_RADPS,
+    FIX_STATUS,
+    INERTIAL_STATES,
+    METHODS,
+    SELECTOR_METHODS,
+    SENSORS,
+    STATES,
+    BeamGeometry,
+    ClosedLoop,
+    Navigator,
+    check_settings,
+    covariance_history,
+    error_model,
+    integrate_segments,
+    local_earth,
+    normal_gravity_mps2,
+    observe,
+    register_method,
+    rejected_imu,
+    replay_log,
+    run_batch,
+    simulate_sensors,
+)
+from bottomlock.errors import KernelError
+from bottomlock.kernel.words import geometry_line, geometry_table, navigator_line, navigator_table
+from bottomlock.support.nearest import did_you_mean
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = [
+    "COMPONENT_STATUS",
+    "DEFAULT_OPTIONS",
+    "EARTH_RATE_RADPS",
+    "FIX_METHODS",
+    "FIX_STATUS",
+    "INERTIAL_STATES",
+    "METHODS",
+    "SELECTION_REASONS",
+    "SELECTOR_METHODS",
+    "SENSORS",
+    "SOURCES",
+    "STATES",
+    "STATUS",
+    "BeamGeometry",
+    "ClosedLoop",
+    "Configuration",
+    "FixMethod",
+    "JanusConfiguration",
+    "KernelError",
+    "Method",
+    "Navigator",
+    "OwnName",
+    "VelocityFixes",
+    "check_settings",
+    "covariance_history",
+    "error_model",
+    "fix_method",
+    "integrate_segments",
+    "kernel_version",
+    "local_earth",
+    "make_geometry",
+    "normal_gravity_mps2",
+    "observe",
+    "register_method",
+    "rejected_imu",
+    "replay_log",
+    "run_batch",
+    "simulate_sensors",
+    "solve_velocity",
+]
+
+Method = Literal[
+    "ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"
+]  # fmt: skip
+"""Name of an aiding method, one of `METHODS`."""
+
+OwnName = NewType("OwnName", str)
+"""Name of a method of one's own, which `own_method.register` returns."""
+
+FixMethod = Literal[
+    "lc", "vb", "nsv", "plcf", "vhv", "elc", "info", "weak_sway",
+    "least_squares", "virtual_beam", "nullified_sway", "partial_loose", "virtual_heave", "selector", "information",
+]  # fmt: skip
+"""Name of a method that solves single pings, short or long: `FIX_METHODS`."""
+
+JanusConfiguration = Literal["x", "+"]
+Configuration = Literal["x", "+", "angles", "directions"]
+"""How the beams of an instrument are described."""
+
+FIX_METHODS: dict[FixMethod, FixMethod] = {
+    "lc": "least_squares",
+    "vb": "virtual_beam",
+    "nsv": "nullified_sway",
+    "plcf": "partial_loose",
+    "vhv": "virtual_heave",
+    "elc": "selector",
+    "info": "information",
+    "weak_sway": "weak_sway",
+}
+"""Short method names and the kernel's."""
+
+STATUS = ("fix", "partial", "unobservable", "too_few_beams", "prior_required")
+"""Outcome of a ping, by the kernel's code."""
+
+COMPONENT_STATUS = (
+    "solved",
+    "no_beams",
+    "outside_row_space",
+    "constraint_singular",
+    "prior_required",
+    "prior_only",
+)
+"""Status of a component, by the kernel's code."""
+
+SOURCES = ("none", "lc", "vb", "nsv", "plcf", "vhv", "info", "weak_sway")
+"""Which method a component comes from, by the kernel's code."""
+
+
+SELECTION_REASONS = ("no_gain", "smallest_variance", "beams_contradict")
+"""Why the consistent selector selected its filter, indexed by the kernel's code."""
+
+NO_CHOICE = 255
+"""The kernel's code where a method does not choose."""
+
+
+def kernel_version() -> str:
+    """Version of the compiled kernel."""
+    return _kernel.__version__
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityFixes:
+    """Velocities solved from pings, one row per ping.
+
+    Attributes:
+        velocity_p_mps: (n, 3) surge, sway, heave in the platform frame; NaN where a component is not solved.
+        cov_m2ps2: (n, 3, 3) covariance of the solved components; NaN elsewhere.
+        observed_velocity_p_mps: (n, 3) minimum-norm velocity along what the rows see.
+        information_s2pm2: (n, 3, 3) information matrix of the rows, of rank `rank`.
+        component: (n, 3) codes of `COMPONENT_STATUS`.
+        status: (n,) codes of `STATUS`.
+        beams_used: (n, beams).
+        rank: (n,) number of observed axes.
+        source: (n, 3) codes of `SOURCES`.
+    """
+
+    velocity_p_mps: NDArray[np.float64]
+    cov_m2ps2: NDArray[np.float64]
+    observed_velocity_p_mps: NDArray[np.float64]
+    information_s2pm2: NDArray[np.float64]
+    component: NDArray[np.uint8]
+    status: NDArray[np.uint8]
+    beams_used: NDArray[np.bool_]
+    rank: NDArray[np.uint8]
+    source: NDArray[np.uint8]
+
+    def to_frame(self, time_ns: NDArray[np.int64] | None = None) -> "pl.DataFrame":
+        """A table with the columns of `tables.fixes.fixes_schema`; unsolved values are null."""
+        import polars as pl  # noqa: PLC0415 - `import bottomlock` stays light
+
+        axes = ("surge", "sway", "heave")
+        count = len(self.status)
+        columns: dict[str, Any] = {
+            "time_ns": np.arange(count, dtype=np.int64) if time_ns is None else time_ns,
+            "status": [STATUS[code] for code in self.status],
+            "rank": self.rank,
+        }
+        for k, axis in enumerate(axes):
+            columns[f"{axis}_mps"] = self.velocity_p_mps[:, k]
+        for k, axis in enumerate(axes):
+            columns[f"{axis}_status"] = [COMPONENT_STATUS[code] for code in self.component[:, k]]
+        for k, axis in enumerate(axes):
+            columns[f"{axis}_source"] = [SOURCES[code] for code in self.source[:, k]]
+        for k, first in enumerate(axes):
+            for other in range(k, 3):
+                columns[f"cov_{first}_{axes[other]}_m2ps2"] = self.cov_m2ps2[:, k, other]
+        for beam in range(self.beams_used.shape[1]):
+            columns[f"beam{beam + 1}_used"] = self.beams_used[:, beam]
+        floats = [name for name, value in columns.items() if getattr(value, "dtype", None) == np.float64]
+        return pl.DataFrame(columns).with_columns(pl.col(floats).fill_nan(None))
+
+
+def fix_method(name: str) -> FixMethod:
+    """The long name of a method of single pings, which is the kernel's, from its short or long name.
+
+    Raises:
+        KernelError: for a name that is neither.
+
+    Examples:
+        >>> fix_method("nsv")
+        'nullified_sway'
+    """
+    for short, long in FIX_METHODS.items():
+        if name in (short, long):
+            return long
+    if name in METHODS:
+        raise KernelError(
+            f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator); of single "
+            f"pings there are {', '.join(FIX_METHODS)}"
+        )
+    hint = did_you_mean(name, [*FIX_METHODS, *FIX_METHODS.values()])
+    raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(FIX_METHODS)})")
+
+
+def make_geometry(
+    configuration: Configuration,
+    *,
+    tilt_rad: float | None = None,
+    tilts_rad: ArrayLike | None = None,
+    azimuths_rad: ArrayLike | None = None,
+    directions: ArrayLike | None = None,
+    lever_arms_p_m: ArrayLike | None = None,
+    mounting_rpy_rad: ArrayLike | None = None,
+    sound_speed_scale: float = 1.0,
+) -> BeamGeometry:
+    """The beams of a configuration "x", "+", "angles" or "directions", as the TOML files name them.
+
+    Raises:
+        KernelError: for what a configuration lacks, directions that are not unit vectors, and three or more beams in a
+            plane or on a line: a slip in an azimuth, not an instrument.
+
+    Examples:
+        >>> make_geometry("+", tilt_rad=0.35).rank
+        3
+    """
+    lacking = KernelError(f"configuration '{configuration}' lacks its tilts, azimuths or directions")
+    if configuration == "directions":
+        if directions is None:
+            raise lacking
+        geometry = BeamGeometry(
+            directions,
+            lever_arms_p_m=lever_arms_p_m,
+            mounting_rpy_rad=mounting_rpy_rad,
+            sound_speed_scale=sound_speed_scale,
+        )
+    elif configuration == "angles":
+        if tilts_rad is None or azimuths_rad is None:
+            raise lacking
+        geometry = BeamGeometry.from_angles(
+            tilts_rad,
+            azimuths_rad,
+            lever_arms_p_m=lever_arms_p_m,
+            mounting_rpy_rad=mounting_rpy_rad,
+            sound_speed_scale=sound_speed_scale,
+        )
+    else:
+        if tilt_rad is None:
+            raise lacking
+        geometry = BeamGeometry.janus(
+            tilt_rad,
+            configuration=configuration,
+            lever_arms_p_m=lever_arms_p_m,
+            mounting_rpy_rad=mounting_rpy_rad,
+            sound_speed_scale=sound_speed_scale,
+        )
+    if geometry.beams >= 3 and geometry.rank < 3:
+        raise KernelError(
+            f"the {geometry.beams} beams see only {geometry.rank} directions, expected 3: check azimuths and tilts"
+        )
+    return geometry
+
+
+def solve_velocity(
+    geometry: BeamGeometry,
+    velocity_mps: ArrayLike,
+    valid: ArrayLike,
+    *,
+    method: FixMethod,
+    beam_sd_mps: ArrayLike,
+    prior_velocity_p_mps: ArrayLike | None = None,
+    prior_cov_m2ps2: ArrayLike | None = None,
+    omega_tp_p_radps: ArrayLike | None = None,
+    virtual_beam_factor: float = DEFAULT_OPTIONS["virtual_beam_factor"],
+    nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"],
+    weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"],
+) -> VelocityFixes:
+    """Solves pings for the platform velocity from any set of valid beams (Tal et al. 2017, Eqs 17-49).
+
+    Args:
+        geometry: the beams.
+        velocity_mps: (n, beams) beam velocities; entries of invalid beams are ignored and may be NaN.
+        valid: (n, beams) bool.
+        method: a key of `FIX_METHODS`, or the long name that it stands for.
+        beam_sd_mps: (beams,) noise of the beams, 1 sigma, or one number for all.
+        prior_velocity_p_mps: (n, 3) velocity that the INS expects, for vb, vhv and elc.
+        prior_cov_m2ps2: (n, 3, 3) its covariance.
+        omega_tp_p_radps: (n, 3) angular rate against the tangent frame, for lever arms.
+        virtual_beam_factor: n_f of Eq. 28.
+        nullified_sway_var_m2ps2: epsilon of Eq. 36.
+        weak_sway_var_m2ps2: variance of the weak sway row.
+
+    Returns:
+        One row per ping. Lost beams and unobservable components are values, not errors.
+
+    Raises:
+        TypeError: for a geometry that is none.
+        KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity; the
+            message names row and beam.
+
+    Examples:
+        >>> import numpy as np
+        >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
+        >>> beams = janus.beam_velocities([[2.0, 0.1, 0.0]])
+        >>> fixes = solve_velocity(janus, beams, [[True, True, False, False]], method="plcf", beam_sd_mps=0.042)
+        >>> float(fixes.velocity_p_mps[0, 0].round(6)), COMPONENT_STATUS[fixes.component[0, 1]]
+        (2.0, 'outside_row_space')
+    """
+    if not isinstance(geometry, BeamGeometry):
+        raise TypeError(f"geometry is of type {type(geometry).__name__}, expected a BeamGeometry")
+    # Not np.ndim: it raises an error of its own for rows of unequal length.
+    if getattr(beam_sd_mps, "ndim", int(isinstance(beam_sd_mps, Sequence))) == 0:
+        beam_sd_mps = np.full(geometry.beams, beam_sd_mps, dtype=np.float64)
+    solution = _kernel.solve_velocity(
+        geometry,
+        velocity_mps,
+        valid,
+        method=fix_method(method),
+        beam_sd_mps=beam_sd_mps,
+        prior_velocity_p_mps=prior_velocity_p_mps,
+        prior_cov_m2ps2=prior_cov_m2ps2,
+        omega_tp_p_radps=omega_tp_p_radps,
+        virtual_beam_factor=virtual_beam_factor,
+        nullified_sway_var_m2ps2=nullified_sway_var_m2ps2,
+        weak_sway_var_m2ps2=weak_sway_var_m2ps2,
+    )
+    return VelocityFixes(**solution)
+
+
+_SHOWN: tuple[tuple[type, str, Callable[[Any], str]], ...] = (
+    (Navigator, "__repr__", lambda one: navigator_line(one.state(), one.covariance())),
+    (Navigator, "_repr_html_", lambda one: navigator_table(one.state(), one.covariance())),
+    (BeamGeometry, "__repr__", lambda one: geometry_line(one.directions_p)),
+    (BeamGeometry, "_repr_html_", lambda one: geometry_table(one.directions_p, one.lever_arms_p_m)),
+)
+"""What a terminal and a notebook show of the compiled classes: words are no part of the kernel."""
+for _class, _name, _words in _SHOWN:
+    setattr(_class, _name, _words)

@@ -1,0 +1,126 @@
+"""Addresses of bytes, one grammar for `bottomlock live` and `bottomlock simulate-dvl`, as MAVLink's tools write them.
+
+Who connects says `tcp:HOST:PORT`, who listens `tcpin:HOST:PORT`; who sends datagrams `udpout:HOST:PORT`, who receives
+them `udpin:HOST:PORT`. Without a host it is the loopback address.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from bottomlock.support.nearest import nearest
+
+Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "zenoh"]
+FORMS: dict[Kind, str] = {
+    "tcp": "tcp:HOST:PORT (connects)",
+    "tcpin": "tcpin:HOST:PORT (listens)",
+    "udpin": "udpin:HOST:PORT (listens)",
+    "udpout": "udpout:HOST:PORT (sends)",
+    "serial": "serial:DEVICE:BAUD",
+    "pty": "pty:LINK",
+    "file": "file:PATH",
+    "stdin": "stdin",
+    "stdout": "stdout",
+    "zenoh": "zenoh:KEY or zenoh:KEY@tcp/HOST:PORT",
+}
+BAUD = 115_200
+"""Where none is given: Water Linked's, and the common one of the others."""
+_LOOPBACK = "127.0.0.1"
+_LIKELY: dict[str, tuple[Kind, ...]] = {
+    "tcp": ("tcpin",),
+    "tcpin": ("tcp",),
+    "tcpout": ("tcp",),
+    "udp": ("udpin", "udpout"),
+    "udpin": ("udpout",),
+    "udpout": ("udpin",),
+}
+"""What is meant by a word that is none of the kinds, or not at this place."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """A parsed address.
+
+    Attributes:
+        kind: one of `FORMS`.
+        host: of a network address: where to connect or send to, or where to listen. Of a zenoh key, the endpoint to
+            connect to, "tcp/HOST:PORT", or "" for whoever is found.
+        port: 0 lets the system choose one for `tcpin`.
+        path: of a file, a serial device, or the link to a pty, "" for a pty without a link; the key of zenoh.
+        baud: of a serial device; 0 elsewhere.
+    """
+
+    kind: Kind
+    host: str = ""
+    port: int = 0
+    path: str = ""
+    baud: int = 0
+
+
+def forms(kinds: tuple[Kind, ...]) -> str:
+    """The forms of these kinds, for help and errors."""
+    return ", ".join(FORMS[kind] for kind in kinds)
+
+
+def parse_address(text: str, kinds: tuple[Kind, ...], *, what: str, any_port: bool = False) -> Address:
+    """The parts of an address.
+
+    Args:
+        text: the address.
+        kinds: that can be used here.
+        what: what it is used as, for the error: "a source", "a target".
+        any_port: whether `tcpin` may have port 0.
+
+    Raises:
+        ValueError: with what was expected, and the likely mistake.
+
+    Examples:
+        >>> parse_address("udpin:0.0.0.0:14550", ("tcp", "udpin"), what="a source")
+        Address(kind='udpin', host='0.0.0.0', port=14550, path='', baud=0)
+        >>> parse_address("tcpin:16171", ("tcpin",), what="a target").host
+        '127.0.0.1'
+        >>> parse_address("serial:/dev/ttyUSB0:9600", ("serial",), what="a source").baud
+        9600
+    """
+    word, colon, rest = text.partition(":")
+    kind = next((known for known in kinds if known == word), None)
+    if kind is None:
+        raise ValueError(f"'{text}' cannot be {what}, {_hint(word, kinds)}expected one of {forms(kinds)}")
+    malformed = f"'{text}' is no address of this kind, expected {FORMS[kind]}"
+    if kind in {"stdin", "stdout"}:
+        if colon:
+            raise ValueError(malformed)
+        return Address(kind)
+    if kind in {"file", "serial", "pty"}:
+        if not rest and kind != "pty":
+            raise ValueError(malformed)
+        return _path(kind, rest)
+    if kind == "zenoh":
+        key, at, endpoint = rest.partition("@")
+        # As zenoh has it: parts between slashes, none of them empty, and no wildcards in what is sent.
+        if not all(key.split("/")) or set(key) & set("*$?#") or bool(at) != bool(endpoint):
+            raise ValueError(malformed)
+        return Address(kind, host=endpoint, path=key)
+    host, _, number = rest.rpartition(":")
+    if not number.isdigit() or (":" in host.strip("[]") and not host.startswith("[")):
+        raise ValueError(malformed)
+    least = 0 if any_port and kind == "tcpin" else 1
+    if not least <= int(number) < 65_536:
+        raise ValueError(f"'{text}' has port {number}, expected {least} to 65535")
+    return Address(kind, host=host.strip("[]") or _LOOPBACK, port=int(number))
+
+
+def _path(kind: Kind, rest: str) -> Address:
+    """A file, a pty, or a serial device, whose name may hold colons."""
+    device, _, digits = rest.rpartition(":")
+    if kind == "serial":
+        named = bool(device) and digits.isdigit()
+        return Address(kind, path=device if named else rest, baud=int(digits) if named else BAUD)
+    return Address(kind, path=rest)
+
+
+def _hint(word: str, kinds: tuple[Kind, ...]) -> str:
+    likely = [FORMS[kind] for kind in _LIKELY.get(word, ()) if kind in kinds]
+    if not likely:
+        likely = [FORMS[kind] for kind in kinds if kind == nearest(word, kinds)]
+    says = f"{FORMS[word]}; " if word in FORMS and word in _LIKELY else ""
+    return f"{says}did you mean {' or '.join(likely)}? " if likely else ""
