@@ -37,9 +37,7 @@ ENTRY_POINTS = {
     "bottomlock.config.scenario": ["copy_scenario"],
 }
 PUBLIC = [getattr(bottomlock, name) for name in bottomlock.__all__] + [
-    getattr(importlib.import_module(module), name)
-    for module, names in ENTRY_POINTS.items()
-    for name in names
+    getattr(importlib.import_module(module), name) for module, names in ENTRY_POINTS.items() for name in names
 ]
 
 
