@@ -216,8 +216,10 @@ def test_an_interrupt_that_a_library_wraps_is_one(cause: str, code: int) -> None
 def test_an_interrupt_while_settings_are_read_is_one() -> None:
     """No bytecode runs between the signal and the call, so that the kernel is the first to see it.
 
-    Nor a callback of the garbage collection, which Python lets ignore an interrupt.
+    Nor a callback of the garbage collection, which Python lets ignore an interrupt. A process that was started in the
+    background ignores the signal until someone handles it.
     """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     call: Callable[[Any], None] = operator.call
     names = [field.name for field in dataclasses.fields(models.ImuModel)]
     settings = dict.fromkeys(names, 1e-3)
@@ -227,3 +229,4 @@ def test_an_interrupt_while_settings_are_read_is_one() -> None:
             list(map(call, (_thread.interrupt_main, partial(kernel.check_settings, "imu", settings))))
     finally:
         gc.enable()
+        signal.signal(signal.SIGINT, before)
