@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,20 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
 ROOT = Path(__file__).resolve().parent.parent
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, so that no process ends with one of them while the others wait."""
+    """Of tests with `first_cases` the later cases are long; files with slow tests first.
+
+    So no process ends with a slow file while the others wait.
+    """
+    seen: Counter[str] = Counter()
+    for item in items:
+        first = item.get_closest_marker("first_cases")
+        if first is not None and item.get_closest_marker("long") is None:
+            test = item.nodeid.split("[", 1)[0]
+            seen[test] += 1
+            if seen[test] > first.args[0]:
+                item.add_marker(pytest.mark.long)
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 

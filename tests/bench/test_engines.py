@@ -52,6 +52,7 @@ def estimates(out: Path) -> pl.DataFrame:
     return pl.concat([pl.read_parquet(path) for path in paths]).drop("wall_s")
 
 
+@pytest.mark.long
 @needs_dask
 @pytest.mark.slow
 def test_a_cluster_gives_the_estimates_of_this_process(tmp_path: Path, cluster: str) -> None:

@@ -71,6 +71,7 @@ def test_the_geometry_that_is_written_is_read(planted: Path, tmp_path: Path) -> 
     assert np.abs(pl.read_parquet(fixes)["surge_mps"].to_numpy() - own).max() < 2e-3
 
 
+@pytest.mark.long
 def test_the_same_log_gives_the_same_bytes(planted: Path, tmp_path: Path) -> None:
     for name in ("first", "second"):
         assert bottomlock("audit", planted, "--out", tmp_path / name).returncode == 0

@@ -77,6 +77,7 @@ def submissions(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.long
 def test_a_second_run_keeps_what_is_there_and_a_damaged_part_is_run_again(
     data: Path, submissions: Path
 ) -> None:

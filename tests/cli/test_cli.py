@@ -352,7 +352,8 @@ def test_importing_the_package_stays_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("manoeuvres", [["hover"], pytest.param(list(MANOEUVRES), marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("manoeuvres", [list(MANOEUVRES)])
 def test_observe_tells_masks_directions_and_manoeuvres(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, manoeuvres: list[str]
 ) -> None:

@@ -53,6 +53,7 @@ def test_the_script_makes_the_start_of_the_files(tmp_path: Path) -> None:
                 assert found.to_list() == kept.to_list(), (name, column)
 
 
+@pytest.mark.long
 def test_the_case_runs_and_has_all_its_columns(tmp_path: Path) -> None:
     done = command("replay", FOLDER / "case.toml", "--out", tmp_path / "r")
     assert done.returncode == 0, done.stderr
@@ -86,6 +87,7 @@ def test_the_start_of_the_case_is_drawn_from_its_claims() -> None:
     assert claims == START_SD
 
 
+@pytest.mark.long
 def test_a_first_case_from_its_files_runs(tmp_path: Path) -> None:
     files = [FOLDER / name for name in ("dvl.pd0", "imu.parquet", "depth.csv", "compass.csv", "usbl.csv")]
     done = command("replay", "--init", *files, "--out", tmp_path / "case.toml")

@@ -161,6 +161,7 @@ def test_a_log_in_json_needs_a_table_of_another_name(here: Path) -> None:
 AUDIT = ("--geometry", "x_janus_20", "--out", "o")
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("first", "second"),
@@ -331,6 +332,7 @@ def test_a_campaign_does_not_remove_its_own_path(root: Path, tmp_path: Path) -> 
     assert contents(tmp_path / "o") == before
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_a_replay_with_other_methods_leaves_no_old_figure(root: Path, tmp_path: Path) -> None:
     """Report and figures are those of the tables beside them, and one's own figure stays."""

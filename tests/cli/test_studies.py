@@ -22,6 +22,7 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_masks_prints_and_writes(tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tables of 80 columns, files on disk, and the same command again finds everything done."""
     monkeypatch.setenv("COLUMNS", "80")

@@ -153,6 +153,7 @@ def run_until(case: Path, iteration: int) -> subprocess.Popen[bytes]:
     raise AssertionError("no iteration in a minute")
 
 
+@pytest.mark.long
 def test_interrupted_it_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     """Killed, and interrupted, on one thread: the case and its record are those of two threads."""
     path = write_case(tmp_path, dive(6, seconds=400.0), WRONG)
@@ -214,6 +215,7 @@ def test_methods_that_predict_what_was_measured(tmp_path: Path) -> None:
     assert record["is_better"]
 
 
+@pytest.mark.long
 def test_mounting_and_clock_are_written_with_their_sigma(tmp_path: Path) -> None:
     """A DVL that is turned and late: a DVL's file beside the case has that, the case the attitude's clock."""
     late_s, mounting_deg = (0.15, -0.2), (2.0, -2.5, 4.0)
@@ -243,6 +245,7 @@ def test_mounting_and_clock_are_written_with_their_sigma(tmp_path: Path) -> None
     assert "clock and mounting: log-likelihood gain" in done.stdout
 
 
+@pytest.mark.long
 def test_the_sway_is_tuned_where_a_method_uses_it(tmp_path: Path) -> None:
     """Five times too much slip; of a recording without whole pings it says that the prior is kept."""
     path = write_case(tmp_path, dive(8, seconds=1600.0, slip=(0.1, 6.0)))

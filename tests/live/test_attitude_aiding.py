@@ -706,6 +706,7 @@ def stpere_text(text: str) -> str:
     return text
 
 
+@pytest.mark.long
 @pytest.mark.recordings
 def test_the_recorded_auv(tmp_path: Path, recordings: Path) -> None:
     """St Pere, 1,700 s: IMU at 10 Hz, AHRS of its grade and three beams, live and replayed, and where DGPS saw it."""

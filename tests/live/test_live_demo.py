@@ -36,6 +36,7 @@ def test_beams_go_and_come_back_and_the_listener_goes_on_hearing() -> None:
         assert float(error) < 3.0 * float(sd)
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("watched", [False, True])
 def test_ctrl_c_ends_it_with_the_summary(watched: bool) -> None:
     """No traceback, exit code 0, at once, also while a browser has the page open."""

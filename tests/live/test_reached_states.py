@@ -62,6 +62,7 @@ def test_understated_noise_is_unsafe(monkeypatch: pytest.MonkeyPatch, mode: str)
     assert 5.0 < float(why.split(" by ")[1].split()[0]) < 20.0
 
 
+@pytest.mark.long
 def test_noise_as_claimed_is_not() -> None:
     """Of ten minutes of pings no set of twenty is beyond the limit."""
     assert "disagree" not in " ".join(why for _, why in fly(Engine(config()), list(World(600.0).dvl())))

@@ -151,6 +151,7 @@ MOTIONS_OF_EARTHS = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.first_cases(3)
 @MOTIONS_OF_EARTHS
 def test_every_mask_by_manoeuvre_by_aiding(name: str, turning: bool) -> None:
     """15 masks × 3 sets of further sensors: the table claims the exact rank, and says where it claims none."""
@@ -218,6 +219,7 @@ def other_rank(name: str, aiding: Aiding, *, turning: bool, lever: bool, order: 
     return rank(Field(PRIMES[0]), other_rows(name, turning, lever)[: order + 1][:, kept].reshape(-1, 20))
 
 
+@pytest.mark.first_cases(6)
 @EARTHS
 @pytest.mark.parametrize("lever", [False, True], ids=["at the centre", "with lever arms"])
 @pytest.mark.parametrize("name", MOTIONS)

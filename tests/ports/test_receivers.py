@@ -137,6 +137,7 @@ def limits(key: str, runs: int) -> tuple[float, float]:
 
 
 @pytest.mark.statistical
+@pytest.mark.first_cases(4)
 @pytest.mark.parametrize("runs", [40, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("mode", ["velocity", "navigation"])
 @pytest.mark.parametrize("mask", list(MASKS))

@@ -56,6 +56,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("akit")
 
 
+@pytest.mark.long
 def test_full_velocity_against_the_reference(data: Path, scratch: Path) -> None:
     """At most 0.6 % of the way at the end on each section, and 0.3 % in the median."""
     percent = full(data, scratch).filter((pl.col("method") == "lc") & (pl.col("pass") == "forward"))
@@ -71,6 +72,7 @@ def test_smoother_is_no_worse_than_the_filter(data: Path, scratch: Path) -> None
     assert median["smoothed"] <= median["forward"]
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.parametrize("section", SECTIONS)
 def test_ins_alone_drifts_as_the_recordings_say(data: Path, scratch: Path, section: int) -> None:
     """No depth, no beams: a wrong sign, clock or axis would be kilometres."""
@@ -79,6 +81,7 @@ def test_ins_alone_drifts_as_the_recordings_say(data: Path, scratch: Path, secti
     assert DRIFT_M[0] <= end <= DRIFT_M[1]
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.parametrize("section", SECTIONS)
 def test_tight_coupling_is_information_form_is_exact_virtual_beam(
     data: Path, scratch: Path, section: int
@@ -92,6 +95,7 @@ def test_tight_coupling_is_information_form_is_exact_virtual_beam(
         np.testing.assert_allclose(other, tc, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("exact", [True, False])
 def test_smoothed_attitude_depends_on_the_start(data: Path, scratch: Path, exact: bool) -> None:
     """From a start with the errors it claims, the smoother's attitude is the better one.

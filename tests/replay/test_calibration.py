@@ -125,6 +125,7 @@ def test_bad_keys_are_named(lines: str, words: str) -> None:
         case_of(f"\n[calibration]\n{lines}\n")
 
 
+@pytest.mark.long
 def test_the_command_writes_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case = tmp_path / "case.toml"
     text = CASE.read_text(encoding="utf-8").split("[[what_if]]")[0] + SHORT + OWN

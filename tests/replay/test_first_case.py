@@ -229,6 +229,7 @@ def stamps(kind: str, seconds: Floats) -> Floats:
     return found
 
 
+@pytest.mark.first_cases(4)
 @pytest.mark.parametrize("column", ["t", "LOGCLK"])
 @pytest.mark.parametrize("kind", ["repeats", "burst", "backward", "jitter", "whole seconds"])
 def test_poor_stamps_keep_their_column(dive: RovDive, tmp_path: Path, kind: str, column: str) -> None:

@@ -28,7 +28,6 @@ from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerati
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.run import replay_case
-from tests.params import rest_is_long
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
 
 Floats = NDArray[np.float64]
@@ -218,7 +217,8 @@ def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) 
     assert 0.3 < tc["nis_mean_over_fixes"] / tc["nis_degrees_mean_over_fixes"] < 1.3
 
 
-@pytest.mark.parametrize("quarter", rest_is_long([(1,), (2,), (-1,)]))
+@pytest.mark.first_cases(1)
+@pytest.mark.parametrize("quarter", [1, 2, -1])
 def test_imu_and_ahrs_turned_by_a_quarter_are_turned_back(
     dive: RovDive, tmp_path: Path, quarter: int
 ) -> None:
@@ -238,6 +238,7 @@ def no_declination(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygeomag", None)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("no_declination")
 def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> None:
     case, text = made(tmp_path, tables(tmp_path, dive, yaw_deg=33.0))
@@ -249,6 +250,7 @@ def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> N
     assert row["position_final_percent"] < 2.0
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize(("agreement", "axes"), [(0.05, ("x", "y", "z")), (0.8, ("y", "-x", "z"))])
 def test_accelerations_that_hardly_agree_turn_nothing(
     dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, agreement: float, axes: tuple[str, ...]
@@ -319,6 +321,7 @@ def recorded_dives() -> ModuleType:
     return module
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.recordings
 @pytest.mark.parametrize("names", [("imu", "ahrs", "dvl", "gps"), ("mti", "dvl", "gps")])
 def test_a_recorded_dive_untouched_ends_near_dgps(
@@ -358,7 +361,8 @@ def test_a_grade_gives_the_slow_errors_of_the_attitude(dive: RovDive, tmp_path: 
     assert other.yaw_walk_sd_deg == grade_of("attitude", "magnetic").keys["yaw_walk_sd_deg"]
 
 
-@pytest.mark.parametrize(("reads_deg", "offset_deg"), rest_is_long([(-8.0, 8.0), (0.0, 0.0)]))
+@pytest.mark.long
+@pytest.mark.parametrize(("reads_deg", "offset_deg"), [(-8.0, 8.0), (0.0, 0.0)])
 def test_declination_turns_a_magnetic_yaw_alone(
     dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads_deg: float, offset_deg: float
 ) -> None:
@@ -392,9 +396,8 @@ def test_a_missing_model_is_named(dive: RovDive, tmp_path: Path, monkeypatch: py
     assert "pip install '.[magnetic]'" in " ".join(text.replace("#", "").split())
 
 
-@pytest.mark.parametrize(
-    ("column", "filler"), rest_is_long([("gyr_z", -99999.0), ("gyr_x", 1e9), ("acc_y", 9.97e36)])
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("column", "filler"), [("gyr_z", -99999.0), ("gyr_x", 1e9), ("acc_y", 9.97e36)])
 def test_one_filler_among_inertial_readings_changes_no_guess(
     dive: RovDive, column: str, filler: float, tmp_path: Path
 ) -> None:

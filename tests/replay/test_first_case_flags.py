@@ -53,6 +53,7 @@ def write(folder: Path, words: str = "bool", unit: str = "mps", *, velocity: flo
     return path
 
 
+@pytest.mark.first_cases(7)
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("words", WORDS)
 def test_a_case_has_the_beams_of_the_table(tmp_path: Path, words: str, unit: str) -> None:

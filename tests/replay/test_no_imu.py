@@ -263,6 +263,7 @@ def last_way(dive: RovDive) -> float:
     return float(np.linalg.norm(np.diff(dive.position, axis=0), axis=1).sum())
 
 
+@pytest.mark.long
 @pytest.mark.recordings
 def test_the_recorded_auv(tmp_path: Path, recordings: Path) -> None:
     """St Pere without its gyros, as `--init` writes it: end within 1.5 % of the way and RMS near dead reckoning's."""

@@ -44,6 +44,7 @@ def test_page_is_of_this_code(recordings: Path, tmp_path: Path) -> None:
     assert same_numbers(page.strip(), one_draw(runs).strip())
 
 
+@pytest.mark.long
 @pytest.mark.recordings
 def test_dives_as_their_users_hold_them(recordings: Path, tmp_path: Path) -> None:
     """St Pere through `--init` and `replay`: the page's table, and what must hold of it."""

@@ -9,13 +9,13 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.run import replay_case
-from tests.params import rest_is_long
 from tests.replay.mistaken_case import DEGREES, MISTAKES, mistaken, table, write_case
 from tests.replay.rov_dive import rov_dive
 
 SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=pytest.mark.long))
 
 
+@pytest.mark.first_cases(6)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", list(MISTAKES))
 def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) -> None:
@@ -75,7 +75,8 @@ PAIRS = (
 )
 
 
-@pytest.mark.parametrize("pair", rest_is_long([(pair,) for pair in PAIRS], first=3))
+@pytest.mark.first_cases(1)
+@pytest.mark.parametrize("pair", PAIRS)
 def test_of_two_mistakes_none_is_named_that_is_not_there(pair: tuple[str, str], tmp_path: Path) -> None:
     """Causes of the motion are mistakes that were made, or there is none that explains it."""
     dive = rov_dive(11)

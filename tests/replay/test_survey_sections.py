@@ -179,6 +179,7 @@ def test_full_velocity_stays_on_the_reference(folder: Path) -> None:
     assert np.median(shares) <= 0.003
 
 
+@pytest.mark.long
 def test_the_navigator_alone_drifts_as_it_should(folder: Path) -> None:
     """Without beams and depth tens to hundreds of metres in 400 s; a wrong sign or clock makes kilometres."""
     drift = [ends(*replayed(folder, number, depth=False))[0] for number in LAG_S]
@@ -197,6 +198,7 @@ def test_three_names_for_one_update_on_real_data(folder: Path, lost: tuple[int, 
                 np.testing.assert_allclose(out[key][METHODS.index(method)], out[key][tc], rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_smoother_helps_or_does_no_harm(folder: Path) -> None:
     """Horizontal RMS of LC over a section: never 1 % above the filter's (seen 0.82 to 1.00 of it)."""
     for number in LAG_S:

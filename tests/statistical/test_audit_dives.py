@@ -35,6 +35,7 @@ def in_deviations(mounting: Mounting) -> NDArray[np.float64]:
     return deviations
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SOME_SEEDS)
 def test_an_imu_alone_on_a_survey(seed: int) -> None:
     """Roll and pitch were 3 degrees and ten deviations off: the DVL's level noise passed for them."""
@@ -61,6 +62,7 @@ def test_a_straight_course_shows_yaw_and_scale_alone(seed: int) -> None:
     assert [one.kind for one in findings if one.severity != "note"] == ["velocity_scale"]
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("beside", BESIDE)
 def test_what_is_of_another_dive_tells_nothing(beside: str) -> None:
     for seed in SEEDS:

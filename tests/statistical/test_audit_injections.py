@@ -56,6 +56,7 @@ def test_the_whole_table(name: str, tmp_path: Path) -> None:
         assert cell.as_it_should, (name, world.name, cell.words)
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.parametrize("logs", [1, pytest.param(20, marks=LONG)])
 @pytest.mark.parametrize("kind", CLEAN)
 def test_clean_logs_are_not_accused(kind: str, logs: int) -> None:

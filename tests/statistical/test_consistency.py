@@ -23,6 +23,7 @@ DEGREES = 6
 TRAJECTORIES = ["straight", "figure_eight"]
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("trajectory", TRAJECTORIES)
 @pytest.mark.parametrize("method", ["lc", "tc", "plcf"])
 def test_consistent_methods(method: str, trajectory: str) -> None:

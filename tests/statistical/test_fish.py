@@ -43,6 +43,7 @@ def velocity_nees(name: str, seed: int, method: str) -> float:
     return float(nees(error, estimates.velocity_cov).mean() / 3.0)
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("method", ["tc", "consistent"])
 def test_three_beams_are_not_overconfident(method: str) -> None:
     """Only its size shows a wrong beam of three: with smaller errors the mean may exceed 1 by a half."""

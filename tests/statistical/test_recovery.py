@@ -38,6 +38,7 @@ def summary(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return table
 
 
+@pytest.mark.long
 def test_consistent_methods_recover(summary: pl.DataFrame) -> None:
     """Every pair on every trajectory, from the first fix on: there is nothing to come back from."""
     for (method,), rows in summary.filter(pl.col("method") != "vb").group_by("method"):

@@ -21,7 +21,6 @@ from bottomlock.errors import ScenarioError
 from bottomlock.studies import sensor_law
 from bottomlock.studies.sensor_law_page import markdown
 from bottomlock.tables.studies import SENSOR_LAW
-from tests.params import rest_is_long
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -62,7 +61,8 @@ def test_depth_keeps_the_velocity(mask: tuple[int, ...], limit_mps: float, runs:
 
 
 @RUNS
-@pytest.mark.parametrize("mask", rest_is_long([((1, 3),), ((1,),), ((1, 2),)]))
+@pytest.mark.long
+@pytest.mark.parametrize("mask", [(1, 3), (1,), (1, 2)])
 def test_no_sensor_makes_it_worse(mask: tuple[int, ...], runs: int) -> None:
     """No median velocity error rises, nor that of a run, and no NEES of velocity and attitude leaves its band."""
     found = sensor_law.summary(cell(mask, runs))

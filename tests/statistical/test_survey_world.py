@@ -42,6 +42,7 @@ def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return run_consistency(scenarios, MASKS, tmp_path_factory.mktemp("survey"), threads=1)
 
 
+@pytest.mark.long
 def test_trusted_methods_are_consistent(study: pl.DataFrame) -> None:
     """Velocity and attitude in band and nothing overconfident, but for two cells with one beam.
 
@@ -73,6 +74,7 @@ def test_no_sway_over_ground_is_no_assumption_for_a_current(study: pl.DataFrame)
     assert worst["verdict"].to_list() == ["overconfident"] * 2
 
 
+@pytest.mark.long
 def test_published_rows_come_out_again(root: Path, tmp_path: Path) -> None:
     """Rows of `survey` in docs/survey.md, so that the page does not outlive its kernel."""
     published: dict[str, list[str]] = {}

@@ -123,6 +123,7 @@ def test_better_than_tight_coupling_in_still_water(name: str, runs: int) -> None
     assert mean_square(batch, "sway_current").mean() < 0.25 * mean_square(batch, "tc").mean()
 
 
+@pytest.mark.first_cases(1)
 @SIZES
 @pytest.mark.parametrize("name", list(PATHS))
 def test_holds_in_a_cross_current(name: str, runs: int) -> None:

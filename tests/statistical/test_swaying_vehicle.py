@@ -35,6 +35,7 @@ def test_a_swaying_vehicle_in_short() -> None:
     check_swaying("tactical, 20 s", 6)
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.statistical
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*WANDERING, *RAMPS])
@@ -42,6 +43,7 @@ def test_claims_no_more_than_the_data_allow(name: str) -> None:
     check_swaying(name, 30)
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.statistical
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*WANDERING, *RAMPS])
@@ -73,6 +75,7 @@ def test_the_gain_stays_where_the_prior_holds() -> None:
     assert ours.mean() < chi_squared.mean_band(ours, 6)[1]
 
 
+@pytest.mark.long
 @pytest.mark.statistical
 @pytest.mark.slow
 def test_no_test_finds_the_ramp_within_a_minute() -> None:

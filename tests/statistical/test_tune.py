@@ -78,6 +78,7 @@ def errors_over_sd(seed: int, *, far: bool = False) -> tuple[float, ...]:
     return tuple((found.best.at - np.log([kind[name] for name in TUNED])) / sd)
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_noise_is_found_from_ten_times_off(seed: int) -> None:
     """Three kinds of instruments, each noise ten times too large or too small at random.
@@ -180,7 +181,8 @@ def aliased(seed: int) -> tuple[Dive, dict[str, float]]:
     return dived, noise | {"tilt": 0.0175, "yaw": 0.0175}
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_wrong_model_is_tuned_for_outages(seed: int) -> None:
     """Where no noise is right, predictions over outages come true, and the track is near that of dead reckoning.
 

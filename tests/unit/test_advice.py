@@ -20,6 +20,8 @@ from bottomlock.tables.studies import CURRENT, PUBLISHED, QUANTITIES, SWEEP
 from tests.recorded import add_table
 from tests.unit.synthetic_campaign import edit_manifest, write_campaign
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def test_references_are_not_advice(tmp_path: Path) -> None:
     """A campaign of references alone advises nothing and still has its page."""

@@ -186,6 +186,7 @@ def test_without_a_reference_or_with_feedback_it_is_refused() -> None:
         build_simulations([steered])
 
 
+@pytest.mark.long
 def test_it_goes_through_tables_report_and_comparison(tmp_path: Path) -> None:
     for name, seed in (("one", 1), ("two", 2)):
         run_campaign([scenario(**KEYS["heading"]).with_overrides(runs=2, seed=seed)], tmp_path / name)

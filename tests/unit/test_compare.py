@@ -17,6 +17,8 @@ from bottomlock.tables.results import read_campaign_tables
 from bottomlock.tables.variants import COMPARISON
 from tests.unit.synthetic_campaign import edit_manifest, write_campaign
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def _size(velocity_mps: float) -> Any:  # noqa: ANN401 - as `write_campaign` takes it
     return lambda *_: (velocity_mps, 1.0)

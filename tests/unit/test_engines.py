@@ -109,6 +109,7 @@ def test_a_worker_that_is_killed_changes_no_bit(tmp_path: Path, processes: Any, 
         os.kill(victim, 0)
 
 
+@pytest.mark.long
 @needs_dask
 @pytest.mark.slow
 def test_broken_off_on_a_cluster_and_resumed_without(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401
@@ -273,6 +274,7 @@ def test_waiting_for_workers_is_said(tmp_path: Path, threads: Any, monkeypatch: 
         workers._check_workers()
 
 
+@pytest.mark.first_cases(1)
 @needs_dask
 @pytest.mark.slow
 @pytest.mark.parametrize("pause_s", [0.0, 0.5])

@@ -93,8 +93,8 @@ def test_an_analytic_truth_cannot_be_steered() -> None:
         )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("seconds", "runs"), [(60.0, 8), pytest.param(100.0, 30, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize(("seconds", "runs"), [(100.0, 30)])
 def test_the_better_the_navigation_the_less_astray(tmp_path: Any, seconds: float, runs: int) -> None:  # noqa: ANN401
     """A dive (and a leg): INS alone has the largest cross-track error, LC the least; fixed beforehand.
 

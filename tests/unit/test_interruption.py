@@ -78,6 +78,7 @@ def interrupted(code: str) -> tuple[int, str, str]:
     return program.returncode, stdout, stderr
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("call", [BATCH.format(threads=1), BATCH.format(threads=2), REPLAY])
 def test_a_long_call_ends_with_the_signal(call: str) -> None:
     """Minutes of work end within half a second of the signal, on one thread and on two."""

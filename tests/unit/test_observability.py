@@ -64,6 +64,7 @@ UNITS = {
 }
 
 
+@pytest.mark.first_cases(3)
 @pytest.mark.parametrize("earth", [0.0, EARTH_RATE_RADPS], ids=["Earth at rest", "Earth turning"])
 @pytest.mark.parametrize("count", [3, pytest.param(12, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", MANOEUVRES)

@@ -132,6 +132,7 @@ def test_the_page_takes_the_readers_colours(made: Path) -> None:
     assert palette.PAPER not in figures
 
 
+@pytest.mark.long
 def test_same_tables_same_bytes(made: Path, tmp_path: Path) -> None:
     """In another directory and at another time."""
     copy = tmp_path / "elsewhere"
@@ -249,6 +250,7 @@ def test_a_spoilt_directory_is_named(tmp_path: Path, spoil: Callable[[Path], obj
     assert not (folder / "figures").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc"], runs=2)
     (folder / "figures").write_text("in the way")

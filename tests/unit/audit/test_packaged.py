@@ -23,6 +23,7 @@ def findings(seed: int, physical: str, stated: str | None, *, instrument: bool =
     return audit_log(log, stated=geometry, geometry_name=stated).findings
 
 
+@pytest.mark.first_cases(4)
 @pytest.mark.parametrize("stated", FOUR)
 @pytest.mark.parametrize("physical", ["waterlinked_a50", "teledyne_20"])
 def test_with_the_velocity_one_geometry_is_named(physical: str, stated: str) -> None:
@@ -52,6 +53,7 @@ def test_closure_alone_leaves_those_of_one_order() -> None:
     )
 
 
+@pytest.mark.long
 def test_no_packaged_geometry_is_named_for_an_instrument_that_has_none() -> None:
     """Tilts of 22 degrees at 45: no packaged one; nor is one named for a swap of recorded channels."""
     log = channels(make_log(35), [1, 0, 2, 3])

@@ -66,6 +66,7 @@ OFFSETS_M = np.array([-2.0, 0.0, 3.0, 0.0])
 TURN_RAD = np.array([0.0, 0.0, 0.0, np.deg2rad(3.0)])
 
 
+@pytest.mark.long
 def test_a_position_error_puts_the_vehicle_beside_its_path(
     misled: tuple[Mission, FloatArray, IntArray],
 ) -> None:

@@ -112,9 +112,10 @@ def _velocity_rms_mps(flight: Flight, mission: Mission, methods: list[Method]) -
 @pytest.mark.statistical
 @pytest.mark.parametrize(
     "mission",
-    [figure_eight(), pytest.param(lawn_mower(), marks=pytest.mark.long)],
+    [figure_eight(), lawn_mower()],
     ids=lambda mission: mission.name,
 )
+@pytest.mark.long
 def test_a_cross_current_biases_nullified_sway_and_not_tight_coupling(
     tauv: Vehicle, flights: dict[str, Flight], mission: Mission
 ) -> None:
