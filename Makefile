@@ -83,7 +83,7 @@ test-all: test test-long
 # The learned rivals need torch, which is in no lock (gigabytes); recordings are read from BOTTOMLOCK_RECORDINGS.
 test-others: $(VENV)/.tools $(VENV)/.installed
 	$(locked) --group others
-	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/readers/test_logs.py
+	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/io/test_logs.py
 
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
 # docs/mutants_rust.md. All of it takes a day of one core, incremental builds after the first one: name what you changed, or

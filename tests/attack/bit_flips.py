@@ -36,7 +36,7 @@ from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import KIND, TABLES, ReplayResult, write_replay
 from bottomlock.studies import study_folder
 from bottomlock.tables.results import read_campaign_tables, read_samples
-from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, short
+from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, short
 
 LIMIT_S = 60
 """A reader that takes longer hangs; resuming runs chunks again, on a machine that may be busy."""

@@ -16,7 +16,7 @@ from unittest.mock import patch
 
 from bottomlock.campaign import partition
 from bottomlock.campaign.run import run_campaign
-from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
+from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -33,7 +33,7 @@ from pathlib import Path
 from bottomlock.campaign import partition
 from bottomlock.campaign.run import run_campaign
 from bottomlock.errors import Note
-from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, short
+from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, short
 partition.CHUNK_STEPS = STEPS_OF_TWO_RUNS
 warnings.simplefilter("error", Note)
 warnings.filterwarnings("ignore", ".*was left by process", Note)

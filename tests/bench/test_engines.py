@@ -14,7 +14,7 @@ from partialdvl_bench.methods import estimator
 from partialdvl_bench.mission import Estimates, Mission
 from partialdvl_bench.run import part_path, run_missions
 from tests.bench.missions import made, short_specs
-from tests.unit.clusters import two_processes
+from tests.campaign.clusters import two_processes
 
 needs_dask = pytest.mark.skipif(
     find_spec("distributed") is None,

@@ -147,4 +147,4 @@ def test_a_rival_is_imported_by_its_name() -> None:
     with pytest.raises(DataError, match="unknown method 'tcc', did you mean 'tc'"):
         estimator("tcc")
     with pytest.raises(DataError, match="cannot be imported"):
-        estimator("tests.unit.nowhere:estimate")
+        estimator("tests.nowhere:estimate")

@@ -12,8 +12,8 @@ import pytest
 
 from bottomlock.audit.logs import BeamLog
 from bottomlock.io.beams import read_geometry
+from tests.audit.synthetic import channels, janus, make_log, stale
 from tests.cli.calls import command as bottomlock
-from tests.unit.audit.synthetic import channels, janus, make_log, stale
 
 
 def table(log: BeamLog) -> pl.DataFrame:

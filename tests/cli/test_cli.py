@@ -99,7 +99,7 @@ def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
     """Processes of their own, no word of theirs on the screen, and the same bytes."""
     pytest.importorskip("distributed", reason="not installed: pip install '.[dask]'")
     plain = command(*RUN, "--out", str(tmp_path / "plain"))
-    # tests/unit/test_engines.py has two processes.
+    # tests/campaign/test_engines.py has two processes.
     call = [*RUN[:-2], "--engine", "dask", "--threads", "1", "--out", str(tmp_path / "cluster")]
     done = process(*call)
     assert done.returncode == 0, done.stderr
@@ -386,7 +386,7 @@ def test_observe_tells_masks_directions_and_manoeuvres(
 
 @pytest.mark.parametrize("is_drawn", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_observe_the_papers_cases(tmp_path: Path, *, is_drawn: bool) -> None:
-    """Fifteen windows, six figures, one table; tests/unit/test_observability.py draws two."""
+    """Fifteen windows, six figures, one table; tests/observability/test_observability.py draws two."""
     with nullcontext() if is_drawn else figures_undrawn():
         done = command("observe", "--paper", "--out", str(tmp_path / "o"))
     assert done.returncode == 0, done.stderr

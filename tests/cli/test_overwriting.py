@@ -16,9 +16,9 @@ from bottomlock.errors import OutputError
 from bottomlock.files.overwriting import digest_of
 from bottomlock.files.records import read_record
 from bottomlock.replay.init.files import Files
+from tests.audit.synthetic import make_log
 from tests.cli.calls import command
 from tests.live.world import NAVIGATION_TOML
-from tests.unit.audit.synthetic import make_log
 
 RUN = ("run", "straight", "--methods", "lc,tc", "--threads", "1", "--out", "o")
 

@@ -29,7 +29,7 @@ from bottomlock.plant.trim import trim
 from bottomlock.recordings.streams import Inertial
 from bottomlock.simulation.build import build_simulation
 from partialdvl_bench.mission import Mission, Pings, Scalars, Start
-from tests.unit.plant.helpers import finned
+from tests.plant.helpers import finned
 
 Floats = NDArray[np.float64]
 

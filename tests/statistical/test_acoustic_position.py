@@ -17,7 +17,7 @@ from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band
 from tests.oracle.acoustic_position import deviation
-from tests.unit.test_acoustic_simulation import scenario
+from tests.simulation.test_acoustic_simulation import scenario
 
 RUNS, SECONDS = 60, 40.0
 PROBABILITY = 1.0 - 2.5e-4

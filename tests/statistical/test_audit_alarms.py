@@ -11,7 +11,7 @@ import pytest
 from bottomlock import BeamGeometry
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.run import audit_log
-from tests.unit.audit.synthetic import janus, make_log
+from tests.audit.synthetic import janus, make_log
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 STATED = BeamGeometry.janus(np.deg2rad(22.0))

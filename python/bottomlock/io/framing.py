@@ -2,7 +2,7 @@
 
 A framer is given bytes as they arrive and returns the records that have become whole: a text line, the lines of one
 ping, or a binary record whose checksum fits. What comes out depends on the bytes alone, not on how they were cut
-(`tests/readers/test_framing.py`). The fields of a record are read by the readers of `bottomlock.io`.
+(`tests/io/test_framing.py`). The fields of a record are read by the readers of `bottomlock.io`.
 """
 
 import re

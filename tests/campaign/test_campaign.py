@@ -1,0 +1,131 @@
+"""A campaign on disk: same bits whatever the way, nothing half-written, nothing overwritten unasked."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from bottomlock.campaign import partition
+from bottomlock.campaign.run import CampaignProgress, run_campaign
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.files import atomic_write
+from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, RUNS
+from bottomlock.tables.check import check
+from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, TABLES, short
+
+
+@pytest.fixture
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs a chunk."""
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+
+
+def same_tables(one: Path, two: Path) -> None:
+    """The tables hold the same bits, whatever the chunks."""
+    for name in TABLES:
+        assert (one / name).read_bytes() == (two / name).read_bytes(), name
+
+
+def test_tables_and_manifest(tmp_path: Path) -> None:
+    """The columns are those that are promised, and the manifest says what decided the numbers."""
+    results = run_campaign([short()], tmp_path / "o", threads=1)
+    check(pl.read_parquet(tmp_path / "o" / "runs.parquet"), RUNS, place="runs")
+    check(pl.read_parquet(tmp_path / "o" / "ensemble.parquet"), ENSEMBLE, place="ensemble")
+    check(pl.read_parquet(tmp_path / "o" / "consistency.parquet"), CONSISTENCY, place="consistency")
+    assert results.runs.height == 15
+    assert results.ensemble.height == 30
+    manifest = json.loads((tmp_path / "o" / "manifest.json").read_text(encoding="utf-8"))
+    options = manifest["scenarios"]["straight"]["options"]
+    assert manifest["status"] == "complete"
+    assert options["virtual_beam_factor"] == 1.0
+    assert options["nullified_sway_var_m2ps2"] == 1e-3
+    assert options["gate"] == "joint"
+    assert manifest["scenarios"]["straight"]["seed"] == 2017
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
+    """One thread, two threads, and a campaign broken off after its first chunk and resumed: the same tables."""
+    run_campaign([short()], tmp_path / "one", threads=1)
+    run_campaign([short()], tmp_path / "two", threads=2)
+    same_tables(tmp_path / "one", tmp_path / "two")
+
+    def stop(_: CampaignProgress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign([short()], tmp_path / "broken", threads=1, progress=stop)
+    finished = sorted((tmp_path / "broken" / "chunks" / "straight").glob("samples-*"))
+    stamps = [path.stat().st_mtime_ns for path in finished]
+    assert len(finished) == 1
+    run_campaign([short()], tmp_path / "broken", threads=2)
+    assert [path.stat().st_mtime_ns for path in finished] == stamps, "a finished chunk is not run again"
+    same_tables(tmp_path / "one", tmp_path / "broken")
+
+
+def test_chunk_size_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any cutting gives the same tables."""
+    run_campaign([short()], tmp_path / "whole", threads=1)
+    monkeypatch.setattr(partition, "CHUNK_STEPS", 1)
+    run_campaign([short()], tmp_path / "single", threads=1)
+    same_tables(tmp_path / "whole", tmp_path / "single")
+
+
+def test_more_runs_extend_fewer(tmp_path: Path) -> None:
+    """Run k is run k, however many there are."""
+    few = run_campaign([short(3)], tmp_path / "o", threads=1)
+    more = run_campaign([short(5)], tmp_path / "o", threads=1)
+    assert more.runs.filter(pl.col("run") < 3).equals(few.runs)
+
+
+def test_foreign_directories_stay_as_they_are(tmp_path: Path) -> None:
+    """Another campaign, a stranger's files, a file in place of a directory: rejected, unless forced over a campaign."""
+    out = tmp_path / "o"
+    run_campaign([short()], out, threads=1)
+    before = (out / "runs.parquet").read_bytes()
+    with pytest.raises(OutputError, match="another configuration"):
+        run_campaign([short().with_overrides(seed=1)], out, threads=1)
+    assert (out / "runs.parquet").read_bytes() == before
+    run_campaign([short().with_overrides(seed=1)], out, threads=1, force=True)
+    assert (out / "runs.parquet").read_bytes() != before
+    stranger = tmp_path / "stranger"
+    stranger.mkdir()
+    (stranger / "thesis.tex").write_text("years of work", encoding="utf-8")
+    for force in (False, True):
+        with pytest.raises(OutputError, match="holds no campaign of ours"):
+            run_campaign([short()], stranger, threads=1, force=force)
+    assert (stranger / "thesis.tex").exists()
+    with pytest.raises(OutputError, match="holds no campaign of ours"):
+        run_campaign([short()], stranger / "thesis.tex", threads=1)
+    with pytest.raises(ScenarioError, match="different names"):
+        run_campaign([short(), short()], tmp_path / "p", threads=1)
+
+
+@pytest.mark.parametrize(
+    "fault", [OSError(28, "No space left on device"), PermissionError(13, "Permission denied")]
+)
+def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: OSError) -> None:
+    """A disk that fills while a table is written leaves no part of it, and the message names the file."""
+
+    def fail(path: Path, content: bytes) -> None:
+        if path.name.startswith(".samples"):
+            path.write_bytes(b"half")
+            raise fault
+        path.write_bytes(content)
+
+    monkeypatch.setattr(atomic_write, "_write", fail)
+    with pytest.raises(OutputError, match=r"samples-.*cannot be written"):
+        run_campaign([short()], tmp_path / "o", threads=1)
+    leftovers = [path for path in (tmp_path / "o").rglob("*") if path.is_file()]
+    assert [path.name for path in leftovers] == ["manifest.json"]
+
+
+def test_progress_counts_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each chunk is told once, in order."""
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    heard: list[float] = []
+    listen: Callable[[CampaignProgress], None] = lambda state: heard.append(state.runs_done)  # noqa: E731
+    run_campaign([short()], tmp_path / "o", threads=1, progress=listen)
+    assert heard == [2, 4, 5]

@@ -1,0 +1,410 @@
+"""Engines: a cluster whose workers die gives the bits of one thread, and what is not there is said in a line."""
+
+import json
+import logging
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bottomlock.campaign import engine, partition, run
+from bottomlock.campaign.build import BuiltScenario
+from bottomlock.campaign.chunk import run_chunk
+from bottomlock.campaign.engine import check_engine
+from bottomlock.campaign.merge import merge_shards
+from bottomlock.campaign.partition import Chunk, Shard
+from bottomlock.campaign.run import CampaignProgress, run_campaign, run_shard
+from bottomlock.config.scenario import load_scenario
+from bottomlock.errors import EngineError, Note
+from bottomlock.kernel import KernelError
+from bottomlock.simulation.build import build_simulation
+from tests.analytic import analytic
+from tests.campaign.clusters import two_processes
+from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
+
+needs_dask = pytest.mark.skipif(
+    find_spec("distributed") is None,
+    reason="the package distributed is not installed: pip install '.[dask]'",
+)
+pytestmark = [
+    # Sockets of processes that are killed on purpose.
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
+RUNS = 40
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs a chunk."""
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The campaign of one thread."""
+    out = tmp_path_factory.mktemp("engines") / "whole"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+        run_campaign([short(RUNS)], out, threads=1)
+    return out
+
+
+@pytest.fixture(scope="module")
+def processes() -> Iterator[Any]:
+    """A cluster of two processes on this machine."""
+    with two_processes() as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A cluster of one thread in this very process, in which anything can be replaced."""
+    distributed = pytest.importorskip("distributed")
+    from bottomlock.campaign import dask_engine
+
+    monkeypatch.setattr(dask_engine, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(dask_engine, "POLL_S", 0.1)
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        silence_logs=logging.CRITICAL,
+    ) as small:
+        yield small
+
+
+@needs_dask
+@pytest.mark.slow
+def test_a_worker_that_is_killed_changes_no_bit(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401
+    """Two workers, one ended by SIGKILL after the third chunk: the other one, and its successor, run all."""
+    victim = next(iter(processes.workers.values())).pid
+    heard: list[float] = []
+
+    def kill(state: CampaignProgress) -> None:
+        heard.append(state.runs_done)
+        if len(heard) == 3:
+            os.kill(victim, signal.SIGKILL)
+
+    out = tmp_path / "o"
+    results = run_campaign(
+        [short(RUNS)], out, engine="dask", scheduler=processes.scheduler_address, progress=kill
+    )
+    same_bits(whole, out)
+    assert len(heard) == RUNS // 2
+    assert results.manifest["engine"] == "dask"
+    with pytest.raises(ProcessLookupError):
+        os.kill(victim, 0)
+
+
+@pytest.mark.long
+@needs_dask
+@pytest.mark.slow
+def test_broken_off_on_a_cluster_and_resumed_without(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401
+    """What a cluster has finished counts on this machine, too, and the other way round; shards can be run by one."""
+    address = processes.scheduler_address
+
+    def stop(state: CampaignProgress) -> None:
+        if state.runs_done >= 6:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "o"
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign([short(RUNS)], out, engine="dask", scheduler=address, progress=stop)
+    assert len(list(out.glob("chunks/*/counts-*"))) == 3
+    run_campaign([short(RUNS)], out, threads=2)
+    same_bits(whole, out)
+    for k, settings in ((1, {"threads": 1}), (2, {"engine": "dask", "scheduler": address})):
+        run_shard([short(RUNS)], tmp_path / str(k), Shard(k, 2), **settings)
+    merge_shards(tmp_path / "m", [tmp_path / "1", tmp_path / "2"])
+    same_bits(whole, tmp_path / "m")
+
+
+@needs_dask
+@pytest.mark.slow
+def test_vehicles_that_fly_on_estimates_travel_too(
+    tmp_path: Path,
+    processes: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Over a seabed: everything that a scenario names goes to the worker with the chunk."""
+    packaged = load_scenario("slope").with_overrides(runs=3, methods=["ins", "tc"])
+    flight = packaged.with_trajectory(feedback="estimate", duration_s=2.0)
+    monkeypatch.setattr(partition, "CLOSED_LOOP_VEHICLES", 2)
+    run_campaign([flight], tmp_path / "one", threads=1)
+    run_campaign([flight], tmp_path / "two", engine="dask", scheduler=processes.scheduler_address)
+    same_bits(tmp_path / "one", tmp_path / "two")
+
+
+@needs_dask
+def test_what_the_kernel_refuses_comes_back(
+    tmp_path: Path,
+    threads: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As the kernel's own error; chunks that were finished before are kept."""
+    from bottomlock.campaign import dask_engine
+
+    def refuse(built: BuiltScenario, chunk: Chunk, **settings: Any) -> object:  # noqa: ANN401
+        if chunk.first_run == 2:
+            raise KernelError("run 2, method tc: not finite")
+        return run_chunk(built, chunk, **settings)
+
+    monkeypatch.setattr(dask_engine, "run_chunk", refuse)
+    with pytest.raises(KernelError, match="run 2, method tc: not finite"):
+        run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+    assert [path.name for path in tmp_path.glob("chunks/*/counts-*")] == ["counts-00000000-00000001.parquet"]
+
+
+@needs_dask
+def test_a_fault_on_the_cluster_names_the_chunk(
+    tmp_path: Path,
+    threads: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from bottomlock.campaign import dask_engine
+
+    monkeypatch.setattr(dask_engine, "run_chunk", lambda *_, **__: 1 / 0)
+    words = r"straight, chunk 00000000-00000001.parquet: scheduler .* failed \(ZeroDivisionError: division by zero\)"
+    with pytest.raises(EngineError, match=words):
+        run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+
+
+@needs_dask
+def test_a_long_truth_goes_out_without_a_warning(tmp_path: Path, threads: Any) -> None:  # noqa: ANN401
+    """Ten minutes of truth are more than Dask expects of a task; any warning fails the suite."""
+    long = analytic("straight", duration_s=600.0).with_overrides(runs=1, methods=["ins"])
+    run_campaign([long], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+    assert (tmp_path / "runs.parquet").exists()
+
+
+@needs_dask
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({"numpy": "1.26.0"}, r"numpy 1\.26\.0"),
+        ({"kernel_build": "f" * 64}, "another build of the kernel ffffffffffff"),
+    ],
+)
+def test_workers_of_another_version_are_refused(
+    tmp_path: Path,
+    threads: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+    other: dict[str, str],
+    words: str,
+) -> None:
+    """Their bits would differ, and nobody would know."""
+    from bottomlock.campaign import dask_engine
+    from bottomlock.tables.versions import bit_versions
+
+    ours = bit_versions()
+    answers = iter([ours | other])
+    monkeypatch.setattr(dask_engine, "bit_versions", lambda: next(answers, ours))
+    with pytest.raises(EngineError, match=rf"a worker of .* has {words} \(here .*\): the bits would differ$"):
+        run_campaign([short(2)], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+    assert not list(tmp_path.glob("chunks/*/*"))
+
+
+@needs_dask
+def test_a_cluster_without_workers(tmp_path: Path, threads: Any) -> None:  # noqa: ANN401
+    """Said after a while, before anything is written; and when the last one leaves in mid-campaign."""
+
+    def leave(_: CampaignProgress) -> None:
+        threads.scale(0)
+
+    with pytest.raises(EngineError, match=r"has had no worker for .* the same command resumes"):
+        run_campaign(
+            [short()], tmp_path / "o", engine="dask", scheduler=threads.scheduler_address, progress=leave
+        )
+    with pytest.raises(EngineError, match="no worker in"):
+        run_campaign([short()], tmp_path / "p", engine="dask", scheduler=threads.scheduler_address)
+    assert not (tmp_path / "p").exists()
+
+
+@needs_dask
+def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # noqa: ANN401
+    """The message says that the same command resumes, and so it does."""
+
+    def leave(_: CampaignProgress) -> None:
+        threads.close()
+
+    with pytest.raises(EngineError, match="the same command resumes"):
+        run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address, progress=leave)
+    assert run_campaign([short()], tmp_path, threads=1).runs.height == 15
+
+
+@needs_dask
+def test_waiting_for_workers_is_said(tmp_path: Path, threads: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
+    """At the start and in mid-campaign, once until one comes; a short wait is not worth a word."""
+    from bottomlock.campaign import dask_engine
+
+    monkeypatch.setattr(dask_engine, "SILENCE_S", 0.1)
+    words = "has no worker: waiting for workers, at most "
+    threads.scale(0)
+    with pytest.warns(Note, match=words) as said, pytest.raises(EngineError, match="no worker in"):
+        run_campaign([short()], tmp_path / "o", engine="dask", scheduler=threads.scheduler_address)
+    assert len(said) == 1
+    there: dict[str, int] = {}
+    workers = dask_engine.Workers(SimpleNamespace(status="running", nthreads=lambda: there), "scheduler a")
+    workers._check_workers()
+    time.sleep(0.2)
+    for _ in range(2):
+        with pytest.warns(Note, match=words):
+            workers._check_workers()
+        # Not again: a warning is an error here.
+        workers._check_workers()
+        there["w"] = 1
+        workers._check_workers()
+        there.clear()
+        time.sleep(0.2)
+    time.sleep(0.4)
+    with pytest.raises(EngineError, match="has had no worker for"):
+        workers._check_workers()
+
+
+@pytest.mark.first_cases(1)
+@needs_dask
+@pytest.mark.slow
+@pytest.mark.parametrize("pause_s", [0.0, 0.5])
+def test_a_scheduler_that_is_killed_before_the_first_chunk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pause_s: float
+) -> None:
+    """What the client then raises depends on the moment: a lost connection, cancelled futures, or that it is closed."""
+    from bottomlock.campaign import dask_engine
+
+    file = tmp_path / "scheduler.json"
+    cli = [sys.executable, "-m"]
+    found = ["--scheduler-file", str(file), "--no-dashboard"]
+    scheduler, worker = (
+        subprocess.Popen([*cli, *words, *found], stderr=subprocess.DEVNULL)
+        for words in (
+            ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"],
+            ["distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny"],
+        )
+    )
+    hold = dask_engine.Workers.hold
+
+    def held(self: Any, value: object) -> Any:  # noqa: ANN401
+        future = hold(self, value)
+        scheduler.kill()
+        time.sleep(pause_s)
+        return future
+
+    monkeypatch.setattr(dask_engine.Workers, "hold", held)
+    try:
+        deadline = time.monotonic() + 60.0
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        address = json.loads(file.read_text(encoding="utf-8"))["address"]
+        with pytest.raises(EngineError, match=r"^scheduler tcp:\S+ is lost; .* the same command resumes$"):
+            run_campaign([short()], tmp_path / "o", engine="dask", scheduler=address)
+    finally:
+        for process in (scheduler, worker):
+            process.kill()
+            process.wait()
+    assert run_campaign([short()], tmp_path / "o", threads=1).runs.height == 15
+
+
+@needs_dask
+def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is written before the engine is there."""
+    from bottomlock.campaign import dask_engine
+
+    monkeypatch.setattr(dask_engine, "CONNECT_S", 0.2)
+    with pytest.raises(EngineError, match="does not answer"):
+        run_campaign([short()], tmp_path / "o", engine="dask", scheduler="tcp://127.0.0.1:9")
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"name": "spark"}, "engine 'spark' is not known"),
+        ({"name": "local", "scheduler": "tcp://a:1"}, "given with engine 'local': only dask"),
+        ({"name": "dask", "scheduler": "nowhere"}, "expected an address such as tcp://host:8786"),
+        ({"name": "dask", "scheduler": "http://a:1"}, "expected an address such as"),
+        ({"name": "dask", "scheduler": "tcp://a:port"}, "expected an address such as"),
+        ({"name": "dask", "scheduler": "tcp://a:1", "threads": 2}, "whose workers bring their own"),
+    ],
+)
+def test_settings_without_effect(settings: dict[str, Any], words: str) -> None:
+    """A setting that is read and does nothing is a trap."""
+    with pytest.raises(EngineError, match=words):
+        check_engine(**settings)
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bottomlock.campaign.engine.find_spec", lambda _: None)
+    with pytest.raises(EngineError, match=r"pip install '\.\[dask\]'"):
+        check_engine("dask")
+
+
+def test_the_extra_is_imported_only_when_asked_for(tmp_path: Path) -> None:
+    """Neither the command nor a local campaign pulls it in."""
+    code = (
+        "import sys; from pathlib import Path; import bottomlock.cli.app; from bottomlock import run_campaign;"
+        "from tests.campaign.small_campaign import short; run_campaign([short(1)], Path(sys.argv[1]), threads=1);"
+        "print(sorted({'dask', 'distributed', 'tornado'} & set(sys.modules)))"
+    )
+    call = [sys.executable, "-c", code, str(tmp_path / "o")]
+    done = subprocess.run(call, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_an_engine_may_finish_in_any_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: Path
+) -> None:
+    """The tables are those of the runs in order."""
+
+    class Backwards(engine.LocalEngine):
+        def run(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
+            return super().run(list(reversed(chunks)), progress)
+
+    monkeypatch.setattr(engine, "LocalEngine", Backwards)
+    run_campaign([short(RUNS)], tmp_path / "o", threads=1)
+    same_bits(whole, tmp_path / "o")
+
+
+@pytest.mark.parametrize("name", ["straight", "slope"])
+def test_a_simulation_is_pickled_without_its_beams(name: str) -> None:
+    """The kernel's geometry cannot be pickled, and is made again; the content is the same."""
+    import pickle
+
+    simulation = build_simulation(load_scenario(name))
+    copy = pickle.loads(pickle.dumps(simulation))
+    assert copy.fingerprint() == simulation.fingerprint()
+    assert copy.geometry.directions_p.tolist() == simulation.geometry.directions_p.tolist()
+    assert len(pickle.dumps(simulation)) < 100_000, "it goes to every worker"
+
+
+def test_failing_to_write_calls_off_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine is closed when a chunk cannot be kept."""
+    closed: list[bool] = []
+
+    class Watched(engine.LocalEngine):
+        def run(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
+            try:
+                yield from super().run(chunks, progress)
+            finally:
+                closed.append(True)
+
+    def refuse(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(engine, "LocalEngine", Watched)
+    monkeypatch.setattr(run, "write_chunk", refuse)
+    with pytest.raises(OSError, match="No space left"):
+        run_campaign([short()], tmp_path, threads=1)
+    assert closed == [True]

@@ -1,0 +1,221 @@
+"""Interruptions of the hard kind, and directories that somebody has spoilt."""
+
+import json
+import shutil
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from bottomlock.campaign import partition, run
+from bottomlock.campaign.build import build_simulations
+from bottomlock.campaign.directory import MANIFEST
+from bottomlock.campaign.manifest import identity_of
+from bottomlock.campaign.run import CampaignProgress, run_campaign
+from bottomlock.errors import DataError, Note, OutputError
+from bottomlock.files.output_folder import LOCK
+from tests.attack.kills import finished
+from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
+from tests.recorded import edit_record
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs a chunk."""
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+
+
+def test_ended_before_the_manifest_was_there(tmp_path: Path) -> None:
+    """All that is left is a manifest that was never finished: the directory is as good as empty."""
+    out = tmp_path / "o"
+    out.mkdir()
+    (out / f".{MANIFEST}.4711.part").write_text("{", encoding="utf-8")
+    (out / LOCK).write_text("", encoding="utf-8")
+    run_campaign([short()], out, threads=1)
+    assert [path.name for path in out.glob(".*")] == []
+
+
+def test_a_stranger_s_hidden_files_stay(tmp_path: Path) -> None:
+    """Nothing is swept up in a directory that is not ours, whatever its files are called."""
+    theirs = tmp_path / ".runs.parquet.4711.part"
+    theirs.write_text("not ours", encoding="utf-8")
+    with pytest.raises(OutputError, match="holds no campaign of ours"):
+        run_campaign([short()], tmp_path, threads=1, force=True)
+    assert theirs.exists()
+
+
+def test_what_is_found_is_told_apart(tmp_path: Path) -> None:
+    """A bar has to know which runs were there before, or it promises too much."""
+    heard: list[CampaignProgress] = []
+    run_campaign([short(4)], tmp_path / "o", threads=1)
+    (tmp_path / "o" / "chunks" / "straight" / "counts-00000000-00000001.parquet").unlink()
+    run_campaign([short(4)], tmp_path / "o", threads=1, progress=heard.append)
+    assert heard == [CampaignProgress("straight", 2, 4, 4, found=True), CampaignProgress("straight", 4, 4, 4)]
+
+
+@pytest.mark.parametrize("which", ["samples", "counts"])
+def test_a_missing_file_is_a_missing_chunk(tmp_path: Path, which: str) -> None:
+    """It is run again, whichever of its files is gone."""
+    run_campaign([short()], tmp_path / "whole", threads=1)
+    run_campaign([short()], tmp_path / "o", threads=1)
+    (tmp_path / "o" / "chunks" / "straight" / f"{which}-00000002-00000003.parquet").unlink()
+    run_campaign([short()], tmp_path / "o", threads=1)
+    same_bits(tmp_path / "whole", tmp_path / "o")
+
+
+CHUNK = "00000002-00000003"
+
+
+@pytest.mark.parametrize("which", ["samples", "choices", "counts", "record"])
+def test_a_chunk_that_has_changed_is_run_again(tmp_path: Path, which: str) -> None:
+    """A note names the file; the tables are those of the campaign as it was."""
+    run_campaign([short()], tmp_path / "whole", threads=1)
+    run_campaign([short()], tmp_path / "o", threads=1)
+    (path,) = (tmp_path / "o" / "chunks" / "straight").glob(f"{which}-{CHUNK}.*")
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.warns(Note, match=rf"{path.name}: .*; the chunk is run again"):
+        run_campaign([short()], tmp_path / "o", threads=1)
+    same_bits(tmp_path / "whole", tmp_path / "o")
+
+
+def test_whole_files_in_the_wrong_place(tmp_path: Path) -> None:
+    """Tables of other runs, of another seed and of another scenario are whole, and yet not this chunk's."""
+    run_campaign([short()], tmp_path / "whole", threads=1)
+    out, other = tmp_path / "o", tmp_path / "other"
+    run_campaign([short()], out, threads=1)
+    run_campaign([short().with_overrides(seed=7)], other, threads=1)
+    folder, theirs = out / "chunks" / "straight", other / "chunks" / "straight"
+    before = [
+        # Counts of another chunk; a chunk of other runs with its record; a chunk of another seed with its record.
+        [(folder / "counts-00000000-00000001.parquet", folder / "counts-00000002-00000003.parquet")],
+        [
+            (path, Path(str(path).replace("0-00000001", "2-00000003")))
+            for path in folder.glob("*0-00000001.*")
+        ],
+        [(path, folder / path.name) for path in theirs.glob(f"*{CHUNK}.*")],
+    ]
+    for pairs, words in zip(
+        before, ("has changed", "of other runs than its name", "another config"), strict=True
+    ):
+        for source, target in pairs:
+            shutil.copyfile(source, target)
+        with pytest.warns(Note, match=words):
+            run_campaign([short()], out, threads=1)
+        same_bits(tmp_path / "whole", out)
+
+
+def test_a_record_that_is_right_of_tables_that_are_not(tmp_path: Path) -> None:
+    """What a record states is believed only as far as the tables are of its runs and methods."""
+    run_campaign([short()], tmp_path / "o", threads=1)
+    folder = tmp_path / "o" / "chunks" / "straight"
+    record = folder / f"record-{CHUNK}.json"
+    samples = folder / f"samples-{CHUNK}.parquet"
+    whole = pl.read_parquet(samples)
+    swapped = pl.col("method").replace({"lc": "tc", "tc": "lc"})
+    for wrong, words in (
+        (
+            whole.with_columns(swapped),
+            "expected the runs 2 to 3 of straight, each with the methods ins, lc, tc",
+        ),
+        (whole.with_columns(pl.col("run") + 1), "expected the runs 2 to 3"),
+        (whole.head(whole.height - 1), "expected the runs 2 to 3"),
+        (whole.with_columns(pl.col("time_ns").reverse()), "differ in their times"),
+        (whole.drop("trajectory"), "column 'trajectory' is missing"),
+    ):
+        wrong.write_parquet(samples)
+        edit_record(record)
+        with pytest.raises(DataError, match=words):
+            run_campaign([short()], tmp_path / "o", threads=1)
+
+
+def state_versions(out: Path, versions: dict[str, str]) -> None:
+    """Makes a manifest state other versions."""
+    edit_record(out / MANIFEST, lambda manifest: manifest["versions"].update(versions))
+
+
+def test_other_versions_are_named(tmp_path: Path) -> None:
+    """Bits depend on them: the campaign is not continued, and not written over."""
+    out = tmp_path / "o"
+    run_campaign([short()], out, threads=1)
+    before = (out / "runs.parquet").read_bytes()
+    held = json.loads((out / MANIFEST).read_bytes())["versions"]
+    for name, words in (
+        ("bottomlock", r"bottomlock 9 \(here"),
+        ("numpy", r"numpy 9 \(here"),
+        ("polars", r"polars 9 \(here"),
+        ("kernel_build", r"another build of the kernel 9 \(here"),
+    ):
+        state_versions(out, {name: "9"})
+        with pytest.raises(OutputError, match=rf"holds a campaign made with {words}.* or use --force"):
+            run_campaign([short()], out, threads=1)
+        state_versions(out, held)
+    assert (out / "runs.parquet").read_bytes() == before
+    run_campaign([short()], out, threads=1)
+
+
+@pytest.mark.parametrize("rest", [None, 100, 0])
+def test_a_manifest_that_is_cut_is_recovered_on_demand(tmp_path: Path, rest: int | None) -> None:
+    """The error says how; whole chunks are kept, and another campaign's command recovers nothing."""
+    out = tmp_path / "o"
+    run_campaign([short()], out, threads=1)
+    before = finished(out)
+    content = (out / MANIFEST).read_bytes()
+    if rest is None:
+        (out / MANIFEST).unlink()
+    else:
+        (out / MANIFEST).write_bytes(content[:rest])
+    for force in (False, True):
+        with pytest.raises(
+            (DataError, OutputError), match=r"manifest.json.*--recover writes it again and keeps"
+        ):
+            run_campaign([short()], out, threads=1, force=force)
+    with pytest.raises((DataError, OutputError), match="nothing to recover"):
+        run_campaign([short().with_overrides(seed=7)], out, threads=1, recover=True)
+    run_campaign([short()], out, threads=1, recover=True)
+    assert finished(out) == before
+    assert json.loads((out / MANIFEST).read_bytes())["digests"] == json.loads(content)["digests"]
+
+
+def test_a_directory_of_others_is_rejected_before_any_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A truth may take a minute; the directory is looked at first."""
+    monkeypatch.setattr(run, "build_scenarios", lambda _: pytest.fail("a truth was computed"))
+    (tmp_path / "thesis.tex").write_text("years of work", encoding="utf-8")
+    for path in (tmp_path, tmp_path / "thesis.tex"):
+        with pytest.raises(OutputError, match="holds no campaign of ours"):
+            run_campaign([short()], path, threads=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_nothing_is_removed_through_a_link(tmp_path: Path) -> None:
+    """The chunks lie elsewhere: with force the campaign is left as it is, whole."""
+    out, disk = tmp_path / "o", tmp_path / "disk"
+    run_campaign([short()], out, threads=1)
+    (out / "chunks").replace(disk)
+    (out / "chunks").symlink_to(disk)
+    run_campaign([short()], out, threads=1)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(OutputError, match=r"chunks: is a symbolic link, and --force removes nothing through"):
+        run_campaign([short()], out, threads=1, force=True)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_what_decides_the_numbers_decides_the_identity() -> None:
+    """Name, settings, seed and methods, in their order; not the number of runs."""
+    given = short()
+    others = {
+        "name": short(name="figure_eight"),
+        "settings": given.with_trajectory(duration_s=11.0),
+        "seed": given.with_overrides(seed=given.campaign.seed + 1),
+        "methods": given.with_overrides(methods=["ins", "lc"]),
+        "order": given.with_overrides(methods=["lc", "ins", "tc"]),
+    }
+    hashes = {
+        name: identity_of(build_simulations([one]))["configuration_hash"] for name, one in others.items()
+    }
+    same = [identity_of(build_simulations([short(runs)]))["configuration_hash"] for runs in (5, 6)]
+    assert same[0] == same[1]
+    assert len({same[0], *hashes.values()}) == 6

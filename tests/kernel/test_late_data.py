@@ -1,0 +1,239 @@
+"""Late data: any order of arrival within the horizon ends in the bits of the log in order of time."""
+
+import copy
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bottomlock.kernel import METHODS, KernelError, Method, Navigator
+from tests.kernel.test_replay_log import JANUS, LOG, START, replayed
+from tests.property import settings
+
+MS = 1_000_000
+SECOND = 1000 * MS
+LEVEL = np.array([0.0, 0.0, -settings.GRAVITY])
+AT_REST: Any = {
+    "time_ns": 0,
+    "position_t_m": np.zeros(3),
+    "attitude_t_p": np.array([1.0, 0, 0, 0]),
+    "velocity_p_mps": np.zeros(3),
+}
+STREAMS = ("imu", "dvl", "depth", "heading", "gps")
+
+
+def arrivals(latency_s: float, seed: int) -> list[tuple[int, str, int]]:
+    """Time, stream and row of every event of the log, each with a random latency; in order without."""
+    log: Any = LOG
+    events = [
+        (int(t), rank, name, k)
+        for rank, name in enumerate(STREAMS)
+        for k, t in enumerate(log[f"{name}_time_ns"])
+    ]
+    events.sort()
+    latency_ns = np.random.default_rng(seed).uniform(0, latency_s * SECOND, len(events))
+    order = np.argsort([t for t, *_ in events] + latency_ns, kind="stable")
+    return [(t, name, k) for t, _, name, k in (events[i] for i in order)]
+
+
+def push(to: Navigator, t: int, name: str, k: int) -> list[Any]:
+    """Pushes a row of the log, with the noise that a replay of it takes."""
+    log, model = LOG, settings.table_2()
+    rows: Any = log
+    match name:
+        case "imu":
+            return to.push_imu(
+                t, omega_p_radps=rows["omega_p_radps"][k], force_p_mps2=rows["force_p_mps2"][k]
+            )
+        case "dvl":
+            beams = rows["beam_velocity_mps"][k], rows["beam_valid"][k]
+            return to.push_beams(t, *beams, sd_mps=rows["beam_sd_mps"][k])
+        case "depth":
+            return to.push_depth(t, rows["depth_m"][k], sd_m=model["depth"]["sd_m"])
+        case "heading":
+            return to.push_heading(t, rows["heading_rad"][k], sd_rad=model["heading"]["sd_rad"])
+        case _:
+            place = rows["gps_position_t_m"][k]
+            return to.push_position(t, place, position_sd_m=model["gps"]["position_sd_m"])
+
+
+def stand(told: dict[Any, Any], reports: list[Any]) -> None:
+    """Keeps what stands of all reports, by sensor and time; a report that is not marked is the first of its kind."""
+    for report in reports:
+        key = report["sensor"], report["time_ns"]
+        assert report["revised"] == (key in told)
+        if report["verdict"] == "withdrawn":
+            del told[key]
+        else:
+            report.pop("revised")
+            told[key] = [
+                value.tobytes() if isinstance(value, np.ndarray) else repr(value) for value in report.values()
+            ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_any_arrival_ends_in_the_replay(method: Method) -> None:
+    """Against the replay of the log and against the log in order; saved, copied and pickled on the way."""
+
+    def fresh(horizon_ns: int) -> Navigator:
+        options = settings.options(gate="joint")
+        return Navigator(JANUS, settings.table_2(), options, START, method=method, horizon_ns=horizon_ns)
+
+    told: dict[Any, Any] = {}
+    ordered = fresh(0)
+    for event in arrivals(0.0, 1):
+        stand(told, push(ordered, *event))
+    out = replayed(methods=(method,), sample_time_ns=LOG["imu_time_ns"][-1:])
+    for number, latency_s in enumerate((0.3, 0.9)):
+        told_late: dict[Any, Any] = {}
+        late = fresh(SECOND)
+        for k, event in enumerate(arrivals(latency_s, seed=number)):
+            stand(told_late, push(late, *event))
+            if k % 150 == 100:
+                late = (
+                    lambda one: Navigator.load(one.save()),
+                    copy.copy,
+                    lambda one: pickle.loads(pickle.dumps(one)),
+                )[k // 150 % 3](late)
+        assert told_late == told
+        assert set(late.late_events().values()) == {0}
+        np.testing.assert_array_equal(late.covariance(), ordered.covariance())
+        state: Any = late.state()
+        for key, value in ordered.state().items():
+            np.testing.assert_array_equal(state[key], value)
+        for key in (
+            "position_t_m",
+            "attitude_t_p",
+            "velocity_p_mps",
+            "accel_bias_p_mps2",
+            "gyro_bias_p_radps",
+        ):
+            np.testing.assert_array_equal(out[key][0, -1], state[key])  # type: ignore[literal-required]
+        np.testing.assert_array_equal(out["sd"][0, -1], np.sqrt(np.diag(late.covariance())))
+
+
+def under_way(seconds: float = 3.0, **more: Any) -> Navigator:  # noqa: ANN401 - any argument
+    """At rest for a while, at 100 Hz."""
+    to = Navigator(JANUS, settings.table_2(), settings.options(gate="joint"), AT_REST, **more)
+    times = np.arange(0, round(seconds * 100) + 1) * 10 * MS
+    to.push_imu_block(
+        times, omega_p_radps=np.zeros((len(times), 3)), force_p_mps2=np.tile(LEVEL, (len(times), 1))
+    )
+    return to
+
+
+def test_what_a_late_fix_changes_comes_again() -> None:
+    """A depth 1 s late revises the report of the later one, whose innovation it changes; the first is new."""
+    to = under_way()
+    (first,) = to.push_depth(2900 * MS, 1.0, sd_m=0.1)
+    late, again = to.push_depth(2000 * MS, 1.0, sd_m=0.1)
+    assert [first["revised"], late["revised"], again["revised"]] == [False, False, True]
+    assert (late["time_ns"], again["time_ns"]) == (2000 * MS, 2900 * MS)
+    assert abs(again["residual"][0]) < abs(first["residual"][0])
+    assert to.state()["time_ns"] == 3000 * MS
+
+
+def test_a_rejection_is_withdrawn() -> None:
+    """The third equal reading is stuck, until a different one comes between them; the report says which."""
+    options: Any = {**settings.options(gate="joint"), "imu_stuck_after": 3}
+    to = Navigator(JANUS, settings.table_2(), options, AT_REST)
+    still = {"omega_p_radps": np.zeros(3), "force_p_mps2": LEVEL}
+    assert to.push_imu(0, **still) + to.push_imu(10 * MS, **still) == []
+    (stuck,) = to.push_imu(30 * MS, **still)
+    assert (stuck["verdict"], stuck["revised"]) == ("rejected", False)
+    (back,) = to.push_imu(20 * MS, omega_p_radps=np.full(3, 0.01), force_p_mps2=LEVEL)
+    assert (back["sensor"], back["time_ns"], back["verdict"], back["revised"]) == (
+        "imu",
+        30 * MS,
+        "withdrawn",
+        True,
+    )
+    assert to.imu_faults()["stuck"] == 0
+
+
+def test_beyond_the_horizon_is_refused_and_counted() -> None:
+    """The message has how late, how late it may be, and the two likely reasons; the estimate is as before."""
+    to = under_way(horizon_ns=500 * MS)
+    before = to.covariance()
+    words = (
+        r"depth time 2400000000 ns lies 0\.600000 s behind .* at 3000000000 ns, expected at most 0\.5 s, hor"
+    )
+    with pytest.raises(KernelError, match=words) as refused:
+        to.push_depth(2400 * MS, 0.0, sd_m=0.1)
+    assert (refused.value.taken, refused.value.reports) == (0, [])
+    assert to.late_events()["depth"] == 1
+    np.testing.assert_array_equal(to.covariance(), before)
+    assert len(to.push_depth(2500 * MS, 0.0, sd_m=0.1)) == 1
+
+
+def test_two_seconds_without_a_word() -> None:
+    """The default, and none at all."""
+    to = under_way()
+    assert len(to.push_depth(1000 * MS, 0.0, sd_m=0.1)) == 1
+    with pytest.raises(KernelError, match="expected at most 2 s"):
+        to.push_depth(1000 * MS - 1, 0.0, sd_m=0.1)
+    to = under_way(horizon_ns=0)
+    with pytest.raises(KernelError, match="expected at most 0 s"):
+        to.push_depth(2999 * MS, 0.0, sd_m=0.1)
+    assert len(to.push_depth(3000 * MS, 0.0, sd_m=0.1)) == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (-1, r"horizon_ns is -1, expected 0 to 10000000000 ns"),
+        (10 * SECOND + 1, r"horizon_ns is 10000000001, expected 0 to 10000000000 ns, ten seconds"),
+        (2.0, r"horizon_ns is 2\.0, expected a whole number of nanoseconds"),
+        ("2 s", r"horizon_ns is '2 s', expected a whole number of nanoseconds"),
+        (10**30, r"horizon_ns is 10+, expected a whole number of nanoseconds, 0 to 10000000000"),
+    ],
+)
+def test_a_horizon_is_nanoseconds_up_to_ten_seconds(value: Any, words: str) -> None:  # noqa: ANN401
+    with pytest.raises(KernelError, match=words):
+        under_way(horizon_ns=value)
+
+
+def test_a_late_push_that_fails_changes_nothing() -> None:
+    """Bad numbers, and a depth without a gate that leaves no estimate: the navigator is the same, byte for byte."""
+    to = Navigator(JANUS, settings.table_2(), settings.options(), AT_REST)
+    for k in range(200):
+        to.push_imu(k * 10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    to.push_depth(1900 * MS, 0.0, sd_m=0.1)
+    before = to.save()
+    for depth_m, words in ((np.nan, "not finite|NaN"), (1e300, "1e300"), (1e11, "the estimate is lost")):
+        with pytest.raises(KernelError, match=words):
+            to.push_depth(1000 * MS, depth_m, sd_m=0.1)
+        assert to.save() == before
+    assert len(to.push_depth(1000 * MS, 0.0, sd_m=0.1)) == 2
+
+
+def test_memory_is_flat_and_saved_bytes_are_stated() -> None:
+    """What a navigator keeps does not grow with the dive; a kilobyte is 17 readings (docs/late_data.md)."""
+    to = under_way(3.0)
+    sizes = [len(to.save())]
+    for second in range(3, 30, 9):
+        times = np.arange(second * 100 + 1, second * 100 + 901) * 10 * MS
+        force = np.tile(LEVEL, (len(times), 1))
+        to.push_imu_block(times, omega_p_radps=np.zeros((len(times), 3)), force_p_mps2=force)
+        sizes.append(len(to.save()))
+    assert max(sizes) - min(sizes) < 20 * 60
+    assert sizes[0] < 6_300 + 220 * 60
+    longest = under_way(12.0, horizon_ns=10 * SECOND)
+    assert len(longest.save()) < 6_300 + 1020 * 60
+
+
+def test_the_order_at_one_time_does_not_depend_on_arrival() -> None:
+    """A ping and a depth of the last reading's time: the ping first, as in a log, whichever came first."""
+    ended = []
+    for order in ("ping depth", "depth ping"):
+        to = under_way(1.0)
+        for which in order.split():
+            if which == "ping":
+                to.push_beams(
+                    SECOND, np.full(4, 0.1), np.array([True, True, False, False]), sd_mps=np.full(4, 0.04)
+                )
+            else:
+                to.push_depth(SECOND, 0.3, sd_m=0.1)
+        ended.append(to.covariance().tobytes() + to.save())
+    assert ended[0] == ended[1]

@@ -1,0 +1,188 @@
+"""Laws the equations of motion must keep, at any state."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from bottomlock.plant import Vehicle
+from bottomlock.plant.equations import acceleration, to_platform, to_tangent
+from bottomlock.plant.fins import fin_wrench, lift_and_drag
+from bottomlock.plant.hull import hull_damping_matrix, hull_wrench
+from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
+from bottomlock.plant.matrices import (
+    added_mass_coriolis_matrix,
+    added_mass_matrix,
+    centre_of_gravity_p_m,
+    restoring_vector,
+    rigid_body_coriolis_matrix,
+    rigid_body_mass_matrix,
+    rotation_t_p,
+)
+from bottomlock.plant.propeller import propeller_wrench
+from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned
+
+VEHICLES = {name: finned(name) for name in ("tauv", "remus100")}
+
+velocities = hnp.arrays(np.float64, 6, elements=st.floats(-4.0, 4.0, width=32))
+deflections = hnp.arrays(np.float64, 4, elements=st.floats(-0.5, 0.5, width=32))
+quaternions = hnp.arrays(np.float64, 4, elements=st.floats(-1.0, 1.0, width=32)).filter(
+    lambda q: float(np.linalg.norm(q)) > 0.1
+)
+names = st.sampled_from(sorted(VEHICLES))
+
+
+def _nu_dot(
+    vehicle: Vehicle,
+    quaternion: FloatArray,
+    nu: FloatArray,
+    fins: FloatArray,
+    shaft: float,
+    water: FloatArray,
+) -> FloatArray:
+    function: Callable[..., tuple[float, ...]] = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
+    parts = (tuple(part.tolist()) for part in (quaternion, nu, fins))
+    attitude, motion, deflections = parts
+    return np.array(function(attitude, motion, (*deflections, shaft), tuple(water.tolist()), (0.0,) * 3))
+
+
+@given(names, velocities)
+def test_coriolis_matrices_are_skew_and_do_no_work(name: str, nu: FloatArray) -> None:
+    for matrix in (
+        rigid_body_coriolis_matrix(VEHICLES[name], nu),
+        added_mass_coriolis_matrix(VEHICLES[name], nu),
+    ):
+        assert np.abs(matrix + matrix.T).max() <= 1e-12 * max(1.0, float(np.abs(matrix).max()))
+        assert abs(nu @ matrix @ nu) <= 1e-9 * max(1.0, float(np.abs(matrix).max()))
+
+
+@pytest.mark.parametrize("name", sorted(VEHICLES))
+def test_mass_matrices_are_symmetric_and_positive(name: str) -> None:
+    for matrix in (rigid_body_mass_matrix(VEHICLES[name]), added_mass_matrix(VEHICLES[name])):
+        assert (matrix == matrix.T).all()
+        assert np.linalg.eigvalsh(matrix).min() > 0.0
+
+
+@given(names, velocities)
+def test_hull_damping_matrix_is_symmetric_and_never_negative(name: str, nu: FloatArray) -> None:
+    matrix = hull_damping_matrix(VEHICLES[name], nu)
+    assert np.allclose(matrix, matrix.T)
+    assert np.linalg.eigvalsh(matrix).min() >= -1e-9 * max(1.0, float(np.abs(matrix).max()))
+    wrench = np.array(hull_wrench(VEHICLES[name], SCALAR)(*nu.tolist()))
+    assert np.allclose(-matrix @ nu, wrench, atol=1e-9 * max(1.0, float(np.abs(wrench).max())))
+
+
+@given(names, quaternions, velocities, deflections, st.floats(0.0, 25.0))
+def test_components_equal_the_vectorial_form(
+    name: str, quaternion: FloatArray, nu: FloatArray, fins: FloatArray, shaft: float
+) -> None:
+    """M nu' = tau - C_RB nu - C_A nu - D nu - g, with matrices built apart from the components."""
+    vehicle, quaternion = VEHICLES[name], quaternion / np.linalg.norm(quaternion)
+    thrust, torque = propeller_wrench(vehicle, SCALAR)(float(nu[0]), shaft)
+    tau = np.array(fin_wrench(vehicle, SCALAR)(*nu.tolist(), tuple(fins.tolist())))
+    tau += np.array([thrust, 0.0, 0.0, torque, 0.0, 0.0])
+    tau -= hull_damping_matrix(vehicle, nu) @ nu
+    tau -= (rigid_body_coriolis_matrix(vehicle, nu) + added_mass_coriolis_matrix(vehicle, nu)) @ nu
+    tau -= restoring_vector(vehicle, quaternion, GRAVITY_MPS2)
+    expected = np.linalg.solve(rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle), tau)
+    found = _nu_dot(vehicle, quaternion, nu, fins, shaft, np.zeros(3))
+    assert np.allclose(found, expected, rtol=1e-9, atol=1e-8 * max(1.0, float(np.abs(expected).max())))
+
+
+def _energy(vehicle: Vehicle, position_d_m: float, quaternion: FloatArray, nu: FloatArray) -> float:
+    mass = rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle)
+    weight = vehicle.rigid_body.mass * GRAVITY_MPS2
+    buoyancy = vehicle.water.density * vehicle.rigid_body.displaced_volume * GRAVITY_MPS2
+    centre_d = position_d_m + float(rotation_t_p(quaternion)[2] @ centre_of_gravity_p_m(vehicle))
+    return float(0.5 * nu @ mass @ nu) - weight * centre_d + buoyancy * position_d_m
+
+
+@given(names, quaternions, velocities, deflections)
+def test_energy_never_grows_without_thrust(
+    name: str, quaternion: FloatArray, nu: FloatArray, fins: FloatArray
+) -> None:
+    """Kinetic energy of body and water plus weight and buoyancy: its rate is drag's power."""
+    vehicle, quaternion = VEHICLES[name], quaternion / np.linalg.norm(quaternion)
+    rate = _nu_dot(vehicle, quaternion, nu, fins, 0.0, np.zeros(3))
+    mass = rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle)
+    power = float(nu @ mass @ rate) + float(nu @ restoring_vector(vehicle, quaternion, GRAVITY_MPS2))
+    assert power <= 1e-8 * max(1.0, float(np.abs(nu).max()) ** 3) * 1e3
+
+
+def test_energy_falls_along_a_whole_tumble(tauv: Vehicle) -> None:
+    """The same law integrated: a wild start without thrust only ever loses energy."""
+    start = at_speed(2.0)
+    start[7:13] = [1.5, 0.8, -0.6, 0.9, 0.4, -0.7]
+    track = coast(tauv, start, fins_rad=(0.2, -0.1, 0.3, 0.0), shaft_rps=0.0, duration_s=30.0, step_s=0.01)
+    energies = np.array([_energy(tauv, state[2], state[3:7], state[7:13]) for state in track])
+    assert (np.diff(energies) <= 1e-6).all()
+    assert energies[-1] < energies[0] - 100.0
+
+
+@pytest.mark.parametrize("name", sorted(VEHICLES))
+def test_a_drifting_vehicle_goes_with_the_water(name: str) -> None:
+    """With a current and no thrust, made neutral, the body ends up moving with the water."""
+    vehicle = VEHICLES[name]
+    neutral = vehicle.rigid_body.model_copy(
+        update={"displaced_volume": vehicle.rigid_body.mass / vehicle.water.density}
+    )
+    vehicle = vehicle.model_copy(update={"rigid_body": neutral})
+    start = at_speed(0.0)
+    current = (0.25, -0.3, 0.0)
+    track = coast(
+        vehicle,
+        start,
+        fins_rad=(0.0,) * 4,
+        shaft_rps=0.0,
+        duration_s=900.0,
+        step_s=0.1,
+        current_t_mps=current,
+    )
+    drift = np.diff(track[-21:, :3], axis=0).mean(axis=0) / 0.1
+    assert np.allclose(drift, current, atol=0.02)
+
+
+@given(quaternions, hnp.arrays(np.float64, 3, elements=st.floats(-5.0, 5.0)))
+def test_rotations_on_components_match_the_matrix(quaternion: FloatArray, vector: FloatArray) -> None:
+    quaternion = quaternion / np.linalg.norm(quaternion)
+    matrix = rotation_t_p(quaternion)
+    q, v = quaternion.tolist(), vector.tolist()
+    assert np.allclose(to_tangent(*q, *v), matrix @ vector, atol=1e-12)
+    assert np.allclose(to_platform(*q, *v), matrix.T @ vector, atol=1e-12)
+
+
+@given(quaternions, velocities, deflections)
+def test_arrays_and_floats_give_the_same_motion(
+    quaternion: FloatArray, nu: FloatArray, fins: FloatArray
+) -> None:
+    """One set of equations: the array lanes differ from the float lanes by rounding only."""
+    vehicle, quaternion = VEHICLES["tauv"], quaternion / np.linalg.norm(quaternion)
+    alone = _nu_dot(vehicle, quaternion, nu, fins, 12.0, np.array([0.1, -0.2, 0.0]))
+    spread = [np.full(3, value) for value in (*quaternion, *nu, *fins)]
+    function: Callable[..., tuple[FloatArray, ...]] = acceleration(vehicle, GRAVITY_MPS2, ARRAY)
+    together = function(
+        tuple(spread[:4]),
+        tuple(spread[4:10]),
+        (*spread[10:], np.full(3, 12.0)),
+        (np.full(3, 0.1), np.full(3, -0.2), np.zeros(3)),
+        (np.zeros(3),) * 3,
+    )
+    for one, many in zip(alone, together, strict=True):
+        assert np.allclose(many, one, rtol=1e-10, atol=1e-10 * max(1.0, float(np.abs(alone).max())))
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 5.0, 15.0, 25.0, 40.0, 90.0, 135.0, 180.0])
+def test_fin_lift_is_odd_and_stalls(tauv: Vehicle, angle_deg: float) -> None:
+    """Linear below the stall, a flat plate beyond it; drag is even and never negative."""
+    coefficients = lift_and_drag(tauv, SCALAR)
+    angle = np.deg2rad(angle_deg)
+    lift, drag = coefficients(float(angle))
+    assert coefficients(float(-angle)) == pytest.approx((-lift, drag))
+    assert drag > 0.0
+    if angle_deg <= 10.0:
+        assert lift == pytest.approx(tauv.fins.lift_slope * angle, rel=0.02)
+    if angle_deg >= 40.0:
+        assert lift == pytest.approx(2.0 * abs(np.sin(angle)) * np.sin(angle) * np.cos(angle), abs=0.01)

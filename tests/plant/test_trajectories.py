@@ -1,0 +1,238 @@
+"""The three missions: tracked, physical, smooth, converged, deterministic, and true to an ideal strapdown."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bottomlock.config.scenario import EARTH_RATE_RADPS
+from bottomlock.errors import Note, ScenarioError
+from bottomlock.plant import (
+    Current,
+    Flight,
+    StuckFin,
+    Vehicle,
+    cache,
+    figure_eight,
+    fly,
+    lawn_mower,
+    straight,
+    swim,
+    telemetry,
+)
+from bottomlock.plant.maths import FloatArray
+from bottomlock.plant.matrices import rotation_t_p
+from bottomlock.truth.truth import Truth
+from tests.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
+
+NAMES = ("straight", "figure_eight", "lawn_mower")
+LAWN_MOWER = ("lawn_mower", *(pytest.param(name, marks=pytest.mark.long) for name in NAMES[:2]))
+"""The mission that dives, turns and runs straight; the others in `make test-long`."""
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_missions_are_tracked(flights: dict[str, Flight], name: str) -> None:
+    """Cross-track 1 m rms on the legs, depth 0.2 m rms after the dive, speed within 2 % throughout."""
+    frame = telemetry(flights[name])
+    seconds = frame["time_ns"].to_numpy() * 1e-9
+    assert seconds[-1] == pytest.approx(250.0)
+    offset, leg = frame["cross_track_m"].to_numpy(), frame["leg"].to_numpy()
+    assert _rms(offset[leg] if leg.any() else offset) < 1.0
+    after = seconds > 40.0
+    assert _rms((frame["depth_m"] - frame["depth_wanted_m"]).to_numpy()[after]) < 0.2
+    assert np.abs(frame["speed_mps"].to_numpy() / 2.0 - 1.0).max() < 0.02
+
+
+def test_missions_do_what_their_names_say(flights: dict[str, Flight]) -> None:
+    straight_on = telemetry(flights["straight"])
+    assert straight_on["north_m"][-1] == pytest.approx(500.0, abs=1.0)
+    assert np.abs(straight_on["yaw_rad"].to_numpy()).max() < 1e-3
+    eight = flights["figure_eight"].history.state
+    assert eight[-1, 2] - eight[0, 2] == pytest.approx(25.0, abs=0.3)
+    turning = eight[:, 12]
+    assert turning.max() > 0.045
+    assert turning.min() < -0.045
+    mower = telemetry(flights["lawn_mower"])
+    seconds, depth = mower["time_ns"].to_numpy() * 1e-9, mower["depth_m"].to_numpy()
+    assert np.interp(36.0, seconds, depth) == pytest.approx(29.0, abs=0.5)
+    assert np.ptp(depth[seconds > 60.0]) < 0.4
+    legs = mower.filter(mower["leg"])["yaw_rad"].to_numpy()
+    assert (np.abs(legs) < 0.2).any()
+    assert (np.abs(legs) > 2.9).any()
+
+
+def test_sideslip_is_that_of_a_torpedo(flights: dict[str, Flight]) -> None:
+    """In a steady turn sway opposes yaw rate in proportion, as the hydrodynamics have it."""
+    state = flights["figure_eight"].history.state
+    settled = (flights["figure_eight"].history.time_ns > 60_000_000_000) & (np.abs(state[:, 12]) > 0.045)
+    ratio = state[settled, 8] / state[settled, 12]
+    assert np.median(ratio) == pytest.approx(-1.0, abs=0.3)
+    assert np.abs(ratio - np.median(ratio)).max() < 0.6
+
+
+@pytest.mark.parametrize("name", LAWN_MOWER)
+def test_halving_the_step_moves_nothing(tauv: Vehicle, name: str, flights: dict[str, Flight]) -> None:
+    mission = {"straight": straight, "figure_eight": figure_eight, "lawn_mower": lawn_mower}[name]()
+    fine = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2, steps_per_sample=2)
+    coarse = flights[name].history
+    assert np.abs(fine.state[:, :3] - coarse.state[:, :3]).max() < 1e-3
+    assert np.abs(fine.state[:, 3:7] - coarse.state[:, 3:7]).max() < 1e-3
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    w, x, y, z = a
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]]) @ b
+
+
+@pytest.mark.parametrize("name", LAWN_MOWER)
+def test_a_perfect_imu_returns_the_truth(flights: dict[str, Flight], name: str) -> None:
+    """A second-order strapdown with coning ends within 1 cm and 1e-6 rad after 250 s."""
+    truth = flights[name].truth
+    step = 1.0 / 150.0
+    earth = EARTH_RATE_RADPS * np.array([np.cos(LATITUDE_RAD), 0.0, -np.sin(LATITUDE_RAD)])
+    earth_turn = np.concatenate([[1.0], -0.5 * step * earth])
+    gravity = np.array([0.0, 0.0, GRAVITY_MPS2])
+    omega, force = truth.omega_p_radps, truth.force_p_mps2
+    turns = 0.5 * step * (omega[1:] + omega[:-1]) + step**2 / 12.0 * np.cross(omega[:-1], omega[1:])
+    attitude, place = truth.attitude_t_p[0].copy(), truth.position_t_m[0].copy()
+    velocity = rotation_t_p(attitude) @ truth.velocity_p_mps[0]
+    push = rotation_t_p(attitude) @ force[0] + gravity - 2.0 * np.cross(earth, velocity)
+    for turn, feel in zip(turns, force[1:], strict=True):
+        angle = float(np.linalg.norm(turn))
+        small = np.concatenate([[np.cos(0.5 * angle)], 0.5 * np.sinc(0.5 * angle / np.pi) * turn])
+        attitude = _product(earth_turn, _product(attitude, small))
+        attitude /= np.linalg.norm(attitude)
+        after = rotation_t_p(attitude) @ feel + gravity - 2.0 * np.cross(earth, velocity + step * push)
+        moved = velocity + 0.5 * step * (push + after)
+        place = place + 0.5 * step * (velocity + moved)
+        velocity, push = moved, after
+    assert np.abs(place - truth.position_t_m[-1]).max() < 0.01
+    conjugate = attitude * np.array([1.0, -1.0, -1.0, -1.0])
+    assert 2.0 * np.abs(_product(conjugate, truth.attitude_t_p[-1])[1:]).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_accelerations_are_the_derivative_of_the_states(flights: dict[str, Flight], name: str) -> None:
+    history = flights[name].history
+    step = 1.0 / 150.0
+    integral = np.cumsum(0.5 * step * (history.acceleration[1:] + history.acceleration[:-1]), axis=0)
+    assert np.abs(history.state[1:, 7:13] - history.state[0, 7:13] - integral).max() < 1e-4
+
+
+def test_times_are_on_the_imu_grid(flights: dict[str, Flight]) -> None:
+    time_ns = flights["straight"].truth.time_ns
+    assert time_ns.dtype == np.int64
+    assert (time_ns == np.rint(np.arange(37501) * 1e9 / 150.0).astype(np.int64)).all()
+
+
+def test_the_same_mission_gives_the_same_bits(tauv: Vehicle) -> None:
+    mission = figure_eight(duration_s=20.0, current=Current(wander_sd_mps=0.1, wander_time_s=30.0, seed=3))
+    first, second = (swim(tauv, mission, gravity_mps2=GRAVITY_MPS2) for _ in range(2))
+    assert (first.state == second.state).all()
+
+
+def test_flights_come_back_from_the_cache_bit_for_bit(
+    tauv: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
+    mission = straight(duration_s=3.0)
+
+    def simulated_truth() -> Truth:
+        return fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2).truth
+
+    first = simulated_truth()
+    (kept,) = (tmp_path / "kept").glob("*.npz")
+    monkeypatch.setattr("bottomlock.plant.truth.swim", lambda *_, **__: pytest.fail("not from the cache"))
+    again = simulated_truth()
+    assert (again.force_p_mps2 == first.force_p_mps2).all()
+    settings = {"gravity_mps2": GRAVITY_MPS2, "imu_rate_hz": 150.0}
+    faster = replace(mission, speed_mps=1.9)
+    assert cache.history_key(tauv, mission, **settings) != cache.history_key(tauv, faster, **settings)
+    monkeypatch.undo()
+    monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
+    whole = kept.read_bytes()
+    for spoilt in (whole[:100], whole[:2000] + b"\x01" + whole[2001:]):
+        kept.write_bytes(spoilt)
+        with pytest.warns(Note, match=r"cached truth: .*npz: has changed since .*; it is computed again"):
+            assert (simulated_truth().force_p_mps2 == first.force_p_mps2).all()
+        assert kept.read_bytes() == whole
+    kept.unlink()
+    assert (simulated_truth().force_p_mps2 == first.force_p_mps2).all()
+
+
+def test_a_cross_current_makes_ground_sway(tauv: Vehicle) -> None:
+    """0.3 m/s across: the vehicle crabs with 0.3 m/s of sway over ground, almost none in the water."""
+    mission = straight(duration_s=120.0, current=Current.towards(0.3, np.pi / 2))
+    flight = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
+    assert flight.truth.velocity_p_mps[-1, 1] == pytest.approx(0.3, abs=0.01)
+    assert abs(flight.history.velocity_through_water_p_mps[-1, 1]) < 1e-3
+    assert np.abs(flight.history.state[:, 1]).max() < 1.0
+    assert np.linalg.norm(flight.truth.velocity_p_mps[-1]) == pytest.approx(2.0, rel=0.02)
+
+
+def test_a_cross_current_biases_nullified_sway(tauv: Vehicle) -> None:
+    """Beams 1 and 2 with "sway is zero" miss sway by 0.3 m/s and invent heave of tan 20° sin 45° of it.
+
+    Eqs (31) to (33) of Tal et al. 2017, literally. Whole campaigns of both methods are compared elsewhere.
+    """
+    mission = straight(duration_s=30.0, current=Current.towards(0.3, np.pi / 2))
+    flight = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
+    true = flight.truth.velocity_p_mps[-1]
+    tilt, azimuth = np.deg2rad(20.0), np.deg2rad([45.0, 135.0])
+    rows = np.stack(
+        [np.cos(azimuth) * np.sin(tilt), np.sin(azimuth) * np.sin(tilt), np.full(2, np.cos(tilt))], axis=1
+    )
+    measured = rows @ true
+    surge, heave = np.linalg.solve(rows[:, [0, 2]], measured)
+    assert true[1] == pytest.approx(0.3, abs=0.01)
+    assert surge == pytest.approx(true[0], abs=1e-9)
+    assert heave - true[2] == pytest.approx(np.tan(tilt) * np.sin(np.pi / 4) * true[1], rel=1e-9)
+    # the exact velocity explains both beams; the one with nullified sway explains them only by inventing
+    # heave
+    assert rows @ np.array([surge, 0.0, heave]) == pytest.approx(measured)
+
+
+def test_shear_and_wander_move_the_vehicle(tauv: Vehicle) -> None:
+    current = Current(
+        mean_mps=(0.0, 0.1), shear_ps=(0.0, 0.01), wander_sd_mps=0.1, wander_time_s=40.0, seed=5
+    )
+    mission = lawn_mower(duration_s=60.0, current=current)
+    flight = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
+    frame = telemetry(flight)
+    assert _rms(frame["cross_track_m"].to_numpy()) < 1.0
+    assert np.abs(flight.truth.velocity_p_mps[:, 1]).max() > 0.1
+
+
+def test_constant_bearing_follows_the_target(tauv: Vehicle) -> None:
+    """Flown at a moving target the vehicle stays near the path and near the target's place on it."""
+    mission = replace(lawn_mower(duration_s=120.0), law="constant_bearing")
+    history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
+    target = mission.timetable(np.array([120.0]))[0, 8:10]
+    assert np.hypot(*(history.state[-1, :2] - target)) < 3.0
+
+
+def test_a_stuck_fin_is_compensated(tauv: Vehicle) -> None:
+    """One fin jammed at 5 deg: the others hold course and depth, at the price of standing deflections."""
+    mission = replace(straight(duration_s=120.0), stuck=StuckFin(2, np.deg2rad(5.0)))
+    history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
+    assert np.abs(history.state[:, 14] - np.deg2rad(5.0)).max() < 1e-6
+    assert np.abs(history.state[-1, 1]) < 0.5
+    assert history.state[-1, 2] == pytest.approx(20.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("mission", "words"),
+    [
+        (straight(depth_m=250.0), r"depth 250\.0 m is outside 0 to 200 m"),
+        (straight(speed_mps=6.0), r"speed 6 m/s is outside the vehicle's 1 to 3 m/s"),
+        (figure_eight(dive_rate_mps=-0.5), "depth -"),
+    ],
+)
+def test_missions_beyond_the_vehicle_are_refused(tauv: Vehicle, mission: object, words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)  # type: ignore[arg-type]

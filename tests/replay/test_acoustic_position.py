@@ -1,0 +1,254 @@
+"""Acoustic position fixes in the kernel and in replay: the printed equations, gate, bits, cases, bad input."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.kernel import KernelError, Navigator, replay_log
+from bottomlock.replay import rerun
+from bottomlock.replay.case import parse_case
+from bottomlock.replay.reading import read_streams
+from tests.kernel.test_replay_log import JANUS, LOG, SECONDS, START
+from tests.oracle import acoustic_position as oracle
+from tests.oracle import kalman
+from tests.oracle.rotations import matrix_from_euler, quaternion_from_euler
+from tests.property import settings
+from tests.replay.test_replay_reading import CASE, tables
+
+MODEL: dict[str, Any] = {
+    "sd_m": 0.5,
+    "sd_per_range": 0.02,
+    "transceiver_t_m": [40.0, -30.0, 5.0],
+    "outlier_fraction": 0.0,
+    "outlier_factor": 10.0,
+}
+LEVER = [0.8, -0.3, 0.6]
+
+
+def model(**changed: Any) -> Any:  # noqa: ANN401 - the kernel's dict
+    """Table 2 with an acoustic positioning system."""
+    return settings.table_2() | {"acoustic_position": MODEL | changed}
+
+
+def options(**changed: Any) -> Any:  # noqa: ANN401 - the kernel's dict
+    return settings.options(**changed) | {"acoustic_position_lever_p_m": LEVER}
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 20.0, 89.9, 90.0, -90.0])
+def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
+    """Innovation, its covariance, and state and covariance after, from the equations with dense matrices.
+
+    The yaw is certain enough for a fix to be linearised once.
+    """
+    rng = np.random.default_rng(5)
+    rotation = matrix_from_euler(0.4, np.deg2rad(pitch_deg), -1.1)
+    position, fix = np.array([10.0, -5.0, 30.0]), np.array([12.0, -6.5, 29.0])
+    root = rng.normal(size=(20, 20)) * 0.1
+    root[3:6] *= 0.1
+    before = root @ root.T + 0.01 * np.eye(20)
+    initial: Any = {
+        "time_ns": 0, "position_t_m": position, "attitude_t_p": quaternion_from_euler(0.4, np.deg2rad(pitch_deg), -1.1),
+        "velocity_p_mps": np.zeros(3),
+    }  # fmt: skip
+    navigator = Navigator(JANUS, model(), options(), initial, method="ins", covariance=before)
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
+    (report,) = navigator.push_acoustic_position(time_ns=0, position_t_m=fix)
+    lever, transceiver = np.array(LEVER), np.array(MODEL["transceiver_t_m"])
+    H = oracle.jacobian(rotation, lever)
+    R = oracle.deviation(fix, transceiver, MODEL["sd_m"], MODEL["sd_per_range"]) ** 2 * np.eye(3)
+    residual = fix - oracle.expected_fix(position, rotation, lever)
+    error, after, H = kalman.update_position(np.zeros(20), before, H, R, residual)
+    assert (report["sensor"], report["verdict"], report["degrees"]) == ("acoustic_position", "accepted", 3)
+    np.testing.assert_allclose(report["residual"], residual, atol=1e-12)
+    np.testing.assert_allclose(report["covariance"], H @ before @ H.T + R, atol=1e-12)
+    assert report["nis"] == pytest.approx(kalman.nis(H, before, R, residual), rel=1e-10)
+    np.testing.assert_allclose(navigator.covariance(), after, atol=1e-10)
+    np.testing.assert_allclose(navigator.state()["position_t_m"], position + error[:3], atol=1e-10)
+
+
+def test_outliers_are_gated_and_good_fixes_are_not() -> None:
+    """A fix a hundred sigmas off is rejected and moves nothing; a good one beside it is taken."""
+    navigator = Navigator(JANUS, model(), options(gate="joint"), START, method="ins")
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
+    state: Any = navigator.state()
+    place = START["position_t_m"]
+    far = np.asarray(place) + np.array([200.0, 0.0, 0.0])
+    (report,) = navigator.push_acoustic_position(time_ns=0, position_t_m=far, sd_m=[1.0, 1.0, 1.0])
+    assert report["verdict"] == "rejected"
+    assert report["nis"] > report["threshold"]
+    after: Any = navigator.state()
+    assert all(np.array_equal(state[key], after[key]) for key in after)
+    navigator.push_imu(10_000_000, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
+    (report,) = navigator.push_acoustic_position(time_ns=10_000_000, position_t_m=place, sd_m=[1.0, 1.0, 1.0])
+    assert report["verdict"] == "accepted"
+    assert np.sqrt(navigator.covariance()[0, 0]) < 1.0
+
+
+def test_replay_is_push_bit_for_bit() -> None:
+    """With deviations of the log and without them, the streaming navigator ends in the replay's bits."""
+    times = np.arange(700, SECONDS * 1000, 700, dtype=np.int64) * 1_000_000 + 311
+    place = np.asarray(START["position_t_m"])
+    fixes = place + np.random.default_rng(2).normal(size=(len(times), 3))
+    sd = np.random.default_rng(3).uniform(0.5, 3.0, (len(times), 3))
+    for method in ("tc", "sway_current", "consistent"):
+        for stated in (True, False):
+            log: Any = dict(LOG) | {"acoustic_position_time_ns": times, "acoustic_position_t_m": fixes}
+            log |= {"acoustic_position_sd_m": sd} if stated else {}
+            out = replay_log(
+                JANUS, model(), options(gate="joint"), [method], log, START,
+                sample_time_ns=LOG["imu_time_ns"][-1:],
+            )  # fmt: skip
+            navigator = Navigator(JANUS, model(), options(gate="joint"), START, method=method)
+            pushed = stream_of(navigator, log, fixes, sd if stated else None)
+            for key in ("position_t_m", "attitude_t_p", "velocity_p_mps"):
+                assert np.array_equal(out[key][0, 0], navigator.state()[key]), (method, stated)
+            assert pushed["acoustic_position"] == len(times)
+            assert pushed["gps_position"] == len(LOG["gps_time_ns"])
+
+
+def stream_of(navigator: Navigator, log: Any, fixes: Any, sd: Any) -> dict[str, int]:  # noqa: ANN401
+    """Pushes a log event by event; how many reports came by sensor."""
+    names = ("imu", "dvl", "depth", "heading", "gps", "acoustic_position")
+    queue = [
+        (int(t), rank, k) for rank, name in enumerate(names) for k, t in enumerate(log[f"{name}_time_ns"])
+    ]
+    told: dict[str, int] = {}
+    kernel_model = model()
+    for t, rank, k in sorted(queue):
+        match names[rank]:
+            case "imu":
+                reports = navigator.push_imu(
+                    t, omega_p_radps=log["omega_p_radps"][k], force_p_mps2=log["force_p_mps2"][k]
+                )
+            case "dvl":
+                reports = navigator.push_beams(
+                    t, log["beam_velocity_mps"][k], log["beam_valid"][k], sd_mps=log["beam_sd_mps"][k]
+                )
+            case "depth":
+                reports = navigator.push_depth(t, log["depth_m"][k], sd_m=kernel_model["depth"]["sd_m"])
+            case "heading":
+                yaw_sd_rad = kernel_model["heading"]["sd_rad"]
+                reports = navigator.push_heading(t, log["heading_rad"][k], sd_rad=yaw_sd_rad)
+            case "gps":
+                position_sd_m = kernel_model["gps"]["position_sd_m"]
+                reports = navigator.push_position(t, log["gps_position_t_m"][k], position_sd_m=position_sd_m)
+            case _:
+                reports = navigator.push_acoustic_position(
+                    time_ns=t, position_t_m=fixes[k], sd_m=None if sd is None else sd[k]
+                )
+        for report in reports:
+            told[report["sensor"]] = told.get(report["sensor"], 0) + 1
+    return told
+
+
+def test_it_does_not_collide_with_gps() -> None:
+    """A GPS position and an acoustic fix of one time are both taken; each stream has its own order and count."""
+    navigator = Navigator(JANUS, model(), options(), START, method="ins")
+    place: Any = START["position_t_m"]
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
+    reports = navigator.push_position(0, place, position_sd_m=[2.0, 2.0, 4.0])
+    reports += navigator.push_acoustic_position(time_ns=0, position_t_m=place)
+    assert [report["sensor"] for report in reports] == ["gps_position", "acoustic_position"]
+    with pytest.raises(KernelError, match="acoustic_position time 0 ns does not come after 0 ns"):
+        navigator.push_acoustic_position(time_ns=0, position_t_m=place)
+    counts = navigator.late_events()
+    assert (counts["acoustic_position"], counts["gps"]) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("fix", "message"),
+    [
+        ({"sd_m": [1.0, -1.0, 1.0]}, "acoustic_position sd_m is -1, expected a finite number > 0"),
+        ({"sd_m": [1.0, np.nan, 1.0]}, "acoustic_position sd_m is NaN"),
+        ({"position_t_m": [0.0, np.nan, 0.0]}, "acoustic_position position_t_m at 0 ns is not finite"),
+        ({"position_t_m": [0.0, 0.0]}, r"position_t_m has shape \(2,\), expected \(3,\)"),
+    ],
+)
+def test_bad_fixes_are_refused(fix: dict[str, Any], message: str) -> None:
+    navigator = Navigator(JANUS, model(), options(), START)
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
+    before = navigator.state()["position_t_m"]
+    with pytest.raises(KernelError, match=message):
+        navigator.push_acoustic_position(time_ns=0, **{"position_t_m": np.zeros(3)} | fix)
+    assert np.array_equal(before, navigator.state()["position_t_m"])
+    navigator.push_acoustic_position(time_ns=0, position_t_m=before)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"sd_m": -1.0}, "acoustic_position.sd_m is -1, expected a finite number >= 0"),
+        ({"transceiver_t_m": [0.0, np.nan, 0.0]}, "acoustic_position.transceiver_t_m at 0 ns is not finite"),
+        ({"outlier_fraction": 1.5}, "acoustic_position.outlier_fraction is 1.5, expected 0 to 1"),
+        ({"sd_per_range": "far"}, "acoustic_position.sd_per_range is .far., expected a number"),
+    ],
+)
+def test_bad_models_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(KernelError, match=message):
+        Navigator(JANUS, model(**change), options(), START)
+
+
+def test_without_a_model_a_fix_brings_its_own_deviation() -> None:
+    """A model without the section knows no noise; nothing is assumed in its place."""
+    navigator = Navigator(JANUS, settings.table_2(), settings.options(), START)
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
+    place: Any = START["position_t_m"]
+    with pytest.raises(KernelError, match="acoustic_position sd_m is 0, expected a finite number > 0"):
+        navigator.push_acoustic_position(time_ns=0, position_t_m=place)
+    (report,) = navigator.push_acoustic_position(time_ns=0, position_t_m=place, sd_m=[1.0, 1.0, 1.0])
+    assert report["verdict"] == "accepted"
+
+
+def test_case_section_reaches_the_kernel(tmp_path: Path) -> None:
+    """Metres of a CSV, with deviations in columns or from the slant range; lever arm and model in SI."""
+    tables(tmp_path)
+    table = {"t": [0.5, 1.5, 2.5], "n": [1.0, 2.0, 3.0], "e": [0.0, 0.1, 0.2], "d": [5.0, 5.0, 5.1]}
+    sds = {"sn": [0.4, 0.5, 0.6], "se": [0.4, 0.5, 0.6], "sd": [1.0, 1.0, 1.0]}
+    pl.DataFrame(table | sds).write_csv(tmp_path / "usbl.csv")
+    section = """
+[acoustic_position]
+file = "usbl.csv"
+clock = { column = "t" }
+north = "n"
+east = "e"
+down = "d"
+lever_arm_m = [0.8, -0.3, 0.6]
+sd_percent_of_range = 2.0
+transceiver_m = [10.0, 0.0, 0.0]
+"""
+    start = CASE.replace("position_sd_m = [0.0, 0.0, 0.0]", "position_sd_m = [10.0, 10.0, 10.0]")
+    for columns in (False, True):
+        text = start + section + ('sd = ["sn", "se", "sd"]\n' if columns else "")
+        case = parse_case(text, place="case", folder=tmp_path)
+        assert case.files()["acoustic_position"] == tmp_path / "usbl.csv"
+        prepared = rerun.prepare(case, read_streams(case), 0)
+        log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
+        assert (log["acoustic_position_time_ns"] / 1e9).tolist() == [0.5, 1.5, 2.5]
+        assert log["acoustic_position_t_m"].tolist() == [[1.0, 0.0, 5.0], [2.0, 0.1, 5.0], [3.0, 0.2, 5.1]]
+        assert ("acoustic_position_sd_m" in log) == columns
+        assert prepared.options.acoustic_position_lever_p_m == tuple(LEVER)
+        assert prepared.model.acoustic_position is not None
+        assert prepared.model.acoustic_position.sd_per_range == pytest.approx(0.02)
+        assert prepared.model.acoustic_position.transceiver_t_m == (10.0, 0.0, 0.0)
+        rerun_result = rerun.run_methods(case, prepared, None)
+        # The transponder is 0.6 m below the IMU.
+        assert rerun_result.result["position_t_m"][0, -1, 2] == pytest.approx(5.0 - 0.6, abs=0.3)
+    with pytest.raises(ScenarioError, match="no position: give"):
+        parse_case(CASE + section.replace('north = "n"\neast = "e"\n', ""), place="c", folder=tmp_path)
+    with pytest.raises(
+        ScenarioError, match=r"unknown key 'acoustic_position\.lever_arm', did you mean 'lever_arm_m'"
+    ):
+        parse_case(CASE + section + "lever_arm = [0.0, 0.0, 0.0]\n", place="c", folder=tmp_path)
+
+
+def test_the_kernel_names_missing_times() -> None:
+    """Columns without times are a slip, not an empty stream."""
+    log: Any = dict(LOG) | {"acoustic_position_t_m": np.zeros((1, 3))}
+    with pytest.raises(KernelError, match="log lacks the key 'acoustic_position_time_ns'"):
+        replay_log(JANUS, model(), options(), ["tc"], log, START, sample_time_ns=LOG["imu_time_ns"][-1:])

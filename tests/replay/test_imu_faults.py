@@ -1,0 +1,335 @@
+"""Faults of the inertial sensors: readings out of range, clipped and stuck, gaps; and pushes that are refused."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+import bottomlock
+from bottomlock.config.scenario import load_scenario, parse_scenario
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.replay import rerun
+from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.reading import read_streams
+from bottomlock.replay.report import make_replay_report
+from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from tests.kernel.test_replay_log import LOG, START
+from tests.property import settings
+from tests.replay import synthetic_dive
+
+JANUS = bottomlock.BeamGeometry.janus(np.deg2rad(30.0))
+LEVEL = np.array([0.0, 0.0, -settings.GRAVITY])
+AT_REST: Any = {
+    "time_ns": 0,
+    "position_t_m": np.zeros(3),
+    "attitude_t_p": np.array([1.0, 0, 0, 0]),
+    "velocity_p_mps": np.zeros(3),
+}
+MS = 1_000_000
+
+
+def options(**changed: Any) -> Any:  # noqa: ANN401 - a value of any option
+    """The tests' options with limits of the inertial readings."""
+    return {**settings.options(gate="joint"), **changed}
+
+
+def navigator(**changed: Any) -> bottomlock.Navigator:  # noqa: ANN401
+    made = bottomlock.Navigator(JANUS, settings.table_2(), options(**changed), AT_REST)
+    made.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    return made
+
+
+def seen(nav: bottomlock.Navigator) -> tuple[Any, ...]:
+    """Every number that can be asked of a navigator."""
+    state: Any = nav.state()
+    numbers = [np.ravel(value) for value in state.values()]
+    return np.concatenate(numbers).tobytes(), nav.covariance().tobytes(), nav.late_events(), nav.imu_faults()
+
+
+def test_a_bad_reading_is_a_report_and_a_count() -> None:
+    """The report has the keys of any other, no rows, and the reason; the state does not move."""
+    nav = navigator()
+    before = nav.state()
+    (report,) = nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.array([1000.0, 0.0, -9.8]))
+    assert (report["sensor"], report["time_ns"], report["verdict"]) == ("imu", 10 * MS, "rejected")
+    assert (
+        report["reason"]
+        == "specific force x is 1000 m/s², beyond the full scale of 100 m/s²: is it in mg or cm/s²?"
+    )
+    assert report["covariance"].shape == (0, 0)
+    assert nav.state()["time_ns"] == before["time_ns"]
+    assert nav.imu_faults() == {"out_of_range": 1, "clipped": 0, "stuck": 0, "inflated_gaps": 0}
+    nav.push_imu(20 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    (ping,) = nav.push_beams(20 * MS, np.zeros(4), np.ones(4, bool), sd_mps=np.full(4, 0.042))
+    assert set(ping) == set(report)
+    assert ping["reason"] is None
+
+
+def test_full_scales_and_stuck_readings_are_options() -> None:
+    """By hand: 20 m/s² with a full scale of 20 is clipped; the third equal reading of three is stuck."""
+    nav = navigator(max_imu_force_mps2=20.0, max_imu_rate_radps=1.0, imu_stuck_after=3)
+    nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.array([20.0, 0.0, -9.8]))
+    nav.push_imu(20 * MS, omega_p_radps=np.array([0.0, -2.0, 0.0]), force_p_mps2=LEVEL)
+    for k in range(3, 7):
+        nav.push_imu(k * 10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    assert nav.imu_faults() == {"out_of_range": 1, "clipped": 1, "stuck": 2, "inflated_gaps": 0}
+
+
+def test_readings_that_stick_after_a_good_while_are_rejected() -> None:
+    """Two seconds of noise are taken as without the check; then the third equal reading is rejected."""
+    times, noise = np.arange(1, 201) * 10 * MS, np.random.default_rng(1).normal(0.0, 1e-3, (200, 3))
+    readings = {"omega_p_radps": noise, "force_p_mps2": LEVEL + noise}
+    plain, checked = navigator(), navigator(imu_stuck_after=3)
+    assert plain.push_imu_block(times, **readings) == checked.push_imu_block(times, **readings) == []
+    assert seen(plain) == seen(checked)
+    reports = [
+        checked.push_imu(2000 * MS + k * 10 * MS, omega_p_radps=noise[-1], force_p_mps2=LEVEL + noise[-1])
+        for k in range(1, 4)
+    ]
+    assert [len(report) for report in reports] == [0, 1, 1]
+    assert checked.imu_faults()["stuck"] == 2
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("max_imu_force_mps2", 0.0, "max_imu_force_mps2 is 0, expected a full scale"),
+        ("max_imu_rate_radps", np.nan, "max_imu_rate_radps is NaN"),
+        ("max_imu_gap_s", -1.0, "max_imu_gap_s is -1"),
+        ("max_imu_gap_s", "long", "max_imu_gap_s is 'long', expected a number"),
+        ("imu_stuck_after", 1, r"imu_stuck_after is 1, expected 0 \(never\)"),
+        ("imu_stuck_after", -1, "imu_stuck_after is -1, expected a whole number"),
+        ("imu_gap", "bridge", "imu_gap is 'bridge', expected 'refuse' or 'inflate'"),
+        ("imu_gap_rate_sd_radps", -1.0, "imu_gap_rate_sd_radps is -1"),
+    ],
+)
+def test_bad_limits_are_named(key: str, value: object, words: str) -> None:
+    with pytest.raises(bottomlock.KernelError, match=words):
+        bottomlock.Navigator(JANUS, settings.table_2(), options(**{key: value}), AT_REST)
+
+
+def test_a_gap_is_refused_with_what_to_do_or_inflated() -> None:
+    """By hand: 5 s at 0.5 m/s² and 0.1 rad/s are 2.5 m/s of heave and 0.5 rad of yaw."""
+    nav = navigator()
+    before = seen(nav)
+    words = r"5000000000 ns comes 5\.0+ s after .* at 0 ns, .*max_imu_gap_s = 1 s: start again .*inflate"
+    with pytest.raises(bottomlock.KernelError, match=words):
+        nav.push_imu(5_000 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    assert seen(nav) == before
+    nav = navigator(imu_gap="inflate")
+    nav.push_imu(5_000 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    sd = np.sqrt(np.diag(nav.covariance()))
+    assert nav.imu_faults()["inflated_gaps"] == 1
+    np.testing.assert_allclose([sd[8], sd[5]], [2.5, 0.5], rtol=2e-3)
+    with pytest.raises(bottomlock.KernelError, match="too long to bridge"):
+        nav.push_imu(3_605_000 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+
+
+def test_a_block_says_what_it_took() -> None:
+    """Three readings and a ping are taken, the fourth is refused: its error has their number and reports."""
+    nav = navigator()
+    nav.push_beams(15 * MS, np.zeros(4), np.ones(4, bool), sd_mps=np.full(4, 0.042))
+    time_ns = np.array([10, 20, 30, 30, 40]) * MS
+    force = np.tile(LEVEL, (5, 1))
+    force[2:4, 0] = 1000.0
+    with pytest.raises(bottomlock.KernelError, match="imu time 30000000 ns") as caught:
+        nav.push_imu_block(time_ns, omega_p_radps=np.zeros((5, 3)), force_p_mps2=force)
+    assert caught.value.taken == 3
+    assert [report["sensor"] for report in caught.value.reports] == ["beams", "imu"]
+    assert nav.state()["time_ns"] == 20 * MS
+    nav.push_imu_block(time_ns[4:], omega_p_radps=np.zeros((1, 3)), force_p_mps2=force[4:])
+    assert nav.state()["time_ns"] == 40 * MS
+    assert (bottomlock.KernelError("x").taken, list(bottomlock.KernelError("x").reports)) == (0, [])
+
+
+@pytest.mark.parametrize("force", [1e308, -1e308, 1e300])
+def test_absurd_readings_move_nothing(force: float) -> None:
+    """They moved the position by 1e303 m, or left a covariance of NaN."""
+    nav = navigator()
+    before = nav.state()["position_t_m"]
+    with pytest.raises(bottomlock.KernelError, match=r"imu force_p_mps2 at 10000000 ns is -?1e30"):
+        nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.full(3, force))
+    np.testing.assert_array_equal(nav.state()["position_t_m"], before)
+    nav.push_imu(20 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    assert np.isfinite(nav.covariance()).all()
+
+
+@pytest.mark.parametrize("time_ns", [0, 5 * MS])
+@pytest.mark.parametrize(("depth_m", "sd_m"), [(1.0, 1e300), (1e308, 1.0), (0.0, 1e-170)])
+def test_absurd_measurements_change_nothing(time_ns: int, depth_m: float, sd_m: float) -> None:
+    """A standard deviation of 1e300 m waited for the next reading, and the reading was refused for it."""
+    nav, spared = navigator(), navigator()
+    before = seen(nav)
+    with pytest.raises(bottomlock.KernelError, match="depth"):
+        nav.push_depth(time_ns, depth_m, sd_m=sd_m)
+    with pytest.raises(bottomlock.KernelError, match="ahead of the navigator"):
+        nav.push_depth(2**61, 1.0, sd_m=0.1)
+    assert seen(nav) == before
+    for one in (nav, spared):
+        one.push_depth(time_ns, 1.0, sd_m=0.1)
+        one.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    assert seen(nav) == seen(spared)
+    assert nav.discard_waiting() == 0
+
+
+def faulty_log(*, gap: bool = False) -> Any:  # noqa: ANN401 - the kernel's dict
+    """The log of the tests with two bad readings in a row and one at the very end, or with a gap."""
+    log: dict[str, Any] = dict(LOG)
+    force = np.array(log["force_p_mps2"])
+    count = len(force)
+    if gap:
+        kept = np.r_[0 : count // 2, count // 2 + 3 * count // 10 : count]
+        for key in ("imu_time_ns", "force_p_mps2", "omega_p_radps"):
+            log[key] = np.asarray(log[key])[kept]
+        return log
+    force[[count // 3, count // 3 + 1, count - 1], 1] = [1000.0, -100.0, 2000.0]
+    return log | {"force_p_mps2": force}
+
+
+@pytest.mark.parametrize("method", ["ins", "tc", "consistent"])
+@pytest.mark.parametrize("gap", [False, True])
+def test_a_faulty_log_is_the_streaming_navigator(
+    method: Any,  # noqa: ANN401
+    *,
+    gap: bool,
+) -> None:
+    """Rejected readings and inflated gaps: the replay ends in the bits of a live navigator, and says what it found."""
+    log = faulty_log(gap=gap)
+    limits = options(imu_gap="inflate", max_imu_gap_s=0.5)
+    nav = bottomlock.Navigator(JANUS, settings.table_2(), limits, START, method=method)
+    pings = {int(t): k for k, t in enumerate(log["dvl_time_ns"])}
+    imu = {int(t): k for k, t in enumerate(log["imu_time_ns"])}
+    for t in sorted({*pings, *imu}):
+        if t in imu:
+            nav.push_imu(
+                t, omega_p_radps=log["omega_p_radps"][imu[t]], force_p_mps2=log["force_p_mps2"][imu[t]]
+            )
+        if t in pings:
+            k = pings[t]
+            nav.push_beams(t, log["beam_velocity_mps"][k], log["beam_valid"][k], sd_mps=log["beam_sd_mps"][k])
+    none = np.empty(0, dtype=np.int64)
+    beams_alone = log | {
+        "depth_time_ns": none, "depth_m": [], "heading_time_ns": none, "heading_rad": [],
+        "gps_time_ns": none, "gps_position_t_m": np.empty((0, 3)),
+    }  # fmt: skip
+    end_ns = int(nav.state()["time_ns"])
+    arguments: Any = (JANUS, settings.table_2(), limits, [method], beams_alone, START)
+    for threads in (1, 2):
+        out = bottomlock.replay_log(*arguments, sample_time_ns=np.array([end_ns]), threads=threads)
+        assert int(out["sample_time_ns"][0]) == end_ns
+        np.testing.assert_array_equal(out["position_t_m"][0, 0], nav.state()["position_t_m"])
+        np.testing.assert_array_equal(out["sd"][0, 0], np.sqrt(np.diag(nav.covariance())))
+        assert out["imu_faults"] == nav.imu_faults()
+    count = len(LOG["imu_time_ns"])
+    rows = [] if gap else [count // 3, count // 3 + 1, count - 1]
+    assert out["rejected_imu"]["row"].tolist() == rows
+    assert out["unused"]["rejected"]["imu"] == len(rows)
+    assert len(out["inflated_imu"]["gap_s"]) == 1
+    assert out["imu_faults"]["inflated_gaps"] == int(gap)
+    assert out["imu_faults"]["clipped"] == int(not gap)
+
+
+def test_a_replay_refuses_a_gap_with_row_and_times() -> None:
+    log = faulty_log(gap=True)
+    row = len(LOG["imu_time_ns"]) // 2
+    with pytest.raises(
+        bottomlock.KernelError, match=rf"imu row {row}: imu time .* comes .*max_imu_gap_s = 0.5 s"
+    ):
+        bottomlock.replay_log(
+            JANUS, settings.table_2(), options(max_imu_gap_s=0.5), ["tc"], log, START, sample_time_ns=[]
+        )  # fmt: skip
+
+
+def test_scenario_keys_reach_the_kernel_and_decide_no_campaign() -> None:
+    """`[imu.limits]` goes into the options of a Navigator; a campaign, whose readings are simulated, keeps its hash."""
+    plain = load_scenario("straight")
+    kernel = plain.kernel_options()
+    assert kernel.max_imu_force_mps2 == 100.0
+    np.testing.assert_allclose(kernel.max_imu_rate_radps, 10.0, rtol=1e-15)
+    limits = plain.imu.limits.model_copy(update={"max_force_mps2": 49.0, "gap": "inflate"})
+    other = plain.model_copy(update={"imu": plain.imu.model_copy(update={"limits": limits})})
+    changed = other.kernel_options()
+    assert (changed.max_imu_force_mps2, changed.imu_gap) == (49.0, "inflate")
+    assert other.content_hash() == plain.content_hash()
+    packaged = resources.files("bottomlock.config") / "scenarios" / "straight.toml"
+    text = packaged.read_text(encoding="utf-8") + "\n[imu.limits]\nmax_force = 3.0\n"
+    with pytest.raises(ScenarioError, match=r"imu\.limits.*max_force"):
+        parse_scenario(text, place="scenario x")
+
+
+QUICK = '[replay]\nmethods = ["tc", "consistent"]\nsmooth = false\nduration_s = 40.0\n'
+
+
+def write_dive(folder: Path) -> Path:
+    """The synthetic dive with one reading of 980 m/s² 30 s after the start, for two methods."""
+    path = synthetic_dive.write(folder, QUICK)
+    table = pl.read_csv(folder / "imu.csv")
+    bad = pl.int_range(pl.len()) == 1500
+    table.with_columns(pl.when(bad).then(1e5).otherwise(pl.col("fa")).alias("fa")).write_csv(
+        folder / "imu.csv"
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def dives(tmp_path_factory: pytest.TempPathFactory) -> tuple[Case, ReplayResult, ReplayResult]:
+    """The case with a bad reading, its replay, and that of the dive without it."""
+    folder, clean = tmp_path_factory.mktemp("bad"), tmp_path_factory.mktemp("clean")
+    case = load_case(write_dive(folder))
+    good = load_case(synthetic_dive.write(clean, QUICK))
+    return case, replay_case(case), replay_case(good)
+
+
+def test_a_recorded_dive_survives_a_bad_reading(dives: tuple[Case, ReplayResult, ReplayResult]) -> None:
+    """The table counts it, and the position at the end is that without it to a centimetre; it was kilometres."""
+    _, bad, good = dives
+    assert bad.runs["imu_rejected"].to_list() == [1] * bad.runs.height
+    assert good.runs["imu_rejected"].to_list() == [0] * good.runs.height
+    difference = (bad.runs["position_final_m"] - good.runs["position_final_m"]).abs()
+    assert difference.max() < 0.01  # type: ignore[operator]
+    # The estimate that was due at the bad reading is compared at the time of the next one.
+    errors = ["err_position_north_m", "err_position_east_m"]
+    apart = bad.samples.select(errors).to_numpy() - good.samples.select(errors).to_numpy()
+    assert np.abs(apart).max() < 0.01
+    assert bad.manifest["imu_faults"][0] == "imu: readings rejected: 1 (1 out of range, 0 clipped, 0 stuck)"
+    assert "30.000 s after the start" in bad.manifest["imu_faults"][1]
+
+
+def test_the_alignment_leaves_a_bad_reading_out(tmp_path: Path) -> None:
+    """980 m/s² for one reading in 501 would tilt the levelling by 11°; without it by less than a millidegree."""
+    levels = []
+    for folder, write in (("bad", write_dive), ("clean", lambda place: synthetic_dive.write(place, QUICK))):
+        (tmp_path / folder).mkdir()
+        path = write(tmp_path / folder)
+        synthetic_dive.replace(path, 'level = "reference"', 'level = "levelling"\nat_s = 35.0')
+        case = load_case(path)
+        levels.append(rerun.prepare(case, read_streams(case), 0).alignment.attitude)
+    assert np.rad2deg((levels[0] * levels[1].inv()).magnitude()) < 0.01
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_page_names_the_bad_reading(
+    dives: tuple[Case, ReplayResult, ReplayResult], tmp_path: Path
+) -> None:
+    write_replay(dives[1], tmp_path)
+    assert "1 out of range" in make_replay_report(tmp_path).read_text(encoding="utf-8")
+
+
+def test_wrong_units_reject_every_reading(tmp_path: Path) -> None:
+    """Milli-g read as g: the case ends with one line that says so."""
+    path = write_dive(tmp_path)
+    text = path.read_text(encoding="utf-8").replace('force_unit = "mg"', 'force_unit = "g"')
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match=r"every inertial reading is rejected, .*check imu\.force_unit"):
+        replay_case(load_case(path))
+
+
+def test_the_example_of_the_page_runs(root: Path) -> None:
+    text = (root / "docs" / "imu_faults.md").read_text(encoding="utf-8")
+    example = text.split("```python\n")[1].split("```")[0]
+    exec(compile(example, "docs/imu_faults.md", "exec"), {})

@@ -1,0 +1,244 @@
+"""Simulated acoustic fixes: their own random streams and scatter, campaign, closed loop, observability, scenarios."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.campaign.closed_loop import run_closed_loop
+from bottomlock.campaign.run import run_campaign
+from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.kernel import Navigator, run_batch, simulate_sensors
+from bottomlock.observability.analysis import Aiding, deviations, observe
+from bottomlock.observability.report import scenario_schedule
+from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.simulation.run_events import Readings
+from bottomlock.simulation.sensor_streams import sensor_streams
+from tests.analytic import analytic
+from tests.config.test_scenario import TEXT
+from tests.oracle import acoustic_position as oracle
+from tests.oracle.rotations import matrix_from_quaternion
+
+LEVER = [0.8, -0.3, 0.6]
+
+
+def scenario(seconds: float = 20.0, **keys: Any) -> Scenario:  # noqa: ANN401 - any key of the section
+    """The straight way with every sensor on."""
+    content = load_scenario("straight").with_trajectory(duration_s=seconds).model_dump(exclude_unset=True)
+    on: dict[str, dict[str, Any]] = {
+        "depth": {},
+        "magnetometer": {},
+        "gps": {"antenna_depth_m": 1e3, "acquire_s": 0.0},
+    }
+    if keys.pop("acoustic", True):
+        on["acoustic_position"] = {
+            "rate_hz": 1.0,
+            "transceiver_m": [50.0, 80.0, 0.0],
+            "lever_arm_m": LEVER,
+        } | keys
+    return Scenario.model_validate(content | on)
+
+
+def simulation(seconds: float = 20.0, **keys: Any) -> Simulation:  # noqa: ANN401
+    return build_simulation(scenario(seconds, **keys))
+
+
+def test_simulated_outliers_are_gated() -> None:
+    """Of fixes with a fifth of twentyfold outliers the gate rejects most of these, and few of the others."""
+    simulated = simulation(120.0, outlier_fraction=0.2, outlier_factor=20.0, noise_percent_of_range=0.0)
+    truth, scenario = simulated.truth(), simulated.scenario
+    readings = Readings(simulated, truth, run=0)
+    drawn = readings._drawn
+    arm = oracle_arm(truth, drawn["acoustic_position_time_ns"])
+    outlier = (
+        np.linalg.norm(drawn["acoustic_position_t_m"] - arm, axis=1)
+        > 5.0 * scenario.acoustic_position.noise_m
+    )
+    assert 12 <= outlier.sum() <= 40
+    navigator = Navigator(
+        simulated.geometry, readings._model, scenario.kernel_options(), drawn["initial"], method="tc"
+    )  # fmt: skip
+    navigator.push_imu_block(
+        drawn["imu_time_ns"][:1],
+        omega_p_radps=drawn["imu_omega_p_radps"][:1],
+        force_p_mps2=drawn["imu_force_p_mps2"][:1],
+    )
+    rejected, done = [], 1
+    for k, time_ns in enumerate(drawn["acoustic_position_time_ns"]):
+        upto = int(np.searchsorted(drawn["imu_time_ns"], time_ns, side="right"))
+        part = slice(done, upto)
+        navigator.push_imu_block(
+            drawn["imu_time_ns"][part],
+            omega_p_radps=drawn["imu_omega_p_radps"][part],
+            force_p_mps2=drawn["imu_force_p_mps2"][part],
+        )
+        done = upto
+        (report,) = navigator.push_acoustic_position(
+            time_ns=int(time_ns),
+            position_t_m=drawn["acoustic_position_t_m"][k],
+            sd_m=drawn["acoustic_position_sd_m"][k],
+        )
+        rejected.append(report["verdict"] == "rejected")
+    caught = np.array(rejected)
+    assert caught[outlier][10:].all()
+    assert not caught[~outlier].sum() > 3
+
+
+def oracle_arm(truth: Any, time_ns: Any) -> Any:  # noqa: ANN401 - arrays
+    """Where the transponder truly is at times that are truth samples."""
+    rows = np.searchsorted(truth.time_ns, time_ns)
+    assert (truth.time_ns[rows] == time_ns).all()
+    pairs = zip(truth.position_t_m[rows], truth.attitude_t_p[rows], strict=True)
+    arm = np.array(LEVER)
+    return np.array([oracle.expected_fix(place, matrix_from_quaternion(q), arm) for place, q in pairs])
+
+
+def kernel_inputs(simulated: Simulation) -> tuple[int, Any, Any, Any, Any]:
+    """Key, schedule, truth, model and options of a simulation, as the kernel takes them."""
+    truth, scenario = simulated.truth(), simulated.scenario
+    key = trajectory_key(scenario.name)
+    plan = measurement_schedule(simulated, truth, trajectory_key=key)
+    model = scenario.kernel_model(simulated.gravity_mps2)
+    return key, plan, truth.kernel_arrays(), model, scenario.kernel_options()
+
+
+def test_switching_it_on_shifts_no_other_stream() -> None:
+    """Every other table of readings keeps its bits; outliers leave the IMU and the other sensors alone as well."""
+    off, on, wild = simulation(acoustic=False), simulation(), simulation(outlier_fraction=0.5)
+    truth = off.truth()
+    without, clean, dirty = (sensor_streams(one, truth, run=3) for one in (off, on, wild))
+    assert without["acoustic_position"].height == 0
+    assert clean["acoustic_position"].height == 20
+    for name in ("imu", "beams", "depth", "attitude", "gps"):
+        assert without[name].height > 0
+        assert without[name].equals(clean[name]), name
+        assert without[name].equals(dirty[name]), name
+    same = (clean["acoustic_position"] == dirty["acoustic_position"]).select(pl.all_horizontal(pl.all()))
+    assert 0 < same.to_series().sum() < 20
+
+
+def test_readings_are_the_campaigns_and_have_their_deviation() -> None:
+    """The table holds the readings of a campaign's run; the stated deviation is that of the fix's own slant range."""
+    simulated = simulation()
+    truth, scenario = simulated.truth(), simulated.scenario
+    table = sensor_streams(simulated, truth, run=1)["acoustic_position"]
+    drawn = Readings(simulated, truth, run=1)._drawn
+    fixes = table.select("position_north_m", "position_east_m", "position_down_m").to_numpy()
+    assert np.array_equal(fixes, drawn["acoustic_position_t_m"])
+    section = scenario.acoustic_position
+    for row, fix in zip(table.iter_rows(named=True), fixes, strict=True):
+        sd = oracle.deviation(
+            fix, np.array(section.transceiver_m), section.noise_m, section.noise_percent_of_range / 100
+        )
+        assert [row["sd_north_m"], row["sd_east_m"], row["sd_down_m"]] == pytest.approx([sd] * 3)
+
+
+def test_a_campaigns_run_is_the_streaming_navigator() -> None:
+    """Count of fixes and mean NIS of the DVL equal the batch's with acoustic fixes in between."""
+    simulated = simulation(12.0)
+    truth, scenario = simulated.truth(), simulated.scenario
+    key, plan, arrays, kernel_model, kernel_options = kernel_inputs(simulated)
+    assert kernel_options.acoustic_position_lever_p_m == tuple(LEVER)
+    batch = run_batch(
+        simulated.geometry, arrays, kernel_model, kernel_model, kernel_options, plan, ["tc"],
+        seed=scenario.campaign.seed, trajectory_key=key, first_run=2, runs=1, threads=1,
+    )  # fmt: skip
+    readings = Readings(simulated, truth, run=2)
+    fixes = list(readings.fixes("tc", readings.valid, range(len(readings.valid))))
+    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("noise_m = -1.0", "'acoustic_position.noise_m' is -1.0, expected > 0.0 m"),
+        ("noise_m = nan", "'acoustic_position.noise_m' is nan"),
+        ("outlier_fraction = 1.5", "'acoustic_position.outlier_fraction' is 1.5, expected <= 1"),
+        ("noise_metres = 1.0", "unknown key 'acoustic_position.noise_metres', did you mean 'noise_m'"),
+        ("rate_hz = 0.0", "'acoustic_position.rate_hz' is 0.0, expected > 0.0 Hz"),
+    ],
+)
+def test_bad_sections_are_named(keys: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(f"{TEXT}\n[acoustic_position]\n{keys}\n", place="t")
+    assert message in str(caught.value)
+
+
+def test_a_section_that_is_not_there_decides_nothing() -> None:
+    """It is off by default, and the hash of a scenario without it is that of one that does not have the sensor."""
+    plain = load_scenario("straight")
+    assert not plain.acoustic_position.enabled
+    named = plain.model_copy(update={"acoustic_position": plain.acoustic_position.model_copy()})
+    assert named.content_hash() == plain.content_hash()
+    assert plain.replace("acoustic_position.rate_hz", 0.5).content_hash() != plain.content_hash()
+    assert "acoustic_position" not in plain.model_fields_set
+
+
+def test_campaign_and_closed_loop(tmp_path: Path) -> None:
+    """Without beams INS alone drifts, and with fixes it stays; in a closed loop the fixes are those of the campaign."""
+    short = {"rate_hz": 1.0, "noise_m": 0.3, "noise_percent_of_range": 0.1}
+    one = scenario(60.0, **short).with_overrides(runs=4, methods=["ins"])
+    bare = scenario(60.0, acoustic=False).with_overrides(runs=4, methods=["ins"])
+    quiet = {"gps": one.gps.model_copy(update={"enabled": False})}
+    finals = []
+    for k, each in enumerate((one, bare)):
+        table = run_campaign([each.model_copy(update=quiet)], tmp_path / str(k), threads=1).runs
+        finals.append(float(table["position_rms_over_time_m"].to_numpy().mean()))
+    assert finals[0] < 0.5 * finals[1]
+    loop = scenario(12.0, **short)
+    loop = loop.model_copy(update={"trajectory": loop.trajectory.model_copy(update={"feedback": "estimate"})})
+    batch = run_closed_loop(
+        build_simulation(loop), ["ins", "tc"], pilot="own", trajectory_key=5, first_run=0, runs=2, threads=1
+    )
+    assert batch["error"].shape[:2] == (2, 2)
+    assert np.abs(batch["error"][:, :, -1, :3]).max() < 2.0
+
+
+def test_observability_has_it_beside_gps() -> None:
+    """It observes what a GPS position observes; farther from the transceiver the predicted deviation is larger."""
+    simulated = build_simulation(analytic("figure_eight", duration_s=60.0))
+    truth = simulated.truth()
+    sets = [Aiding(acoustic_position=True), Aiding(gps_position=True)]
+    acoustic, gps = observe(truth, simulated.geometry, sets, kind="inertial", period_s=2.0)
+    assert acoustic.rank == gps.rank
+    np.testing.assert_allclose(acoustic.rows, gps.rows)
+    kernel_model = simulated.scenario.kernel_model(simulated.gravity_mps2)
+    assert kernel_model.acoustic_position is not None
+    far = kernel_model.replace(
+        acoustic_position=kernel_model.acoustic_position.replace(transceiver_t_m=[1e3, 0.0, 0.0])
+    )
+    near_sd, far_sd = (
+        deviations(truth, simulated.geometry, sets[0], each, period_s=2.0).sd[-1, 0]
+        for each in (kernel_model, far)
+    )
+    assert far_sd > 1.5 * near_sd
+
+
+def test_schedule_of_a_scenario_has_it() -> None:
+    simulated = simulation(5.0, rate_hz=0.5)
+    schedule, _ = scenario_schedule(simulated, simulated.truth())
+    assert int(schedule.others["acoustic_position"].sum()) == 2
+    assert int(schedule.others["gps_position"].sum()) == 5
+
+
+def test_simulated_fixes_scatter_as_stated() -> None:
+    """Over 400 runs of one fix: squared errors over the stated variances are chi-squared, false alarm 1e-3."""
+    simulated = simulation(1.0)
+    truth = simulated.truth()
+    key, plan, arrays, kernel_model, kernel_options = kernel_inputs(simulated)
+    total = 0.0
+    for run in range(400):
+        drawn = simulate_sensors(
+            simulated.geometry, arrays, kernel_model, plan, seed=9, trajectory_key=key, run=run,
+            options=kernel_options,
+        )  # fmt: skip
+        error = drawn["acoustic_position_t_m"] - oracle_arm(truth, drawn["acoustic_position_time_ns"])
+        total += float(np.sum((error / drawn["acoustic_position_sd_m"]) ** 2))
+    # Chi-squared of 1200 degrees: quantiles of 0.05 % and 99.95 %; the sd of a fix's own range adds below 1 %.
+    assert 1044.0 < total < 1369.0

@@ -1,0 +1,153 @@
+"""Outliers among simulated beams: their own random stream, the same bits everywhere, none by default."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.stats import binom, norm
+
+from bottomlock.campaign.run import run_campaign
+from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.kernel import KernelError, run_batch
+from bottomlock.kernel.models import DvlOutlierModel
+from bottomlock.simulation.build import build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.simulation.run_events import Readings
+from bottomlock.simulation.sensor_streams import sensor_streams
+from tests.config.test_scenario import TEXT
+
+SECONDS = 60.0
+
+
+def scenario(seconds: float = SECONDS, **keys: Any) -> Scenario:  # noqa: ANN401 - any key of [dvl]
+    """The straight way with every beam and these keys."""
+    packaged = load_scenario("straight").with_trajectory(duration_s=seconds)
+    dvl = packaged.dvl.model_copy(update={"beams_lost": ()} | keys)
+    return packaged.model_copy(update={"dvl": dvl})
+
+
+def test_outliers_are_a_fraction_of_the_readings_and_shift_no_other() -> None:
+    """Every other table and every good reading keep their bits; an outlier's error is so many times as large."""
+    plain, some, all_of_them, silent = (
+        build_simulation(scenario(**keys))
+        for keys in (
+            {},
+            {"outlier_fraction": 0.2, "outlier_factor": 12.0},
+            {"outlier_fraction": 1.0, "outlier_factor": 12.0},
+            {"outlier_fraction": 1.0, "outlier_factor": 1.0},
+        )
+    )
+    truth = plain.truth()
+    clean, dirty, wild, same = (
+        sensor_streams(one, truth, run=3) for one in (plain, some, all_of_them, silent)
+    )
+    for name in set(clean) - {"beams"}:
+        assert clean[name].equals(dirty[name]), name
+    assert clean["beams"].equals(same["beams"])
+    names = [f"beam{k}_mps" for k in (1, 2, 3, 4)]
+    good, found, worst = (table["beams"].select(names).to_numpy() for table in (clean, dirty, wild))
+    outlier = found != good
+    # 240 readings: 48 with a standard deviation of 6.2; five of them either way.
+    assert 17 <= outlier.sum() <= 79
+    assert outlier.any(axis=0).all()
+    assert (found[outlier] == worst[outlier]).all()
+    assert np.std(worst - good) == pytest.approx(11 * 0.042, rel=0.2)
+
+
+def test_a_campaigns_run_is_the_streaming_navigator_and_any_partition(tmp_path: Path) -> None:
+    """One run of a batch has the readings of that run alone; threads and chunks change no bit; the claim stays."""
+    simulated = build_simulation(scenario(12.0, outlier_fraction=0.3))
+    truth, settings = simulated.truth(), simulated.scenario
+    key = trajectory_key(settings.name)
+    model: Any = settings.kernel_model(simulated.gravity_mps2)
+    assert model.dvl_outliers == DvlOutlierModel(outlier_fraction=0.3, outlier_factor=10.0)
+    plan, arrays, options = (
+        measurement_schedule(simulated, truth, trajectory_key=key), truth.kernel_arrays(), settings.kernel_options()
+    )  # fmt: skip
+    few: Any = (simulated.geometry, arrays, model, model, options, plan, ["tc"])
+    common: Any = {"seed": settings.campaign.seed, "trajectory_key": key}
+    whole = run_batch(*few, **common, first_run=0, runs=5, threads=2)
+    alone = run_batch(*few, **common, first_run=3, runs=1, threads=1)
+    np.testing.assert_array_equal(whole["error"][3:4], alone["error"])
+    readings = Readings(simulated, truth, run=3)
+    fixes = list(readings.fixes("tc", readings.valid, range(len(readings.valid))))
+    assert np.mean([fix.nis for fix in fixes]) == alone["nis_mean"][0, 0]
+    one, other = (
+        run_campaign([settings.with_overrides(runs=5, methods=["tc"])], tmp_path / name, threads=threads).runs
+        for name, threads in (("one", 1), ("two", 2))
+    )
+    assert one.equals(other)
+
+
+def test_none_by_default_and_the_hash_is_that_of_before() -> None:
+    """Keys that decide nothing do not change what a scenario is."""
+    plain = load_scenario("straight")
+    assert plain.dvl.outlier_fraction == 0.0
+    assert scenario(outlier_factor=5.0).content_hash() == scenario().content_hash()
+    assert scenario(outlier_fraction=0.01).content_hash() != scenario().content_hash()
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("outlier_fraction = 1.5", "'dvl.outlier_fraction' is 1.5, expected <= 1"),
+        ("outlier_fraction = -0.1", "'dvl.outlier_fraction' is -0.1, expected >= 0"),
+        ("outlier_factor = 0.5", "'dvl.outlier_factor' is 0.5, expected >= 1"),
+        ("outliers_fraction = 0.1", "unknown key 'dvl.outliers_fraction', did you mean 'outlier_fraction'"),
+    ],
+)
+def test_bad_keys_are_named(keys: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(TEXT.replace("[dvl]\n", f"[dvl]\n{keys}\n"), place="t")
+    assert message in str(caught.value)
+
+
+def test_the_kernel_names_a_bad_model() -> None:
+    """A fraction in per cent, and a section without its factor."""
+    simulated = build_simulation(scenario(3.0))
+    truth = simulated.truth()
+    for outliers, message in (
+        ({"outlier_fraction": 2.7, "outlier_factor": 12.0}, "dvl_outliers.outlier_fraction"),
+        ({"outlier_fraction": 0.027}, "outlier_factor"),
+    ):
+        own = simulated.scenario.kernel_model(simulated.gravity_mps2)
+        model: Any = own.as_dict() | {"dvl_outliers": outliers}
+        arrays: Any = truth.kernel_arrays()
+        options: Any = simulated.scenario.kernel_options()
+        plan: Any = measurement_schedule(simulated, truth, trajectory_key=1)
+        with pytest.raises(KernelError, match=message):
+            run_batch(
+                simulated.geometry, arrays, model, model, options, plan, ["tc"],
+                seed=1, trajectory_key=1, first_run=0, runs=1, threads=1,
+            )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["survey", "survey_table2"])
+def test_the_surveys_noise_has_the_measured_closure(name: str) -> None:
+    """The half-widths of the closure on the recorded log of docs/robust.md: 23 mm/s, 4.1 times that, and 0.27 m/s.
+
+    With k of four beams outliers, (e1 - e2 + e3 - e4)/2 has the variance σ² (1 + k (f² - 1)/4).
+    """
+    dvl = load_scenario(name).dvl
+    k = np.arange(5)
+    weights = binom.pmf(k, 4, dvl.outlier_fraction)
+    sd_mps = dvl.beam_noise_mps * np.sqrt(1 + k * (dvl.outlier_factor**2 - 1) / 4)
+    widths_mps = np.array([0.023, 4.1 * 0.023, 0.27])
+    covered = (weights * (2 * norm.cdf(widths_mps[:, None] / sd_mps) - 1)).sum(axis=1)
+    # Half-widths are stated in two digits.
+    assert covered == pytest.approx([0.683, 0.954, 0.997], abs=0.01)
+    assert covered[2] == pytest.approx(0.997, abs=0.001)
+
+
+def test_streams_of_one_run_have_outliers() -> None:
+    """The table of beams that a user exports is that of the run."""
+    simulated = build_simulation(scenario(12.0, outlier_fraction=0.3))
+    truth = simulated.truth()
+    table = sensor_streams(simulated, truth, run=2)["beams"]
+    drawn = Readings(simulated, truth, run=2)._drawn["dvl_velocity_mps"]
+    assert np.array_equal(table.select(pl.col("^beam._mps$")).to_numpy(), drawn)
