@@ -64,7 +64,7 @@ def test_consistency_exit_codes(tmp_path: Path, scenario: Path) -> None:
     counts = re.search(r"</svg>weak_sway</span></th><td[^>]*>(\d)</td><td[^>]*>(\d)</td>", page)
     assert counts is not None
     assert counts[1] == "2"
-    assert page.count("<h2") == 7
+    assert page.count("<h2") == 9
     for verdict, code in (("not overconfident", 0), ("overconfident", 1)):
         text = f'[[expect]]\nmethods = ["weak_sway"]\nbeams = ["1,2"]\nverdict = "{verdict}"\n'
         (tmp_path / "expected.toml").write_text(text, encoding="utf-8")

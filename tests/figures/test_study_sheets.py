@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from bottomlock.figures.by_category import category_figure
 from bottomlock.figures.palette import stroke
-from bottomlock.studies.study_sheets import masks_sheet, sensor_law_sheet
+from bottomlock.pages.page import html
+from bottomlock.studies import masks_page, sensor_law_page
 from bottomlock.tables.studies import MASKS, RECOVERY_SUMMARY, SENSOR_LAW
 from tests.studies.test_masks import row
 
@@ -37,7 +38,7 @@ def test_a_masks_page_has_every_value_and_mark() -> None:
     recovery |= {"trajectory": "straight", "case": "beams_12", "beams": "1,2", "method": "tc"}
     recovery |= {"back_at_epoch": None, "recovered": False, "nis_5": 7.25}
     summary = pl.DataFrame([recovery], schema=dict(RECOVERY_SUMMARY), orient="row", strict=False)
-    page = masks_sheet(table, summary, ["Made by a test."], ["None."])
+    page = html(masks_page.page(table, summary, ["Made by a test."], ["None."]))
     text = _text(page)
     assert "4.56 ▲" in text
     assert re.search(r"0\.2\d* † 0\.07\d*–0\.31", text)
@@ -45,7 +46,7 @@ def test_a_masks_page_has_every_value_and_mark() -> None:
     assert "never" in text
     assert "7.25" in text
     assert page.count('<svg role="img"') == 1
-    assert "Values that a few runs decide" not in masks_sheet(table[:2], None, [], [])
+    assert "rest on a few runs" not in html(masks_page.page(table[:2], None, [], []))
 
 
 def test_a_sensor_law_page_has_summary_and_cells() -> None:
@@ -73,13 +74,13 @@ def test_a_sensor_law_page_has_summary_and_cells() -> None:
     ]
     table = pl.DataFrame(cells, schema=dict(SENSOR_LAW), orient="row", strict=False)
     facts = {"runs": 2, "seed": 1, "false_alarm": 0.01, "made_with": "hands", "command": "none"}
-    page = sensor_law_sheet(table, summary, facts)
+    page = html(sensor_law_page.page(table, summary, facts))
     text = _text(page)
     assert (
         "of 2 cells with a further sensor the median velocity error rises in 1, the error of a run in 2"
         in text
     )
-    assert "straight, 0.3 m/s across, beams 1,2" in text
+    assert "straight, 0.3 m/s across" in text
     assert "0.321 ▲ rises runaway" in text
     assert page.count('<svg role="img"') == 2
     assert "**" not in text

@@ -11,7 +11,7 @@ import pytest
 
 from bottomlock.figures.palette import new_figure
 from bottomlock.files.records import write_recorded_table
-from bottomlock.pages.sheet import Part, Picture, sheet
+from bottomlock.pages.page import Page, Part, Picture, Table, html
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
 from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
@@ -43,21 +43,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_recorded_table(top / "a" / "sweep.parquet", sweep, {"configuration_hash": "0" * 64})
     make_report(top / "a")
     compare([top / "a", top / "b"], top / "both")
-    part = Part(
-        "cells",
-        "Cells",
-        ["A line of text."],
-        [
-            Picture.of(new_figure(), name, "Nothing.", kind=kind)
-            for name, kind in (("one", "wide"), ("two", ""))
-        ],
-        "A table with more columns than a telephone has room for.",
+    pictures = [
+        Picture.of(new_figure(), name, "Nothing.", kind=kind) for name, kind in (("one", "wide"), ("two", ""))
+    ]
+    cells = Table(
         ["Method", *(f"beams {k}" for k in range(15))],
-        [["tc", *("12.3 ▲" for _ in range(15))]],
-        methods=True,
+        [["`tc`", *("12.3 ▲" for _ in range(15))]],
+        "A table with more columns than a telephone has room for.",
         folded=True,
     )
-    (top / "sheet.html").write_text(sheet("A study", ["of one"], [part], made_with="hands"), encoding="utf-8")
+    part = Part("cells", "Cells", ["A line of text.", *pictures, cells])
+    page = Page("A study", ["None."], [part], "hands", about="of one")
+    (top / "sheet.html").write_text(html(page), encoding="utf-8")
     return top
 
 

@@ -8,10 +8,12 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from bottomlock.pages.page import markdown
 from bottomlock.report.advice import REFERENCES
 from bottomlock.report.published import load_published, never_overconfident, returning_beams, standing
 from bottomlock.studies import consistency
-from bottomlock.studies.consistency_table import consistent_cells, markdown
+from bottomlock.studies.consistency_page import page
+from bottomlock.studies.consistency_table import consistent_cells
 from bottomlock.tables.studies import CONSISTENCY_CELL, PUBLISHED, QUANTITIES
 from tools import publish_studies as publish
 
@@ -23,7 +25,7 @@ def page_of(table: pl.DataFrame) -> str:
         "degrees": 20, "tests": 5, "false_alarm": 0.01, "each_probability": 0.99, "versions": {},
         "configuration_hash": "f" * 64, "command": "bottomlock consistency", "settings": [], "limits": [],
     }  # fmt: skip
-    return markdown(table, facts)
+    return markdown(page(table, facts))
 
 
 def study() -> pl.DataFrame:

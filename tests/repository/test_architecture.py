@@ -59,7 +59,17 @@ def test_every_room_is_named(root: Path, page: str) -> None:
     assert [room for room in found if f"    {room} " not in tree] == []
 
 
-LEVELS = {"attack", "bench", "benchmarks", "golden", "oracle", "property", "repository", "rivals", "statistical"}
+LEVELS = {
+    "attack",
+    "bench",
+    "benchmarks",
+    "golden",
+    "oracle",
+    "property",
+    "repository",
+    "rivals",
+    "statistical",
+}
 """Folders of tests that are of no one room."""
 
 

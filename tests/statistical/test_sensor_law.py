@@ -18,8 +18,8 @@ from scipy.special import ndtri
 
 import bottomlock
 from bottomlock.errors import ScenarioError
-from bottomlock.studies import sensor_law
-from bottomlock.studies.sensor_law_page import markdown
+from bottomlock.pages.page import markdown
+from bottomlock.studies import sensor_law, sensor_law_page
 from bottomlock.tables.studies import SENSOR_LAW
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
@@ -179,6 +179,6 @@ def test_the_page_says_what_the_table_says(tmp_path: Path) -> None:
         .alias("run_rises_above"),
     )
     facts = {"runs": 2, "seed": 1, "false_alarm": 0.01, "made_with": "", "command": ""}
-    marked = markdown(changed, sensor_law.summary(changed), facts)
+    marked = markdown(sensor_law_page.page(changed, sensor_law.summary(changed), facts))
     assert (marked.count(" ▲ |"), marked.count(" rises |"), marked.count(" runaway |")) == (4, 4, 4)
     assert "median velocity error rises in 2, the error of a run in 2, and 2 become" in marked

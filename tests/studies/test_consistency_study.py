@@ -7,9 +7,11 @@ import pytest
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.pages.page import markdown
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import consistency
-from bottomlock.studies.consistency_table import decisive, markdown, methods_summary
+from bottomlock.studies.consistency_page import page
+from bottomlock.studies.consistency_table import decisive, methods_summary
 from bottomlock.studies.expected_verdicts import departures, read_expectations
 from bottomlock.tables.studies import CONSISTENCY_CELL
 
@@ -75,7 +77,7 @@ def test_the_text_says_what_was_run_and_found() -> None:
         "degrees": 20, "times_s": ["125", "250"], "tests": 10, "each_probability": 0.999, "false_alarm": 0.01,
         "settings": ["Further sensors: none."], "limits": ["The water is still."],
     }  # fmt: skip
-    text = markdown(consistency.judge(found), facts)
+    text = markdown(page(consistency.judge(found), facts))
     for words in (
         "100 runs of each cell, seed 7", "bottomlock 0.1.0", "at most 1 %", "99.90000 %", "9.0 ▲",
         "- `tc`: straight: everywhere.", "- `vb`: straight: nowhere.", "## Limits\n\n- The water is still.\n",
@@ -86,7 +88,7 @@ def test_the_text_says_what_was_run_and_found() -> None:
     # NIS is shown over its number of rows, large ones too.
     nis = (pl.col("method") == "vb") & (pl.col("quantity") == "nis")
     large = consistency.judge(found.with_columns(pl.when(nis).then(500.0).otherwise("mean").alias("mean")))
-    assert "| 1,2 | 1.000 | 250 ▲ |" in markdown(large, facts)
+    assert "| 1,2 | 1.000 | 250 ▲ |" in markdown(page(large, facts))
     assert "\n\n\n" not in text
 
 

@@ -9,9 +9,9 @@ import pytest
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.pages.numbers import plain
+from bottomlock.pages.page import markdown
 from bottomlock.statistics import chi_squared
-from bottomlock.studies import masks, study_folder
-from bottomlock.studies.masks_page import markdown
+from bottomlock.studies import masks, masks_page, study_folder
 from bottomlock.tables.check import check
 from bottomlock.tables.studies import MASKS
 
@@ -61,7 +61,7 @@ def row(**change: object) -> dict[str, object]:
 
 
 def page(*rows: dict[str, object]) -> str:
-    return markdown(pl.DataFrame(rows, schema=dict(MASKS), orient="row"), None)
+    return markdown(masks_page.page(pl.DataFrame(rows, schema=dict(MASKS), orient="row"), None, [], []))
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,15 @@ import pytest
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import DEFAULT_OPTIONS
+from bottomlock.pages.page import markdown
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.studies import cases, world_words
+from bottomlock.studies import cases, masks_page, world_words
 from bottomlock.studies.consistency import run_consistency
-from bottomlock.studies.masks_opening import answer, opening
+from bottomlock.studies.masks_answer import answer, what_was_run
 from bottomlock.studies.world import SECTIONS, in_world
+from bottomlock.tables.studies import MASKS
+from tests.studies.test_masks import row
 
 SURVEYS = ("survey", "survey_table2")
 
@@ -176,9 +179,10 @@ def test_the_answer_of_the_masks() -> None:
     none = answer(masks_table().filter(pl.col("beams") == "1"), None)
     assert none[0].endswith("not run.")
     assert none[4].endswith("not run.")
-    page = opening(
-        masks_table(), None, [in_world(short(), load_scenario("survey"))], "bottomlock masks straight"
-    )
+    flown = [in_world(short(), load_scenario("survey"))]
+    run = what_was_run(flown, "bottomlock masks straight")
+    table = pl.DataFrame([row()], schema=dict(MASKS), orient="row")
+    page = markdown(masks_page.page(table, None, run, world_words.limits(flown)))
     assert page.startswith("# Masks and recovery\n\n1. **Three beams or more**")
     assert "- Command: `bottomlock masks straight`" in page
     assert "\n\n\n" not in page

@@ -7,17 +7,17 @@ from typing import Annotated
 
 import polars as pl
 from cyclopts import Parameter
-from rich.table import Table
 
-from bottomlock.cli.console import EXIT_DEPARTURE, console, errors, narrow_table
+from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.cli.force import ForceStudy
+from bottomlock.cli.page_output import print_table
 from bottomlock.cli.parameters import Methods, Recover, Seed, StudyOut, Threads, World, load_scenarios
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import study_folder
 from bottomlock.studies.cases import PAPER_TRAJECTORIES, beam_list, beams_of
-from bottomlock.studies.consistency_table import counts_of, methods_summary
+from bottomlock.studies.consistency_page import methods_table
 from bottomlock.studies.expected_verdicts import Expectation, check_names, departures, read_expectations
 
 Expectations = tuple[Expectation, ...]
@@ -90,10 +90,11 @@ def _check_expected(
 
 
 def _print(table: pl.DataFrame, out: Path) -> None:
-    console.print(methods_table(table))
+    print_table("Consistency", methods_table(table))
     console.print(
-        "NEES 6 (of velocity and attitude), NEES and NIS: number of cells consistent / overconfident / conservative. "
-        "A cell counts as consistent if its NEES 6 is consistent and nothing is overconfident."
+        "Three right columns: cells whose NEES of velocity and attitude, NEES of the whole state and NIS is "
+        "consistent / overconfident / conservative. A cell counts as consistent where the first is and nothing is "
+        "overconfident."
     )
     console.print(
         f"false-alarm rate of the whole study: {consistency_study.FALSE_ALARM:.0%}; consistency.md in {out}"
@@ -108,11 +109,3 @@ def _compare(table: pl.DataFrame, expected: Expectations) -> None:
     if found:
         sys.exit(EXIT_DEPARTURE)
     console.print("every verdict is as expected")
-
-
-def methods_table(table: pl.DataFrame) -> Table:
-    """The summary of a consistency study, a row per method."""
-    shown = narrow_table("Consistency", ["method"], ["cells", "consistent", "NEES 6", "NEES", "NIS"])
-    for row in methods_summary(table).iter_rows(named=True):
-        shown.add_row(row["method"], str(row["cells"]), str(row["consistent"]), *counts_of(row))
-    return shown

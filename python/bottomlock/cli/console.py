@@ -125,8 +125,8 @@ def late_bar(bar: "Progress") -> Iterator["Progress"]:
             bar.stop()
 
 
-def narrow_table(title: str, left: Sequence[str], right: Sequence[str]) -> "Table":
-    """A table that fits 80 columns, with left- and right-justified columns."""
+def narrow_table(title: str, left: Sequence[str], right: Sequence[str], *, wraps: bool = False) -> "Table":
+    """A table that fits 80 columns, with left- and right-justified columns, whose heads may wrap."""
     from rich import box  # noqa: PLC0415 - `--help` draws no table
 
     from bottomlock.cli.fitted_table import FittedTable  # noqa: PLC0415
@@ -135,5 +135,5 @@ def narrow_table(title: str, left: Sequence[str], right: Sequence[str]) -> "Tabl
     for name in left:
         table.add_column(name, no_wrap=True)
     for name in right:
-        table.add_column(name, justify="right", no_wrap=True)
+        table.add_column(name, justify="right", no_wrap=not wraps)
     return table

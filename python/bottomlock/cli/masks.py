@@ -2,15 +2,15 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import polars as pl
 from cyclopts import Parameter
-from rich.table import Table
 
 from bottomlock.campaign.run import CampaignProgress
-from bottomlock.cli.console import console, errors, narrow_table
+from bottomlock.cli.console import console, errors
 from bottomlock.cli.force import ForceStudy
+from bottomlock.cli.page_output import print_part, print_table
 from bottomlock.cli.parameters import (
     Methods,
     Recover,
@@ -25,15 +25,15 @@ from bottomlock.cli.parameters import (
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.files.atomic_write import write_text
+from bottomlock.pages.files import write_pages
 from bottomlock.pages.numbers import plain
+from bottomlock.pages.page import Page, Table
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import masks as mask_study
 from bottomlock.studies import recovery, study_folder, world_words
 from bottomlock.studies.cases import VARYING, Case
-from bottomlock.studies.masks_opening import opening, what_was_run
-from bottomlock.studies.masks_page import markdown, verdict_at_edge, worst_of_pairs
-from bottomlock.studies.study_sheets import masks_sheet
+from bottomlock.studies.masks_answer import what_was_run
+from bottomlock.studies.masks_page import page, verdict_at_edge
 
 _SHORT = {chi_squared.CONSISTENT: "ok", chi_squared.OVERCONFIDENT: "over", chi_squared.CONSERVATIVE: "cons"}
 
@@ -77,14 +77,13 @@ def masks(
         out, kind, configuration, parts=parts, scenarios=loaded, force=force, recover=recover
     ):
         table, summary = _run(loaded, out, wanted=wanted, outages=outages, threads=threads, recover=recover)
-        write_text(out / "masks.md", opening(table, summary, loaded, command) + markdown(table, summary))
-        run = [line.replace("`", "") for line in what_was_run(loaded, command)]
-        write_text(out / "masks.html", masks_sheet(table, summary, run, world_words.limits(loaded)))
+        found = page(table, summary, what_was_run(loaded, command), world_words.limits(loaded))
+        write_pages(out / "masks", found)
         study_folder.write_manifest(
             out, kind, configuration, status="complete",
             runs={one.name: one.campaign.runs for one in loaded}, seed={one.name: one.campaign.seed for one in loaded},
         )  # fmt: skip
-    _print(table, summary, chosen)
+    _print(table, found, chosen)
     console.print(f"tables, masks.md and masks.html in {out}")
 
 
@@ -124,75 +123,52 @@ def _run(
     return table, summary
 
 
-def _print(table: pl.DataFrame, summary: pl.DataFrame | None, cases: Sequence[Case]) -> None:
+def _print(table: pl.DataFrame, found: Page, cases: Sequence[Case]) -> None:
     returning = {
         (case.scenario.name, case.name): mask_study.mean_beams(case)
         for case in cases
         if case.beams == VARYING
     }
-    for shown in mask_tables(table, returning):
-        console.print(shown)
+    for title, shown in mask_tables(table, returning):
+        print_table(title, shown)
     console.print(
         "NEES: of the whole state; NEES 6: of velocity and attitude. The last column is the verdict on NEES 6: "
         "ok (consistent), over(confident), cons(ervative), or at the edge of two of them."
     )
-    if summary is not None:
-        for shown in recovery_tables(summary):
-            console.print(shown)
-        console.print(
-            "Worst of the pairs of beams: step of velocity over its claimed σ; mean NIS over runs at the first and "
-            "the fifth fix with all beams; the fix from which NIS stays in its band; the pairs where both hold. "
-            f"A consistent filter fails somewhere in the whole summary in {recovery.FALSE_ALARM:.0%} of studies."
-        )
+    for part in found.parts:
+        if part.id == "recovery":
+            print_part(part)
+            console.print(
+                f"A consistent filter fails somewhere in the whole summary in {recovery.FALSE_ALARM:.0%} of studies."
+            )
 
 
-def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float]) -> Iterator[Table]:
-    """A table per trajectory and case, narrow enough for 80 columns; `returning`: mean beams where they vary."""
+def mask_tables(
+    table: pl.DataFrame, returning: Mapping[tuple[str, str], float]
+) -> Iterator[tuple[str, Table]]:
+    """A title and a table per trajectory and case, for 80 columns; `returning`: mean beams where they vary."""
     for (trajectory, case, beams), rows in table.group_by("trajectory", "case", "beams", maintain_order=True):
         mean = returning.get((str(trajectory), str(case)))
         what = f"beams {beams}" if mean is None else f"{case} ({mean:.1f} beams per ping)"
-        title = f"{trajectory}, {what}: RMS over runs at the end"
-        shown = narrow_table(
-            title, ["method"], ["v m/s", "95 %", "att deg", "pos m", "NEES", "NEES 6", "rej %"]
+        columns = ["method", "v m/s", "95 %", "att deg", "pos m", "NEES", "NEES 6", "rej %", ""]
+        yield (
+            f"{trajectory}, {what}: RMS over runs at the end",
+            Table(columns, [_row(row) for row in rows.iter_rows(named=True)]),
         )
-        shown.add_column("", no_wrap=True)
-        for row in rows.iter_rows(named=True):
-            low, high = (plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi"))
-            rejected = row["rejected_fraction"]
-            _, at_edge = verdict_at_edge(row)
-            shown.add_row(
-                row["method"],
-                plain(row["velocity_rms_over_runs_mps"], digits=4),
-                f"{low} .. {high}",
-                plain(row["attitude_rms_over_runs_deg"], digits=3, decimals=2),
-                plain(row["position_rms_over_runs_m"], digits=3, decimals=2),
-                plain(row["nees_mean_over_runs_and_time"], digits=2, decimals=1),
-                plain(row["nees_velocity_attitude_mean_over_runs_and_time"], digits=2, decimals=1),
-                "-" if rejected is None else f"{100.0 * rejected:.1f}",
-                "edge" if at_edge else _SHORT[row["verdict"]],
-            )
-        yield shown
 
 
-def recovery_tables(summary: pl.DataFrame) -> Iterator[Table]:
-    """A table per trajectory: a row per method, the worst of the pairs of beams."""
-    for (trajectory,), rows in worst_of_pairs(summary).group_by("trajectory", maintain_order=True):
-        shown = narrow_table(
-            f"{trajectory}: beams back after {recovery.OUTAGE_S:g} s of two",
-            ["method"],
-            ["step/σ", "runs > 3", "NIS 1", "NIS 5", "of", "back", "rej %", "pairs"],
-        )
-        for row in rows.iter_rows(named=True):
-            back = row["back_at_epoch"]
-            shown.add_row(
-                row["method"],
-                plain(row["step_sigmas_max"], digits=3, decimals=2),
-                str(row["jumps"]),
-                plain(row["nis_1"], digits=2, decimals=1),
-                plain(row["nis_5"], digits=2, decimals=1),
-                str(row["degrees"]),
-                "never" if back is None else str(back),
-                f"{100.0 * row['rejected_fraction']:.1f}",
-                f"{row['pairs_recovered']} of {row['pairs']}",
-            )
-        yield shown
+def _row(row: Mapping[str, Any]) -> list[str]:
+    low, high = (plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi"))
+    rejected = row["rejected_fraction"]
+    _, at_edge = verdict_at_edge(row)
+    return [
+        row["method"],
+        plain(row["velocity_rms_over_runs_mps"], digits=4),
+        f"{low} .. {high}",
+        plain(row["attitude_rms_over_runs_deg"], digits=3, decimals=2),
+        plain(row["position_rms_over_runs_m"], digits=3, decimals=2),
+        plain(row["nees_mean_over_runs_and_time"], digits=2, decimals=1),
+        plain(row["nees_velocity_attitude_mean_over_runs_and_time"], digits=2, decimals=1),
+        "-" if rejected is None else f"{100.0 * rejected:.1f}",
+        "edge" if at_edge else _SHORT[row["verdict"]],
+    ]

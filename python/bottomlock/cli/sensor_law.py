@@ -4,15 +4,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from bottomlock.cli.console import console, narrow_table
+from bottomlock.cli.console import console
 from bottomlock.cli.force import ForceStudy
+from bottomlock.cli.page_output import print_part
 from bottomlock.cli.parameters import Recover, Seed, StudyOut, Threads, load_scenarios
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import sensor_law as study
 from bottomlock.studies import study_folder
 from bottomlock.studies.cases import PAPER_TRAJECTORIES, beams_of
-from bottomlock.studies.sensor_law_page import COUNTS
+from bottomlock.studies.sensor_law_page import summary_part
 
 
 def sensor_law(
@@ -54,24 +55,5 @@ def sensor_law(
                 progress=lambda cell, done, total: report(cell, done / total),
             )
         study_folder.write_manifest(out, study.KIND, configuration, status="complete", command=command)
-    shown = narrow_table(
-        "Sensor law",
-        ["method", "sensors"],
-        ["cells", "worse", "runs", "left", "over", "median", "most"],
-    )
-    for row in study.summary(table).iter_rows(named=True):
-        counts = [str(row[key]) for key in COUNTS]
-        shown.add_row(
-            row["method"],
-            row["sensors"],
-            *counts,
-            f"{row['velocity_median_mps']:.3f}",
-            f"{row['velocity_greatest_mps']:.2f}",
-        )
-    console.print(shown)
-    console.print(
-        "worse: cells whose median velocity error rises beyond chance above that of a smaller set; runs: cells "
-        "with a run whose error does; left: cells whose NEES of velocity and attitude "
-        "becomes overconfident; over: cells where it is; median and greatest velocity error at the end, m/s"
-    )
+    print_part(summary_part(study.summary(table)))
     console.print(f"sensor_law.md and sensor_law.html in {out}")

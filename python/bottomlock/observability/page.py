@@ -6,10 +6,19 @@ import polars as pl
 
 from bottomlock.kernel import kernel_version
 from bottomlock.pages.numbers import number
-from bottomlock.pages.sheet import Part, Picture, sheet
+from bottomlock.pages.page import Page, Part, Picture, Table
+
+_FIGURES = (
+    "A state whose line falls is estimated; one whose line stays where it began is not seen by what aids."
+)
+_RANKS = (
+    "Rank of the window: the number of independent combinations of the states that the measurements determine; and the "
+    "directions that they leave free, SI units."
+)
+_COLUMNS = ["Aiding", "Case and motion", "Model", "Rank", "Unobservable"]
 
 
-def page(table: pl.DataFrame, manoeuvres: pl.DataFrame | None, pictures: Sequence[Picture]) -> str:
+def page(table: pl.DataFrame, manoeuvres: pl.DataFrame | None, pictures: Sequence[Picture]) -> Page:
     """The page of `observe`.
 
     Args:
@@ -28,37 +37,20 @@ def page(table: pl.DataFrame, manoeuvres: pl.DataFrame | None, pictures: Sequenc
         for row in table.iter_rows(named=True)
     ]
     parts = [
-        Part(
-            "figures",
-            "Figures",
-            [
-                "A state whose line falls is estimated; one whose line stays where it began is not seen by what aids."
-            ],
-            pictures,
-        ),
-        Part(
-            "ranks",
-            "Which states can be estimated",
-            caption="Rank of the window: the number of independent combinations of the states that the measurements "
-            "determine; and the directions that they leave free, SI units.",
-            columns=["Aiding", "Case and motion", "Model", "Rank", "Unobservable"],
-            rows=rows,
-        ),
+        Part("figures", "Figures", [_FIGURES, *pictures]),
+        Part("ranks", "Which states can be estimated", [_RANKS, Table(_COLUMNS, rows, left=len(_COLUMNS))]),
     ]
     if manoeuvres is not None:
         left = [
             [row["manoeuvre"], row["state"], row["verdict"], f"{number(100.0 * row['fraction_left'])} %"]
             for row in manoeuvres.iter_rows(named=True)
         ]
-        parts.append(
-            Part(
-                "manoeuvres",
-                "Which manoeuvre helps",
-                caption=f"Standard deviation left by a manoeuvre of about a minute with {manoeuvres['aiding'][0]}, in "
-                "percent of the initial one.",
-                columns=["Manoeuvre", "State", "Observable", "Left"],
-                rows=left,
-                folded=True,
-            )
+        words = (
+            f"Standard deviation left by a manoeuvre of about a minute with {manoeuvres['aiding'][0]}, in percent of "
+            "the initial one."
         )
-    return sheet("Observability", [], parts, made_with=f"bottomlock {kernel_version()}")
+        columns = ["Manoeuvre", "State", "Observable", "Left"]
+        parts.append(
+            Part("manoeuvres", "Which manoeuvre helps", [words, Table(columns, left, left=3, folded=True)])
+        )
+    return Page("Observability", [], parts, f"bottomlock {kernel_version()}")

@@ -31,7 +31,7 @@ from bottomlock.observability.tables import (
     paper_table,
     table_row,
 )
-from bottomlock.pages.sheet import Picture
+from bottomlock.pages.page import Picture, html
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.tables.observability import DEVIATIONS, OBSERVABILITY, RANKS
@@ -251,8 +251,8 @@ def _written(
     pictures = [Picture.of(one.figure, one.name, one.caption) for one in drawings]
     figures: Files = {f"figures/{one.name}.png": png_bytes(one.figure) for one in drawings}
     files = {f"{name}.parquet": parquet_bytes(frame) for name, frame in tables.items()}
-    html = page(made.table, made.manoeuvres, pictures)
-    result.write(figures | files | {"observability.html": html}, force=force)
+    text = html(page(made.table, made.manoeuvres, pictures))
+    result.write(figures | files | {"observability.html": text}, force=force)
     return replace(made, figures=tuple(result.out / name for name in figures))
 
 

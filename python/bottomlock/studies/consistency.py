@@ -16,14 +16,14 @@ import polars as pl
 from bottomlock import kernel
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.files.atomic_write import write_parquet, write_text
+from bottomlock.files.atomic_write import write_parquet
+from bottomlock.pages.files import write_pages
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import cases, study_folder, world_words
 from bottomlock.studies.consistency_page import page
-from bottomlock.studies.consistency_table import markdown
 from bottomlock.tables.studies import CONSISTENCY_CELL, CONSISTENCY_STUDY
 
 KIND = "consistency"
@@ -126,8 +126,7 @@ def run_consistency(
         "command": command,
     }
     write_parquet(out / "consistency.parquet", table)
-    write_text(out / "consistency.md", markdown(table, facts))
-    write_text(out / "consistency.html", page(table, facts))
+    write_pages(out / "consistency", page(table, facts))
     return table
 
 

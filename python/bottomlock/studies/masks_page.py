@@ -1,4 +1,4 @@
-"""The masks study in Markdown: velocity under every mask, method by method, and the recovery when beams return.
+"""The page of a masks study: velocity under every mask, method by method, and the recovery when beams return.
 
 An RMS over runs can rest on one of them, and a verdict on where the band ends. Both are marked: an interval stands
 where its ends are far apart; a verdict that a narrower or a wider band would change has a question mark.
@@ -9,9 +9,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import polars as pl
+from matplotlib.figure import Figure
 
+from bottomlock.figures.by_category import category_figure
+from bottomlock.pages.featured import featured
 from bottomlock.pages.numbers import plain
+from bottomlock.pages.page import Page, Part, Picture, Table, listed
 from bottomlock.statistics import chi_squared
+from bottomlock.studies import study_folder
+from bottomlock.studies.curves import by_method
+from bottomlock.studies.masks_answer import answer, worst_of_pairs
 
 _MARKS = {chi_squared.CONSISTENT: "", chi_squared.OVERCONFIDENT: " ▲", chi_squared.CONSERVATIVE: " ▽"}
 
@@ -25,23 +32,37 @@ DEGREES = 6
 """Of the NEES that the verdicts are about."""
 
 
-def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
-    """The tables of a masks study, `tables.studies.MASKS` and `RECOVERY_SUMMARY` (None without outages)."""
-    runs = "" if summary is None else f"{summary['runs'].to_numpy().max()} runs each; "
-    lines = ["## Velocity under every mask", "", *legend(table), "", *_masks(table), *_few_runs(table)]
+RECOMMENDED = ("sway_current",)
+"""Shown in the figures of a study that flew it."""
+
+
+def page(
+    table: pl.DataFrame, summary: pl.DataFrame | None, run: Sequence[str], limits: Sequence[str]
+) -> Page:
+    """The page of a masks study.
+
+    Args:
+        table: `tables.studies.MASKS`.
+        summary: `tables.studies.RECOVERY_SUMMARY`; None without outages.
+        run: what was run, a line each.
+        limits: what follows from it for the reading.
+    """
+    names = ", ".join(table["trajectory"].unique(maintain_order=True))
+    parts = [
+        Part("run", "What was run", [listed(run), "Limits:", listed(limits)]),
+        Part(
+            "masks", "Velocity under every mask", [*_pictures(table), *legend(table), *_masks(table), *_few_runs(table)]
+        ),
+    ]  # fmt: skip
     if summary is not None:
-        lines += [
-            "## When the beams come back",
-            "",
-            (
-                f"The worst of the pairs, {runs}greatest step of the velocity estimate at the first five fixes, "
-                "in units of the σ claimed before it; mean NIS at the first and the fifth fix, and its expectation, "
-                "the number of rows; the fix from which the mean NIS stays in its band."
-            ),
-            "",
-            *_recovery(summary),
-        ]
-    return "\n".join(lines).rstrip() + "\n"
+        parts.append(Part("recovery", "When the beams come back", [*_recovery(summary)]))
+    return Page(
+        "Masks and recovery",
+        answer(table, summary),
+        parts,
+        about=f"{names}; {table['runs'].to_numpy().max()} runs of each case",
+        made_with=study_folder.made_with(),
+    )
 
 
 def verdict_at_edge(row: Mapping[str, Any]) -> tuple[str, bool]:
@@ -66,34 +87,42 @@ def span(row: Mapping[str, Any]) -> float:
     return float(high / low) if low > 0.0 else math.inf
 
 
-def worst_of_pairs(summary: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory and method: of all pairs the worst of each column of `tables.studies.RECOVERY_SUMMARY`."""
-    return summary.group_by("trajectory", "method", maintain_order=True).agg(
-        pl.col("step_sigmas_max", "nis_1", "nis_5", "rejected_fraction").max(),
-        pl.col("jumps").sum(),
-        pl.col("degrees").first(),
-        # Null stands for "never".
-        pl.when(pl.col("back_at_epoch").is_not_null().all())
-        .then(pl.col("back_at_epoch").max())
-        .alias("back_at_epoch"),
-        pl.col("recovered").sum().alias("pairs_recovered"),
-        pl.len().alias("pairs"),
+def _pictures(table: pl.DataFrame) -> Iterator[Picture]:
+    """Some methods on each trajectory; the tables have all."""
+    for (trajectory,), rows in table.group_by("trajectory", maintain_order=True):
+        methods = rows["method"].unique(maintain_order=True).to_list()
+        shown = featured(methods, RECOMMENDED)
+        heading = str(trajectory).replace("_", " ").capitalize()
+        caption = f"{heading}: velocity error at the end by the beams that return, RMS over runs; bars: 95 % interval."
+        if len(shown) < len(methods):
+            caption += f" In the table only: {', '.join(one for one in methods if one not in shown)}."
+        yield Picture.of(masks_figure(rows, shown), f"masks_{trajectory}", caption)
+
+
+def masks_figure(rows: pl.DataFrame, methods: Sequence[str]) -> Figure:
+    """Velocity error of methods in every case of a trajectory, from its rows of MASKS."""
+    named = rows.with_columns(
+        name=pl.struct("case", "beams").map_elements(
+            lambda row: case_name(row["case"], row["beams"]).replace(",", ""), return_dtype=pl.String
+        )
     )
+    cases = named["name"].unique(maintain_order=True).to_list()
+    chosen = named.filter(pl.col("method").is_in(list(methods)))
+    middle, low, high = (
+        by_method(chosen, "name", cases, f"velocity_rms_over_runs{end}_mps") for end in ("", "_lo", "_hi")
+    )
+    intervals = {method: (low[method], high[method]) for method in middle}
+    return category_figure(middle, cases, "velocity error, m/s RMS", intervals=intervals)
 
 
-def _row(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
-
-
-def _masks(table: pl.DataFrame) -> Iterator[str]:
+def _masks(table: pl.DataFrame) -> Iterator[Table]:
     methods = table["method"].unique(maintain_order=True).to_list()
     for (trajectory,), rows in table.group_by("trajectory", maintain_order=True):
-        yield _row([str(trajectory), *(f"`{method}`" for method in methods)])
-        yield _row(["---", *("---:" for _ in methods)])
+        shown = []
         for (case, beams), group in rows.group_by("case", "beams", maintain_order=True):
             found = {row["method"]: row for row in group.iter_rows(named=True)}
-            yield _row([case_name(str(case), str(beams)), *(cell(found.get(method)) for method in methods)])
-        yield ""
+            shown.append([case_name(str(case), str(beams)), *(cell(found.get(method)) for method in methods)])
+        yield Table([str(trajectory), *(f"`{method}`" for method in methods)], shown, folded=True)
 
 
 def legend(table: pl.DataFrame) -> list[str]:
@@ -106,7 +135,6 @@ def legend(table: pl.DataFrame) -> list[str]:
             f"its ends differ by more than a factor of {SHOWN_SPAN:g}; **†** where they differ by more than "
             f"{GREATEST_SPAN:g}, because a few runs decide the value."
         ),
-        "",
         (
             "▲ overconfident, ▽ conservative in the NEES of velocity and attitude, by the campaign's 95 % band; of "
             f"{table.height} verdicts some fall outside by chance. ▲? and ▽? are at the edge of the band: the band of "
@@ -131,7 +159,7 @@ def interval(row: Mapping[str, Any]) -> str:
     return f"{low}–{high}"
 
 
-def _few_runs(table: pl.DataFrame) -> Iterator[str]:
+def _few_runs(table: pl.DataFrame) -> Iterator[str | Table]:
     """The values that a few runs decide: what the other runs do, and how much the worst one makes."""
     found = [row for row in table.iter_rows(named=True) if span(row) > GREATEST_SPAN]
     if not found:
@@ -140,23 +168,20 @@ def _few_runs(table: pl.DataFrame) -> Iterator[str]:
         f"† {len(found)} of {table.height} values rest on a few runs. Another seed gives another value within the "
         "interval or beyond. Half of the runs stay below the median."
     )
-    yield ""
     heads = ["RMS, m/s", "95 % interval", "median, m/s", "worst run's share of the mean square"]
-    yield _row(["trajectory", "beams", "method", *heads])
-    yield _row(["---", "---", "---", *("---:" for _ in heads)])
-    for row in found:
-        yield _row(
-            [
-                row["trajectory"],
-                case_name(row["case"], row["beams"]),
-                f"`{row['method']}`",
-                plain(row["velocity_rms_over_runs_mps"]),
-                interval(row),
-                plain(row["velocity_median_mps"]),
-                f"{100.0 * row['velocity_greatest_share']:.0f} %",
-            ]
-        )
-    yield ""
+    rows = [
+        [
+            row["trajectory"],
+            case_name(row["case"], row["beams"]),
+            f"`{row['method']}`",
+            plain(row["velocity_rms_over_runs_mps"]),
+            interval(row),
+            plain(row["velocity_median_mps"]),
+            f"{100.0 * row['velocity_greatest_share']:.0f} %",
+        ]
+        for row in found
+    ]
+    yield Table(["trajectory", "beams", "method", *heads], rows, left=3, folded=True)
 
 
 def case_name(case: str, beams: str) -> str:
@@ -164,23 +189,23 @@ def case_name(case: str, beams: str) -> str:
     return beams if case.startswith("beams_") else case
 
 
-def _recovery(summary: pl.DataFrame) -> Iterator[str]:
+def _recovery(summary: pl.DataFrame) -> Iterator[str | Table]:
+    yield (
+        f"The worst of the pairs, {summary['runs'].to_numpy().max()} runs each; greatest step of the velocity estimate "
+        "at the first five fixes, in units of the σ claimed before it; mean NIS at the first and the fifth fix, and "
+        "its expectation, the number of rows; the fix from which the mean NIS stays in its band."
+    )
+    heads = ["greatest step, σ", "runs > 3 σ", "NIS, fix 1", "NIS, fix 5", "rows", "in band from fix"]
+    heads += ["rejected, %", "pairs"]
     for (trajectory,), rows in worst_of_pairs(summary).group_by("trajectory", maintain_order=True):
-        heads = ["greatest step, σ", "runs > 3 σ", "NIS, fix 1", "NIS, fix 5", "rows", "in band from fix"]
-        heads += ["rejected, %", "pairs recovered"]
-        yield _row([str(trajectory), *heads])
-        yield _row(["---", *("---:" for _ in heads)])
-        for row in rows.iter_rows(named=True):
-            method, *cells = recovery_cells(row)
-            yield _row([f"`{method}`", *cells])
-        yield ""
+        yield Table([str(trajectory), *heads], [_recovery_cells(row) for row in rows.iter_rows(named=True)])
 
 
-def recovery_cells(row: Mapping[str, Any]) -> list[str]:
+def _recovery_cells(row: Mapping[str, Any]) -> list[str]:
     """The method, and its cells, of a row of `worst_of_pairs`."""
     back = row["back_at_epoch"]
     return [
-        row["method"],
+        f"`{row['method']}`",
         f"{row['step_sigmas_max']:.2f}",
         str(row["jumps"]),
         plain(row["nis_1"]),

@@ -18,15 +18,15 @@ from bottomlock.config import sensors as config_sensors
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.errors import ScenarioError
-from bottomlock.files.atomic_write import write_parquet, write_text
+from bottomlock.files.atomic_write import write_parquet
 from bottomlock.kernel import Method
+from bottomlock.pages.files import write_pages
 from bottomlock.simulation.build import build_simulation
 from bottomlock.statistics import chi_squared
 from bottomlock.statistics.rms import rms
 from bottomlock.studies import cases, study_folder
 from bottomlock.studies.consistency import FALSE_ALARM, run_judged
-from bottomlock.studies.sensor_law_page import markdown
-from bottomlock.studies.study_sheets import sensor_law_sheet
+from bottomlock.studies.sensor_law_page import page
 from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.studies import SENSOR_LAW
 
@@ -152,8 +152,7 @@ def run_sensor_law(
         "made_with": study_folder.made_with(),
         "command": command,
     }
-    write_text(out / "sensor_law.md", markdown(table, summary(table), facts))
-    write_text(out / "sensor_law.html", sensor_law_sheet(table, summary(table), facts))
+    write_pages(out / "sensor_law", page(table, summary(table), facts))
     return table
 
 

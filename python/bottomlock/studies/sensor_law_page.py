@@ -5,8 +5,11 @@ from typing import Any
 
 import polars as pl
 
+from bottomlock.figures.by_category import category_figure
 from bottomlock.pages.numbers import plain
+from bottomlock.pages.page import Page, Part, Picture, Table, listed
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
+from bottomlock.studies.curves import by_method
 
 COUNTS = ("cells", "worse", "runaways", "left_band", "overconfident")
 """Columns of the summary that count cells, in the order of the page."""
@@ -14,9 +17,18 @@ COUNTS = ("cells", "worse", "runaways", "left_band", "overconfident")
 SHOWN = ("sway_current", "tc")
 """Methods whose cells stand on the page: one with assumptions, one without. The table of the study has all."""
 
+_WORDS = (
+    "*Worse*: cells (mask, trajectory, current) whose median velocity error rises beyond chance above that\n"
+    "of a smaller set of these sensors.\n"
+    "*Runaways*: cells with a run whose velocity error does.\n"
+    "*Left band*: cells whose NEES of velocity and attitude is overconfident and was not with a smaller set.\n"
+    "*Over*: cells where it is.\n"
+    "Median and greatest velocity error at the end, m/s."
+)
 
-def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any]) -> str:
-    """The page in Markdown.
+
+def page(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any]) -> Page:
+    """The page.
 
     Args:
         table: `tables.studies.SENSOR_LAW`.
@@ -24,35 +36,24 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any
         facts: runs, seed, false_alarm, made_with and command.
     """
     parts = [
-        ["# What a further sensor changes"],
-        [f"{place}. {line}" for place, line in enumerate(answer(summary), start=1)],
-        ["## Every method and set of sensors"],
-        list(_summary_rows(summary)),
-        [
-            "*Worse*: cells (mask, trajectory, current) whose median velocity error rises beyond chance above that",
-            "of a smaller set of these sensors.",
-            "*Runaways*: cells with a run whose velocity error does.",
-            "*Left band*: cells whose NEES of velocity and attitude is overconfident and was not with a smaller set.",
-            "Median and greatest velocity error at the end, m/s.",
-        ],
+        summary_part(summary),
         *_cells(table),
-        ["## How it is judged"],
-        judged(facts),
+        Part("judged", "How it is judged", [listed(_judged(facts))]),
     ]
-    return "\n\n".join("\n".join(part) for part in parts) + "\n"
+    return Page("What a further sensor changes", list(answer(summary)), parts, made_with=facts["made_with"])
 
 
-def judged(facts: Mapping[str, Any]) -> list[str]:
-    """How cells are judged and what was run, as a list in Markdown."""
+def _judged(facts: Mapping[str, Any]) -> list[str]:
+    """How cells are judged and what was run."""
     return [
-        f"- {facts['runs']} runs of each cell, seed {facts['seed']}.",
-        "- Every set of sensors meets the same runs and is compared with every smaller set that it contains.",
-        "- *Rises*: the lower end of the 99.9 % bootstrap interval of the difference of the medians is above zero.",
-        "- *Runaway*: in a run, at one of five times, a component of the error grows by more than fewer sensors claim.",
-        f"- NEES at five times; false-alarm rate {facts['false_alarm']:.0%} for all cells together.",
-        "- ▲ overconfident in velocity and attitude, △ in the whole state alone.",
-        f"- Made with {facts['made_with']}.",
-        f"- Command: `{facts['command']}`",
+        f"{facts['runs']} runs of each cell, seed {facts['seed']}.",
+        "Every set of sensors meets the same runs and is compared with every smaller set that it contains.",
+        "*Rises*: the lower end of the 99.9 % bootstrap interval of the difference of the medians is above zero.",
+        "*Runaway*: in a run, at one of five times, a component of the error grows by more than fewer sensors claim.",
+        f"NEES at five times; false-alarm rate {facts['false_alarm']:.0%} for all cells together.",
+        "▲ overconfident in velocity and attitude, △ in the whole state alone.",
+        f"Made with {facts['made_with']}.",
+        f"Command: `{facts['command']}`",
     ]
 
 
@@ -71,40 +72,60 @@ def answer(summary: pl.DataFrame) -> Iterator[str]:
         )
 
 
-def _summary_rows(summary: pl.DataFrame) -> Iterator[str]:
-    yield "| Method | Sensors | Cells | Worse | Runaways | Left band | Overconfident | Median | Greatest |"
-    yield "|---|---|---:|---:|---:|---:|---:|---:|---:|"
-    for row in summary.iter_rows(named=True):
-        counts = " | ".join(str(row[key]) for key in COUNTS)
-        sizes = " | ".join(plain(row[f"velocity_{size}_mps"]) for size in ("median", "greatest"))
-        yield f"| `{row['method']}` | {row['sensors']} | {counts} | {sizes} |"
+def summary_part(summary: pl.DataFrame) -> Part:
+    """Every method and set of sensors."""
+    blocks: list[str | Picture | Table] = [*_pictures(summary), _summary(summary), _WORDS]
+    return Part("summary", "Every method and set of sensors", blocks)
 
 
-def _cells(table: pl.DataFrame) -> Iterator[list[str]]:
-    """A heading and a table for each method shown, trajectory and current: velocity RMS by mask and sensors, m/s."""
+def _pictures(summary: pl.DataFrame) -> Iterator[Picture]:
+    sensors = summary["sensors"].unique(maintain_order=True).to_list()
+    for size, words in (("median", "Median"), ("greatest", "Greatest")):
+        curves = by_method(summary, "sensors", sensors, f"velocity_{size}_mps")
+        title = f"{words.lower()} velocity error at the end, m/s"
+        figure = category_figure(curves, sensors, title, is_first_a_level=True)
+        caption = f"{words} velocity error of all cells and runs by the further sensors; dotted: without any."
+        yield Picture.of(figure, f"sensor_law_{size}", caption)
+
+
+def _summary(summary: pl.DataFrame) -> Table:
+    rows = [
+        [
+            f"`{row['method']}`",
+            row["sensors"],
+            *(str(row[key]) for key in COUNTS),
+            *(plain(row[f"velocity_{size}_mps"]) for size in ("median", "greatest")),
+        ]
+        for row in summary.iter_rows(named=True)
+    ]
+    counts = ["Cells", "Worse", "Runaways", "Left band", "Over"]
+    return Table(["Method", "Sensors", *counts, "Median", "Greatest"], rows, left=2, folded=True)
+
+
+def _cells(table: pl.DataFrame) -> Iterator[Part]:
+    """A part for each method shown: velocity RMS by mask and sensors, a table for each trajectory and current."""
     sensors = table["sensors"].unique(maintain_order=True).to_list()
     for method in SHOWN:
         own = table.filter(pl.col("method") == method)
-        if own.is_empty():
-            continue
-        yield [f"## `{method}`: velocity RMS at the end, m/s"]
+        tables = []
         for (trajectory, current), group in own.group_by("trajectory", "current_mps", maintain_order=True):
-            lines = [
-                f"| {trajectory}, {water(float(str(current)))} | {' | '.join(sensors)} |",
-                f"|---|{'---:|' * len(sensors)}",
-            ]
+            rows = []
             for (beams,), row in group.group_by("beams", maintain_order=True):
-                cells = {one["sensors"]: cell(one) for one in row.iter_rows(named=True)}
-                lines.append(f"| {beams} | {' | '.join(cells[name] for name in sensors)} |")
-            yield lines
+                cells = {one["sensors"]: _cell(one) for one in row.iter_rows(named=True)}
+                rows.append([str(beams), *(cells[name] for name in sensors)])
+            tables.append(
+                Table([f"{trajectory}, {_water(float(str(current)))}", *sensors], rows, folded=True)
+            )
+        if tables:
+            yield Part(f"cells_{method}", f"`{method}`: velocity RMS at the end, m/s", tables)
 
 
-def water(current_mps: float) -> str:
+def _water(current_mps: float) -> str:
     """The current in words."""
     return "still water" if current_mps == 0.0 else f"{current_mps:g} m/s across"
 
 
-def cell(row: Mapping[str, Any]) -> str:
+def _cell(row: Mapping[str, Any]) -> str:
     """The velocity error with its marks."""
     if row["verdict_velocity_attitude"] == OVERCONFIDENT:
         mark = " ▲"

@@ -1,4 +1,4 @@
-"""The opening of the page of a masks study: the answer with its figures, and what was run."""
+"""What a masks study answers, with its figures, and what was run."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -12,24 +12,12 @@ from bottomlock.statistics.campaign import BAND_PROBABILITY
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 from bottomlock.studies import study_folder, world_words
 from bottomlock.studies.consistency import BLIND
-from bottomlock.studies.masks_page import worst_of_pairs
 
 ABOVE_BAND = 0.5 * (1.0 - BAND_PROBABILITY)
 """Probability that a consistent method is above the band of a row."""
 
 FALSE_ALARM = 0.01
 """Probability that a consistent method has more such rows than are allowed it."""
-
-
-def opening(
-    table: pl.DataFrame, summary: pl.DataFrame | None, scenarios: Sequence[Scenario], command: str
-) -> str:
-    """Title, answer and settings in Markdown, from the tables that `masks_page.markdown` shows."""
-    lines = [f"{place}. {line}" for place, line in enumerate(answer(table, summary), start=1)]
-    limits = [f"- {line}" for line in world_words.limits(scenarios)]
-    run = [f"- {line}" for line in what_was_run(scenarios, command)]
-    parts = [["# Masks and recovery"], lines, ["## What was run"], run, ["Limits:"], limits]
-    return "\n\n".join("\n".join(part) for part in parts) + "\n\n"
 
 
 def what_was_run(scenarios: Sequence[Scenario], command: str) -> list[str]:
@@ -77,6 +65,21 @@ def answer(table: pl.DataFrame, summary: pl.DataFrame | None) -> list[str]:
     )
     lines.append(f"**When lost beams return** after a minute of two: {_recovered(summary)}.")
     return lines
+
+
+def worst_of_pairs(summary: pl.DataFrame) -> pl.DataFrame:
+    """A row per trajectory and method: of all pairs the worst of each column of `tables.studies.RECOVERY_SUMMARY`."""
+    return summary.group_by("trajectory", "method", maintain_order=True).agg(
+        pl.col("step_sigmas_max", "nis_1", "nis_5", "rejected_fraction").max(),
+        pl.col("jumps").sum(),
+        pl.col("degrees").first(),
+        # Null stands for "never".
+        pl.when(pl.col("back_at_epoch").is_not_null().all())
+        .then(pl.col("back_at_epoch").max())
+        .alias("back_at_epoch"),
+        pl.col("recovered").sum().alias("pairs_recovered"),
+        pl.len().alias("pairs"),
+    )
 
 
 def _ranges(rows: pl.DataFrame) -> str:
