@@ -1,4 +1,4 @@
-# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, test-others, lint, docs, bench, golden, pages,
+# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-deep, test-all, test-others, lint, docs, bench, golden, pages,
 # consistency, develop, clean. Of the site also: docs-links, notebooks, figures.
 # What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
 #
@@ -47,7 +47,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all test-others \
+.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-deep test-all test-others \
     lint lint-rust lint-python deny bench golden pages consistency develop attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
 .DELETE_ON_ERROR:
 
@@ -63,7 +63,7 @@ test: $(bin)/uv
 	@$(make) test-python test-rust
 
 test-python: $(VENV)/.tools $(VENV)/.installed
-	$(pytest) -m "not long" --doctest-modules --pyargs bottomlock partialdvl_bench tests
+	$(pytest) -m "not long and not deep" --doctest-modules --pyargs bottomlock partialdvl_bench tests
 
 # Unit tests with overflow checks, then the laws. The bindings are tested by Python, examples by `make lint`.
 test-rust:
@@ -73,11 +73,15 @@ test-rust:
 
 # What `make test` leaves out, and the laws with more examples and overflow checks.
 test-long: $(VENV)/.tools $(VENV)/.installed
-	HYPOTHESIS_PROFILE=long $(pytest) -m "long or hypothesis" tests
+	HYPOTHESIS_PROFILE=long $(pytest) -m "(long or hypothesis) and not deep" tests
 	BOTTOMLOCK_LONG=1 cargo test --locked --test '*'
 	BOTTOMLOCK_LONG=1 $(released) --lib no_bytes_give
 
-test-all: test test-long
+# The largest sizes, before a release: an hour and a half of two cores.
+test-deep: $(VENV)/.tools $(VENV)/.installed
+	$(pytest) -m deep tests
+
+test-all: test test-long test-deep
 
 # What needs libraries that nothing else does: rivals in gtsam and JAX, Zenoh between two processes, MHKiT as another reader.
 # The learned rivals need torch, which is in no lock (gigabytes); recordings are read from BOTTOMLOCK_RECORDINGS.

@@ -30,18 +30,22 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of tests with `first_cases` the later cases are long; files with slow tests first.
+    """Of tests with `first_cases` the later cases are long, or deep; files with slow tests first.
 
     So no process ends with a slow file while the others wait.
     """
     seen: Counter[str] = Counter()
     for item in items:
         first = item.get_closest_marker("first_cases")
-        if first is not None and item.get_closest_marker("long") is None:
+        if first is None:
+            continue
+        count, *to = first.args
+        later = to[0] if to else "long"
+        if item.get_closest_marker(later) is None:
             test = item.nodeid.split("[", 1)[0]
             seen[test] += 1
-            if seen[test] > first.args[0]:
-                item.add_marker(pytest.mark.long)
+            if seen[test] > count:
+                item.add_marker(getattr(pytest.mark, later))
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 

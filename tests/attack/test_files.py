@@ -10,7 +10,9 @@ from bottomlock.files import records
 from tests.attack import bit_flips, kills
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "count", [4, pytest.param(40, marks=pytest.mark.long), pytest.param(200, marks=pytest.mark.deep)]
+)
 @pytest.mark.parametrize("kind", bit_flips.KINDS)
 def test_no_bit_changes_a_table_in_silence(kind: str, count: int) -> None:
     assert bit_flips.attack(16, count, {kind: bit_flips.KINDS[kind]}) == []
@@ -27,6 +29,8 @@ def test_the_flips_find_a_reader_that_checks_nothing(monkeypatch: pytest.MonkeyP
     assert any("other tables, without an error" in fault for fault in faults)
 
 
-@pytest.mark.long
-def test_nothing_is_lost_by_a_kill() -> None:
-    assert kills.attack(16, 60) == []
+@pytest.mark.parametrize(
+    "count", [pytest.param(10, marks=pytest.mark.long), pytest.param(60, marks=pytest.mark.deep)]
+)
+def test_nothing_is_lost_by_a_kill(count: int) -> None:
+    assert kills.attack(16, count) == []

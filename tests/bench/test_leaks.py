@@ -66,7 +66,7 @@ def test_beams_have_closure_and_beams_without_noise_are_found() -> None:
     assert without_closure([clean]) == [one.name]
 
 
-@pytest.mark.long
+@pytest.mark.deep
 def test_nothing_leaks_in_the_whole_benchmark(tmp_path: Path) -> None:
     """`BOTTOMLOCK_BENCH` names the folder of the missions of all splits, where they have been made."""
     folder = Path(os.environ.get("BOTTOMLOCK_BENCH", tmp_path))

@@ -118,7 +118,9 @@ def test_both_clocks_of_a_log_with_repeats(clock: str, times: list[int]) -> None
     assert not any("missing from that sum" in note for note in recording.notes)
 
 
-@pytest.mark.parametrize("count", [300, pytest.param(26_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "count", [300, pytest.param(6_000, marks=pytest.mark.long), pytest.param(26_000, marks=pytest.mark.deep)]
+)
 def test_attack_on_records(count: int) -> None:
     """The attack finds nothing; `python -m tests.attack records` runs it longer."""
     outcome = records.run(20, count)

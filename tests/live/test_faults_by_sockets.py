@@ -21,10 +21,12 @@ def test_a_share_of_the_cases() -> None:
     assert all(outcome.messages > 50 for outcome in outcomes)
 
 
-@pytest.mark.long
-def test_more_of_the_cases() -> None:
-    """Two hundred, twenty at a time."""
-    for first in range(8, 208, 20):
+@pytest.mark.parametrize(
+    "last", [pytest.param(68, marks=pytest.mark.long), pytest.param(208, marks=pytest.mark.deep)]
+)
+def test_more_of_the_cases(last: int) -> None:
+    """Sixty or two hundred, twenty at a time."""
+    for first in range(8, last, 20):
         outcomes = run_together(list(range(first, first + 20)))
         assert [outcome.wrong for outcome in outcomes if outcome.wrong] == []
 

@@ -25,7 +25,7 @@ def accusations(log: BeamLog) -> list[str]:
 
 
 @pytest.mark.first_cases(2)
-@pytest.mark.parametrize("logs", [12, pytest.param(60, marks=LONG)])
+@pytest.mark.parametrize("logs", [12, pytest.param(60, marks=pytest.mark.deep)])
 @pytest.mark.parametrize(
     "settings",
     [
@@ -59,7 +59,7 @@ def test_clean_logs_are_not_accused(settings: dict[str, Any], logs: int) -> None
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("logs", [20, pytest.param(60, marks=LONG)])
+@pytest.mark.parametrize("logs", [20, pytest.param(60, marks=pytest.mark.deep)])
 def test_deviations_of_directions(logs: int) -> None:
     """A velocity with noise of its own: errors of tilt over their stated deviations have a mean square near 1.
 

@@ -57,7 +57,7 @@ def test_the_whole_table(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.first_cases(2)
-@pytest.mark.parametrize("logs", [1, pytest.param(20, marks=LONG)])
+@pytest.mark.parametrize("logs", [1, pytest.param(6, marks=LONG), pytest.param(20, marks=pytest.mark.deep)])
 @pytest.mark.parametrize("kind", CLEAN)
 def test_clean_logs_are_not_accused(kind: str, logs: int) -> None:
     """Correlated, unequal and wandering noise, beams lost in runs: by theory one log in 2000 is accused.

@@ -24,7 +24,7 @@ from bottomlock.tables.studies import SENSOR_LAW
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-RUNS = pytest.mark.parametrize("runs", [40, pytest.param(500, marks=pytest.mark.long)])
+RUNS = pytest.mark.parametrize("runs", [40, pytest.param(500, marks=pytest.mark.deep)])
 
 
 def scenario(runs: int) -> bottomlock.Scenario:

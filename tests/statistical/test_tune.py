@@ -89,16 +89,18 @@ def test_noise_is_found_from_ten_times_off(seed: int) -> None:
         assert abs(z) < (5.0 if "walk" in name else 3.0), (name, z)
 
 
-@pytest.mark.long
-def test_claimed_sigma_covers_95_percent() -> None:
-    """Of 200 logs of three kinds the parameters are within 2 sigma in 95 %, each in 90 %, and no sigma is huge.
+@pytest.mark.parametrize(
+    "logs", [pytest.param(40, marks=pytest.mark.long), pytest.param(200, marks=pytest.mark.deep)]
+)
+def test_claimed_sigma_covers_95_percent(logs: int) -> None:
+    """Of logs of three kinds the parameters are within 2 sigma in 95 %, each as often as chance allows.
 
-    200 draws of 95 % miss 90 % once in 500 times.
+    95 % of draws fall below the limit of a parameter once in 500 times: 180 of 200, 33 of 40. And no sigma is huge.
     """
-    z = each(errors_over_sd, range(10, 210))
+    z = each(errors_over_sd, range(10, 10 + logs))
     within = (np.abs(z) < 2.0).mean(axis=0)
     assert within.mean() >= 0.95, dict(zip(TUNED, within, strict=True))
-    assert (within >= 0.90).all(), dict(zip(TUNED, within, strict=True))
+    assert (within * logs >= binom.ppf(0.002, logs, 0.95)).all(), dict(zip(TUNED, within, strict=True))
     rms = np.sqrt((z**2).mean(axis=0))
     assert (rms > 1.0 / 3.0).all(), dict(zip(TUNED, rms, strict=True))
 
