@@ -20,8 +20,8 @@ from scipy.stats import beta
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bottomlock.audit.findings import Finding
 from bottomlock.audit.run import Audit
+from bottomlock.recordings.finding import Finding
 from tools.audit_defects import DEFECTS, Planted, audited
 from tools.audit_worlds import Noise, World, others, recorded, simulated
 from tools.score_recorded import print_or_write

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bottomlock.audit.findings import Finding
 from bottomlock.audit.run import audit_log
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
+from bottomlock.recordings.finding import Finding
 from tests.audit.synthetic import channels, janus, make_log
 
 FOUR = [name for name in packaged_geometries() if read_geometry(name).geometry.beams == 4]

@@ -87,7 +87,7 @@ def test_a50_at_rest_is_stale(recordings: Path, tmp_path: Path) -> None:
     path = tmp_path / "beams.parquet"
     write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
     kinds = {one.kind: one for one in audit_file(path).findings}
-    assert kinds["stale_pings"].fraction > 0.85
+    assert kinds["stale_pings"].weight > 0.85
     assert "directions_not_observable" in kinds
 
 

@@ -13,11 +13,11 @@ from scipy.stats import norm
 
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING as METHOD
+from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
 from bottomlock.replay.figures import map_figure
 from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
 from bottomlock.replay.findings.expected_nis import least_ratio, weight
-from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, answer_of
 from bottomlock.replay.findings.verdict import WRONG, Innovations, verdict_finding

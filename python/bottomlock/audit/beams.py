@@ -24,7 +24,7 @@ from bottomlock.audit.closure_findings import (
 )
 from bottomlock.audit.explanation_findings import explanation_findings, sure
 from bottomlock.audit.explanations import Explanation, explain
-from bottomlock.audit.findings import SIGNIFICANCE, Finding
+from bottomlock.audit.findings import SIGNIFICANCE
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix
 from bottomlock.audit.matrix_findings import (
@@ -38,6 +38,7 @@ from bottomlock.audit.matrix_findings import (
 )
 from bottomlock.audit.order_odds import order_odds
 from bottomlock.audit.robust import Array
+from bottomlock.recordings.finding import Finding
 
 
 @dataclass(frozen=True, eq=False)

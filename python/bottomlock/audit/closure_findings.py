@@ -13,12 +13,12 @@ from bottomlock.audit.findings import (
     MATERIAL_RAD,
     MATERIAL_SCALE,
     SIGNIFICANCE,
-    Finding,
     beam_words,
 )
 from bottomlock.audit.nearest_janus import nearest_janus
 from bottomlock.audit.order_odds import BETTER, Odds
 from bottomlock.audit.robust import Array, sigmas_for
+from bottomlock.recordings.finding import Finding
 
 HEAVY_FRACTION = 0.01
 """Heavy tails are reported when a larger fraction lies beyond three robust sigmas; Gaussian noise has 0.0027."""
@@ -44,9 +44,11 @@ def combination_findings(readings: Array, row: NDArray[np.int64]) -> tuple[list[
     """
     if readings.shape[1] < 4:
         note = Finding(
-            "beams_alone", "note", 0.0, "", 0.0,
+            "beams_alone", "note", 0.0,
             "The directions of three beams are not observable without the instrument's velocity or a stated geometry.",
-            "Three beams have no closure.", "State a geometry.",
+            "Three beams have no closure.",
+            "State a geometry.",
+            size=0.0,
         )  # fmt: skip
         return [note], []
     found = nearest_janus(readings, row)
@@ -66,7 +68,18 @@ def combination_findings(readings: Array, row: NDArray[np.int64]) -> tuple[list[
             "than the others."
         )
         advice = "State a geometry." if clear else "Record surge, sway and heave well above the noise."
-        return [Finding("beams_alone", "note", best.spread_mps, "m/s", 0.0, words, evidence, advice)], []
+        return [
+            Finding(
+                "beams_alone",
+                "note",
+                0.0,
+                words,
+                evidence,
+                advice,
+                size=best.spread_mps,
+                unit="m/s",
+            )
+        ], []
     pairs = [np.flatnonzero(found.weights > 0.0), np.flatnonzero(found.weights < 0.0)]
     faces = f"{beam_words(pairs[0])} face each other, and {beam_words(pairs[1])}"
     words = f"The beams close as a Janus in which {faces}."
@@ -83,12 +96,12 @@ def combination_findings(readings: Array, row: NDArray[np.int64]) -> tuple[list[
     note = Finding(
         "beams_alone",
         "warning" if found.departs else "note",
-        best.spread_mps,
-        "m/s",
         0.0,
         words,
         f"Probability of this pairing {found.share:.4g}. {evidence}",
         "Compare with the manufacturer's beam numbering.",
+        size=best.spread_mps,
+        unit="m/s",
     )
     return [note, *closure_findings(closure, unbiased=found.departs)], [closure]
 
@@ -119,22 +132,22 @@ def order_findings(orders: list[Order], odds: Odds | None, rows: Array) -> tuple
     stays = -np.inf if odds is None else odds.log_stated
     if odds is not None and stays > np.log(SIGNIFICANCE):
         doubt = Finding(
-            "order_or_bias", "fault", ratio, "times", 1.0,
+            "order_or_bias", "fault", 1.0,
             f"Either the order is not the stated one ({named}: probability {-np.expm1(stays):.2g}), or the closure has "
             f"a bias of {1e3 * odds.bias_mps:+.1f} mm/s (probability {np.exp(stays):.2g}).",
             f"{evidence} The vehicle's velocity varies too little to decide.",
             "Record the vehicle on two courses, or the instrument's own velocity.",
-            tuple(sorted(k + 1 for k in moved)),
+            size=ratio, unit="times", beams=tuple(sorted(k + 1 for k in moved)),
         )  # fmt: skip
         return [doubt], reordered if stays < np.log(0.5) else rows, True
     finding = Finding(
-        "sign_flipped" if flips and fewest == 1 else "swapped_beams", "fault", ratio, "times", 1.0,
+        "sign_flipped" if flips and fewest == 1 else "swapped_beams", "fault", 1.0,
         f"The beams do not close as stated, and close {ratio:.1f} times better with {named}.",
         f"{evidence} A bias in the stated order instead: odds {_odds_words(stays)}.",
         "Closure cannot distinguish these; record the instrument's velocity, or a known motion."
         if len(simple) > 1
         else "Use the geometry file that this audit writes.",
-        tuple(sorted(k + 1 for k in moved)),
+        size=ratio, unit="times", beams=tuple(sorted(k + 1 for k in moved)),
     )  # fmt: skip
     return [finding], reordered, len(simple) > 1
 
@@ -170,19 +183,20 @@ def closure_findings(closure: Closure, *, unbiased: bool = False) -> list[Findin
     ):
         found.append(
             Finding(
-                "closure_bias", "warning", 1e3 * closure.median_mps, "mm/s", min(abs(closure.median_mps), 1.0),
+                "closure_bias", "warning", min(abs(closure.median_mps), 1.0),
                 f"The median closure is {1e3 * closure.median_mps:+.1f} mm/s: at least one beam has a bias, or a scale "
                 "or direction that a steady course shows as one.",
                 f"± {1e3 * closure.median_sd_mps:.1g} mm/s over {closure.pings} pings. One combination of the biases "
                 "is observable; the three that act like a velocity are not.",
                 "Let the filter estimate beam biases; compare at rest on the bottom.",
+                size=1e3 * closure.median_mps, unit="mm/s",
             )
         )  # fmt: skip
     surprise = _chance_of_tails(closure)
     if closure.beyond_3_sigma > HEAVY_FRACTION and surprise < SIGNIFICANCE:
         found.append(
             Finding(
-                "heavy_tails", "warning", closure.beyond_3_sigma, "of pings", closure.beyond_3_sigma,
+                "heavy_tails", "warning", closure.beyond_3_sigma,
                 f"The closure has heavy tails: {100.0 * closure.beyond_3_sigma:.2g} % of {closure.pings} pings "
                 "lie beyond three robust "
                 f"sigmas, {100.0 * GAUSSIAN_BEYOND_3:.2f} % would if the noise were Gaussian.",
@@ -190,6 +204,7 @@ def closure_findings(closure: Closure, *, unbiased: bool = False) -> list[Findin
                 f"% {1e3 * closure.p95_mps:.0f}, "
                 f"99 % {1e3 * closure.p99_mps:.0f}, largest {1e3 * closure.max_mps:.0f} mm/s.",
                 "Gate single beams, or use the heavy-tailed update; state the robust sigma as beam noise, not the RMS.",
+                size=closure.beyond_3_sigma, unit="of pings",
             )
         )  # fmt: skip
     return found
@@ -253,14 +268,14 @@ def slope_findings(slope: Slope, blamed: list[Suspect], rows: Array, velocity: A
     return [
         Finding(
             "closure_depends_on_velocity" if named is None else ("mistilted_beam" if turned else "beam_scale"),
-            "fault", float(np.rad2deg(size)) if turned else 100.0 * size, "deg" if turned else "%",
-            float(min(np.linalg.norm(slope.slope) / np.sum(np.abs(null_space(rows)[:, 0])), 1.0)),
+            "fault", float(min(np.linalg.norm(slope.slope) / np.sum(np.abs(null_space(rows)[:, 0])), 1.0)),
             f"The closure depends on the velocity: the beams differ from the matrix. {told}",
             f"Slope on x, y, z {listed} (p {slope.p_value:.1g}); {1e3 * effect:.0f} mm/s RMS of closure. Neighbours "
             f"{slope.lag} {'ping' if slope.lag == 1 else 'pings'} away serve as instrumental variable.",
             "Closure observes three numbers of the twelve, so that a single beam is assumed: check the named beam "
             "against the manufacturer's drawing, or calibrate with a reference.",
-            (named.beam + 1,) if named is not None else (),
+            size=float(np.rad2deg(size)) if turned else 100.0 * size,
+            unit="deg" if turned else "%", beams=(named.beam + 1,) if named is not None else (),
         )
     ]  # fmt: skip
 

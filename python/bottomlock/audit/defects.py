@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import poisson
 
-from bottomlock.audit.findings import SIGNIFICANCE, Finding, beam_words
+from bottomlock.audit.findings import SIGNIFICANCE, beam_words
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.robust import Array, resolution
+from bottomlock.recordings.finding import Finding
 
 GAP = 2.5
 """A step longer than this many median steps is a gap."""
@@ -31,11 +32,12 @@ def time_findings(log: BeamLog) -> list[Finding]:
             part = float(where.mean())
             found.append(
                 Finding(
-                    kind, "fault", float(where.sum()), "pings", part,
+                    kind, "fault", part,
                     f"{where.sum()} of {log.pings} pings {text}.",
                     f"First in row {first}: {log.time_ns[first]} ns after {log.time_ns[first - 1]} ns.",
                     "Use the instrument's time of validity instead of the host's, or drop these rows before "
                     "`bottomlock fix`.",
+                    size=float(where.sum()), unit="pings",
                 )
             )  # fmt: skip
     rising = steps[steps > 0.0]
@@ -50,11 +52,12 @@ def time_findings(log: BeamLog) -> list[Finding]:
         part = min(missing / span, 1.0)
         found.append(
             Finding(
-                "time_gaps", "warning" if part > 0.01 else "note", float(gaps.size), "gaps", part,
+                "time_gaps", "warning" if part > 0.01 else "note", part,
                 f"{gaps.size} {'gap' if gaps.size == 1 else 'gaps'} in time, together {missing:.3g} s of {span:.4g} s.",
                 f"The median step is {usual:.4g} s; the longest is {steps[worst]:.4g} s, before row {worst + 1}.",
                 "None if the instrument did not ping; the filter propagates without it. Otherwise look for lost lines "
                 "of the recording.",
+                size=float(gaps.size), unit="gaps",
             )
         )  # fmt: skip
     return found
@@ -97,11 +100,12 @@ def stale_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
     part = count / max(pairs, 1)
     return [
         Finding(
-            "stale_pings", "fault" if part > 0.01 else "warning", float(count), "pings", part,
+            "stale_pings", "fault" if part > 0.01 else "warning", part,
             f"{count} pings ({100.0 * part:.2g} %) repeat the whole ping before them unchanged.",
             f"{by_chance:.2g} are expected by chance; first in row {int(np.flatnonzero(same)[0])}, longest run "
             f"{int(runs.max())} pings.",
             "Drop them: a repeated reading is an old velocity, and is not independent of the ping before.",
+            size=float(count), unit="pings",
         )
     ]  # fmt: skip
 
@@ -124,13 +128,13 @@ def zero_findings(log: BeamLog) -> list[Finding]:
         part = zeros / y.size
         found.append(
             Finding(
-                "zero_as_valid", "fault", float(zeros), "pings", part,
+                "zero_as_valid", "fault", part,
                 f"Beam {k + 1} is flagged valid with a velocity of exactly zero in {zeros} pings "
                 f"({100.0 * part:.2g} %).",
                 f"{usual:.2g} are expected at a resolution of {quantum:.2g} m/s; "
                 f"first in row {int(np.flatnonzero(log.valid[:, k] & (log.velocity_mps[:, k] == 0.0))[0])}.",
                 "Treat zero as a lost beam: clear the flag where the velocity is exactly zero.",
-                (k + 1,),
+                size=float(zeros), unit="pings", beams=(k + 1,),
             )
         )  # fmt: skip
     return found
@@ -164,11 +168,11 @@ def range_findings(log: BeamLog) -> list[Finding]:
             part = float(bad.sum() / max(valid.sum(), 1))
             found.append(
                 Finding(
-                    "no_range", "note", float(bad.sum()), "pings", part,
+                    "no_range", "note", part,
                     f"Beam {k + 1} is flagged valid without a range in {bad.sum()} pings ({100.0 * part:.2g} %).",
                     f"First in row {int(np.flatnonzero(bad)[0])}.",
                     "Do not use the range as the only test of validity.",
-                    (k + 1,),
+                    size=float(bad.sum()), unit="pings", beams=(k + 1,),
                 )
             )  # fmt: skip
     return found
@@ -188,13 +192,13 @@ def copy_findings(log: BeamLog) -> list[Finding]:
             if part > 0.5:
                 found.append(
                     Finding(
-                        "identical_beams", "fault", part, "of pings", part,
+                        "identical_beams", "fault", part,
                         f"{beam_words([i, j]).capitalize()} hold {text} in {100.0 * part:.3g} % of "
                         f"{moving.sum()} pings.",
                         "Two transducers do not agree to the last digit.",
                         "Look for a column that is read twice; until then use one of the two and treat the other as "
                         "lost.",
-                        (i + 1, j + 1),
+                        size=part, unit="of pings", beams=(i + 1, j + 1),
                     )
                 )  # fmt: skip
     return found
@@ -215,21 +219,23 @@ def instrument_flag_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Find
         part = float(rejected.sum() / max((count == log.beams).sum(), 1))
         found.append(
             Finding(
-                "rejected_by_instrument", "note" if part < 0.2 else "warning", float(rejected.sum()), "pings", part,
+                "rejected_by_instrument", "note" if part < 0.2 else "warning", part,
                 f"The instrument flags its velocity invalid in {rejected.sum()} pings with all {log.beams} beams "
                 f"valid ({100.0 * part:.3g} %).",
                 f"First in row {int(np.flatnonzero(rejected)[0])}.",
                 "Valid flags of the beams are not sufficient: gate by closure and by innovation as well.",
+                size=float(rejected.sum()), unit="pings",
             )
         )  # fmt: skip
     given = (count < min(3, log.beams)) & log.instrument_valid & ~same
     if given.any():
         found.append(
             Finding(
-                "velocity_without_beams", "fault", float(given.sum()), "pings", float(given.mean()),
+                "velocity_without_beams", "fault", float(given.mean()),
                 f"The instrument flags its velocity valid in {given.sum()} pings with fewer than three valid beams.",
                 f"First in row {int(np.flatnonzero(given)[0])}.",
                 "Do not use that velocity: it depends on data that are not in the log.",
+                size=float(given.sum()), unit="pings",
             )
         )  # fmt: skip
     return found

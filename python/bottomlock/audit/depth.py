@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from bottomlock.audit.findings import Finding
 from bottomlock.audit.logs import Reference
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, sigmas_for
+from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Depths
 from bottomlock.statistics.rms import rms
 
@@ -95,26 +95,32 @@ def depth_findings(rate: DepthRate | None) -> list[Finding]:
     if abs(rate.correlation) < 0.3 or abs(rate.slope) < sigmas_for(rate.blocks) * rate.slope_sd:
         return [
             Finding(
-                "depth_not_observable", "note", rate.slope, "", 0.0,
+                "depth_not_observable", "note", 0.0,
                 "Neither the sign of z nor the vertical scale is observable in this log: the depth hardly correlates "
                 "with the vertical velocity.",
-                evidence, "Record a descent or an ascent.",
+                evidence,
+                "Record a descent or an ascent.",
+                size=rate.slope,
             )
         ]  # fmt: skip
     if rate.slope < 0.0:
         return [
             Finding(
-                "z_points_up", "fault", rate.slope, "", 1.0,
-                "The z axis of the velocity points up: the depth increases when z is negative.", evidence,
+                "z_points_up", "fault", 1.0,
+                "The z axis of the velocity points up: the depth increases when z is negative.",
+                evidence,
                 "Rotate the velocity to forward, right, down before using it.",
+                size=rate.slope,
             )
         ]  # fmt: skip
     if rate.levelled and abs(rate.slope - 1.0) > max(0.03, sigmas_for(rate.blocks) * rate.slope_sd):
         return [
             Finding(
-                "vertical_scale", "warning", 100.0 * (rate.slope - 1.0), "%", min(abs(rate.slope - 1.0), 1.0),
-                f"The depth changes {rate.slope:.3f} times as fast as the integrated vertical velocity.", evidence,
+                "vertical_scale", "warning", min(abs(rate.slope - 1.0), 1.0),
+                f"The depth changes {rate.slope:.3f} times as fast as the integrated vertical velocity.",
+                evidence,
                 "Check the tilt of the beams and the sound speed.",
+                size=100.0 * (rate.slope - 1.0), unit="%",
             )
         ]  # fmt: skip
     return []

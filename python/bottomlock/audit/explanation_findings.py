@@ -3,9 +3,10 @@
 import numpy as np
 
 from bottomlock.audit.explanations import Explanation
-from bottomlock.audit.findings import MATERIAL_RAD, MATERIAL_SCALE, Finding, Severity
+from bottomlock.audit.findings import MATERIAL_RAD, MATERIAL_SCALE
 from bottomlock.audit.matrix import Matrix, tilt
 from bottomlock.audit.robust import sigmas_for
+from bottomlock.recordings.finding import Finding, Severity
 
 PROBABLE = 0.01
 """Explanations with a smaller share are not listed."""
@@ -45,23 +46,25 @@ def explanation_findings(explained: list[Explanation], matrix: Matrix, *, stated
     if best.kind == "beam_scale":
         return [
             Finding(
-                "beam_scale", severity, 100.0 * abs(best.size), "%", min(abs(best.size), 1.0),
+                "beam_scale", severity, min(abs(best.size), 1.0),
                 f"Beam {best.beam + 1} reads {100.0 * best.size:+.2f} % against the other beams{against}.",
                 f"± {100.0 * best.size_sd:.1g} %. {evidence}",
                 "Divide the channel by this, or correct where it is scaled; a fault of the transducer shows in the "
-                "closure alone.", (best.beam + 1,),
+                "closure alone.",
+                size=100.0 * abs(best.size), unit="%", beams=(best.beam + 1,),
             )
         ]  # fmt: skip
     if best.kind == "beam_direction":
         lean = np.rad2deg(min(tilt(best.rows[best.beam]), np.pi - tilt(best.rows[best.beam])))
         return [
             Finding(
-                "mistilted_beam", severity, float(np.rad2deg(best.size)), "deg", float(abs(np.sin(best.size))),
+                "mistilted_beam", severity, float(abs(np.sin(best.size))),
                 f"Beam {best.beam + 1} is {np.rad2deg(best.size):.2f} deg off the direction{against or ' stated'} "
                 f"(tilt {lean:.2f} deg).",
                 f"± {np.rad2deg(best.size_sd):.1g} deg; {np.rad2deg(best.tilt_change_rad):+.2f} deg of it is tilt. "
                 f"{evidence}",
-                "Compare with the manufacturer's drawing; correct the geometry of this beam.", (best.beam + 1,),
+                "Compare with the manufacturer's drawing; correct the geometry of this beam.",
+                size=float(np.rad2deg(best.size)), unit="deg", beams=(best.beam + 1,),
             )
         ]  # fmt: skip
     return _common(best, matrix, evidence)
@@ -88,30 +91,33 @@ def _common(best: Explanation, matrix: Matrix, evidence: str) -> list[Finding]:
     if best.kind == "scale":
         return [
             Finding(
-                "scale", "warning", 100.0 * abs(best.size), "%", min(abs(best.size), 1.0),
+                "scale", "warning", min(abs(best.size), 1.0),
                 f"The scale of all beams differs from that of the instrument's velocity by {100.0 * best.size:+.2f} %.",
                 f"± {100.0 * best.size_sd:.1g} %. {evidence}",
-                "A common scale indicates a sound-speed correction of only one of the two.", everyone,
+                "A common scale indicates a sound-speed correction of only one of the two.",
+                size=100.0 * abs(best.size), unit="%", beams=everyone,
             )
         ]  # fmt: skip
     if best.kind == "tilt":
         lean = np.rad2deg(np.minimum(tilt(best.rows), np.pi - tilt(best.rows)))
         return [
             Finding(
-                "wrong_tilt", "fault", float(np.rad2deg(best.size)), "deg", float(abs(np.sin(best.size))),
+                "wrong_tilt", "fault", float(abs(np.sin(best.size))),
                 f"Every beam has a tilt of {lean.mean():.2f} deg, stated are "
                 f"{lean.mean() - np.rad2deg(best.size):.2f} deg.",
                 f"± {np.rad2deg(best.size_sd):.1g} deg. {evidence}",
-                "This is the matrix that the instrument uses; correct the stated tilt.", everyone,
+                "This is the matrix that the instrument uses; correct the stated tilt.",
+                size=float(np.rad2deg(best.size)), unit="deg", beams=everyone,
             )
         ]  # fmt: skip
     if best.kind == "rotation":
         return [
             Finding(
-                "rotated_geometry", "fault", float(np.rad2deg(best.size)), "deg", float(abs(np.sin(best.size))),
+                "rotated_geometry", "fault", float(abs(np.sin(best.size))),
                 f"The beams match the stated ones only after a common rotation of {np.rad2deg(best.size):.2f} deg.",
                 f"± {np.rad2deg(best.size_sd):.1g} deg. {evidence}",
                 "State the mounting, or rotate the instrument's velocity to the stated frame.",
+                size=float(np.rad2deg(best.size)), unit="deg",
             )
         ]  # fmt: skip
     return []

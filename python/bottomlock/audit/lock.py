@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bottomlock.audit.findings import Finding
 from bottomlock.audit.logs import BeamLog
+from bottomlock.recordings.finding import Finding
 
 ADVICE = "Record in the water, with the bottom within the instrument's range."
 
@@ -34,9 +34,10 @@ def lock_findings(log: BeamLog) -> list[Finding]:
     flagged = int(log.full.sum()) if log.beams else 0
     return [
         Finding(
-            "never_locked", "warning", float(log.pings), "pings", 1.0,
+            "never_locked", "warning", 1.0,
             f"The instrument never had bottom lock in this log: {why}.",
             f"{flagged} pings have all beams flagged valid. Beams, closure and mounting are not judged.",
             ADVICE,
+            size=float(log.pings), unit="pings",
         )
     ]  # fmt: skip

@@ -4,10 +4,11 @@ import numpy as np
 
 from bottomlock.audit.beam_order import NEAR_RAD, Match
 from bottomlock.audit.closure import Closure
-from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD, MATERIAL_SCALE, Finding, beam_words
+from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD, MATERIAL_SCALE, beam_words
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, tilt
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, sigmas_for
+from bottomlock.recordings.finding import Finding
 
 NOT_UNIQUE = (
     "No single beam, common tilt, scale or rotation explains the matrix. It is the one of an instrument that solves "
@@ -23,10 +24,12 @@ def unobservable_findings(log: BeamLog, matrix: Matrix | None, pings: int) -> li
     if matrix is None:
         return [
             Finding(
-                "too_few_pings", "note", float(pings), "pings", 0.0,
+                "too_few_pings", "note", 0.0,
                 f"Beam directions are not observable in this log: only {pings} pings have all beams and the "
                 "instrument's velocity.",
-                f"At least {LEAST_PINGS} are needed.", "Record with bottom lock on all beams.",
+                f"At least {LEAST_PINGS} are needed.",
+                "Record with bottom lock on all beams.",
+                size=float(pings), unit="pings",
             )
         ]  # fmt: skip
     spread = log.instrument_mps[log.solved].std(axis=0)
@@ -34,19 +37,22 @@ def unobservable_findings(log: BeamLog, matrix: Matrix | None, pings: int) -> li
     if matrix.blocks < LEAST_BLOCKS:
         return [
             Finding(
-                "directions_not_observable", "note", float(pings), "pings", 0.0,
+                "directions_not_observable", "note", 0.0,
                 f"Beam directions are not observable in this log: the {pings} pings with all beams and the "
                 "instrument's velocity are too few, or too correlated, for a standard deviation.",
-                f"They are worth {matrix.blocks} independent blocks, needed are {LEAST_BLOCKS}.", "Record longer.",
+                f"They are worth {matrix.blocks} independent blocks, needed are {LEAST_BLOCKS}.",
+                "Record longer.",
+                size=float(pings), unit="pings",
             )
         ]  # fmt: skip
     return [
         Finding(
-            "directions_not_observable", "note", float(sd.max()), "deg", 0.0,
+            "directions_not_observable", "note", 0.0,
             "Beam directions are not observable in this log: the velocity varies too little.",
             f"Standard deviations {', '.join(f'{value:.2g}' for value in sd)} deg; the velocity varies by "
             f"{', '.join(f'{value:.2g}' for value in spread)} m/s in x, y, z.",
             "Record surge, sway and heave of a few decimetres per second.",
+            size=float(sd.max()), unit="deg",
         )
     ]  # fmt: skip
 
@@ -66,10 +72,12 @@ def match_findings(matrix: Matrix, matched: Match, copies: list[tuple[int, ...]]
         yaw, pitch, roll = matched.rotation.as_euler("ZYX", degrees=True)
         found.append(
             Finding(
-                "rotated_geometry", "fault", float(np.rad2deg(matched.rotation.magnitude())), "deg", 1.0,
+                "rotated_geometry", "fault", 1.0,
                 f"The beams match the stated ones only after a common rotation: roll {roll:.1f}, pitch {pitch:.1f}, "
                 f"yaw {yaw:.1f} deg.",
-                place, "State the mounting, or rotate the instrument's velocity to the stated frame.",
+                place,
+                "State the mounting, or rotate the instrument's velocity to the stated frame.",
+                size=float(np.rad2deg(matched.rotation.magnitude())), unit="deg",
             )
         )  # fmt: skip
     same = _same_way(matrix, copies)
@@ -82,10 +90,11 @@ def match_findings(matrix: Matrix, matched: Match, copies: list[tuple[int, ...]]
         pairs = ", ".join(f"channel {k + 1} is beam {matched.beam[k] + 1}" for k in moved)
         found.append(
             Finding(
-                "swapped_beams", "fault", float(len(moved)), "beams", 1.0,
-                f"The order is not the stated one: {pairs}.", place,
+                "swapped_beams", "fault", 1.0,
+                f"The order is not the stated one: {pairs}.",
+                place,
                 "Use the geometry file that this audit writes, or correct the column map.",
-                tuple(k + 1 for k in moved),
+                size=float(len(moved)), unit="beams", beams=tuple(k + 1 for k in moved),
             )
         )  # fmt: skip
     flipped = [int(k) for k in np.flatnonzero(matched.sign < 0) if int(k) not in parallel]
@@ -98,8 +107,11 @@ def match_findings(matrix: Matrix, matched: Match, copies: list[tuple[int, ...]]
         )
         found.append(
             Finding(
-                "all_signs_flipped" if everything else "sign_flipped", "fault", float(len(flipped)), "beams", 1.0,
-                words, place, "Use the geometry file that this audit writes.", tuple(k + 1 for k in flipped),
+                "all_signs_flipped" if everything else "sign_flipped", "fault", 1.0,
+                words,
+                place,
+                "Use the geometry file that this audit writes.",
+                size=float(len(flipped)), unit="beams", beams=tuple(k + 1 for k in flipped),
             )
         )  # fmt: skip
     return found
@@ -125,13 +137,13 @@ def tilt_findings(matrix: Matrix, matched: Match, stated: Array, parallel: set[i
     change = lean - meant
     return [
         Finding(
-            "mistilted_beam", "fault", float(np.rad2deg(matched.off_rad[k])), "deg",
-            float(np.sin(matched.off_rad[k])),
+            "mistilted_beam", "fault", float(np.sin(matched.off_rad[k])),
             f"Beam {k + 1} is {np.rad2deg(matched.off_rad[k]):.2f} deg off its stated direction "
             f"(tilt {np.rad2deg(lean[k]):.2f} deg, stated {np.rad2deg(meant[k]):.2f}).",
             f"± {np.rad2deg(matrix.direction_sd_rad[k]):.2g} deg; {np.rad2deg(change[k]):+.2f} deg of it is tilt. "
             f"{place}",
-            "This is the matrix that the instrument uses; correct the stated geometry.", (k + 1,),
+            "This is the matrix that the instrument uses; correct the stated geometry.",
+            size=float(np.rad2deg(matched.off_rad[k])), unit="deg", beams=(k + 1,),
         )
         for k in off
     ]  # fmt: skip
@@ -147,11 +159,12 @@ def _same_way(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding]:
             if angle < NEAR_RAD and (i + 1, j + 1) not in copies:
                 found.append(
                     Finding(
-                        "identical_beams", "fault", float(np.rad2deg(angle)), "deg", 1.0,
+                        "identical_beams", "fault", 1.0,
                         f"{beam_words([i, j]).capitalize()} are parallel within {np.rad2deg(angle):.2f} deg.",
                         f"± {np.rad2deg(np.hypot(*matrix.direction_sd_rad[[i, j]])):.2g} deg from "
                         f"{matrix.pings} pings.",
-                        "One transducer is read twice: correct the wiring or the column map.", (i + 1, j + 1),
+                        "One transducer is read twice: correct the wiring or the column map.",
+                        size=float(np.rad2deg(angle)), unit="deg", beams=(i + 1, j + 1),
                     )
                 )  # fmt: skip
     return found
@@ -165,15 +178,14 @@ def self_findings(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding
         reversed_ = [int(beam) for beam in np.flatnonzero(up)]
         found.append(
             Finding(
-                "all_signs_flipped" if up.all() else "sign_flipped", "warning" if up.all() else "fault",
-                float(len(reversed_)), "beams", 1.0,
+                "all_signs_flipped" if up.all() else "sign_flipped", "warning" if up.all() else "fault", 1.0,
                 "Every beam is positive along −z: z points up, or readings are positive away from the bottom."
                 if up.all()
                 else f"{beam_words(reversed_).capitalize()} {'has' if len(reversed_) == 1 else 'have'} the opposite "
                 "sign of the others.",
                 f"Tilts {_degrees(matrix.tilt_rad)} deg.",
                 "Use the geometry file that this audit writes; a recorded depth gives the direction of z.",
-                tuple(beam + 1 for beam in reversed_),
+                size=float(len(reversed_)), unit="beams", beams=tuple(beam + 1 for beam in reversed_),
             )
         )  # fmt: skip
     return found
@@ -189,13 +201,13 @@ def scale_findings(matrix: Matrix, expected: Array | float = 1.0) -> list[Findin
     listed = ", ".join(f"{matrix.scale[b]:.4f} ± {matrix.scale_sd[b]:.1g}" for b in range(len(off)))
     return [
         Finding(
-            "scale", "warning", float(100.0 * np.abs(off).max()), "%", float(np.abs(off).max()),
+            "scale", "warning", float(np.abs(off).max()),
             f"The scale of {beam_words(k)} differs from that of the instrument's velocity by up to "
             f"{100.0 * off[np.argmax(np.abs(off))]:+.2f} %.",
             f"Scales {listed}.",
             "A common scale indicates a sound-speed correction of only one of the two; a single one a fault of that "
             "beam.",
-            tuple(b + 1 for b in k),
+            size=float(100.0 * np.abs(off).max()), unit="%", beams=tuple(b + 1 for b in k),
         )
     ]  # fmt: skip
 
@@ -219,11 +231,12 @@ def bias_findings(matrix: Matrix, closures: list[Closure]) -> list[Finding]:
     sd = np.sqrt(variance)
     return [
         Finding(
-            "beam_bias", "warning", float(1e3 * bias[k]), "mm/s", float(min(abs(bias[k]), 1.0)),
+            "beam_bias", "warning", float(min(abs(bias[k]), 1.0)),
             f"Beam {k + 1} has a bias of {1e3 * bias[k]:+.1f} mm/s against the instrument's velocity and the other "
             "beams.",
             f"± {1e3 * sd[k]:.1g} mm/s. The part that the instrument has included in its velocity is not observable.",
-            "Subtract it, or let the filter estimate beam biases.", (int(k) + 1,),
+            "Subtract it, or let the filter estimate beam biases.",
+            size=float(1e3 * bias[k]), unit="mm/s", beams=(int(k) + 1,),
         )
         for k in np.flatnonzero(np.abs(bias) > np.maximum(MATERIAL_MPS, sigmas_for(matrix.blocks) * sd))
     ]  # fmt: skip

@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.audit.findings import Finding
 from bottomlock.audit.motion import ImuAlignment
 from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import LIMITS, Mounting
 from bottomlock.audit.robust import sigmas_for
+from bottomlock.recordings.finding import Finding
 
 AXES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
@@ -27,19 +27,23 @@ def mounting_findings(mounting: Mounting | None, stated: Mounted | None = None) 
         gain = f" Response to the IMU {1.0 + m.scale:.2f} ± {m.scale_sd:.2g}." if m.of_changes else ""
         return [
             Finding(
-                "mounting_not_observable", "note", m.explained, "", 0.0,
+                "mounting_not_observable", "note", 0.0,
                 "Misalignment, lever arm, clock offset and scale are not observable in this log: the other recordings "
                 "do not explain the velocity.",
-                basis + gain, "Record accelerations, rotations and speeds well above the noise of the instrument.",
+                basis + gain,
+                "Record accelerations, rotations and speeds well above the noise of the instrument.",
+                size=m.explained,
             )
         ]  # fmt: skip
     found = _imu_findings(m.imu)
     if m.mirrored:
         found.append(
             Finding(
-                "left_handed", "fault", 1.0, "", 1.0,
-                "The instrument's velocity is in a left-handed frame: it fits with its y axis reversed.", basis,
+                "left_handed", "fault", 1.0,
+                "The instrument's velocity is in a left-handed frame: it fits with its y axis reversed.",
+                basis,
                 "Reverse y before using the velocity.",
+                size=1.0,
             )
         )  # fmt: skip
     found += _misalignment(m, stated, basis)
@@ -49,19 +53,23 @@ def mounting_findings(mounting: Mounting | None, stated: Mounted | None = None) 
     elif abs(m.clock_offset_s) > max(0.02, sigmas_for(m.blocks) * m.clock_offset_sd_s):
         found.append(
             Finding(
-                "clock_offset", "fault", m.clock_offset_s, "s", min(abs(m.clock_offset_s), 1.0),
+                "clock_offset", "fault", min(abs(m.clock_offset_s), 1.0),
                 f"The DVL's clock is {abs(m.clock_offset_s):.3f} s "
                 f"{'behind' if m.clock_offset_s > 0.0 else 'ahead of'} the reference's: "
                 f"reference time is DVL time {m.clock_offset_s:+.3f} s.",
-                f"± {m.clock_offset_sd_s:.2g} s. {basis}", "Set this clock offset for the DVL.",
+                f"± {m.clock_offset_sd_s:.2g} s. {basis}",
+                "Set this clock offset for the DVL.",
+                size=m.clock_offset_s, unit="s",
             )
         )  # fmt: skip
     if abs(m.scale) > max(0.002, sigmas_for(m.blocks) * m.scale_sd):
         found.append(
             Finding(
-                "velocity_scale", "warning", 100.0 * m.scale, "%", abs(m.scale),
+                "velocity_scale", "warning", abs(m.scale),
                 f"The DVL reads {100.0 * m.scale:+.2f} % against the reference.",
-                f"± {100.0 * m.scale_sd:.2g} %. {basis}", "Check the sound speed; let the filter estimate the scale.",
+                f"± {100.0 * m.scale_sd:.2g} %. {basis}",
+                "Check the sound speed; let the filter estimate the scale.",
+                size=100.0 * m.scale, unit="%",
             )
         )  # fmt: skip
     elif m.scale_sd > LIMITS["scale"]:
@@ -76,8 +84,11 @@ def _not_observable(what: str, sd: str, lacks: str) -> Finding:
             "The log has too few independent pings, or too little of this motion, for a standard deviation."
         )
     return Finding(
-        "not_observable", "note", 0.0, "", 0.0, f"{what} is not observable in this log.",
-        evidence, f"Record more {lacks}.",
+        "not_observable", "note", 0.0,
+        f"{what} is not observable in this log.",
+        evidence,
+        f"Record more {lacks}.",
+        size=0.0,
     )  # fmt: skip
 
 
@@ -106,11 +117,12 @@ def _misalignment(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
         against = f"the stated mounting ({told} deg)" if stated.rpy_rad.any() else "the platform"
         found.append(
             Finding(
-                "misalignment", "fault" if size > 1.0 else "warning", size, "deg",
-                float(np.sin(np.deg2rad(min(size, 90.0)))),
+                "misalignment", "fault" if size > 1.0 else "warning", float(np.sin(np.deg2rad(min(size, 90.0)))),
                 f"The DVL is misaligned with {against}: {listed} deg ({', '.join(ANGLES[k] for k in sure)} "
                 "significant).",
-                basis, "Set these mounting angles for the DVL.",
+                basis,
+                "Set these mounting angles for the DVL.",
+                size=size, unit="deg",
             )
         )  # fmt: skip
     return found
@@ -138,9 +150,11 @@ def _lever_arm(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
     against = f", stated is ({told}) m" if stated.lever_arm_p_m.any() else ""
     return [
         Finding(
-            "lever_arm", "warning", size, "m", min(float(size * np.linalg.norm(m.rate_rms_radps)), 1.0),
-            f"The lever arm of the DVL from {point} is {listed} m{against}.", f"Rates {rates} deg/s RMS. {basis}",
+            "lever_arm", "warning", min(float(size * np.linalg.norm(m.rate_rms_radps)), 1.0),
+            f"The lever arm of the DVL from {point} is {listed} m{against}.",
+            f"Rates {rates} deg/s RMS. {basis}",
             "Set this lever arm for the DVL.",
+            size=size, unit="m",
         )
     ]  # fmt: skip
 
@@ -154,22 +168,24 @@ def _imu_findings(imu: ImuAlignment | None) -> list[Finding]:
         left = np.linalg.det(imu.matrix) < 0.0
         found.append(
             Finding(
-                "imu_axes", "fault", float(len(reversed_axes)), "axes", 1.0,
+                "imu_axes", "fault", 1.0,
                 f"The IMU's {' and '.join(reversed_axes)} {'axis is' if len(reversed_axes) == 1 else 'axes are'} "
                 f"opposite to the attitude's{': its frame is left-handed' if left else ''}.",
                 f"Rates of the IMU against the attitude: diagonal "
                 f"{', '.join(f'{imu.matrix[k, k]:+.3f}' for k in range(3))}.",
                 "Reverse it for accelerometer and gyro.",
+                size=float(len(reversed_axes)), unit="axes",
             )
         )  # fmt: skip
     if abs(imu.offset_s) > max(0.01, sigmas_for(imu.blocks) * imu.offset_sd_s) and imu.offset_sd_s < 0.05:
         found.append(
             Finding(
-                "imu_clock_offset", "fault", imu.offset_s, "s", min(abs(imu.offset_s), 1.0),
+                "imu_clock_offset", "fault", min(abs(imu.offset_s), 1.0),
                 f"The IMU's clock is {abs(imu.offset_s):.3f} s {'ahead of' if imu.offset_s > 0.0 else 'behind'} "
                 "the attitude's.",
                 f"± {imu.offset_sd_s:.2g} s, from the rotations in both recordings.",
                 "Set this clock offset for the IMU.",
+                size=imu.offset_s, unit="s",
             )
         )  # fmt: skip
     return found

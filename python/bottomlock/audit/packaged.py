@@ -4,12 +4,12 @@ import numpy as np
 
 from bottomlock.audit.beam_order import closure_size
 from bottomlock.audit.beams import BeamAssessment, assess_beams
-from bottomlock.audit.findings import Finding
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS
 from bottomlock.audit.robust import Array
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
+from bottomlock.recordings.finding import Finding
 
 OTHER_INSTRUMENT = {"swapped_beams", "sign_flipped", "order_or_bias", "rotated_geometry", "wrong_tilt"}
 """Findings that another geometry may explain; so does a tilt of every single beam."""
@@ -57,7 +57,14 @@ def packaged_findings(
         advice = "State that of your instrument with --geometry; closure alone shows neither tilt nor yaw."
         return [
             Finding(
-                "packaged_geometries", "note", float(len(fits)), "geometries", 1.0, words, evidence, advice
+                "packaged_geometries",
+                "note",
+                1.0,
+                words,
+                evidence,
+                advice,
+                size=float(len(fits)),
+                unit="geometries",
             )
         ]
     (only,) = fits
@@ -70,9 +77,10 @@ def packaged_findings(
     return [
         Finding(
             *(("packaged_geometries", "note") if stated is None else ("another_geometry", "fault")),
-            1.0, "geometries", 1.0,
+            1.0,
             f"This is {only}{'' if name is None else f', not {name}'}.", evidence.strip(),
             f"Audit and solve with --geometry {only}.",
+            size=1.0, unit="geometries",
         )
     ]  # fmt: skip
 

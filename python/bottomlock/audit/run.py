@@ -13,7 +13,6 @@ from bottomlock.audit.beams import BeamAssessment, assess_beams
 from bottomlock.audit.closure import Closure, closure_of
 from bottomlock.audit.closure_findings import closure_findings
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
-from bottomlock.audit.findings import Finding, ranked
 from bottomlock.audit.lock import lock_findings
 from bottomlock.audit.logs import BeamLog, Reference, read_log
 from bottomlock.audit.matrix import LEAST_PINGS
@@ -27,6 +26,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry
+from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.streams import Depths, Inertial
 
 
@@ -175,10 +175,11 @@ def converter_findings(log: BeamLog) -> list[Finding]:
             count = int(reason["count"])
             found.append(
                 Finding(
-                    f"reader_{fate}", "note", float(count), "records", min(count / read, 1.0),
+                    f"reader_{fate}", "note", min(count / read, 1.0),
                     f"{count} of {read:.0f} records of the recording {text}: {name}.",
                     f"First: {', '.join(f'{k} {v}' for k, v in reason.items() if k != 'count')}.",
                     "See the account (JSON) beside the table.",
+                    size=float(count), unit="records",
                 )
             )  # fmt: skip
     return found

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from bottomlock.audit.findings import Finding
 from bottomlock.audit.logs import Reference
 from bottomlock.audit.motion import Motion
 from bottomlock.audit.robust import Array, fit_linear, sigmas_for
+from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Inertial
 
 SLOW_S = 4.0
@@ -89,11 +89,11 @@ def signature_findings(signature: Signature | None) -> list[Finding]:
     return [
         Finding(
             "rate_signature",
-            "warning" if abs(worst[4]) > max(10.0, sigmas_for(signature.blocks) * worst[3]) else "note",
-            worst[4], "deg", 0.0,
+            "warning" if abs(worst[4]) > max(10.0, sigmas_for(signature.blocks) * worst[3]) else "note", 0.0,
             f"The velocity depends on the angular rates: {parts}.",
             f"Singular values {', '.join(f'{value:.2f}' for value in values)} m; a lever arm has two equal and one "
             f"zero. {conclusion}",
             "Take the mounting of the DVL from a drawing, or drive straight ahead with the attitude recorded.",
+            size=worst[4], unit="deg",
         )
     ]  # fmt: skip

@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.audit.closure import null_space
-from bottomlock.audit.findings import SIGNIFICANCE, Finding
+from bottomlock.audit.findings import SIGNIFICANCE
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.robust import Array, sigma
+from bottomlock.recordings.finding import Finding
 
 SHORTEST_RUN = 10
 """Equal readings in a row that are looked at, whatever the resolution."""
@@ -48,10 +49,11 @@ def stuck_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
         part = length / max(int(valid[:, k].sum()), 1)
         found.append(
             Finding(
-                "stuck_beam", "fault", float(length), "pings", part,
+                "stuck_beam", "fault", part,
                 f"Beam {k + 1} is stuck at {y[row, k]:.3f} m/s for {length} pings, {100.0 * part:.2g} % of its own.",
                 f"First in row {row}, {log.time_s[row]:.1f} s; by chance the longest run is {longest:.0f} readings.",
-                "Flag it invalid there: a reading that does not change is none.", (k + 1,),
+                "Flag it invalid there: a reading that does not change is none.",
+                size=float(length), unit="pings", beams=(k + 1,),
             )
         )  # fmt: skip
     return found
@@ -88,13 +90,13 @@ def noisy_findings(log: BeamLog, full: NDArray[np.bool_], rows: Array | None) ->
             continue
         found.append(
             Finding(
-                "noisy_beam", "warning", float(value / others), "times", 1.0,
+                "noisy_beam", "warning", 1.0,
                 f"Beam {k + 1} is {value / others:.1f} times noisier than the others: {1e3 * value:.1f} mm/s against "
                 f"{1e3 * others:.1f} mm/s.",
                 f"Third differences of {len(third)} pings; they predict a closure of {1e3 * predicted:.1f} mm/s, it is "
                 f"{1e3 * closure:.1f}.",
                 "Give it its own noise (beam_noise_mps of each beam) or leave it out, and look at the transducer.",
-                (k + 1,),
+                size=float(value / others), unit="times", beams=(k + 1,),
             )
         )  # fmt: skip
     return found

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.dead_reckoning.track import attitude_between
+from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Floats, Inertial, Times
 from bottomlock.replay.case import Case
-from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.findings.motion_findings import ANEW
 from bottomlock.replay.motion.gyros import slope
 from bottomlock.replay.rerun import PreparedRun

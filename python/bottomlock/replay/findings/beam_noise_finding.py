@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from bottomlock.recordings.finding import Finding
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
-from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.streams import Streams
 
 SMALL_CLAIM, WRONG_CLAIM = 1.5, 2.5

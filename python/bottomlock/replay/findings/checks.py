@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock.recordings.finding import Finding
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.case import Case
-from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.motion.closure import LEAST_PINGS, better_order
 from bottomlock.replay.motion.fit import Match, Recorded
 from bottomlock.replay.motion.segments import LENGTH_S

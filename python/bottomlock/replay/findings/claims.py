@@ -7,7 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from bottomlock.replay.findings.finding import Finding
+from bottomlock.recordings.finding import Finding
 from bottomlock.replay.findings.verdict import HIGH_RATIO, PREFERRED, PROBABILITY
 from bottomlock.statistics.correlation import correlation_rows
 from bottomlock.tables.replay import FORWARD

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.axes import to_angles
+from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
@@ -18,7 +19,6 @@ from bottomlock.replay.findings.beam_noise_finding import beam_noise_finding
 from bottomlock.replay.findings.claims import claims_findings
 from bottomlock.replay.findings.earth_limits import earth_findings
 from bottomlock.replay.findings.expected_nis import least_ratio
-from bottomlock.replay.findings.finding import Finding, ranked
 from bottomlock.replay.findings.heading_findings import heading_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings

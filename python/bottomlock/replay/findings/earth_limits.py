@@ -5,7 +5,7 @@ import polars as pl
 
 from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment
-from bottomlock.replay.findings.finding import Finding
+from bottomlock.recordings.finding import Finding
 
 NEAREST_POLE_DEG = 0.1
 """Nearer to a pole north turns by a degree in 200 m and less."""

@@ -7,7 +7,7 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.axes import to_angles
-from bottomlock.replay.findings.finding import Finding
+from bottomlock.recordings.finding import Finding
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.tables.replay import FORWARD
 

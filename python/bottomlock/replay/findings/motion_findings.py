@@ -3,8 +3,8 @@
 import numpy as np
 
 from bottomlock.recordings.axes import Axes
+from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import Case
-from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.findings.hypotheses import Cause, Comparison
 from bottomlock.replay.init.guess import axis_names
 

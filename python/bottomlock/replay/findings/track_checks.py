@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.case import Case
-from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.streams import Streams
 
 SIGMAS = 5.0

@@ -7,8 +7,8 @@ from typing import Any, Literal
 import polars as pl
 
 from bottomlock.own_method import DEAD_RECKONING as METHOD
+from bottomlock.recordings.finding import Finding
 from bottomlock.replay.findings.against_reckoning import TRUSTED, Agreement
-from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.findings.sway import Sway
 from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
 from bottomlock.tables.replay import FORWARD

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import polars as pl
 
+from bottomlock.recordings.finding import Finding, Severity
 from bottomlock.replay.findings.against_reckoning import Agreement, metres
-from bottomlock.replay.findings.finding import Finding, Severity
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT, mean_band
 
 ABSORBED, WRONG = "absorbed", "wrong"

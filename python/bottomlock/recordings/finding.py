@@ -1,0 +1,52 @@
+"""A finding about a recording: of an audit, or of a replay."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Severity = Literal["fault", "warning", "note"]
+SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found.
+
+    Attributes:
+        kind: stable name for programs.
+        severity: "fault" (the result is wrong), "warning" (it is worse than it looks), "note" (worth knowing).
+        weight: ranks findings of one severity. In an audit the share of the log or of the velocity that is touched,
+            0 to 1; in a replay the chi-squared that the cause explains.
+        text: the finding in one sentence.
+        evidence: the numbers behind it.
+        advice: what to do.
+        key: of a case, to change; "" for none.
+        size: magnitude, in `unit`.
+        unit: of `size`.
+        beams: numbers of the beams concerned, from 1.
+    """
+
+    kind: str
+    severity: Severity
+    weight: float
+    text: str
+    evidence: str
+    advice: str
+    key: str = ""
+    size: float = 0.0
+    unit: str = ""
+    beams: tuple[int, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """As the manifest of a replay holds it."""
+        return {
+            "kind": self.kind, "severity": self.severity, "score": self.weight, "text": self.text,
+            "evidence": self.evidence, "advice": self.advice, "key": self.key,
+        }  # fmt: skip
+
+
+def ranked(findings: Iterable[Finding]) -> list[Finding]:
+    """Faults first, then warnings, then notes; within each the weightiest first."""
+    return sorted(
+        findings, key=lambda one: (SEVERITIES.index(one.severity), -one.weight, one.kind, one.beams)
+    )
