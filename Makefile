@@ -80,6 +80,7 @@ test-long: $(VENV)/.tools $(VENV)/.installed
 # The largest sizes, before a release: an hour and a half of two cores.
 test-deep: $(VENV)/.tools $(VENV)/.installed
 	$(pytest) -m deep tests
+	BOTTOMLOCK_DEEP=1 $(released) --test late_law
 
 test-all: test test-long test-deep
 

@@ -15,10 +15,13 @@ use proptest::prelude::*;
 use common::arrivals::{self, Case, MS, Reported, outcome};
 use common::janus;
 
-/// How many random arrivals: ten thousand with `BOTTOMLOCK_LONG`, as `make test-long` sets it.
+/// How many random arrivals: more with `BOTTOMLOCK_LONG` and `BOTTOMLOCK_DEEP`, as `make test-long` and `test-deep` set them.
 fn cases() -> u32 {
-    if std::env::var_os("BOTTOMLOCK_LONG").is_some() {
+    let asked = |name| std::env::var_os(name).is_some();
+    if asked("BOTTOMLOCK_DEEP") {
         10_000
+    } else if asked("BOTTOMLOCK_LONG") {
+        1_500
     } else {
         130
     }
