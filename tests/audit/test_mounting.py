@@ -70,6 +70,7 @@ def misses(found: Mounting) -> Array:
     return np.concatenate([rpy, arm, rest])
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("with_velocity", [True, False])
 def test_a_lively_vehicle_shows_everything(with_velocity: bool) -> None:
     """Eight quantities within five of their deviations, and these deviations small enough to be of use."""
@@ -174,6 +175,7 @@ def steady(
     return found
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("seed", range(40, 44))
 def test_a_steady_course_with_turns(seed: int) -> None:
     """The speed is constant, but yaw, scale and lever arm are told with their deviations; nothing else is."""
@@ -192,6 +194,7 @@ def test_a_steady_course_with_turns(seed: int) -> None:
     )
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("seed", range(50, 54))
 def test_a_steady_course_with_nothing_planted(seed: int) -> None:
     assert {one.severity for one in mounting_findings(steady(seed))} <= {"note"}

@@ -19,6 +19,7 @@ from tests.audit.synthetic import Array, channels, janus, kinds, make_log, motio
 STATED = BeamGeometry.janus(np.deg2rad(22.0))
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("stated", [STATED, None])
 @pytest.mark.parametrize("beam", [0, 2])
 def test_a_channel_scaled_after_the_instrument_solved(stated: BeamGeometry | None, beam: int) -> None:

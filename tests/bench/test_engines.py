@@ -76,6 +76,7 @@ def test_a_cluster_gives_the_estimates_of_this_process(tmp_path: Path, cluster: 
     assert run(tmp_path / "there") == 0
 
 
+@pytest.mark.long
 @needs_dask
 @pytest.mark.slow
 def test_a_fault_of_a_rival_names_it_and_its_mission(tmp_path: Path, cluster: str) -> None:

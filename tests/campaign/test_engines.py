@@ -86,6 +86,7 @@ def threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
         yield small
 
 
+@pytest.mark.long
 @needs_dask
 @pytest.mark.slow
 def test_a_worker_that_is_killed_changes_no_bit(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401

@@ -31,6 +31,7 @@ def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "cache"))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_empty_cache")
 def test_all_but_the_first_are_there_with_the_same_bits() -> None:
     """The first is left to the caller."""

@@ -26,7 +26,7 @@ def large(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.first_cases(2)
+@pytest.mark.first_cases(1)
 @pytest.mark.skipif(sys.platform != "linux", reason="limits and sparse files of Linux")
 @pytest.mark.parametrize(
     ("command", "file"),

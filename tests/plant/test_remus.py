@@ -179,6 +179,7 @@ def _mss_turn(rpm: float, rudder_deg: float) -> tuple[float, float, float]:
     return speed, math.degrees(turning), math.degrees(math.asin(state[1] / speed))
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.parametrize(
     ("rpm", "rudder_deg", "speed", "rate", "sideslip"),
     [

@@ -75,6 +75,7 @@ def test_sideslip_is_that_of_a_torpedo(flights: dict[str, Flight]) -> None:
     assert np.abs(ratio - np.median(ratio)).max() < 0.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LAWN_MOWER)
 def test_halving_the_step_moves_nothing(tauv: Vehicle, name: str, flights: dict[str, Flight]) -> None:
     mission = {"straight": straight, "figure_eight": figure_eight, "lawn_mower": lawn_mower}[name]()

@@ -39,6 +39,7 @@ def offered(seconds: float, dvl_hz: float, *, estimate_hz: float = 20.0) -> list
     return [START + int(time) for time in times]
 
 
+@pytest.mark.first_cases(4)
 @pytest.mark.parametrize("synchronised", [True, False])
 @pytest.mark.parametrize("dvl_hz", [2.0, 3.0, 4.0, 5.0, 7.0, 12.0])
 def test_px4_starts_and_stays_with_the_default_rate(dvl_hz: float, synchronised: bool) -> None:

@@ -65,6 +65,7 @@ def test_full_velocity_against_the_reference(data: Path, scratch: Path) -> None:
     assert np.median(list(found.values())) <= MEDIAN_PERCENT, found
 
 
+@pytest.mark.long
 def test_smoother_is_no_worse_than_the_filter(data: Path, scratch: Path) -> None:
     """Velocity over the section, median over the sections."""
     rows = full(data, scratch).filter(pl.col("method") == "lc")

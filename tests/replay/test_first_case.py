@@ -54,6 +54,7 @@ NAMES = {
 }
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.parametrize(
     ("names", "force", "omega", "axes", "unit_f", "unit_w", "found"),
     [
@@ -89,6 +90,7 @@ def test_units_and_axes_are_found_back(
     assert row["fixes_rejected"] == 0
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.parametrize(
     ("column", "factor", "unit", "start_s"),
     [
@@ -125,6 +127,7 @@ def test_a_european_spreadsheet(dive: RovDive, tmp_path: Path) -> None:
     assert tc_row(case)["fixes_rejected"] == 0
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("quaternion", [False, True])
 def test_an_attitude_in_other_frames_on_another_clock(
     dive: RovDive, tmp_path: Path, quaternion: bool

@@ -190,6 +190,7 @@ def test_mounting_yaw_by_accelerations_and_by_the_track(dive: RovDive, yaw_deg: 
         assert np.rad2deg(found.sd_rad) < 10.0
 
 
+@pytest.mark.long
 def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) -> None:
     """rad/s by the slope, the AHRS aids, three beams with their noise, GPS as the reference, and the end is near it."""
     case, text = made(tmp_path, tables(tmp_path, dive))
@@ -217,7 +218,7 @@ def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) 
     assert 0.3 < tc["nis_mean_over_fixes"] / tc["nis_degrees_mean_over_fixes"] < 1.3
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.parametrize("quarter", [1, 2, -1])
 def test_imu_and_ahrs_turned_by_a_quarter_are_turned_back(
     dive: RovDive, tmp_path: Path, quarter: int
@@ -387,6 +388,7 @@ def test_declination_turns_a_magnetic_yaw_alone(
     assert row["position_final_percent"] < 2.0
 
 
+@pytest.mark.long
 def test_a_missing_model_is_named(dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The package that would tell the declination stands in the question; the case needs none to run."""
     monkeypatch.setitem(sys.modules, "pygeomag", None)

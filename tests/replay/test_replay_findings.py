@@ -15,7 +15,7 @@ from tests.replay.rov_dive import rov_dive
 SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=pytest.mark.long))
 
 
-@pytest.mark.first_cases(6)
+@pytest.mark.first_cases(4)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", list(MISTAKES))
 def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) -> None:

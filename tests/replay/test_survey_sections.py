@@ -167,6 +167,7 @@ def ends(out: Any, position: Array) -> Array:  # noqa: ANN401
     return np.asarray(np.linalg.norm((out["position_t_m"][:, -1] - position[-1])[:, :2], axis=1))
 
 
+@pytest.mark.long
 def test_full_velocity_stays_on_the_reference(folder: Path) -> None:
     """LC ends within 0.6 % of the way on each section, 0.3 % in the median; seen 0.08-0.57 %, median 0.25 %."""
     shares = []

@@ -67,6 +67,7 @@ def test_values_and_differences_are_those_of_the_tables(pair: tuple[Path, Path],
     assert page.count('<svg role="img"') == 5
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize(
     ("change", "why"),
     [

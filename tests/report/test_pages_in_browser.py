@@ -58,6 +58,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return top
 
 
+@pytest.mark.first_cases(3)
 @pytest.mark.parametrize("page", ["a/report.html", "both/compare.html", "sheet.html"])
 @pytest.mark.parametrize("width", WIDTHS)
 def test_nothing_is_cut_off(browser: Browser, folder: Path, page: str, width: int) -> None:

@@ -25,6 +25,7 @@ FLOWN = (
 )
 
 
+@pytest.mark.long
 def test_the_tables_are_those_of_the_scores() -> None:
     page = publish_bench.PAGE.read_text(encoding="utf-8")
     for name, text in publish_bench.tables().items():

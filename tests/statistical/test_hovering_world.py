@@ -47,6 +47,7 @@ def test_recommended_methods_are_consistent_whatever_the_prior(mask: tuple[int, 
         assert error[hovering.METHODS.index(method)] < 1.05 * error[0], method
 
 
+@pytest.mark.long
 def test_a_published_row_comes_out_again() -> None:
     """The row with one beam, where pings of 5 Hz that count the weak sway once each were overconfident."""
     row = "| hovering | 1 |"

@@ -14,6 +14,7 @@ from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 RUNS = 120
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.statistical
 @pytest.mark.parametrize("name", ["figure_eight", "dive_and_turn", "straight"])
 @pytest.mark.parametrize("beams", [(1, 2, 3, 4), (1, 2)])

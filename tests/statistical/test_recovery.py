@@ -48,6 +48,7 @@ def test_consistent_methods_recover(summary: pl.DataFrame) -> None:
         assert (rows["back_at_epoch"] == 1).all(), method
 
 
+@pytest.mark.long
 def test_the_virtual_beam_does_not(summary: pl.DataFrame) -> None:
     """With n_f = 1 it was sure of itself for a minute: its gate now rejects good fixes, and NIS stays high."""
     rows = summary.filter(pl.col("method") == "vb")

@@ -39,6 +39,7 @@ def cell(mask: tuple[int, ...], runs: int, current_mps: float = 0.0) -> pl.DataF
     return sensor_law.run_cell(scenario(runs), mask, current_mps, tests=48, threads=1)
 
 
+@pytest.mark.long
 @RUNS
 @pytest.mark.parametrize(
     ("mask", "limit_mps"),

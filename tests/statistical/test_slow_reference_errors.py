@@ -83,6 +83,7 @@ def flown(sensor: str, *, expected: bool) -> dict[str, Any]:
     )  # fmt: skip
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_a_filter_that_expects_them_is_consistent(sensor: str) -> None:
     """NEES of velocity and attitude and of the whole state, at every sample time; the false-alarm rate is 1 %."""
@@ -95,6 +96,7 @@ def test_a_filter_that_expects_them_is_consistent(sensor: str) -> None:
         assert (means < high).all(), (quantity, means)
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_a_filter_that_takes_them_for_white_is_overconfident(sensor: str) -> None:
     """In yaw or depth it averages away in its covariance what does not average away in the world."""

@@ -67,6 +67,7 @@ def test_trusted_methods_are_consistent(study: pl.DataFrame) -> None:
     assert bounded["least"].to_list() == [True, True]
 
 
+@pytest.mark.long
 def test_no_sway_over_ground_is_no_assumption_for_a_current(study: pl.DataFrame) -> None:
     """The current across is 0.3 m/s: `nsv` is overconfident wherever it solves anything."""
     found = study.filter((pl.col("method") == "nsv") & (pl.col("beams") == "1,2"))

@@ -103,6 +103,7 @@ def mean_square(batch: dict[str, Any], method: str) -> Array:
     return squares
 
 
+@pytest.mark.first_cases(1)
 @DRAWN
 @pytest.mark.parametrize("path", list(PATHS))
 @pytest.mark.parametrize(("key", "degrees"), [("nees_velocity_attitude", 6), ("nees", 20)])
@@ -113,6 +114,7 @@ def test_right_about_itself_in_worlds_as_assumed(path: str, key: str, degrees: i
     assert low < nees.mean() < high
 
 
+@pytest.mark.first_cases(1)
 @SIZES
 @pytest.mark.parametrize("name", ["figure_eight", "lawn_mower"])
 def test_better_than_tight_coupling_in_still_water(name: str, runs: int) -> None:
@@ -136,6 +138,7 @@ def test_holds_in_a_cross_current(name: str, runs: int) -> None:
         assert np.median(batch["nees_velocity_attitude"][:, METHODS.index(method)].mean(axis=1)) > 60
 
 
+@pytest.mark.first_cases(1)
 @SIZES
 @pytest.mark.parametrize("current_mps", [0.0, CROSS_MPS])
 @pytest.mark.parametrize("name", list(PATHS))

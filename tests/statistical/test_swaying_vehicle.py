@@ -35,7 +35,7 @@ def test_a_swaying_vehicle_in_short() -> None:
     check_swaying("tactical, 20 s", 6)
 
 
-@pytest.mark.first_cases(2)
+@pytest.mark.first_cases(1)
 @pytest.mark.statistical
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*WANDERING, *RAMPS])
@@ -43,7 +43,7 @@ def test_claims_no_more_than_the_data_allow(name: str) -> None:
     check_swaying(name, 30)
 
 
-@pytest.mark.first_cases(2)
+@pytest.mark.first_cases(1)
 @pytest.mark.statistical
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*WANDERING, *RAMPS])

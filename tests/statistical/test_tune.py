@@ -78,7 +78,7 @@ def errors_over_sd(seed: int, *, far: bool = False) -> tuple[float, ...]:
     return tuple((found.best.at - np.log([kind[name] for name in TUNED])) / sd)
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_noise_is_found_from_ten_times_off(seed: int) -> None:
     """Three kinds of instruments, each noise ten times too large or too small at random.
