@@ -26,13 +26,13 @@ tools           := target/tools
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
 # What pyproject.toml names, at the versions and with the hashes of the lock, from where pip is told to look.
-uv := UV_DEFAULT_INDEX="$${UV_DEFAULT_INDEX:-$${PIP_INDEX_URL:-$$($(bin)/python -m pip config get global.index-url 2>/dev/null || \
+uv := env UV_DEFAULT_INDEX="$${UV_DEFAULT_INDEX:-$${PIP_INDEX_URL:-$$($(bin)/python -m pip config get global.index-url 2>/dev/null || \
     echo https://pypi.org/simple)}}" $(bin)/uv pip
 locked := $(uv) install --no-config --quiet --system-certs --python $(bin)/python --require-hashes --constraints requirements.lock
 # The build backend calls the locked maturin by its name.
 on_path := PATH="$(abspath $(bin)):$$PATH"
-# What every command imports of them: that alone is compiled beforehand.
-imported := import cyclopts, jinja2, matplotlib.figure, numpy, polars, pydantic, rich.progress, scipy.optimize, scipy.stats
+# Python keeps what it has compiled also where it is told not to: a command that starts takes 1 s with it, 6 without.
+export PYTHONDONTWRITEBYTECODE :=
 # By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
 make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
@@ -225,14 +225,14 @@ $(VENV)/pyvenv.cfg:
 $(bin)/uv: | $(VENV)/pyvenv.cfg
 	$(pip) install --no-compile uv==$(UV)
 
-# A release build of the extension, with the locked crates, installed as users get it. What it needs is downloaded and unpacked
-# where the compiler leaves a core idle; Python compiles of it what is imported, and no more.
+# A release build of the extension, with the locked crates, installed as users get it. What it needs is downloaded and compiled
+# where the compiler leaves a core idle.
 $(VENV)/.installed: $(wheel_sources) | $(bin)/uv
 	$(locked) maturin
 	rm -rf target/wheel
 	@$(on_path) maturin build --release --locked --quiet --interpreter $(bin)/python --out target/wheel & wheel=$$!; \
-	    $(locked) --requirement pyproject.toml && nice -n 19 $(bin)/python -c '$(imported)'; needed=$$?; wait $$wheel && exit $$needed
-	$(uv) install --no-config --quiet --python $(bin)/python --no-deps --reinstall target/wheel/*.whl
+	    nice -n 19 $(locked) --compile-bytecode --requirement pyproject.toml; needed=$$?; wait $$wheel && exit $$needed
+	$(uv) install --no-config --quiet --python $(bin)/python --no-deps --reinstall --compile-bytecode target/wheel/*.whl
 	touch $@
 
 # What the tests need and what the wheel needs; the wheel, if it is installed after it, finds all it asks for.
