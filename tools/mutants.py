@@ -79,7 +79,7 @@ def fails(folder: Path, file: str, tests: tuple[str, ...]) -> bool:
     module = ".".join(Path(file).with_suffix("").parts)
     environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [
-        sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not long and not slow",
+        sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not deep and not slow",
         "--doctest-modules", "--pyargs", module, *tests,
     ]  # fmt: skip
     try:

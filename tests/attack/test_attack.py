@@ -55,6 +55,7 @@ def _dangerous(seed: int, case: int, trial: Trial) -> None:
         time.sleep(60.0)
 
 
+@pytest.mark.long
 def test_an_abort_and_a_hang_are_kept_and_the_others_go_on() -> None:
     """Every other case of three tasks is run, and run once."""
     outcome = attack(SEED, 101, jobs=2, limit_s=1.0, run=_dangerous)

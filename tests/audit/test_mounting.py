@@ -70,7 +70,7 @@ def misses(found: Mounting) -> Array:
     return np.concatenate([rpy, arm, rest])
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.parametrize("with_velocity", [True, False])
 def test_a_lively_vehicle_shows_everything(with_velocity: bool) -> None:
     """Eight quantities within five of their deviations, and these deviations small enough to be of use."""
@@ -84,6 +84,7 @@ def test_a_lively_vehicle_shows_everything(with_velocity: bool) -> None:
     assert "not_observable" not in kinds
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("logs", [4, pytest.param(12, marks=pytest.mark.long)])
 def test_deviations_are_consistent(logs: int) -> None:
     """Eight quantities a log: their normalised errors have a mean square near 1.
@@ -94,6 +95,7 @@ def test_deviations_are_consistent(logs: int) -> None:
     assert 0.5 < float(np.mean(off**2)) < 2.0
 
 
+@pytest.mark.long
 def test_a_straight_course_shows_no_lever_arm() -> None:
     """Without turns ω × l is nothing, and roll about the course turns nothing into anything."""
     found = plant(2, lively=0.0, with_velocity=True)

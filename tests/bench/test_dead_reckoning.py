@@ -22,6 +22,7 @@ def test_it_is_a_method_of_the_benchmark() -> None:
     assert estimator("dead_reckoning") == ("dead_reckoning", estimate)
 
 
+@pytest.mark.long
 def test_errors_are_of_the_size_that_it_claims() -> None:
     """Normalised position errors of several missions, horizontally: within 0.1 and 3 in the mean square."""
     squares = []

@@ -85,6 +85,7 @@ def test_a_fault_of_a_rival_names_it_and_its_mission(tmp_path: Path, cluster: st
         run(tmp_path, "broken=tests.bench.test_engines:no_estimate", engine="dask", scheduler=cluster)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

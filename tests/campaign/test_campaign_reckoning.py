@@ -92,7 +92,7 @@ def test_what_it_does_not_estimate_is_null() -> None:
     assert others["nees"].null_count() == 0
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.parametrize("reference", ["heading", "magnetometer"])
 def test_errors_are_of_the_size_that_it_claims(reference: str) -> None:
     """RMS of error over σ at the end, horizontally, over 64 runs: 1 within 4 of its sigma, 1/√128."""

@@ -133,6 +133,7 @@ def test_broken_off_on_a_cluster_and_resumed_without(tmp_path: Path, processes: 
     same_bits(whole, tmp_path / "m")
 
 
+@pytest.mark.long
 @needs_dask
 @pytest.mark.slow
 def test_vehicles_that_fly_on_estimates_travel_too(
@@ -246,6 +247,7 @@ def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # no
     assert run_campaign([short()], tmp_path, threads=1).runs.height == 15
 
 
+@pytest.mark.long
 @needs_dask
 def test_waiting_for_workers_is_said(tmp_path: Path, threads: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
     """At the start and in mid-campaign, once until one comes; a short wait is not worth a word."""
@@ -352,6 +354,7 @@ def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
         check_engine("dask")
 
 
+@pytest.mark.long
 def test_the_extra_is_imported_only_when_asked_for(tmp_path: Path) -> None:
     """Neither the command nor a local campaign pulls it in."""
     code = (

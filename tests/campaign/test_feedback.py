@@ -22,6 +22,7 @@ def scenario(name: str = "lawn_mower", *, seconds: float = 8.0, **campaign_keys:
     return short.model_copy(update={"campaign": packaged.campaign.model_copy(update=campaign_keys)})
 
 
+@pytest.mark.long
 def test_bits_do_not_depend_on_company() -> None:
     """Run 3 of TC is the same among seven runs and two methods, alone, and as pilot of a crew."""
     simulation = build_simulation(scenario(seconds=4.0))
@@ -37,6 +38,7 @@ def test_bits_do_not_depend_on_company() -> None:
     )
 
 
+@pytest.mark.long
 def test_cross_track_is_the_error_that_guidance_cannot_see() -> None:
     """On the straight, the vehicle steers its estimated cross-track to zero: the true one is the east error.
 
@@ -50,6 +52,7 @@ def test_cross_track_is_the_error_that_guidance_cannot_see() -> None:
     assert np.abs(east_error).max() > 2.0
 
 
+@pytest.mark.long
 def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
     """Per run and method in the table; cut into chunks, interrupted or not, the same tables."""
     flight = scenario(seconds=4.0, runs=3, methods=("ins", "tc"))

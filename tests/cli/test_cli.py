@@ -69,6 +69,7 @@ def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
     assert "holds no campaign of ours (no manifest.json" in done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_shards_merge_to_the_table_of_one_run(tmp_path: Path) -> None:
     """Two directories, one `merge`, and the very bytes and numbers of the campaign run in one go."""
@@ -305,6 +306,7 @@ def test_a_table_with_control_characters_is_aligned() -> None:
     assert "\x1b[31m" not in text
 
 
+@pytest.mark.long
 def test_a_name_that_is_no_text_in_a_terminal(tmp_path: Path) -> None:
     """The character that a terminal cannot show is printed as its code, after the tables are written."""
     done = process(*RUN, "--out", "o\udcff", cwd=tmp_path)
@@ -384,6 +386,7 @@ def test_observe_tells_masks_directions_and_manoeuvres(
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("is_drawn", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_observe_the_papers_cases(tmp_path: Path, *, is_drawn: bool) -> None:
     """Fifteen windows, six figures, one table; tests/observability/test_observability.py draws two."""

@@ -161,7 +161,7 @@ def test_a_log_in_json_needs_a_table_of_another_name(here: Path) -> None:
 AUDIT = ("--geometry", "x_janus_20", "--out", "o")
 
 
-@pytest.mark.first_cases(2)
+@pytest.mark.first_cases(1)
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("first", "second"),
@@ -232,6 +232,7 @@ def test_force_leaves_what_no_record_names(tmp_path: Path) -> None:
     assert all(path.read_text(encoding="utf-8") == "mine" for path in own)
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "changed", [("--runs", "3"), ("--runs", "2", "--seed", "5", "--force")], ids=["resume", "force"]
@@ -257,6 +258,7 @@ def test_a_report_does_not_outlive_its_tables(tmp_path: Path, changed: tuple[str
         assert contents(out).keys() - {"figures"} >= plain
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_a_report_that_was_edited_is_the_user_s(tmp_path: Path) -> None:
     assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
@@ -282,6 +284,7 @@ def test_a_report_that_was_edited_is_the_user_s(tmp_path: Path) -> None:
     assert command("report", "o", cwd=tmp_path).returncode == 0
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_a_comparison_follows_its_campaigns(tmp_path: Path) -> None:
     """In the folder of its variants it is made again by `run --set`, and goes when one of them alone is run again."""

@@ -76,6 +76,7 @@ def test_report_is_made_again_from_the_tables(out: Path) -> None:
     assert (out / "report.html").read_bytes() == page
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_report_without_its_figures_is_the_same(out: Path, tmp_path: Path) -> None:
     """Made again from the tables elsewhere; figures are drawn again by the test above."""

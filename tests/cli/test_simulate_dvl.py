@@ -86,6 +86,7 @@ def test_a_terminal_named_by_a_link(tmp_path: Path) -> None:
     assert [json.loads(line)["type"] for line in got.splitlines()] == ["velocity"] * 20
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
     """In real time over TCP: a client reads, Ctrl-C ends with exit code 130 and the record of what was sent."""
     truth = tmp_path / "sent.parquet"

@@ -201,6 +201,7 @@ def test_a_journal_of_something_else_is_left(tmp_path: Path) -> None:
     assert journal_of(out, case, 0.5, ("tc",)).begun("noise") is None
 
 
+@pytest.mark.long
 def test_methods_that_predict_what_was_measured(tmp_path: Path) -> None:
     """Others are an error that names those; the result says which were used."""
     path = write_case(tmp_path, dive(6, seconds=400.0), WRONG)
@@ -264,6 +265,7 @@ def test_the_sway_is_tuned_where_a_method_uses_it(tmp_path: Path) -> None:
     assert "beams beyond two" in done.stdout
 
 
+@pytest.mark.long
 def test_without_whole_pings_the_sway_is_kept(tmp_path: Path) -> None:
     """A beam that is always lost leaves nothing to judge two beams by."""
     dived = dive(8, seconds=400.0)

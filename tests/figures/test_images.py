@@ -38,6 +38,7 @@ def _drawn_here() -> list[images.Images]:
     ]
 
 
+@pytest.mark.long
 def test_images_are_those_of_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Byte for byte, in the order of the figures; both processes draw."""
     sizes: list[int] = []
@@ -56,6 +57,7 @@ def test_images_are_those_of_one_process(monkeypatch: pytest.MonkeyPatch) -> Non
     assert 0 < len(sizes) < len(drawings)
 
 
+@pytest.mark.long
 def test_a_process_that_fails_costs_time_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """It ends at once: the caller draws all."""
     monkeypatch.setattr(sys, "executable", shutil.which("false"))

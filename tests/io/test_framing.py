@@ -78,6 +78,7 @@ def beams_of(name: str) -> int:
     return 3 if name in {"nucleus", "cerulean-dvkfc"} else 4
 
 
+@pytest.mark.first_cases(2)
 @pytest.mark.parametrize("name", FORMATS)
 @given(data=st.data())
 def test_any_pieces_give_the_pings_of_the_file(name: str, data: st.DataObject) -> None:

@@ -121,6 +121,7 @@ def rows_of(motion: Shaken, beams: Array) -> Array:
     return H[beams]
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("beams", [None, PAIR])
 def test_every_step_takes_its_own_reading(beams: Array | None) -> None:
     """First order at every step is the dense first order; the reading of the step before is off by parts in a thousand.

@@ -359,6 +359,7 @@ def test_the_slow_error_is_found(entries: Arrivals) -> None:
     assert f'bottomlock_reference_error_rad{{angle="yaw"}} {np.deg2rad(error):.9g}' in metrics(shown)
 
 
+@pytest.mark.long
 def test_the_slow_error_of_the_start_counts_once(tmp_path: Path) -> None:
     """Started from the readings, the heading stays as unknown as their slow error, and its ratio is one over draws."""
     ratios = []

@@ -133,6 +133,7 @@ def test_bytes_that_are_nothing_wait_and_are_not_lost() -> None:
     assert bytes(found) == bytes(12 * 1024)
 
 
+@pytest.mark.long
 def test_the_page_answers_beside_idle_clients() -> None:
     """Three hundred connections that ask nothing: few are held, and whoever asks is answered."""
 

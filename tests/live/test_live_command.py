@@ -103,6 +103,7 @@ def test_from_the_dvls_line_to_the_listener(tmp_path: Path) -> None:
     assert read_raw_log(log).start == {"config.toml": b"x"}
 
 
+@pytest.mark.long
 def test_a_connection_that_breaks_is_made_again(tmp_path: Path) -> None:
     """It is said, tried again, and the estimates go on."""
     heard, log, words = asyncio.run(whole_chain(tmp_path, drop_at=1.7))
@@ -187,6 +188,7 @@ def test_a_fault_of_ours_stops_the_sending_and_is_said() -> None:
     assert any("nothing is sent any more" in word for word in words)
 
 
+@pytest.mark.long
 def test_every_flipped_bit_of_the_framing_is_seen(tmp_path: Path) -> None:
     """Kind, length and number of each record: where the log ends and why; never "the same bits" alone."""
     content = write_log(tmp_path)

@@ -133,6 +133,7 @@ def test_numbers_match_numpy(eight: Truth) -> None:
     np.testing.assert_allclose(found.gramian, weighted.T @ found.rows, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.long
 @given(
     speed=st.floats(0.0, 5.0), size=st.floats(0.0, 1.0), rate=st.floats(0.01, 0.5), turn=st.floats(-0.2, 0.2),
     turning=st.booleans(),
@@ -301,6 +302,7 @@ def test_figures_have_a_panel_for_every_group(monkeypatch: pytest.MonkeyPatch) -
         deviation_figure(sds.drop("case"), ranks, "x", title="")
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_scenario_to_tables_and_a_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = tmp_path / "short.toml"

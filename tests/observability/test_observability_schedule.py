@@ -169,6 +169,7 @@ def hover_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "manoeuvre_table", partial(manoeuvre_table, manoeuvres=[MANOEUVRES["hover"]]))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.usefixtures("hover_alone", "undrawn")
 def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
@@ -191,6 +192,7 @@ def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
     assert sway[-1] < 0.5 * sway[30]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.usefixtures("hover_alone", "undrawn")
 def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> None:

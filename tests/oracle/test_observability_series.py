@@ -265,6 +265,7 @@ def test_lever_arms_have_their_columns() -> None:
             assert found.rank == exact_rank(name, aiding, turning=True, lever=True), aiding.name
 
 
+@pytest.mark.first_cases(2)
 @MOTIONS_OF_EARTHS
 def test_three_beam_instruments(name: str, turning: bool) -> None:
     """The seven masks of three beams: biases of beams that are not there are hidden, and every claim is exact."""

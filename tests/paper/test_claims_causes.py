@@ -39,6 +39,7 @@ def test_an_improvement_is_told_by_both_formulas_where_the_verdict_depends_on_it
     assert words is None or words in note
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize(
     ("level", "runs", "verdict", "words"),
     [

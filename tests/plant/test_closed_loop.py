@@ -25,6 +25,7 @@ def _perfect(block: TruthBlock) -> Estimate:
     return Estimate(block.position_t_m[:, -1], block.attitude_t_p[:, -1], block.velocity_p_mps[:, -1])
 
 
+@pytest.mark.long
 def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
     mission = lawn_mower(duration_s=15.0)
     group = _fleet(tauv, mission, 2)

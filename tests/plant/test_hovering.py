@@ -184,6 +184,7 @@ def test_the_truth_is_smooth_and_converged(flight: Flight) -> None:
     assert np.abs(fine.state[:, :7] - history.state[:, :7]).max() < 1e-3
 
 
+@pytest.mark.long
 def test_a_perfect_estimate_gives_the_open_loop_truth() -> None:
     mission = crabbing(duration_s=20.0)
     group = VehicleGroup(ROV, mission, runs=2, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)

@@ -90,6 +90,7 @@ def _product(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]]) @ b
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LAWN_MOWER)
 def test_a_perfect_imu_returns_the_truth(flights: dict[str, Flight], name: str) -> None:
     """A second-order strapdown with coning ends within 1 cm and 1e-6 rad after 250 s."""

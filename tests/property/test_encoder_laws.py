@@ -87,6 +87,7 @@ def near(value: Array, truth: Array, step: float, relative: float) -> None:
     )
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("one", WITH_BEAMS, ids=lambda one: one.name)
 @given(data=st.data())
 def test_pings_read_back(one: Format, data: st.DataObject) -> None:

@@ -81,6 +81,7 @@ def expected_readings(instrument: sea.Instrument, state: StateDict, rate: Array)
     )
 
 
+@pytest.mark.first_cases(1)
 @given(
     instrument=sea.instruments(least=3, most=4),
     velocity=sea.velocities,

@@ -122,6 +122,7 @@ def inputs(
     }
 
 
+@pytest.mark.first_cases(2)
 @given(
     instrument=sea.instruments(),
     velocity=sea.velocities,

@@ -97,7 +97,7 @@ def walk(rng: np.random.Generator, seconds: Floats, sd: float, time_s: float) ->
 SOURCES = ("noise", "bias", "scale", "offset", "walk", "white")
 
 
-@pytest.mark.first_cases(2)
+@pytest.mark.long
 @pytest.mark.parametrize("only", [*SOURCES, "all"])
 def test_the_claimed_covariance_is_that_of_an_ensemble(only: str) -> None:
     """200 dives with drawn errors: position errors over their covariance are chi-squared (band of 0.9999, two axes)."""

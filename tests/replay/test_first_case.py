@@ -197,6 +197,7 @@ def test_what_cannot_be_used_is_said_in_one_line(dive: RovDive, tmp_path: Path) 
         assert len(line) < 140
 
 
+@pytest.mark.long
 @pytest.mark.recordings
 @pytest.mark.parametrize("section", ["01", "06"])
 def test_recorded_files_without_times_or_right_handed_axes(
@@ -262,6 +263,7 @@ def test_poor_stamps_keep_their_column(dive: RovDive, tmp_path: Path, kind: str,
     assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("given_deg", [0.0, 120.0, 211.0])
 def test_a_heading_that_nothing_tells_is_unknown(dive: RovDive, tmp_path: Path, given_deg: float) -> None:
     """±180°: the track keeps its shape and claims nothing of its direction; it is called relative.

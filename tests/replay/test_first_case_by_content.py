@@ -90,7 +90,7 @@ def silent(dive: RovDive) -> RovDive:
     return replace(dive, beams=beams)
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.parametrize(("lost", "kind"), [(blind, "verdict"), (silent, "no_fix")])
 def test_a_log_without_a_whole_velocity_runs_to_its_page(
     dive: RovDive, tmp_path: Path, lost: Callable[[RovDive], RovDive], kind: str

@@ -251,7 +251,7 @@ def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> N
     assert row["position_final_percent"] < 2.0
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.parametrize(("agreement", "axes"), [(0.05, ("x", "y", "z")), (0.8, ("y", "-x", "z"))])
 def test_accelerations_that_hardly_agree_turn_nothing(
     dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, agreement: float, axes: tuple[str, ...]
@@ -281,6 +281,7 @@ def test_the_track_mounts_a_dvl_without_inertial_readings(dive: RovDive, tmp_pat
     assert "no inertial readings: are clock and axes of the DVL those of the attitude?" in text
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("geometry", ["teledyne_30", "x_janus_20"])
 def test_the_closure_tells_the_order_of_four_beams(tmp_path: Path, geometry: str) -> None:
     """Beams of no known instrument: a first case takes the packaged order that closes, and asks for the tilt."""
@@ -296,6 +297,7 @@ def test_the_closure_tells_the_order_of_four_beams(tmp_path: Path, geometry: str
     assert "# ?" in text[: text.index(f'geometry = "{geometry}"') + 200]
 
 
+@pytest.mark.long
 def test_the_attitude_of_the_reference_does_not_aid(dive: RovDive, tmp_path: Path) -> None:
     """A truth that judges the estimate must not make it."""
     files = tables(tmp_path, dive)
@@ -322,7 +324,7 @@ def recorded_dives() -> ModuleType:
     return module
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.recordings
 @pytest.mark.parametrize("names", [("imu", "ahrs", "dvl", "gps"), ("mti", "dvl", "gps")])
 def test_a_recorded_dive_untouched_ends_near_dgps(
@@ -344,6 +346,7 @@ def test_a_recorded_dive_untouched_ends_near_dgps(
     assert tc["position_rms_over_time_m"] < 1.05 * floor["position_rms_over_time_m"]
 
 
+@pytest.mark.long
 def test_a_grade_gives_the_slow_errors_of_the_attitude(dive: RovDive, tmp_path: Path) -> None:
     case, _ = made(tmp_path, tables(tmp_path, dive))
     assert case.attitude is not None

@@ -58,6 +58,7 @@ def test_prior_is_that_of_a_literal_kalman_filter() -> None:
             P = P - np.outer(gain, h @ P)
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("beams", [1, 2])
 def test_consistent_methods_are_found_consistent(beams: int) -> None:
     """Where noise and walk are as assumed, error over claimed is 1 for least squares, PLCF and the information form.

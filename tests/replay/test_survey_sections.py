@@ -188,6 +188,7 @@ def test_the_navigator_alone_drifts_as_it_should(folder: Path) -> None:
     assert 10.0 < np.median(drift) < 300.0
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("lost", [(), (3, 4)])
 def test_three_names_for_one_update_on_real_data(folder: Path, lost: tuple[int, ...]) -> None:
     """TC, information form and exact VB: filter and smoother to 1e-9 m, with two beams and (projected) with four."""

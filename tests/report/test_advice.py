@@ -138,6 +138,7 @@ def test_a_method_without_sway_is_recommended_only_if_a_current_tested_it(
     assert tested or "tests in a current" in part.consistent_here_only["weak_sway"]
 
 
+@pytest.mark.long
 def test_the_page_says_why_a_method_of_still_water_is_not_recommended(tmp_path: Path) -> None:
     """Its cells in the studies, its error in the swept current, and that still water does not test it."""
     folder = write_campaign(tmp_path / "c", trajectories=["straight"], runs=12)

@@ -24,7 +24,7 @@ def accusations(log: BeamLog) -> list[str]:
     return [kind for kind in kinds if kind != "directions_not_observable"]
 
 
-@pytest.mark.first_cases(2)
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("logs", [12, pytest.param(60, marks=pytest.mark.deep)])
 @pytest.mark.parametrize(
     "settings",
@@ -79,6 +79,7 @@ def test_deviations_of_directions(logs: int) -> None:
     assert 0.7 < float(np.mean(np.array(off) ** 2)) < 1.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("logs", [10, pytest.param(40, marks=LONG)])
 def test_a_mistilted_beam_is_named_rightly(logs: int) -> None:
     """The instrument has an unknown tilt of 3°: logs of 3000 pings, the right beam named in each, the tilt unbiased.

@@ -48,6 +48,7 @@ def test_an_imu_alone_on_a_survey(seed: int) -> None:
     assert of_mounting(audited(lever_arm_of(world, -1.0))) == {"lever_arm"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SOME_SEEDS)
 def test_a_straight_course_shows_yaw_and_scale_alone(seed: int) -> None:
     """A roll of 39 +- 0.1 degrees was told of one: neither roll, lever arm nor clock changes what is read there."""
@@ -62,7 +63,7 @@ def test_a_straight_course_shows_yaw_and_scale_alone(seed: int) -> None:
     assert [one.kind for one in findings if one.severity != "note"] == ["velocity_scale"]
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.parametrize("beside", BESIDE)
 def test_what_is_of_another_dive_tells_nothing(beside: str) -> None:
     for seed in SEEDS:

@@ -21,6 +21,7 @@ def dive() -> World:
     return simulated(11, pings=2000)
 
 
+@pytest.mark.long
 def test_defects_in_a_simulated_dive(dive: World) -> None:
     """Those that any instrument may have; the whole table is long."""
     clean = audited(dive)

@@ -38,6 +38,7 @@ def flown(name: str, runs: int = RUNS) -> Ensemble:
     return ensemble(name, readings, runs=runs)
 
 
+@pytest.mark.first_cases(1)
 @SIZES
 @WORLDS
 def test_the_states_are_as_sure_as_they_claim(name: str, runs: int, probability: float) -> None:
@@ -56,6 +57,7 @@ def test_velocity_and_attitude_follow(name: str, runs: int, probability: float) 
     assert found.without.mean() > 20 * found.with_states.mean()
 
 
+@pytest.mark.long
 def test_what_is_not_seen_keeps_its_prior() -> None:
     """One heading at one speed shows neither clock nor roll of the mounting; speed and turns show everything."""
     straight, every = (np.sqrt(np.mean(flown(name).sd ** 2, axis=0)) for name in ("straight", "all"))

@@ -41,6 +41,7 @@ def test_consistent_methods(method: str, trajectory: str) -> None:
     assert inside >= chi_squared.least_fraction_inside(nees, DEGREES, band)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("method", "trajectory"), [("lc", "straight"), ("lc", "figure_eight"), ("tc", "figure_eight")]
 )

@@ -19,6 +19,7 @@ FAST = [(85.0, 90.0)]
 WAYS = [(latitude, heading) for latitude in LATITUDES_DEG for heading in HEADINGS_DEG]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("latitude_deg", "heading_deg"),
     [way if way in FAST else pytest.param(*way, marks=pytest.mark.long) for way in WAYS],

@@ -56,6 +56,7 @@ def locked_out(batch: dict[str, Any], method: str) -> int:
     return int((batch["fixes_rejected"][:, column] > batch["fixes_accepted"][:, column]).sum())
 
 
+@pytest.mark.long
 def test_filters_that_start_wrong_come_back() -> None:
     """Tilts four times as large as claimed: without inflation every third run is lost, with it none."""
     closed, reopened = run_with_tilt(4.0, 0), run_with_tilt(4.0, 5)
@@ -68,6 +69,7 @@ def test_filters_that_start_wrong_come_back() -> None:
     assert speeds(reopened, "sway_current").max() < 0.8
 
 
+@pytest.mark.long
 def test_a_right_filter_does_not_notice() -> None:
     """Five right fixes rejected in a row happen once in 10¹²: runs without a lock-out end in the same bits."""
     closed, reopened = run_with_tilt(1.0, 0), run_with_tilt(1.0, 5)

@@ -44,6 +44,7 @@ def test_student_t_claims_what_it_achieves(lost: tuple[int, ...]) -> None:
     assert heavy.run_tc(WHERE, "gaussian", heavy=True, lost=lost)[1].mean() > 8.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("lost", "student", "huber"),
     [((), 1.07, 1.03), pytest.param((3, 4), 1.03, 1.01, marks=pytest.mark.long)],

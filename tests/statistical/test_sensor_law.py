@@ -73,6 +73,7 @@ def test_no_sensor_makes_it_worse(mask: tuple[int, ...], runs: int) -> None:
     assert found["left_band"].sum() == 0
 
 
+@pytest.mark.long
 def test_depth_does_not_touch_what_it_cannot_judge() -> None:
     """With one beam, tightly coupled: the errors of velocity with depth are those without, whatever the run."""
     rows = cell((1,), 40).filter((pl.col("method") == "tc") & pl.col("sensors").is_in(["none", "depth"]))
@@ -141,6 +142,7 @@ def test_what_is_no_variant() -> None:
         sensor_law.variant(analytic, (1,), (), 0.3)
 
 
+@pytest.mark.long
 def test_a_study_to_its_table(tmp_path: Path) -> None:
     """Two cells, the second time from their files."""
     few = scenario(2)
@@ -156,6 +158,7 @@ def test_a_study_to_its_table(tmp_path: Path) -> None:
     assert pl.read_parquet(tmp_path / "sensor_law.parquet").equals(first)
 
 
+@pytest.mark.long
 def test_the_page_says_what_the_table_says(tmp_path: Path) -> None:
     """Answer, summary and cells are the table's; a cell that becomes overconfident or worse is marked."""
     out = tmp_path / "law"

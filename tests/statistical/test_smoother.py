@@ -95,6 +95,7 @@ def run_smoother(trajectory: str, runs: int) -> dict[str, Array]:
     return {key: np.array(values) for key, values in out.items()}
 
 
+@pytest.mark.first_cases(1)
 @SIZES
 @pytest.mark.parametrize("trajectory", ["straight", "figure_eight"])
 def test_smoothed_states_are_as_sure_as_they_claim(trajectory: str, runs: int) -> None:

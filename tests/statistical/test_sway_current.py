@@ -154,6 +154,7 @@ def test_never_claims_too_much_on_the_vehicle(name: str, current_mps: float, run
     assert whole.mean() < chi_squared.mean_band(whole.mean(axis=1), 20)[1]
 
 
+@pytest.mark.first_cases(1)
 @SIZES
 @pytest.mark.parametrize("name", list(PATHS))
 def test_the_yaw_is_no_better_known_than_by_tight_coupling(name: str, runs: int) -> None:

@@ -43,7 +43,7 @@ def test_claims_no_more_than_the_data_allow(name: str) -> None:
     check_swaying(name, 30)
 
 
-@pytest.mark.first_cases(1)
+@pytest.mark.long
 @pytest.mark.statistical
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*WANDERING, *RAMPS])
@@ -65,6 +65,7 @@ def test_a_published_cell_of_slip_comes_out_again() -> None:
     assert numbers[1] == pytest.approx(numbers[0], rel=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.statistical
 @pytest.mark.slow
 def test_the_gain_stays_where_the_prior_holds() -> None:
