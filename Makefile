@@ -228,7 +228,7 @@ $(bin)/uv: | $(VENV)/pyvenv.cfg
 # A release build of the extension, with the locked crates, installed as users get it. What it needs is downloaded and compiled
 # where the compiler leaves a core idle.
 $(VENV)/.installed: $(wheel_sources) | $(bin)/uv
-	$(locked) maturin
+	$(locked) --group build
 	rm -rf target/wheel
 	@$(on_path) maturin build --release --locked --quiet --interpreter $(bin)/python --out target/wheel & wheel=$$!; \
 	    nice -n 19 $(locked) --compile-bytecode --requirement pyproject.toml; needed=$$?; wait $$wheel && exit $$needed
