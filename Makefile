@@ -33,8 +33,6 @@ locked := $(uv) install --no-config --quiet --system-certs --python $(bin)/pytho
 on_path := PATH="$(abspath $(bin)):$$PATH"
 # Python keeps what it has compiled also where it is told not to: a command that starts takes 1 s with it, 6 without.
 export PYTHONDONTWRITEBYTECODE :=
-# What every command imports of what the wheel needs: that alone is compiled beforehand.
-imported := import cyclopts, jinja2, markdown_it, matplotlib.figure, numpy, polars, pydantic, rich.progress, scipy.optimize, scipy.stats
 # By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
 make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
@@ -233,7 +231,7 @@ $(VENV)/.installed: $(wheel_sources) | $(bin)/uv
 	$(locked) --group build
 	rm -rf target/wheel
 	@$(on_path) maturin build --release --locked --quiet --interpreter $(bin)/python --out target/wheel & wheel=$$!; \
-	    nice -n 19 $(locked) --requirement pyproject.toml && nice -n 19 $(bin)/python -c '$(imported)'; needed=$$?; wait $$wheel && exit $$needed
+	    nice -n 19 $(locked) --compile-bytecode --requirement pyproject.toml; needed=$$?; wait $$wheel && exit $$needed
 	$(uv) install --no-config --quiet --python $(bin)/python --no-deps --reinstall --compile-bytecode target/wheel/*.whl
 	touch $@
 
