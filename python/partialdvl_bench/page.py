@@ -8,12 +8,11 @@ import polars as pl
 from markupsafe import Markup
 
 from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import svg_text
+from bottomlock.figures.palette import STROKES, svg_text
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.beam_table import sha256_of
-from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.statistics.chi_squared import mean_band
 from bottomlock.tables.check import check
@@ -92,7 +91,7 @@ def write_page(
         "tasks": [_task(table, task) for task in (OVERALL, *COLUMNS) if task in table["task"]],
         "factors": _factors(scores, table),
         "led": _led(scores),
-        "words": METHOD_WORDS,
+        "words": {name: look.words for name, look in STROKES.items()},
         "counts": {
             split: sum(spec.split == split for spec in specs) for split in ("train", "validation", "test")
         },

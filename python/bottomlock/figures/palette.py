@@ -14,11 +14,12 @@ from matplotlib.path import Path
 
 @dataclass(frozen=True)
 class Stroke:
-    """Colour, dash and marker of a method in every figure; the marker is one of matplotlib's."""
+    """Colour, dash and marker of a method in every figure, and a line on it; the marker is one of matplotlib's."""
 
     colour: str
     dash: Any
     marker: str
+    words: str = "a method of one's own"
 
 
 def _dashes(*lengths: float) -> tuple[int, tuple[float, ...]]:
@@ -27,24 +28,94 @@ def _dashes(*lengths: float) -> tuple[int, tuple[float, ...]]:
 
 
 STROKES = {
-    "ins": Stroke("#616080", _dashes(1, 1.4), "|"),
-    "lc": Stroke("#7e9a93", _dashes(9, 2), "s"),
-    "tc": Stroke("#9233d2", "-", "o"),
-    "vb": Stroke("#836258", _dashes(5, 1.4, 1, 1.4), "v"),
-    "nsv": Stroke("#6da163", _dashes(4, 1.6), "^"),
-    "plcf": Stroke("#164fff", _dashes(2.2, 1.3), "<"),
-    "vhv": Stroke("#327cff", _dashes(5, 1.4, 1, 1.4, 1, 1.4), ">"),
-    "elc": Stroke("#e12209", _dashes(5, 3), "D"),
-    "vb_exact": Stroke("#f218b2", _dashes(3, 3), "+"),
-    "info": Stroke("#498fe5", _dashes(1, 2.6), "x"),
-    "weak_sway": Stroke("#0b93c5", _dashes(9, 1.6, 2.5, 1.6), "P"),
-    "sway_current": Stroke("#b93021", _dashes(12, 1.6), "*"),
-    "consistent": Stroke("#f56803", _dashes(7, 1.6, 3, 1.6, 3, 1.6), "X"),
-    "dead_reckoning": Stroke("#989544", _dashes(2, 1, 6, 1), "1"),
+    "ins": Stroke(
+        "#616080",
+        _dashes(1, 1.4),
+        "|",
+        "nothing: the inertial system alone",
+    ),
+    "lc": Stroke(
+        "#7e9a93",
+        _dashes(9, 2),
+        "s",
+        "velocity by least squares from all four beams, none lost: the reference",
+    ),
+    "tc": Stroke(
+        "#9233d2",
+        "-",
+        "o",
+        "one row for every valid beam (tight coupling)",
+    ),
+    "vb": Stroke(
+        "#836258",
+        _dashes(5, 1.4, 1, 1.4),
+        "v",
+        "a virtual beam from the filter's own velocity, assumed independent of it",
+    ),
+    "nsv": Stroke(
+        "#6da163",
+        _dashes(4, 1.6),
+        "^",
+        "assumes that sway is zero, with a small variance",
+    ),
+    "plcf": Stroke(
+        "#164fff",
+        _dashes(2.2, 1.3),
+        "<",
+        "uses only the platform components that the beams determine",
+    ),
+    "vhv": Stroke(
+        "#327cff",
+        _dashes(5, 1.4, 1, 1.4, 1, 1.4),
+        ">",
+        "takes heave from the filter to solve for sway",
+    ),
+    "elc": Stroke(
+        "#e12209",
+        _dashes(5, 3),
+        "D",
+        "for each component the least variance of vb, nsv, plcf and vhv",
+    ),
+    "vb_exact": Stroke(
+        "#f218b2",
+        _dashes(3, 3),
+        "+",
+        "vb with its correlation to the filter kept",
+    ),
+    "info": Stroke(
+        "#498fe5",
+        _dashes(1, 2.6),
+        "x",
+        "the observable principal axes through a velocity port",
+    ),
+    "weak_sway": Stroke(
+        "#0b93c5",
+        _dashes(9, 1.6, 2.5, 1.6),
+        "P",
+        "assumes that sway is zero, with a large variance",
+    ),
+    "sway_current": Stroke(
+        "#b93021",
+        _dashes(12, 1.6),
+        "*",
+        "tc, then sway and heave through the water, with the current as states",
+    ),
+    "consistent": Stroke(
+        "#f56803",
+        _dashes(7, 1.6, 3, 1.6, 3, 1.6),
+        "X",
+        "the most informative of tc, weak_sway and sway_current that the beams do not contradict",
+    ),
+    "dead_reckoning": Stroke(
+        "#989544",
+        _dashes(2, 1, 6, 1),
+        "1",
+        "no filter: the DVL's velocity, or the last one, turned by the recorded attitude and summed up",
+    ),
 }
-"""By method: the one table of looks. Colours are of middle lightness, so that they are legible on white and on black;
-the tests state how far two methods are apart for every eye. Dash and marker are each method's own, so that colour is
-never the only difference."""
+"""By method: the one table of looks and words. Colours are of middle lightness, so that they are legible on white and
+on black; the tests state how far two methods are apart for every eye. Dash and marker are each method's own, so that
+colour is never the only difference."""
 
 UNFILLED = "|+x1"
 """Markers that are strokes alone."""

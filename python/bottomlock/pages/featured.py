@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from bottomlock.pages.method_words import METHOD_WORDS
+from bottomlock.figures.palette import STROKES
 
 MOST = 5
 """Methods in a figure that stands open; the others are one click away, a panel each."""
@@ -40,7 +40,7 @@ def featured(methods: Sequence[str], recommended: Sequence[str]) -> list[str]:
     >>> featured(["ins", "lc", "tc", "nsv", "mine"], ["tc"])
     ['ins', 'lc', 'tc', 'nsv', 'mine']
     """
-    own = [method for method in methods if method not in METHOD_WORDS]
+    own = [method for method in methods if method not in STROKES]
     wanted = dict.fromkeys([*recommended[:1], *own[:2], *ORDER, *methods])
     chosen = [method for method in wanted if method in methods][:MOST]
     return [method for method in methods if method in chosen]

@@ -5,8 +5,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from bottomlock.figures.palette import swatch_svg
-from bottomlock.pages.method_words import METHOD_WORDS
+from bottomlock.figures.palette import stroke, swatch_svg
 from bottomlock.pages.numbers import number
 from bottomlock.pages.shared_svg import share_svg
 
@@ -29,6 +28,6 @@ def render(template: str, content: dict[str, Any], *, package: str = HOME) -> st
     )
     environment.filters["number"] = number
     environment.filters["swatch"] = lambda method: Markup(swatch_svg(method))  # noqa: S704 - numbers and colours
-    environment.filters["words"] = lambda method: METHOD_WORDS.get(method, "a method of one's own")
+    environment.filters["words"] = lambda method: stroke(method).words
     environment.filters["title"] = lambda name: str(name).replace("_", " ").capitalize()
     return share_svg(environment.get_template(template).render(content))

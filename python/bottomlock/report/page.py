@@ -10,10 +10,10 @@ from markupsafe import Markup
 
 from bottomlock.figures.images import Images, image_process
 from bottomlock.figures.inline_svg import inline_svg
+from bottomlock.figures.palette import STROKES
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.pages.featured import featured
-from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
@@ -95,7 +95,7 @@ def _content(campaign: CampaignTables, paper: Paper, claims: pl.DataFrame) -> di
     return {
         "campaign": campaign,
         "all_methods": [method for name in campaign.trajectories for method in campaign.methods(name)],
-        "method_words": METHOD_WORDS,
+        "method_words": {name: look.words for name, look in STROKES.items()},
         "references": REFERENCES,
         "untested": untested_in_current(campaign),
         "in_current": {name: swept_current(campaign.sweep, name) for name in campaign.trajectories},
