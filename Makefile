@@ -31,7 +31,7 @@ uv := env UV_DEFAULT_INDEX="$${UV_DEFAULT_INDEX:-$${PIP_INDEX_URL:-$$($(bin)/pyt
 locked := $(uv) install --no-config --quiet --system-certs --python $(bin)/python --require-hashes --constraints requirements.lock
 # The build backend calls the locked maturin by its name.
 on_path := PATH="$(abspath $(bin)):$$PATH"
-# Python keeps what it has compiled also where it is told not to: a command that starts takes 1 s with it, 6 without.
+# Python keeps what it has compiled also where it is told not to: `bottomlock run --help` takes 2 s with it, 6 without.
 export PYTHONDONTWRITEBYTECODE :=
 # By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
 make := $(MAKE) --no-print-directory

@@ -39,8 +39,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         first = item.get_closest_marker("first_cases")
         if first is None:
             continue
-        count, *to = first.args
-        later = to[0] if to else "long"
+        (count,), later = first.args, first.kwargs.get("later", "long")
         if item.get_closest_marker(later) is None:
             test = item.nodeid.split("[", 1)[0]
             seen[test] += 1

@@ -78,5 +78,5 @@ def _whole(column: pl.Series) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
 def published() -> dict[str, dict[str, str]]:
     """The committed digests: of each mission its `data` and its `truth` (digests.toml)."""
     text = (resources.files("partialdvl_bench") / "digests.toml").read_text(encoding="utf-8")
-    content: dict[str, dict[str, str]] = parse_toml(text, place="bench/digests.toml")
+    content: dict[str, dict[str, str]] = parse_toml(text, place="partialdvl_bench/digests.toml")
     return content

@@ -110,4 +110,4 @@ def _content() -> dict[str, Any]:
 
 def _read(name: str) -> dict[str, Any]:
     text = (resources.files("partialdvl_bench") / name).read_text(encoding="utf-8")
-    return parse_toml(text, place=f"bench/{name}")
+    return parse_toml(text, place=f"partialdvl_bench/{name}")

@@ -84,7 +84,7 @@ def commitment(seed: int, version: str) -> str:
 def commitments() -> dict[str, str]:
     """The published commitments by version (sealed.toml)."""
     text = (resources.files("partialdvl_bench") / "sealed.toml").read_text(encoding="utf-8")
-    content: dict[str, str] = parse_toml(text, place="bench/sealed.toml")
+    content: dict[str, str] = parse_toml(text, place="partialdvl_bench/sealed.toml")
     return content
 
 

@@ -36,7 +36,7 @@ RANKED = "nats a component"
 def climatology() -> dict[str, tuple[Floats, Floats]]:
     """Mean and covariance of velocity, position and current over the train split, by block."""
     text = (resources.files("partialdvl_bench") / "climatology.toml").read_text(encoding="utf-8")
-    content = parse_toml(text, place="bench/climatology.toml")
+    content = parse_toml(text, place="partialdvl_bench/climatology.toml")
     return {block: (np.array(one["mean"]), np.array(one["cov"])) for block, one in content.items()}
 
 

@@ -48,7 +48,6 @@ def combination_findings(readings: Array, row: NDArray[np.int64]) -> tuple[list[
             "The directions of three beams are not observable without the instrument's velocity or a stated geometry.",
             "Three beams have no closure.",
             "State a geometry.",
-            size=0.0,
         )  # fmt: skip
         return [note], []
     found = nearest_janus(readings, row)

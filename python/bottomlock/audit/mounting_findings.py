@@ -88,7 +88,6 @@ def _not_observable(what: str, sd: str, lacks: str) -> Finding:
         f"{what} is not observable in this log.",
         evidence,
         f"Record more {lacks}.",
-        size=0.0,
     )  # fmt: skip
 
 

@@ -10,14 +10,14 @@ from cyclopts import Parameter
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.cli.force import ForceStudy
-from bottomlock.cli.page_output import print_table
+from bottomlock.cli.page_output import print_part
 from bottomlock.cli.parameters import Methods, Recover, Seed, StudyOut, Threads, World, load_scenarios
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import study_folder
 from bottomlock.studies.cases import PAPER_TRAJECTORIES, beam_list, beams_of
-from bottomlock.studies.consistency_page import methods_table
+from bottomlock.studies.consistency_page import methods_part
 from bottomlock.studies.expected_verdicts import Expectation, check_names, departures, read_expectations
 
 Expectations = tuple[Expectation, ...]
@@ -90,12 +90,7 @@ def _check_expected(
 
 
 def _print(table: pl.DataFrame, out: Path) -> None:
-    print_table("Consistency", methods_table(table))
-    console.print(
-        "Three right columns: cells whose NEES of velocity and attitude, NEES of the whole state and NIS is "
-        "consistent / overconfident / conservative. A cell counts as consistent where the first is and nothing is "
-        "overconfident."
-    )
+    print_part(methods_part(table))
     console.print(
         f"false-alarm rate of the whole study: {consistency_study.FALSE_ALARM:.0%}; consistency.md in {out}"
     )

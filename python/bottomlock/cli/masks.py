@@ -25,9 +25,8 @@ from bottomlock.cli.parameters import (
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.pages.files import write_pages
 from bottomlock.pages.numbers import plain
-from bottomlock.pages.page import Page, Table
+from bottomlock.pages.page import Page, Table, write_pages
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import masks as mask_study
 from bottomlock.studies import recovery, study_folder, world_words

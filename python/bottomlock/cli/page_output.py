@@ -16,6 +16,6 @@ def print_part(part: Part) -> None:
 def print_table(title: str, table: Table) -> None:
     """Prints a table, narrow enough for 80 columns where its cells allow."""
     shown = narrow_table(title, table.columns[: table.left], table.columns[table.left :], wraps=True)
-    for row in table.cells():
-        shown.add_row(*row)
+    for row in table.rows:
+        shown.add_row(*(plain_text(cell) for cell in row))
     console.print(shown)

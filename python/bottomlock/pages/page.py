@@ -5,16 +5,18 @@ line; a cell that is a method in code is shown with the method's look where ther
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Self
 
 from markdown_it import MarkdownIt
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import svg_text
+from bottomlock.files.atomic_write import write_text
 from bottomlock.pages.render import render
 
 VERDICTS = ("consistent", "overconfident", "conservative")
@@ -58,10 +60,6 @@ class Table:
     left: int = 1
     folded: bool = False
 
-    def cells(self) -> Iterator[Sequence[str]]:
-        """The rows without their marks, for a terminal."""
-        return ([plain_text(cell) for cell in row] for row in self.rows)
-
 
 @dataclass(frozen=True)
 class Part:
@@ -76,10 +74,6 @@ class Part:
     id: str
     heading: str
     blocks: Sequence[str | Picture | Table]
-
-    def tables(self) -> list[Table]:
-        """Its tables."""
-        return [block for block in self.blocks if isinstance(block, Table)]
 
 
 @dataclass(frozen=True)
@@ -102,10 +96,6 @@ class Page:
     intro: Sequence[str] = ()
     about: str = ""
 
-    def part(self, name: str) -> Part:
-        """The part of an id."""
-        return next(part for part in self.parts if part.id == name)
-
 
 def html(page: Page) -> str:
     """The page as HTML that needs no network.
@@ -121,7 +111,7 @@ def html(page: Page) -> str:
         "parts": [*answer, *page.parts],
         "text": _html,
         "cell": _cell,
-        "kind": _kind,
+        "method_of": _method,
         "verdicts": VERDICTS,
         "plain": plain_text,
     }
@@ -152,6 +142,12 @@ def markdown(page: Page) -> str:
             elif isinstance(block, Table):
                 blocks += [*([block.caption] if block.caption else []), _markdown_table(block)]
     return "\n\n".join(blocks) + "\n"
+
+
+def write_pages(stem: Path, page: Page) -> None:
+    """Writes `stem`.md and `stem`.html."""
+    write_text(stem.with_name(f"{stem.name}.md"), markdown(page))
+    write_text(stem.with_name(f"{stem.name}.html"), html(page))
 
 
 def listed(lines: Sequence[str]) -> str:
@@ -193,9 +189,7 @@ def _cell(marked: str) -> Markup:
     return Markup("<br>").join(lines)
 
 
-def _kind(cell: str) -> tuple[str, str]:
-    """What a cell is, and its words: a method in code, a verdict, or nothing of these."""
-    method = re.fullmatch(r"`(\w+)`", cell)
-    if method:
-        return "method", method[1]
-    return ("verdict", cell) if cell in VERDICTS else ("", str(escape(cell)))
+def _method(cell: str) -> str:
+    """The method that a cell is in code; "" for another cell."""
+    found = re.fullmatch(r"`(\w+)`", cell)
+    return found[1] if found else ""

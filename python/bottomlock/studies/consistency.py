@@ -17,7 +17,7 @@ from bottomlock import kernel
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import write_parquet
-from bottomlock.pages.files import write_pages
+from bottomlock.pages.page import write_pages
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings

@@ -62,7 +62,7 @@ def page(table: pl.DataFrame, facts: Mapping[str, Any]) -> Page:
     """
     made_with = ", ".join(f"{name} {version}" for name, version in facts["versions"].items())
     parts = [
-        Part("methods", "Methods", [_COUNTED, methods_table(table)]),
+        methods_part(table),
         Part("where", "Where each method is consistent", [listed(list(_consistent(table)))]),
         *_matrices(table),
         Part("run", "What was run", [listed(_run(table, facts, made_with))]),
@@ -131,13 +131,14 @@ def _listed(rows: Sequence[Mapping[str, Any]], count: str) -> str:
     return ", ".join(found) or "none"
 
 
-def methods_table(table: pl.DataFrame) -> Table:
+def methods_part(table: pl.DataFrame) -> Part:
     """Cells and verdicts of each method."""
     rows = [
         [f"`{row['method']}`", str(row["cells"]), str(row["consistent"]), *counts_of(row)]
         for row in methods_summary(table).iter_rows(named=True)
     ]
-    return Table(["method", "cells", "consistent", "velocity and attitude", "whole state", "NIS"], rows)
+    columns = ["method", "cells", "consistent", "velocity and attitude", "whole state", "NIS"]
+    return Part("methods", "Methods", [_COUNTED, Table(columns, rows)])
 
 
 def _consistent(table: pl.DataFrame) -> Iterator[str]:

@@ -17,10 +17,9 @@ from bottomlock.pages.numbers import plain
 from bottomlock.pages.page import Page, Part, Picture, Table, listed
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import study_folder
+from bottomlock.studies.consistency_table import MARKS
 from bottomlock.studies.curves import by_method
 from bottomlock.studies.masks_answer import answer, worst_of_pairs
-
-_MARKS = {chi_squared.CONSISTENT: "", chi_squared.OVERCONFIDENT: " ▲", chi_squared.CONSERVATIVE: " ▽"}
 
 SHOWN_SPAN = 1.5
 """An interval whose ends differ by a greater factor is printed below its value."""
@@ -149,7 +148,7 @@ def cell(row: Mapping[str, Any] | None) -> str:
         return ""
     verdict, at_edge = verdict_at_edge(row)
     few = " †" if span(row) > GREATEST_SPAN else ""
-    value = plain(row["velocity_rms_over_runs_mps"]) + _MARKS[verdict] + ("?" if at_edge else "") + few
+    value = plain(row["velocity_rms_over_runs_mps"]) + MARKS[verdict] + ("?" if at_edge else "") + few
     return f"{value}<br>{interval(row)}" if span(row) > SHOWN_SPAN else value
 
 

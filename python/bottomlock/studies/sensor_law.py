@@ -20,7 +20,7 @@ from bottomlock.config.sensors import AcousticPosition, Depth, Gps, Heading, Mag
 from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.kernel import Method
-from bottomlock.pages.files import write_pages
+from bottomlock.pages.page import write_pages
 from bottomlock.simulation.build import build_simulation
 from bottomlock.statistics import chi_squared
 from bottomlock.statistics.rms import rms

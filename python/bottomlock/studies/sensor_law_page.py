@@ -1,6 +1,6 @@
 """The page of a sensor law study: the answer, the summary, and every cell."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import polars as pl
@@ -36,7 +36,7 @@ def page(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any]) -
         facts: runs, seed, false_alarm, made_with and command.
     """
     parts = [
-        summary_part(summary),
+        summary_part(summary, list(_pictures(summary))),
         *_cells(table),
         Part("judged", "How it is judged", [listed(_judged(facts))]),
     ]
@@ -72,10 +72,9 @@ def answer(summary: pl.DataFrame) -> Iterator[str]:
         )
 
 
-def summary_part(summary: pl.DataFrame) -> Part:
+def summary_part(summary: pl.DataFrame, pictures: Sequence[Picture] = ()) -> Part:
     """Every method and set of sensors."""
-    blocks: list[str | Picture | Table] = [*_pictures(summary), _summary(summary), _WORDS]
-    return Part("summary", "Every method and set of sensors", blocks)
+    return Part("summary", "Every method and set of sensors", [*pictures, _summary(summary), _WORDS])
 
 
 def _pictures(summary: pl.DataFrame) -> Iterator[Picture]:

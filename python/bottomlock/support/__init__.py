@@ -1,1 +1,1 @@
-"""What Python leaves out: modules that load late, extras, the nearest name, work in another process."""
+"""Helpers of every room: modules imported late, optional extras, the nearest name, work in another process."""
