@@ -38,8 +38,8 @@ make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
 pytest := $(bin)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-# The laws across modules, and the documentation's tests, on the kernel that the wheel is made of: naming the bindings gives
-# their dependencies the same features, so that nothing is compiled twice.
+# Rust tests on the kernel that the wheel is made of: naming the bindings gives their dependencies the same features, so that
+# nothing is compiled twice.
 released := cargo test --locked --release --package bottomlock --package bottomlock-py
 
 # Whatever ends in the wheel; a change to any of it rebuilds and reinstalls.
@@ -56,31 +56,29 @@ demo: $(VENV)/.installed
 	rm -rf $(OUT)
 	$(bin)/bottomlock reproduce --runs $(RUNS) --out $(OUT)
 
-# What guards a change. The wheel's kernel is one long step on one core: the Rust unit tests are built beside it.
-test: $(bin)/uv
-	@cargo test --locked --lib --no-run & rust=$$!; \
-	    $(make) $(VENV)/.tools $(VENV)/.installed; python=$$?; wait $$rust && exit $$python
+# What guards a change.
+test: $(VENV)/.tools $(VENV)/.installed
 	@$(make) test-python test-rust
 
 test-python: $(VENV)/.tools $(VENV)/.installed
 	$(pytest) -m "not long and not deep" --doctest-modules --pyargs bottomlock partialdvl_bench tests
 
-# Unit tests with overflow checks, then the laws. The bindings are tested by Python, examples by `make lint`.
+# Unit tests, laws and the documentation's tests. The bindings are tested by Python, examples by `make lint`.
 test-rust:
-	cargo test --locked --lib
-	$(released) --test '*'
+	$(released) --tests
 	$(released) --doc
 
-# What `make test` leaves out, and the laws with more examples and overflow checks.
+# What `make test` leaves out; Rust with overflow checks, and the laws with more examples.
 test-long: $(VENV)/.tools $(VENV)/.installed
 	HYPOTHESIS_PROFILE=long $(pytest) -m "(long or hypothesis) and not deep" tests
-	BOTTOMLOCK_LONG=1 cargo test --locked --test '*'
-	BOTTOMLOCK_LONG=1 $(released) --lib no_bytes_give
+	cargo test --locked --lib
+	BOTTOMLOCK_LONG=1 cargo test --locked --test laws
+	BOTTOMLOCK_LONG=1 $(released) --tests no_bytes_give
 
 # The largest sizes, before a release: an hour and a half of two cores.
 test-deep: $(VENV)/.tools $(VENV)/.installed
 	$(pytest) -m deep tests
-	BOTTOMLOCK_DEEP=1 $(released) --test late_law
+	BOTTOMLOCK_DEEP=1 $(released) --test laws late_law
 
 test-all: test test-long test-deep
 

@@ -1,10 +1,5 @@
 //! Batches: threads, chunks, segments and single events give the same results; perfect sensors return the truth.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use bottomlock::Stop;
 use bottomlock::aiding::registry::{SensorKind, SensorModels};
 use bottomlock::dvl::geometry::{BeamMask, BeamSample};
@@ -18,7 +13,7 @@ use bottomlock::simulation::closed_loop::{ClosedLoop, ClosedLoopSetup, TruthSegm
 use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::truth::true_state;
 
-use common::{Epochs, Turn, batch, bits, draw, eight_seconds, janus};
+use crate::common::{Epochs, Turn, batch, bits, draw, eight_seconds, janus};
 
 /// A truth in segments, as in a closed loop, gives the results of the whole truth, bit for bit.
 #[test]

@@ -1,10 +1,5 @@
 //! Late data: what a push tells, what is refused, and what stays as it was.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use bottomlock::NavError;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
@@ -17,8 +12,8 @@ use bottomlock::navigator::events::{DepthSample, Event, GpsSample, GpsVelocity};
 use bottomlock::navigator::{Finding, LiveNavigator, METHODS, Method, Notice, Snapshot, Standing};
 use bottomlock::state::NavState;
 
-use common::arrivals::{MS, Reported, outcome};
-use common::janus;
+use crate::common::arrivals::{MS, Reported, outcome};
+use crate::common::janus;
 
 fn imu(time_ns: i64, force_x: f64) -> Event {
     Event::Imu(ImuSample {

@@ -1,10 +1,6 @@
 //! Laws of methods from outside the kernel, with the example as one: same readings as the others, same bits on any thread.
 
-// Helpers outside `#[test]` functions fail loudly too.
-#![allow(clippy::unwrap_used, clippy::panic)]
-
-mod common;
-#[path = "../examples/own_method.rs"]
+#[path = "../../examples/own_method.rs"]
 mod example;
 
 use bottomlock::navigator::own_method::{BeamMethod, Measured, MeasuredRows, PingBeams, PingPrior, register};
@@ -12,7 +8,7 @@ use bottomlock::navigator::{METHODS, Method};
 use bottomlock::simulation::batch::{Batch, run_batch};
 use nalgebra::{SMatrix, SVector};
 
-use common::{batch, bits, eight_seconds};
+use crate::common::{batch, bits, eight_seconds};
 
 /// Tight coupling, written again.
 struct Tight;

@@ -1,10 +1,5 @@
 //! Input out of order, bad beams, and random events: errors or finite states, never a panic.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use bottomlock::NavError;
 use bottomlock::aiding::outliers::Robust;
 use bottomlock::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
@@ -22,7 +17,7 @@ use bottomlock::state::{Covariance, NavState};
 use nalgebra::Matrix3;
 use proptest::prelude::*;
 
-use common::janus;
+use crate::common::janus;
 
 /// Times that do not increase are rejected, and the navigator is unchanged.
 #[test]

@@ -1,10 +1,5 @@
 //! The 15-state filter and the 20-state filter with frozen DVL states.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamMask, BeamSample};
@@ -18,7 +13,7 @@ use bottomlock::navigator::{BeamAiding, Navigator};
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::{SMatrix, SVector};
 
-use common::{Epochs, Turn, draw, janus};
+use crate::common::{Epochs, Turn, draw, janus};
 
 type P15 = SMatrix<f64, 15, 15>;
 

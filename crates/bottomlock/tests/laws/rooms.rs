@@ -1,8 +1,5 @@
 //! The rooms of the kernel: who may import whom, and where the vector library stays.
 
-// Helpers outside `#[test]` functions fail loudly too.
-#![allow(clippy::unwrap_used, clippy::panic)]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -4,9 +4,6 @@
 //! covariance, for every mask: redundant beams close, and these methods pass the closure on beside the velocity. A velocity
 //! alone (LC) leaves out what the closure says of the beam biases.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
 use std::f64::consts::TAU;
 
 use bottomlock::aiding::InformationPort;

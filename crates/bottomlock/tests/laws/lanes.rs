@@ -1,8 +1,5 @@
 //! Filters propagated together in SIMD lanes: each has the results of a filter propagated alone, bit for bit.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used, clippy::panic)]
-
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::filter::Eskf;
 use bottomlock::filter::filter_group::{FilterSpan, predict_together, width};

@@ -1,8 +1,5 @@
 //! Properties of the method with assumptions on sway and heave through the water, against tight coupling.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
 use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};

@@ -1,8 +1,5 @@
 //! A simulated turn, its measurement epochs, and a batch on them.
 
-// Each test file uses a part of it.
-#![allow(dead_code)]
-
 pub(crate) mod arrivals;
 
 use bottomlock::aiding::registry::SensorKind;

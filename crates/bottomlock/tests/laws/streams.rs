@@ -1,10 +1,5 @@
 //! Sensor streams: offsets and independent random numbers.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use bottomlock::aiding::beams::DvlOutlierModel;
 use bottomlock::aiding::registry::SensorKind;
 use bottomlock::aiding::sensor::Fraction;
@@ -16,7 +11,7 @@ use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams::{Streams, simulate};
 
-use common::{Epochs, Turn, draw, janus};
+use crate::common::{Epochs, Turn, draw, janus};
 
 /// A depth or yaw offset changes its own reading by that offset, and no other stream.
 #[test]

@@ -1,10 +1,5 @@
 //! A live navigator: faults of the inertial sensors are values, and a push that is refused changes nothing.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use bottomlock::NavError;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
@@ -19,7 +14,7 @@ use bottomlock::state::NavState;
 use nalgebra::Matrix3;
 use proptest::prelude::*;
 
-use common::janus;
+use crate::common::janus;
 
 const MS: i64 = 1_000_000;
 

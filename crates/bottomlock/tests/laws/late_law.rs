@@ -1,10 +1,5 @@
 //! The law of late data: any order of arrival within the horizon ends in the bits of the log in order of validity.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use bottomlock::NavError;
 use bottomlock::navigator::events::{Event, STREAMS};
 use bottomlock::navigator::{LiveNavigator, METHODS, Notice, Snapshot};
@@ -12,8 +7,8 @@ use bottomlock::replay::{Log, Replay, replay};
 use bottomlock::state::NavState;
 use proptest::prelude::*;
 
-use common::arrivals::{self, Case, MS, Reported, outcome};
-use common::janus;
+use crate::common::arrivals::{self, Case, MS, Reported, outcome};
+use crate::common::janus;
 
 /// How many random arrivals: more with `BOTTOMLOCK_LONG` and `BOTTOMLOCK_DEEP`, as `make test-long` and `test-deep` set them.
 fn cases() -> u32 {

@@ -1,10 +1,6 @@
 //! The bound on the speed: it acts beyond the linear range alone, and on nothing where it is off.
 
-// Helpers outside `#[test]` functions panic on failure too.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
+use crate::common::{Epochs, Turn, draw, janus};
 use bottomlock::aiding::speed_bound::SpeedBound;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::filter::options::Options;
@@ -14,7 +10,6 @@ use bottomlock::model::Model;
 use bottomlock::navigator::events::Event;
 use bottomlock::navigator::{BeamAiding, Navigator};
 use bottomlock::state::NavState;
-use common::{Epochs, Turn, draw, janus};
 
 /// By hand: 2, 0.5, 0 m/s against 3 m/s for a minute, two seconds after the last epoch: variance 9 · 30.
 #[test]
