@@ -1,19 +1,18 @@
 """The leaderboard as one self-contained page, made from the table of scores alone."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import polars as pl
-from markupsafe import Markup
 
-from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import STROKES, svg_text
+from bottomlock.figures.palette import STROKES
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.beam_table import sha256_of
-from bottomlock.pages.render import render
+from bottomlock.pages.numbers import number
+from bottomlock.pages.page import Block, Coloured, Page, Part, Picture, Table, Terms, html
 from bottomlock.statistics.chi_squared import mean_band
 from bottomlock.tables.check import check
 from bottomlock.tables.spreadsheet import csv_text
@@ -62,6 +61,23 @@ WORDS: Mapping[str, str] = {
     PINGS_TASK: "Pings of a RiverPro with four beams: what the beams left out read, from the others and earlier pings.",
 }
 
+_ABOUT = "Navigation with whatever beams of a Doppler velocity log return."
+_RANKED = (
+    "Ranked by the negative log-likelihood of the truth under each answer's Gaussian, in nats a component: less is "
+    "better, and a claim of too much or too little certainty costs. Each mission counts alike. A row without an "
+    "answer is scored as the mean and covariance over the train split."
+)
+_MADE = (
+    "`bottomlock bench make` makes the missions from seeds, and compares their digests with the published ones; the "
+    "seed of the test split is not in the package. `bottomlock bench run` and `beams` make the submissions, `score` "
+    "scores them, and `page` writes this page from the scores alone."
+)
+_SAME = (
+    "Two machines give the same missions bit for bit unless their last bits put a reading on the other side of a "
+    "rounding step, which the digests show; scores then agree to the six digits of `leaderboard.csv` as far as the "
+    "filters do, all but the times, which are those of one machine."
+)
+
 
 def write_page(
     file: str | Path, out: str | Path, *, reference: str | None = None, force: bool = False
@@ -87,34 +103,45 @@ def write_page(
     table = leaderboard(scores, reference)
     missions = set(scores["mission"])
     specs = [spec for spec in mission_list() if spec.name in missions]
-    content = {
-        "tasks": [_task(table, task) for task in (OVERALL, *COLUMNS) if task in table["task"]],
-        "factors": _factors(scores, table),
-        "led": _led(scores),
-        "words": {name: look.words for name, look in STROKES.items()},
-        "counts": {
-            split: sum(spec.split == split for spec in specs) for split in ("train", "validation", "test")
-        },
-        "version": " and ".join(dict.fromkeys(spec.version for spec in specs)),
-        "methods": table["method"].n_unique(),
-    }
+    counts = {split: sum(spec.split == split for spec in specs) for split in ("train", "validation", "test")}
+    told = ", ".join(f"{count} {split}" for split, count in counts.items() if count)
+    version = " and ".join(dict.fromkeys(spec.version for spec in specs))
+    led = _led(scores)
+    names = table.filter(pl.col("task") == OVERALL)["method"].unique(maintain_order=True)
+    page = Page(
+        f"PartialDVL-Bench v{version}",
+        [],
+        [
+            *(_task(table, task, led.get(task, [])) for task in (OVERALL, *COLUMNS) if task in table["task"]),
+            _factors(scores, table),
+            Part("entries", "Entries", [Terms([(f"`{name}`", _words(name)) for name in names])]),
+            Part("made", "How it was made", [_MADE, _SAME]),
+        ],
+        "bottomlock",
+        about=f"{_ABOUT} {table['method'].n_unique()} entries on {told} missions.\n\n{_RANKED}",
+    )
     files: Files = {
         f"{NAME}.parquet": parquet_bytes(table),
         f"{NAME}.csv": csv_text(table, float_precision=6),
-        f"{NAME}.html": render("leaderboard.html.j2", content, package="partialdvl_bench"),
+        f"{NAME}.html": html(page),
     }
     result.write(files, force=force)
     return out / f"{NAME}.html"
 
 
-def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:
+def _words(name: str) -> str:
+    return STROKES[name].words if name in STROKES else "a rival; its model card says what it is"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def _task(table: pl.DataFrame, task: str, led: Sequence[tuple[str, int]]) -> Part:
     """A task's part of the page: its ranking with a figure, and the other scores of each method."""
     rows = table.filter((pl.col("task") == task) & (pl.col("score") == RANKED))
-    key = task.split(maxsplit=1)[0].lower()
-    caption = (
-        f"{task[:1].upper()}{task[1:]}: {RANKED}, mean over missions with its 95 % interval; less is better."
-    )
-    svg = svg_text(leaderboard_figure(rows, f"{RANKED} (less is better)"))
+    key, name = task.split(maxsplit=1)[0].lower(), _sentence(task)
+    caption = f"{name}: {RANKED}, mean over missions with its 95 % interval; less is better."
     values = {
         score: dict(
             table.filter((pl.col("task") == task) & (pl.col("score") == score))
@@ -125,32 +152,77 @@ def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:
     }
     available = next((one for score, one in values.items() if "availability" in score), {})
     silent = {method for method, share in available.items() if share == 0.0}
-    # Its scores are those of the climatology, of which only the ranking one counts.
-    others = {
-        score: {method: value for method, value in one.items() if method not in silent}
-        for score, one in values.items()
-    }
     missions = int(rows["missions"].max() or 1)  # type: ignore[arg-type] # an Int64 column
-    return {
-        "key": key,
-        "name": task,
-        "words": WORDS[task],
-        "rows": list(rows.iter_rows(named=True)),
-        "nats": nats,
-        "others": others,
-        "silent": silent,
-        "reference": rows["reference"][0],
-        "missions": missions,
-        "svg": Markup(inline_svg(svg, key, caption)),  # noqa: S704 - our own, escaped there
-        "caption": caption,
-        # Rows of one mission are correlated: the band is that of a value a mission, which is the widest it can be.
-        "bands": {
-            score: tuple(one / size for one in mean_band(size, missions, BAND))
-            for score in COLUMNS.get(task, ())
-            if (size := {"velocity": 3, "position": 3, "current": 2}.get(score.split()[0], 0))
-            and "NEES" in score
-        },
+    reference = rows["reference"][0]
+    ranking = [
+        [
+            f"`{row['method']}`" + (" no answer" if row["method"] in silent else ""),
+            f"{nats(row['value'])}<br>{nats(row['lo'])} … {nats(row['hi'])}",
+            _difference(row),
+        ]
+        for row in rows.iter_rows(named=True)
+    ]
+    blocks: list[Block] = [
+        WORDS[task],
+        Picture.of(leaderboard_figure(rows, f"{RANKED} (less is better)"), key, caption, kind=""),
+        Table(
+            ["Entry", "nats", f"to {reference}"],
+            ranking,
+            f"Nats a component with 95 % intervals over missions, and the difference to {reference}, paired by "
+            "mission.",
+        ),
+    ]
+    if led:
+        best = ", ".join(f"{method} {count}" for method, count in led)
+        of = "blocks of pings" if task == PINGS_TASK else "missions"
+        blocks.append(f"Best, ties counted for each, on: {best} of {missions} {of}.")
+    if values:
+        # Scores of a method without an answer are those of the climatology, of which only the ranking one counts.
+        answering = [row["method"] for row in rows.iter_rows(named=True) if row["method"] not in silent]
+        blocks += _other_scores(values, answering, missions)
+    return Part(key, name, blocks)
+
+
+def _difference(row: Mapping[str, Any]) -> str:
+    """The difference to the reference with its interval, in colours where that excludes zero."""
+    if row["difference"] is None:
+        return "–"
+    sign = "+" if row["difference"] > 0 else ""
+    words = f"{sign}{nats(row['difference'])}<br>{nats(row['difference_lo'])} … {nats(row['difference_hi'])}"
+    return Coloured(words, "less" if row["difference_hi"] < 0 else "more" if row["difference_lo"] > 0 else "")
+
+
+def _other_scores(
+    values: Mapping[str, Mapping[str, float]], methods: Sequence[str], missions: int
+) -> list[Block]:
+    """The scores beside the ranking one, and the bands in which NEES should be."""
+    # Rows of one mission are correlated: the band is that of a value a mission, which is the widest it can be.
+    sizes = {"velocity": 3, "position": 3, "current": 2}
+    bands = {
+        score: tuple(bound / size for bound in mean_band(size, missions, BAND))
+        for score in values
+        if (size := sizes.get(score.split()[0], 0)) and "NEES" in score
     }
+    rows = []
+    for method in methods:
+        cells = [f"`{method}`"]
+        for score, of in values.items():
+            value, band = of.get(method), bands.get(score)
+            colour = ""
+            if band is not None and value is not None:
+                colour = "more" if value > band[1] else "conservative" if value < band[0] else "less"
+            cells.append(Coloured(number(value), colour))
+        rows.append(cells)
+    blocks: list[Block] = [Table(["Entry", *map(_sentence, values)], rows, "The other scores.")]
+    if bands:
+        told = ", ".join(
+            f"{number(low)} to {number(high)} ({score.split()[0]})" for score, (low, high) in bands.items()
+        )
+        blocks.append(
+            "NEES over its number of components, 1 for a consistent filter; green within, red above, grey below the "
+            f"95 % band {told} of one independent value a mission."
+        )
+    return blocks
 
 
 def nats(value: float) -> str:
@@ -162,7 +234,7 @@ def nats(value: float) -> str:
     return f"{value:.{0 if abs(value) >= 100.0 else 2}f}".replace("-", "−")
 
 
-def _factors(scores: pl.DataFrame, table: pl.DataFrame) -> dict[str, Any]:
+def _factors(scores: pl.DataFrame, table: pl.DataFrame) -> Part:
     """Ranking score of T2 by the level of each factor, for the methods that lead it."""
     lead = table.filter((pl.col("task") == NAVIGATION) & (pl.col("score") == RANKED))["method"].to_list()[
         :TOP
@@ -171,16 +243,23 @@ def _factors(scores: pl.DataFrame, table: pl.DataFrame) -> dict[str, Any]:
         (pl.col("task") == NAVIGATION) & (pl.col("score") == RANKED) & pl.col("method").is_in(lead)
     )
     specs = {spec.name: spec for spec in mission_list()}
-    rows: dict[str, dict[str, tuple[int, dict[str, float]]]] = {}
+    rows = []
     for factor in ("split", *FACTORS):
         level_of = {name: str(getattr(spec, factor)) for name, spec in specs.items()}
         known = part.with_columns(level=pl.col("mission").replace_strict(level_of))
+        title = factor.upper() if factor in ("imu", "dvl") else factor.replace("_", " ").capitalize()
         for level in SPLITS if factor == "split" else levels()[factor]:
             group = known.filter(pl.col("level") == level)
             if group.height:
-                means = group.group_by("method").agg(pl.col("value").mean())
-                rows.setdefault(factor, {})[level] = (group["mission"].n_unique(), dict(means.iter_rows()))
-    return {"methods": lead, "rows": rows, "nats": nats}
+                means = dict(group.group_by("method").agg(pl.col("value").mean()).iter_rows())
+                least = min(means.values())
+                shown = [
+                    f"**{nats(means[name])}**" if means[name] == least else nats(means[name]) for name in lead
+                ]
+                rows.append([f"{title}: {level.replace('_', ' ')}", str(group["mission"].n_unique()), *shown])
+    words = "Nats a component of the entries that lead T2, over the missions with each level of a factor."
+    by_level = Table(["Factor and level", "Missions", *lead], rows, "The least of each row is in bold.")
+    return Part("factors", "T2 by factor", [words, by_level])
 
 
 def _led(scores: pl.DataFrame) -> dict[str, list[tuple[str, int]]]:

@@ -103,7 +103,7 @@ def test_columns_of_a_geometry_file_are_used_and_handed_on(tmp_path: Path) -> No
         found,
     )
     assert done.returncode == 0, done.stderr
-    assert "no finding" in done.stdout
+    assert "No finding." in done.stdout
     assert tomllib.loads(found.read_text())["columns"]["velocity"] == [
         "radial0",
         "radial1",

@@ -24,7 +24,8 @@ def out(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("replay") / "robosub"
     done = command("replay", f"{EXAMPLE}/case.toml", "--out", str(folder), cwd=root)
     assert done.returncode == 0, done.stderr
-    assert "robosub_night2, lost_34, semi-synthetic: beams 3, 4 lost throughout" in done.stdout
+    assert "Beams 3, 4 lost throughout." in done.stdout
+    assert "Lost 34 (semi-synthetic)" in done.stdout
     assert "Semi-synthetic: beams projected from the instrument's velocity." in done.stdout
     return folder
 

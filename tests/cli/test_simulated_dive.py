@@ -50,7 +50,7 @@ def test_an_audit_finds_nothing_wrong(dive: Path, tmp_path: Path) -> None:
         "--out", tmp_path / "a",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "no finding" in done.stdout
+    assert "No finding." in done.stdout
 
 
 def test_fixes_of_the_same_files(dive: Path, tmp_path: Path) -> None:

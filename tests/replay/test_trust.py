@@ -194,7 +194,7 @@ def test_the_page_begins_with_the_answer(replayed: ReplayResult, tmp_path: Path)
     write_replay(replayed, tmp_path)
     page = make_replay_report(tmp_path).read_text(encoding="utf-8")
     body = page[page.index("<body") : page.index("<nav")]
-    assert re.search(r'Can I trust this\? <span class="verdict yes">Yes</span>: The beams fit', body)
+    assert re.search(r'Can I trust this\? <span class="verdict yes">Yes:</span> The beams fit', body)
     assert "ellipses: 2 sigma of north and east of tc and dead_reckoning" in page
     assert "Where each track ends" in page
     ends = track_table(replayed.samples).row(0, named=True)

@@ -11,7 +11,7 @@ import pytest
 
 from bottomlock.figures.palette import new_figure
 from bottomlock.files.records import write_recorded_table
-from bottomlock.pages.page import Page, Part, Picture, Table, html
+from bottomlock.pages.page import Page, Part, Picture, Table, folded, html
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
 from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
@@ -50,9 +50,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ["Method", *(f"beams {k}" for k in range(15))],
         [["`tc`", *("12.3 ▲" for _ in range(15))]],
         "A table with more columns than a telephone has room for.",
-        folded=True,
     )
-    part = Part("cells", "Cells", ["A line of text.", *pictures, cells])
+    part = Part("cells", "Cells", ["A line of text.", *pictures, folded(cells)])
     page = Page("A study", ["None."], [part], "hands", about="of one")
     (top / "sheet.html").write_text(html(page), encoding="utf-8")
     return top

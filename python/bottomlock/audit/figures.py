@@ -121,7 +121,7 @@ def validity_figure(audit: Audit) -> Figure | None:
         axes.set_xlabel("ping")
         for k in there:
             share = 100.0 * float(np.mean(state == k))
-            axes.plot([], [], "s", color=_STATE_COLOURS[k], label=f"{_STATES[k]} {share:.2g} %")
+            axes.plot([], [], "s", color=_STATE_COLOURS[k], label=f"{_STATES[k]} {share:.3g} %")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize=8.5)
     return figure
 

@@ -1,20 +1,22 @@
 """Output of an audit: tables, figures and one page."""
 
 import json
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import polars as pl
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from bottomlock.audit import figures
 from bottomlock.audit.findings import findings_table
 from bottomlock.audit.run import Audit, numbers_of
-from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
-from bottomlock.pages.render import render
+from bottomlock.pages.findings import findings_part
+from bottomlock.pages.numbers import number
+from bottomlock.pages.page import Folded, Page, Part, Picture, Table, html
 
 CAPTIONS = {
     "closure": "Closure of the full pings, and a Gaussian of its robust sigma.",
@@ -23,6 +25,8 @@ CAPTIONS = {
     "geometry": "Beam directions estimated from the log.",
 }
 """Caption of each figure, by its file's name."""
+HALF = ("closure", "geometry")
+"""Figures that stand beside each other where the page is wide."""
 
 
 def drawings(audit: Audit) -> dict[str, Figure]:
@@ -88,17 +92,123 @@ def audit_files(audit: Audit) -> Files:
         "beams.parquet": parquet_bytes(beams_table(audit)),
         "closure.parquet": parquet_bytes(closure_table(audit)),
     }
-    inline = []
+    pictures = []
     for name, figure in drawings(audit).items():
-        svg = svg_text(figure)
-        files |= {f"{name}.png": png_bytes(figure), f"{name}.svg": svg}
-        inline.append((name, Markup(inline_svg(svg, f"audit_{name}", CAPTIONS[name])), CAPTIONS[name]))  # noqa: S704
-    content = {
-        "audit": audit,
-        "figures": inline,
-        "beams": beams_table(audit).to_dicts(),
-        "numbers": content,
-        "dump": json.dumps(content, indent=2, sort_keys=True),
-        "deg": lambda value: float(np.rad2deg(value)),
-    }
-    return files | {"audit.html": render("audit.html.j2", content)}
+        files |= {f"{name}.png": png_bytes(figure), f"{name}.svg": svg_text(figure)}
+        kind = "" if name in HALF else "wide"
+        pictures.append(Picture.of(figure, f"audit_{name}", CAPTIONS[name], kind=kind))
+    return files | {"audit.html": html(page_of(audit, content, pictures))}
+
+
+def page_of(audit: Audit, numbers: dict[str, Any], pictures: Sequence[Picture] = ()) -> Page:
+    """An audit laid out: findings, figures, what was estimated.
+
+    Args:
+        audit: result.
+        numbers: `numbers_of(audit)`.
+        pictures: its figures.
+    """
+    parts = [
+        findings_part([finding.to_json() for finding in audit.findings]),
+        *([Part("figures", "Figures", pictures)] if pictures else []),
+        *([_beams_part(audit)] if numbers["matrix"] else []),
+        *([_closure_part(numbers["closure"])] if numbers["closure"] else []),
+        *([_mounting_part(audit, numbers["mounting"])] if numbers["mounting"] else []),
+    ]
+    dump = f"```\n{json.dumps(numbers, indent=2, sort_keys=True)}\n```"
+    parts.append(Part("numbers", "All numbers", [Folded("audit.json", [dump], printed=False)]))
+    return Page("Audit of the DVL", [], parts, "bottomlock", about=_counts(audit))
+
+
+def _counts(audit: Audit) -> str:
+    """How many pings there are, with how many beams."""
+    log = audit.log
+    valid = log.valid.sum(axis=1)
+    counts = {beams: int(np.sum(valid == beams)) for beams in range(log.beams, -1, -1)}
+    beams = ", ".join(f"{count} with {beams}" for beams, count in counts.items() if count)
+    used = (
+        f"beams valid: {beams}; {int(audit.assessment.full.sum())} full pings used"
+        if log.beams
+        else "no beams"
+    )
+    compared = f"; compared with {audit.geometry_name}" if audit.geometry_name else ""
+    three = "\n\nThree beams have no closure: only a reference can check them." if log.beams == 3 else ""
+    return f"{log.place}: {log.pings} pings in {log.time_s.max():.1f} s; {used}{compared}{three}"
+
+
+def _stated(row: dict[str, Any]) -> list[str]:
+    """The beam of the stated geometry that a channel is, and the angle between."""
+    return [f"{'−' if row['stated_sign'] < 0 else ''}{row['stated_beam']}", f"{row['off_deg']:.3f}"]
+
+
+def _beams_part(audit: Audit) -> Part:
+    matrix, matched = audit.assessment.matrix, audit.assessment.match is not None
+    assert matrix is not None
+    columns = ["Beam", "Tilt, °", "Azimuth, °", "Scale", "Bias, mm/s", "Valid, %"]
+    rows = [
+        [
+            str(row["beam"]),
+            f"{row['tilt_deg']:.3f} ± {row['tilt_sd_deg']:.1g}",
+            f"{row['azimuth_deg'] + 0.0:.3f} ± {row['azimuth_sd_deg']:.1g}",
+            f"{row['scale']:.4f} ± {row['scale_sd']:.1g}",
+            f"{round(1e3 * row['bias_mps'], 2) + 0.0:.2f} ± {1e3 * row['bias_sd_mps']:.1g}",
+            f"{100.0 * row['valid_fraction']:.1f}",
+            *(_stated(row) if matched else []),
+        ]
+        for row in beams_table(audit).iter_rows(named=True)
+    ]
+    caption = (
+        f"{matrix.regression.capitalize()}, {matrix.pings} pings, residual {1e3 * matrix.residual_mps:.3g} mm/s. This "
+        "is the matrix that the instrument uses; ± is one standard deviation from resampled blocks of pings."
+    )
+    return Part(
+        "beams", "Beams", [Table([*columns, *(["Is beam", "Off, °"] if matched else [])], rows, caption)]
+    )
+
+
+_CLOSURE = {
+    "median_mps": "Median",
+    "median_abs_mps": "Median |e|",
+    "sigma_mps": "Robust sigma",
+    "white_sigma_mps": "From ping to ping",
+    "p95_mps": "95 %",
+    "p99_mps": "99 %",
+    "max_mps": "Largest",
+}
+"""Columns, by the name of the number in audit.json."""
+
+
+def _closure_part(closures: Sequence[dict[str, Any]]) -> Part:
+    rows = [
+        [
+            " ".join(f"{weight:+.3f}" for weight in one["weights"]),
+            str(one["pings"]),
+            *(f"{1e3 * one[name]:.1f}" for name in _CLOSURE),
+            f"{100.0 * one['beyond_3_sigma']:.2f} %",
+        ]
+        for one in closures
+    ]
+    caption = "The combinations of the beams to which no velocity contributes, mm/s."
+    columns = ["Weights", "Pings", *_CLOSURE.values(), "Beyond 3 sigma"]
+    return Part("closure", "Closure", [Table(columns, rows, caption)])
+
+
+def _mounting_part(audit: Audit, found: dict[str, Any]) -> Part:
+    def row(quantity: str, value: float, sd: float, decimals: int = 3) -> list[str]:
+        return [quantity, f"{value:.{decimals}f}", number(sd, 2)]
+
+    turned = zip(("roll", "pitch", "yaw"), found["rpy_rad"], found["misalignment_sd_rad"], strict=True)
+    moved = zip("xyz", found["lever_arm_p_m"], found["lever_arm_sd_m"], strict=True)
+    rows = [
+        *(
+            row(f"{name} of the DVL against the platform, °", np.rad2deg(v), np.rad2deg(sd))
+            for name, v, sd in turned
+        ),
+        *(row(f"lever arm {name}, m", value, sd) for name, value, sd in moved),
+        row("reference time minus DVL time, s", found["clock_offset_s"], found["clock_offset_sd_s"]),
+        row("scale, %", 100.0 * found["scale"], 100.0 * found["scale_sd"], 2),
+    ]
+    follows = audit.mounting is not None and audit.mounting.follows
+    lost = "" if follows else "; the velocity does not follow it, and nothing below is observable"
+    caption = f"From {found['source']}, {found['instants']} instants{lost}."
+    return Part("mounting", "Mounting", [Table(["Quantity", "Estimate", "±"], rows, caption)])

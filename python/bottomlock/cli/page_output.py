@@ -1,21 +1,61 @@
 """Pages on a terminal: the third writer, beside HTML and Markdown."""
 
+from collections.abc import Sequence
+
+from rich.text import Text
+
 from bottomlock.cli.console import console, narrow_table
-from bottomlock.pages.page import Part, Table, plain_text
+from bottomlock.pages.page import Block, Folded, Part, Table, Terms, kind_of, plain_text
+
+COLOURS = {
+    "fault": "red", "no": "red", "overconfident": "red",
+    "warning": "yellow", "partly": "yellow", "conservative": "yellow",
+    "yes": "green", "consistent": "green", "note": "dim",
+}  # fmt: skip
+"""Of verdicts."""
+
+WIDTH = 80
+"""Of a terminal; a table of words whose rows are wider is printed as a list."""
 
 
 def print_part(part: Part) -> None:
     """Prints the text and the tables of a part, the tables under its heading."""
-    for block in part.blocks:
+    print_blocks(part.heading, part.blocks)
+
+
+def print_blocks(heading: str, blocks: Sequence[Block]) -> None:
+    """Prints text and tables, the tables under a heading."""
+    for block in blocks:
         if isinstance(block, str):
-            console.print(plain_text(block).replace("\n", " "))
+            console.print(plain_text(block), highlight=False)
         elif isinstance(block, Table):
-            print_table(plain_text(part.heading), block)
+            print_table(plain_text(heading), block)
+        elif isinstance(block, Terms):
+            for term, words in block.rows:
+                console.print(f"{plain_text(term)}: {plain_text(words)}")
+        elif isinstance(block, Folded):
+            print_blocks(heading, block.blocks)
+
+
+def print_headline(words: Sequence[str]) -> None:
+    """Prints the one conclusion of a page, its verdict in colour."""
+    console.print(Text(" ").join(coloured(piece, "bold") for piece in words), highlight=False)
+
+
+def coloured(cell: str, style: str = "") -> Text:
+    """A cell without its marks, a verdict in its colour."""
+    return Text(plain_text(cell), f"{style} {COLOURS.get(kind_of(cell), '')}".strip())
 
 
 def print_table(title: str, table: Table) -> None:
-    """Prints a table, narrow enough for 80 columns where its cells allow."""
+    """Prints a table, narrow enough for 80 columns where its cells allow; one of long words as a list."""
+    if table.left == len(table.columns) and any(sum(map(len, row)) > WIDTH for row in table.rows):
+        for number, (kind, head, *others, last) in enumerate(table.rows, start=1):
+            lines = [*map(plain_text, others), f"→ {plain_text(last)}" if last else ""]
+            below = "".join(f"\n   {line}" for line in lines if line)
+            console.print(Text.assemble(f"{number}. ", coloured(kind), " ", coloured(head, "bold"), below))
+        return
     shown = narrow_table(title, table.columns[: table.left], table.columns[table.left :], wraps=True)
     for row in table.rows:
-        shown.add_row(*(plain_text(cell) for cell in row))
+        shown.add_row(*(coloured(cell) for cell in row))
     console.print(shown)

@@ -1,32 +1,30 @@
 """The command `bottomlock replay`: recorded dives with all their beams and with fewer."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import polars as pl
 from cyclopts import Parameter
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.text import Text
 
-from bottomlock.cli.console import console, errors, late_bar, narrow_table
+from bottomlock.cli.console import console, errors, late_bar
+from bottomlock.cli.page_output import print_blocks, print_headline, print_part
 from bottomlock.cli.parameters import Threads, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
 from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
-from bottomlock.pages.numbers import number
+from bottomlock.pages.page import Table, plain_text
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
-from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.replay.init.make import Made, make_case
-from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
+from bottomlock.replay.page import page_of
+from bottomlock.replay.report import ReplayTables, make_replay_report, read_replay
+from bottomlock.replay.run import open_folder, replay_case, run_count, write_replay
 from bottomlock.replay.tune.passes import horizons_of
-from bottomlock.statistics.replay import summary_table, track_table
 
 FIRST_PART = 0.5
 """Part of a recording that is tuned on, the command's own default."""
@@ -124,7 +122,7 @@ def replay(
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
-    print_results(replayed)
+    print_results(read_replay(out))
     if write_calibration is not None:
         instrument = read_geometry(loaded.dvl.geometry)
         write(write_calibration, instrument, replayed.calibration, loaded, force=force)
@@ -159,92 +157,27 @@ def _tune(made: Made, *, threads: int, force: bool) -> None:
         console.print(f"not tuned: {error}", highlight=False, soft_wrap=True)
 
 
-_COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
-
-
-_VERDICTS = {"yes": "green", "partly": "yellow", "no": "red"}
-
-
-def print_answer(answer: Mapping[str, Any]) -> None:
-    """Prints whether the replay can be trusted, the numbers that decide it, and what to change."""
-    first = (f"{answer['verdict']}: ", f"bold {_VERDICTS[answer['verdict']]}")
-    parts: list[Any] = ["Can I trust this? ", first, (answer["sentence"], "bold")]
-    parts += [f"\n   {line}" for line in answer["numbers"]]
-    change = "" if answer["change"] == NOTHING else f"Change: {answer['change']} "
-    parts.append(f"\n   {change}Track to take: {answer['method'] or 'none, until it is changed'}.")
-    parts += [f"\n   {answer['vehicle']}"] if answer["vehicle"] else []
-    console.print(Text.assemble(*parts), highlight=False)
-
-
-def print_findings(findings: Sequence[Mapping[str, Any]]) -> None:
-    """Prints the verdict and the likely causes, each with its numbers and what to change."""
-    for rank, finding in enumerate(findings):
-        parts: list[Any] = [
-            f"{rank}. " if rank else "",
-            (finding["severity"], _COLOURS[finding["severity"]]),
-            " ",
-        ]
-        parts.append((finding["text"], "bold"))
-        # The numbers of the verdict stand in the answer.
-        parts += [f"\n   {finding['evidence']}"] if rank and finding["evidence"] else []
-        parts += [f"\n   → {finding['advice']}"] if finding["advice"] else []
-        console.print(Text.assemble(*parts), highlight=False)
-
-
-def print_results(replayed: ReplayResult) -> None:
-    """Prints faults of the clocks, a table per what-if case, and what is not as it was measured."""
-    manifest = replayed.manifest
-    print_answer(manifest["answer"])
-    print_findings(manifest["findings"])
-    for line in calibration_words(replayed.calibration, manifest["methods"]):
+def print_results(tables: ReplayTables) -> None:
+    """Prints whether the replay can be trusted, findings, faults of the clocks, and the tables of each what-if case."""
+    manifest = tables.manifest
+    page = page_of(manifest, tables.runs, tables.samples, tables.calibration)
+    print_headline(page.headline)
+    parts = {part.id: part for part in page.parts}
+    for name in ("trust", "findings"):
+        print_part(parts[name])
+    for line in (
+        [] if tables.calibration is None else calibration_words(tables.calibration, manifest["methods"])
+    ):
         console.print(line, highlight=False, soft_wrap=True)
-    for line in manifest["answers"]:
-        console.print(line, highlight=False)
     for name, clock in manifest["clocks"].items():
-        faults = {
-            key: clock[key]
-            for key in ("gaps", "jumps", "repeats", "backward", "empty")
-            if clock[key] != "none"
-        }
-        for kind, words in faults.items():
-            console.print(f"{name}: {kind} {words}", highlight=False)
+        for kind in ("gaps", "jumps", "repeats", "backward", "empty"):
+            if clock[kind] != "none":
+                console.print(f"{name}: {kind} {clock[kind]}", highlight=False)
     for fault in manifest["imu_faults"]:
         console.print(fault, highlight=False)
-    summary = summary_table(replayed.runs)
-    tracks = {
-        (row["what_if"], row["method"], row["pass"]): row
-        for row in track_table(replayed.samples).iter_rows(named=True)
-    }
-    label = ", semi-synthetic" if manifest["semi_synthetic"] else ""
-    for what_if, words in manifest["what_if"]:
-        against = (
-            ["end m", "% DT", "v m/s", "att deg"] if manifest["has_reference"] else ["north m", "east m"]
-        )
-        table = narrow_table(
-            f"{manifest['case']}, {what_if}{label}: {words}",
-            ["method", "pass"],
-            [*against, "σ m", "NIS", "of", "fixes", "rej %"],
-        )
-        for row in summary.filter(pl.col("what_if") == what_if).iter_rows(named=True):
-            numbers = [
-                "position_final_m",
-                "position_final_percent",
-                "velocity_rms_over_time_mps",
-                "attitude_rms_over_time_deg",
-            ]
-            track = tracks[what_if, row["method"], row["pass"]]
-            shown = [number(row[name]) for name in numbers]
-            if not manifest["has_reference"]:
-                shown = [number(track["north_m"]), number(track["east_m"])]
-            sd = (track["sd_position_north_m"] ** 2 + track["sd_position_east_m"] ** 2) ** 0.5
-            part = row["rejected_fraction"]
-            table.add_row(
-                row["method"], row["pass"], *shown, number(sd),
-                number(row["nis_mean_over_fixes"]), number(row["nis_degrees_mean_over_fixes"]),
-                "–" if row["fixes"] is None else str(row["fixes"]), "-" if not row["fixes"] else f"{100.0 * part:.1f}",
-            )  # fmt: skip
-        console.print(table)
-    if manifest["semi_synthetic"]:
-        console.print(f"Semi-synthetic: {'; '.join(manifest['semi_synthetic'])}.")
-    if manifest["reference_note"]:
-        console.print(f"About the reference: {manifest['reference_note']}")
+    for what_if, _ in manifest["what_if"]:
+        part = parts[what_if]
+        table = next(block for block in part.blocks if isinstance(block, Table))
+        print_blocks(part.heading, [part.blocks[0], table])
+    for line in page.about.split("\n\n"):
+        console.print(plain_text(line), highlight=False)

@@ -6,7 +6,7 @@ import polars as pl
 
 from bottomlock.kernel import kernel_version
 from bottomlock.pages.numbers import number
-from bottomlock.pages.page import Page, Part, Picture, Table
+from bottomlock.pages.page import Page, Part, Picture, Table, folded
 
 _FIGURES = (
     "A state whose line falls is estimated; one whose line stays where it began is not seen by what aids."
@@ -51,6 +51,6 @@ def page(table: pl.DataFrame, manoeuvres: pl.DataFrame | None, pictures: Sequenc
         )
         columns = ["Manoeuvre", "State", "Observable", "Left"]
         parts.append(
-            Part("manoeuvres", "Which manoeuvre helps", [words, Table(columns, left, left=3, folded=True)])
+            Part("manoeuvres", "Which manoeuvre helps", [words, folded(Table(columns, left, left=3))])
         )
     return Page("Observability", [], parts, f"bottomlock {kernel_version()}")

@@ -1,7 +1,7 @@
 """A result laid out once, title, answer, and parts of text, figures and tables; and its writers to HTML and Markdown.
 
-Texts are Markdown: paragraphs, lists, `code`, **bold** and *emphasis*. Tables are of strings, in which `<br>` begins a
-line; a cell that is a method in code is shown with the method's look where there are colours.
+Texts are Markdown: paragraphs, lists, `code`, **bold** and *emphasis*. A method in code is shown with its look where
+there are colours. Tables are of strings, in which `<br>` begins a line.
 """
 
 import re
@@ -11,15 +11,34 @@ from pathlib import Path
 from typing import Self
 
 from markdown_it import MarkdownIt
-from markupsafe import Markup
+from markdown_it.token import Token
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import svg_text
+from bottomlock.figures.palette import STROKES, svg_text
 from bottomlock.files.atomic_write import write_text
-from bottomlock.pages.render import render
+from bottomlock.pages.render import method, render
 
-VERDICTS = ("consistent", "overconfident", "conservative")
+VERDICTS = ("consistent", "overconfident", "conservative", "fault", "warning", "note")
+"""Cells that are shown in colours of their own."""
+
+
+class Coloured(str):
+    """A text in a colour of the stylesheet: "less", "more", "yes", "no", or a verdict's.
+
+    >>> Coloured("Partly", "partly").kind
+    'partly'
+    """
+
+    __slots__ = ("kind",)
+    kind: str
+
+    def __new__(cls, text: str, kind: str) -> Self:
+        """A text and the colour's name."""
+        made = super().__new__(cls, text)
+        made.kind = kind
+        return made
 
 
 @dataclass(frozen=True)
@@ -39,7 +58,12 @@ class Picture:
     @classmethod
     def of(cls, figure: Figure, name: str, caption: str, *, kind: str = "wide") -> Self:
         """A figure under a name of letters, digits and underscores that no other figure of the page has."""
-        return cls(Markup(inline_svg(svg_text(figure), name, caption)), caption, kind)  # noqa: S704 - our own
+        return cls.of_svg(svg_text(figure), name, caption, kind=kind)
+
+    @classmethod
+    def of_svg(cls, svg: str, name: str, caption: str, *, kind: str = "wide") -> Self:
+        """The same of a figure that has been drawn as SVG."""
+        return cls(Markup(inline_svg(svg, name, caption)), caption, kind)  # noqa: S704 - our own
 
 
 @dataclass(frozen=True)
@@ -51,14 +75,42 @@ class Table:
         rows: as wide as `columns`.
         caption: beside it, where it needs one.
         left: columns from the left that hold words; the others hold numbers.
-        folded: whether it stands behind a summary on a page that can unfold.
     """
 
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
     left: int = 1
-    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Terms, or methods in code, and what they are.
+
+    Attributes:
+        rows: pairs of texts.
+    """
+
+    rows: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Folded:
+    """Blocks behind a summary on a page that can unfold.
+
+    Attributes:
+        summary: words.
+        blocks: what is behind it.
+        printed: whether it is on paper, unfolded.
+    """
+
+    summary: str
+    blocks: "Sequence[Block]"
+    printed: bool = True
+
+
+Block = str | Picture | Table | Terms | Folded
+"""A string is a paragraph, a list, a smaller heading or lines of code."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +120,12 @@ class Part:
     Attributes:
         id: of the heading, for links.
         heading: words.
-        blocks: a string is a paragraph or a list.
+        blocks: in their order; figures that follow each other stand side by side.
     """
 
     id: str
     heading: str
-    blocks: Sequence[str | Picture | Table]
+    blocks: Sequence[Block]
 
 
 @dataclass(frozen=True)
@@ -84,9 +136,10 @@ class Page:
         title: words.
         answer: the conclusions, a sentence each.
         parts: what they rest on.
-        intro: paragraphs after the answer.
-        about: what it is of, in a line below the title of a page of its own.
         made_with: names and versions.
+        intro: paragraphs after the answer.
+        about: what it is of, below the title.
+        headline: the one conclusion, in large letters below the title; its pieces may have colours.
     """
 
     title: str
@@ -95,6 +148,7 @@ class Page:
     made_with: str
     intro: Sequence[str] = ()
     about: str = ""
+    headline: Sequence[str] = ()
 
 
 def html(page: Page) -> str:
@@ -110,9 +164,8 @@ def html(page: Page) -> str:
         "page": page,
         "parts": [*answer, *page.parts],
         "text": _html,
-        "cell": _cell,
-        "method_of": _method,
-        "verdicts": VERDICTS,
+        "line": _line,
+        "kind": kind_of,
         "plain": plain_text,
     }
     return render("page.html.j2", content)
@@ -133,21 +186,45 @@ def markdown(page: Page) -> str:
     | 1 | 2 |
     <BLANKLINE>
     """
-    blocks = [f"# {page.title}", *([_numbered(page.answer)] if page.answer else []), *page.intro]
+    lines = [f"# {page.title}"]
+    if page.headline:
+        lines.append(f"**{' '.join(page.headline)}**")
+    if page.answer:
+        lines.append(_numbered(page.answer))
+    lines += page.intro
     for part in page.parts:
-        blocks.append(f"## {part.heading}")
-        for block in part.blocks:
-            if isinstance(block, str):
-                blocks.append(block)
-            elif isinstance(block, Table):
-                blocks += [*([block.caption] if block.caption else []), _markdown_table(block)]
-    return "\n\n".join(blocks) + "\n"
+        lines += [f"## {part.heading}", *_markdown_blocks(part.blocks)]
+    return "\n\n".join(lines) + "\n"
+
+
+def _markdown_blocks(blocks: Sequence[Block]) -> list[str]:
+    lines = []
+    for block in blocks:
+        if isinstance(block, str):
+            lines.append(block)
+        elif isinstance(block, Table):
+            lines += [*([block.caption] if block.caption else []), _markdown_table(block)]
+        elif isinstance(block, Terms):
+            lines.append(listed([f"**{term}**: {words}" for term, words in block.rows]))
+        elif isinstance(block, Folded):
+            lines += _markdown_blocks(block.blocks)
+    return lines
 
 
 def write_pages(stem: Path, page: Page) -> None:
     """Writes `stem`.md and `stem`.html."""
     write_text(stem.with_name(f"{stem.name}.md"), markdown(page))
     write_text(stem.with_name(f"{stem.name}.html"), html(page))
+
+
+def kind_of(text: str) -> str:
+    """The colour of a text, "" for none."""
+    return getattr(text, "kind", text if text in VERDICTS else "")
+
+
+def folded(table: Table) -> Folded:
+    """A table behind the name of its first column."""
+    return Folded(f"{table.columns[0].replace('_', ' ')}: {len(table.rows)} rows", [table])
 
 
 def listed(lines: Sequence[str]) -> str:
@@ -176,20 +253,24 @@ def _markdown_table(table: Table) -> str:
     return "\n".join([line(table.columns), line(ruler), *(line(row) for row in table.rows)])
 
 
+def _code(tokens: Sequence[Token], place: int, *_: object) -> str:
+    """Code within a line; a method with its look."""
+    name = tokens[place].content
+    return str(method(name)) if name in STROKES else f"<code>{escape(name)}</code>"
+
+
 _MARKDOWN = MarkdownIt("js-default")
+_MARKDOWN.renderer.rules["code_inline"] = _code  # type: ignore[attr-defined]
 
 
 def _html(marked: str) -> Markup:
     return Markup(_MARKDOWN.render(marked))  # noqa: S704 - the library escapes what is HTML in it
 
 
-def _cell(marked: str) -> Markup:
-    """A cell in HTML, its lines with a break between."""
+def _line(marked: str) -> Markup:
+    """Words or a cell in HTML, its lines with a break between; a cell that is a name in code is a method."""
+    own = re.fullmatch(r"`(\w+)`", marked)
+    if own:
+        return method(own[1])
     lines = (Markup(_MARKDOWN.renderInline(line)) for line in marked.split("<br>"))  # noqa: S704
     return Markup("<br>").join(lines)
-
-
-def _method(cell: str) -> str:
-    """The method that a cell is in code; "" for another cell."""
-    found = re.fullmatch(r"`(\w+)`", cell)
-    return found[1] if found else ""

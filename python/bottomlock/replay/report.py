@@ -1,27 +1,24 @@
 """The report of a finished replay, from its tables alone: the same tables give the same bytes."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import polars as pl
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
 from bottomlock.figures.images import image_process
-from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.pages.featured import featured
-from bottomlock.pages.render import render
+from bottomlock.pages.page import Picture, html
 from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
 from bottomlock.replay.findings.expected_nis import least_ratio
-from bottomlock.statistics.replay import summary_table, track_table
-from bottomlock.tables.replay import FORWARD, RECORDED, SMOOTHED
+from bottomlock.replay.page import Shown, featured_in, page_of
+from bottomlock.statistics.replay import summary_table
+from bottomlock.tables.replay import FORWARD, SMOOTHED
 
 BEAM_ROWS = ("tc", "sway_current", "consistent")
 """Methods whose innovations are of single beams; the first of them that was run is drawn."""
@@ -115,22 +112,18 @@ def make_replay_report(folder: str | Path, *, force: bool = False) -> Path:
     result = Result(folder, "report", "report", digests_of(folder, [folder / "manifest.json"]), beside=True)
     result.check(force=force)
     files: Files = {}
-    inline = []
+    figures = []
     with image_process() as draw:
         drawn = draw(drawings(tables))
     for drawing, image in drawn:
         files |= {f"figures/{drawing.name}.svg": image.svg, f"figures/{drawing.name}.png": image.png}
-        inline.append(
-            {
-                "name": drawing.name,
-                "caption": drawing.caption,
-                "what_if": drawing.what_if,
-                "folded": drawing.folded,
-                "svg": Markup(inline_svg(image.svg, drawing.name, drawing.caption)),  # noqa: S704 - our own, escaped there
-            }
-        )
+        kind = "wide" if drawing.what_if is None else ""
+        picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind)
+        figures.append(Shown(drawing.name, picture, drawing.what_if, drawing.folded))
     page = folder / "report.html"
-    files[page.name] = render("replay.html.j2", _content(tables) | {"figures": inline})
+    files[page.name] = html(
+        page_of(tables.manifest, tables.runs, tables.samples, tables.calibration, figures)
+    )
     result.write(files, force=force)
     return page
 
@@ -148,8 +141,7 @@ def drawings(tables: ReplayTables) -> list[Drawing]:
         )
     ]
     for what_if, _ in manifest["what_if"]:
-        best = _best(summary_table(tables.runs).filter(pl.col("what_if") == what_if))
-        shown = featured(manifest["methods"], [best["method"]] if best else [])
+        shown = featured_in(manifest, summary_table(tables.runs), what_if)
         found += _of_methods(tables, what_if, shown, tail)
         innovations = tables.innovations.filter(pl.col("what_if") == what_if)
         method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
@@ -225,38 +217,3 @@ def _near_and_far(samples: pl.DataFrame, methods: list[str]) -> tuple[list[str],
     most = FAR_OF_RECKONING * reach[DEAD_RECKONING] if DEAD_RECKONING in reach else FAR * usual
     far = [method for method in methods if reach[method] > max(most, 10.0)]
     return [method for method in methods if method not in far], far
-
-
-def _content(tables: ReplayTables) -> dict[str, Any]:
-    manifest = tables.manifest
-    summary, tracks = summary_table(tables.runs), track_table(tables.samples)
-    best = {
-        what_if: _best(summary.filter(pl.col("what_if") == what_if)) for what_if, _ in manifest["what_if"]
-    }
-    return {
-        "manifest": manifest,
-        "recorded": RECORDED,
-        "summary": {
-            what_if: list(summary.filter(pl.col("what_if") == what_if).iter_rows(named=True))
-            for what_if, _ in manifest["what_if"]
-        },
-        "featured": {
-            what_if: featured(manifest["methods"], [row["method"]] if row else [])
-            for what_if, row in best.items()
-        },
-        "best": best,
-        "tracks": {
-            what_if: list(tracks.filter(pl.col("what_if") == what_if).iter_rows(named=True))
-            for what_if, _ in manifest["what_if"]
-        },
-        "calibration": []
-        if tables.calibration is None
-        else list(tables.calibration.filter(pl.col("prior_sd") > 0.0).iter_rows(named=True)),
-        "dump": json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False),
-    }
-
-
-def _best(rows: pl.DataFrame) -> dict[str, Any] | None:
-    """The row of the forward method with the least final position error, None without positions."""
-    forward = rows.filter((pl.col("pass") == FORWARD) & pl.col("position_final_m").is_not_null())
-    return forward.sort("position_final_m").row(0, named=True) if forward.height else None

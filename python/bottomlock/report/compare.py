@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
-from markupsafe import Markup
 
 from bottomlock.errors import DataError
 from bottomlock.figures.compare import compare_figure
-from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.figures.palette import png_bytes, stroke, svg_text
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
-from bottomlock.pages.render import render
+from bottomlock.pages.numbers import number
+from bottomlock.pages.page import Coloured, Page, Part, Picture, Table, Terms, html
 from bottomlock.statistics.compare import QUANTITIES, comparison_table, differing_settings, why_unpaired
 from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
@@ -24,6 +23,15 @@ from bottomlock.tables.variants import campaign_folders
 
 NAME = "compare"
 """Of the written files: `compare.html`, `.parquet` and `.csv`."""
+
+ROOM = 14
+"""Longest label that stands above a column beside its number."""
+
+_INTERVALS = (
+    "RMS over runs, NEES as the mean over runs and time; 95 % bootstrap intervals over whole runs. A difference is "
+    "green where it is less than zero and red where it is more, its interval excluding zero. `compare.parquet` and "
+    "`compare.csv` hold every number."
+)
 
 
 @dataclass(frozen=True)
@@ -82,16 +90,24 @@ def compare(
         f"{NAME}.parquet": parquet_bytes(table),
         f"{NAME}.csv": csv_text(table, float_precision=10),
     }
-    content = {
-        "campaigns": campaigns,
-        "numbers": {label: number for number, label in enumerate(campaigns, start=1)},
-        "reference": reference,
-        "settings": differing_settings(campaigns),
-        "unpaired": unpaired,
-        "parts": [_part(table, campaigns, name, files) for name in _trajectories(campaigns)],
-    }
+    numbered = {label: place for place, label in enumerate(campaigns, start=1)}
+    parts = [_part(table, campaigns, name, numbered, files) for name in _trajectories(campaigns)]
+    methods = [
+        (f"`{method}`", stroke(method).words) for method in table["method"].unique(maintain_order=True)
+    ]
+    settings = _settings_part(campaigns, numbered, reference, unpaired)
+    laid_out = Page(
+        f"{len(campaigns)} campaigns side by side", [],
+        [*parts, settings, Part("methods", "Methods", [Terms(methods)])],
+        "bottomlock",
+        about="\n".join(
+            f"{place}. {label.replace(',', ', ')}: {campaigns[label].runs['run'].n_unique()} runs"
+            f"{', the reference' if label == reference else ''}"
+            for label, place in numbered.items()
+        ),
+    )  # fmt: skip
     page = out / f"{NAME}.html"
-    result.write(files | {page.name: render("compare.html.j2", content)}, force=force)
+    result.write(files | {page.name: html(laid_out)}, force=force)
     return Comparison(table, reference, unpaired, page)
 
 
@@ -114,40 +130,104 @@ def _unpaired(campaigns: Mapping[str, CampaignTables], reference: str) -> dict[s
     return found
 
 
+def _short(label: str, numbered: Mapping[str, int]) -> str:
+    """A campaign as the head of a column: its number, and a label that has room."""
+    return f"{numbered[label]} {label}" if len(label) <= ROOM else str(numbered[label])
+
+
 def _part(
     table: pl.DataFrame,
     campaigns: Mapping[str, CampaignTables],
     trajectory: str,
+    numbered: Mapping[str, int],
     files: Files,
-) -> dict[str, Any]:
+) -> Part:
     """A trajectory's part of the page; its figures go to the files."""
     rows = table.filter(pl.col("trajectory") == trajectory)
-    quantities = []
-    for number, quantity in enumerate(QUANTITIES):
+    labels = rows["campaign"].unique(maintain_order=True).to_list()
+    pictures, tables = [], []
+    for place, quantity in enumerate(QUANTITIES):
         here = rows.filter(pl.col("quantity") == quantity)
         if here.is_empty():
             continue
         figure = compare_figure(table, trajectory, quantity)
-        svg, name = svg_text(figure), f"{NAME}_{trajectory}_{re.sub('[^a-z]+', '_', quantity.lower())}"
-        files |= {f"figures/{name}.svg": svg, f"figures/{name}.png": png_bytes(figure)}
+        name = f"{NAME}_{trajectory}_{re.sub('[^a-z]+', '_', quantity.lower())}"
+        files |= {f"figures/{name}.svg": svg_text(figure), f"figures/{name}.png": png_bytes(figure)}
         title = f"{quantity[0].upper()}{quantity[1:]} on {trajectory.replace('_', ' ')}"
         caption = f"{title}, 95 % intervals; numbers as above."
         if quantity == "NEES":
             degrees = {one.manifest.get("nees_degrees", {}).get(trajectory) for one in campaigns.values()}
             words = " or ".join(str(one) for one in sorted(degrees - {None}))
             caption += f" A consistent filter has {words}." if words else ""
-        quantities.append(
-            {
-                "name": quantity,
-                "unit": here["unit"][0],
-                "svg": Markup(inline_svg(svg, f"f{number}_{trajectory}", caption)),  # noqa: S704 - our own, escaped there
-                "caption": caption,
-                "cells": {
-                    method: {row["campaign"]: row for row in part.iter_rows(named=True)}
-                    for (method,), part in here.group_by("method", maintain_order=True)
-                },
-            }
+        pictures.append(Picture.of(figure, f"f{place}_{trajectory}", caption, kind=""))
+        unit = "" if here["unit"][0] == "1" else f", {here['unit'][0]}"
+        tables.append(_quantity_table(here, labels, numbered, f"{title}{unit}"))
+    return Part(trajectory, trajectory.replace("_", " ").capitalize(), [*pictures, *tables])
+
+
+def _quantity_table(
+    rows: pl.DataFrame, labels: Sequence[str], numbered: Mapping[str, int], title: str
+) -> Table:
+    """A row per method: its value in each campaign, then the differences to the reference."""
+    compared = [label for label in labels if (rows["campaign"] == label).any()]
+    differing = [
+        label
+        for label in compared
+        if rows.filter(pl.col("campaign") == label)["difference"].is_not_null().any()
+    ]
+    cells = []
+    for (method,), part in rows.group_by("method", maintain_order=True):
+        of = {row["campaign"]: row for row in part.iter_rows(named=True)}
+        values = [_value(of[label]) if label in of else "–" for label in compared]
+        cells.append([f"`{method}`", *values, *(_difference(of.get(label)) for label in differing)])
+    columns = [_short(label, numbered) for label in compared]
+    columns += [f"{numbered[label]}: difference" for label in differing]
+    return Table(["Method", *columns], cells, f"{title}, with 95 % intervals.")
+
+
+def _value(row: Mapping[str, Any]) -> str:
+    return f"{number(row['value'])}<br>{number(row['lo'])} … {number(row['hi'])}"
+
+
+def _difference(row: Mapping[str, Any] | None) -> str:
+    """The difference to the reference with its interval, in colours where that excludes zero."""
+    if row is None or row["difference"] is None:
+        return "–"
+    sign = "+" if row["difference"] > 0 else ""
+    interval = f"{number(row['difference_lo'], 2)} … {number(row['difference_hi'], 2)}"
+    words = f"{sign}{number(row['difference'], 2)}{'' if row['paired'] else ' unpaired'}<br>{interval}"
+    return Coloured(words, "less" if row["difference_hi"] < 0 else "more" if row["difference_lo"] > 0 else "")
+
+
+def _settings_part(
+    campaigns: Mapping[str, CampaignTables],
+    numbered: Mapping[str, int],
+    reference: str,
+    unpaired: Mapping[str, Mapping[str, str]],
+) -> Part:
+    """The settings that differ, and how the differences are made."""
+    settings = differing_settings(campaigns)
+    rows = [[f"`{key}`", *map(str, values)] for key, values in settings]
+    columns = ["Setting", *(_short(label, numbered) for label in campaigns)]
+    caption = "Settings of the first trajectory in which the campaigns differ."
+    same = "run k of each has the same trajectory and the same random numbers"
+    paired = f"All are paired: {same}, so that what both share drops out."
+    if unpaired:
+        these = "; ".join(
+            ", ".join(
+                f"{numbered[label]} on {trajectory.replace('_', ' ')} ({why})" for label, why in of.items()
+            )
+            for trajectory, of in unpaired.items()
         )
-    labels = rows["campaign"].unique(maintain_order=True).to_list()
-    methods = rows["method"].unique(maintain_order=True).to_list()
-    return {"trajectory": trajectory, "labels": labels, "methods": methods, "quantities": quantities}
+        paired = f"Not paired, so that their intervals are wider: {these}. All others are paired: {same}."
+    return Part(
+        "settings",
+        "What differs",
+        [
+            Table(columns, rows, caption, left=len(columns))
+            if rows
+            else "No setting of the first trajectory differs.",
+            f"Differences are to campaign {numbered[reference]}. {paired}",
+            _INTERVALS,
+        ],
+    )

@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from bottomlock.pages.numbers import plain
-from bottomlock.pages.page import Page, Part, Table, listed
+from bottomlock.pages.page import Page, Part, Table, folded, listed
 from bottomlock.statistics.chi_squared import detectable_factor
 from bottomlock.studies.consistency_table import MARKS, consistent_cells, counts_of, decisive, methods_summary
 from bottomlock.tables.studies import QUANTITIES
@@ -175,7 +175,7 @@ def _matrices(table: pl.DataFrame) -> Iterator[Part]:
             for (beams,), group in rows.group_by("beams", maintain_order=True):
                 found = {row["method"]: row for row in group.iter_rows(named=True)}
                 shown.append([str(beams), *(_matrix_cell(found.get(method), quantity) for method in methods)])
-            tables.append(Table([str(trajectory), *methods], shown, folded=True))
+            tables.append(folded(Table([str(trajectory), *methods], shown)))
         yield Part(quantity, words, [f"{expected}\n{_LEGEND}", *tables])
 
 

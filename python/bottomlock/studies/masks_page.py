@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from bottomlock.figures.by_category import category_figure
 from bottomlock.pages.featured import featured
 from bottomlock.pages.numbers import plain
-from bottomlock.pages.page import Page, Part, Picture, Table, listed
+from bottomlock.pages.page import Folded, Page, Part, Picture, Table, folded, listed
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import study_folder
 from bottomlock.studies.consistency_table import MARKS
@@ -114,14 +114,14 @@ def masks_figure(rows: pl.DataFrame, methods: Sequence[str]) -> Figure:
     return category_figure(middle, cases, "velocity error, m/s RMS", intervals=intervals)
 
 
-def _masks(table: pl.DataFrame) -> Iterator[Table]:
+def _masks(table: pl.DataFrame) -> Iterator[Folded]:
     methods = table["method"].unique(maintain_order=True).to_list()
     for (trajectory,), rows in table.group_by("trajectory", maintain_order=True):
         shown = []
         for (case, beams), group in rows.group_by("case", "beams", maintain_order=True):
             found = {row["method"]: row for row in group.iter_rows(named=True)}
             shown.append([case_name(str(case), str(beams)), *(cell(found.get(method)) for method in methods)])
-        yield Table([str(trajectory), *(f"`{method}`" for method in methods)], shown, folded=True)
+        yield folded(Table([str(trajectory), *(f"`{method}`" for method in methods)], shown))
 
 
 def legend(table: pl.DataFrame) -> list[str]:
@@ -158,7 +158,7 @@ def interval(row: Mapping[str, Any]) -> str:
     return f"{low}–{high}"
 
 
-def _few_runs(table: pl.DataFrame) -> Iterator[str | Table]:
+def _few_runs(table: pl.DataFrame) -> Iterator[str | Folded]:
     """The values that a few runs decide: what the other runs do, and how much the worst one makes."""
     found = [row for row in table.iter_rows(named=True) if span(row) > GREATEST_SPAN]
     if not found:
@@ -180,7 +180,7 @@ def _few_runs(table: pl.DataFrame) -> Iterator[str | Table]:
         ]
         for row in found
     ]
-    yield Table(["trajectory", "beams", "method", *heads], rows, left=3, folded=True)
+    yield folded(Table(["trajectory", "beams", "method", *heads], rows, left=3))
 
 
 def case_name(case: str, beams: str) -> str:

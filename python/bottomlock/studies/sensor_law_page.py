@@ -7,7 +7,7 @@ import polars as pl
 
 from bottomlock.figures.by_category import category_figure
 from bottomlock.pages.numbers import plain
-from bottomlock.pages.page import Page, Part, Picture, Table, listed
+from bottomlock.pages.page import Folded, Page, Part, Picture, Table, folded, listed
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 from bottomlock.studies.curves import by_method
 
@@ -87,7 +87,7 @@ def _pictures(summary: pl.DataFrame) -> Iterator[Picture]:
         yield Picture.of(figure, f"sensor_law_{size}", caption)
 
 
-def _summary(summary: pl.DataFrame) -> Table:
+def _summary(summary: pl.DataFrame) -> Folded:
     rows = [
         [
             f"`{row['method']}`",
@@ -98,7 +98,7 @@ def _summary(summary: pl.DataFrame) -> Table:
         for row in summary.iter_rows(named=True)
     ]
     counts = ["Cells", "Worse", "Runaways", "Left band", "Over"]
-    return Table(["Method", "Sensors", *counts, "Median", "Greatest"], rows, left=2, folded=True)
+    return folded(Table(["Method", "Sensors", *counts, "Median", "Greatest"], rows, left=2))
 
 
 def _cells(table: pl.DataFrame) -> Iterator[Part]:
@@ -112,9 +112,7 @@ def _cells(table: pl.DataFrame) -> Iterator[Part]:
             for (beams,), row in group.group_by("beams", maintain_order=True):
                 cells = {one["sensors"]: _cell(one) for one in row.iter_rows(named=True)}
                 rows.append([str(beams), *(cells[name] for name in sensors)])
-            tables.append(
-                Table([f"{trajectory}, {_water(float(str(current)))}", *sensors], rows, folded=True)
-            )
+            tables.append(folded(Table([f"{trajectory}, {_water(float(str(current)))}", *sensors], rows)))
         if tables:
             yield Part(f"cells_{method}", f"`{method}`: velocity RMS at the end, m/s", tables)
 

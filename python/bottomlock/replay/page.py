@@ -1,0 +1,296 @@
+"""A finished replay laid out: can it be trusted, results of each what-if case, beams, calibration, start, clocks."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from bottomlock.figures.palette import stroke
+from bottomlock.pages.featured import featured
+from bottomlock.pages.findings import findings_part
+from bottomlock.pages.numbers import number
+from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
+from bottomlock.statistics.replay import summary_table, track_table
+from bottomlock.tables.replay import FORWARD
+
+_ERRORS = {
+    "End, m": "position_final_m",
+    "% DT": "position_final_percent",
+    "Velocity, m/s": "velocity_rms_over_time_mps",
+    "Attitude, °": "attitude_rms_over_time_deg",
+}
+"""Columns of the first table by their heads."""
+_RATIOS = {
+    "Position RMS, m": "position_rms_over_time_m",
+    "Error/σ of position": "position_normalised_rms_over_time",
+    "of velocity": "velocity_normalised_rms_over_time",
+    "of attitude": "attitude_normalised_rms_over_time",
+}
+"""Columns of the second."""
+_RESULTS_WORDS = (
+    "Errors against the reference where there is one: of position at the end, also in percent of the distance "
+    "travelled (% DT); RMS over time of velocity and attitude. σ: horizontal, claimed at the end. NIS: mean over "
+    "fixes, of what it should be. Fixes, and how many the gate rejects."
+)
+_DETAIL_WORDS = (
+    "Error/σ: RMS over time of the error over its claimed standard deviation; 1 for a consistent filter. Where each "
+    "track ends, from the origin, with its claimed 1 sigma; its way over ground, horizontally, and mean speed."
+)
+_CALIBRATION_WORDS = (
+    "Estimated from the whole log, 1 sigma. Mounting: rotation from the stated one about forward, right, down. Clock: "
+    "to be added to the DVL's stamps. What the motion does not show keeps the σ that it had before."
+)
+_CLOCK_WORDS = "Seconds on the case's clock. A gap is a step longer than the length given."
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure in its place.
+
+    Attributes:
+        name: of its file.
+        picture: in the colours of the page.
+        what_if: case that it is of, None for all.
+        folded: whether it stands behind a summary, since it has every method.
+    """
+
+    name: str
+    picture: Picture
+    what_if: str | None = None
+    folded: bool = False
+
+
+def page_of(
+    manifest: Mapping[str, Any],
+    runs: pl.DataFrame,
+    samples: pl.DataFrame,
+    calibration: pl.DataFrame | None,
+    figures: Sequence[Shown] = (),
+) -> Page:
+    """A finished replay as a page, with its figures where there are any.
+
+    Args:
+        manifest: of the replay.
+        runs, samples, calibration: its tables.
+        figures: drawn from its tables.
+    """
+    summary, tracks = summary_table(runs), track_table(samples)
+    answer = manifest.get("answer")
+    parts = [
+        *([_trust(answer)] if answer else []),
+        _results(manifest, summary, figures),
+        findings_part(manifest.get("findings", []), listed(manifest.get("answers", []))),
+        *(_case(manifest, name, words, summary, tracks, figures) for name, words in manifest["what_if"]),
+        Part("beams", "Which beams returned", [one.picture for one in figures if one.what_if is None]),
+        *([_calibration(calibration)] if calibration is not None else []),
+        Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
+        _clocks(manifest),
+        Part("manifest", "Manifest", [Folded("manifest.json", [_dump(manifest)], printed=False)]),
+    ]
+    return Page(
+        f"{_title(manifest['case'])}, replayed", [], parts, f"bottomlock {manifest['version']}",
+        about=_about(manifest), headline=headline(answer) if answer else (),
+    )  # fmt: skip
+
+
+def headline(answer: Mapping[str, Any]) -> list[str]:
+    """Whether the replay can be trusted."""
+    verdict = answer["verdict"]
+    return ["Can I trust this?", Coloured(f"{verdict.capitalize()}:", verdict), answer["sentence"]]
+
+
+def best_of(summary: pl.DataFrame, what_if: str) -> dict[str, Any] | None:
+    """The row of the forward method with the least final position error in a case, None without positions."""
+    rows = summary.filter(
+        (pl.col("what_if") == what_if)
+        & (pl.col("pass") == FORWARD)
+        & pl.col("position_final_m").is_not_null()
+    )
+    return rows.sort("position_final_m").row(0, named=True) if rows.height else None
+
+
+def featured_in(manifest: Mapping[str, Any], summary: pl.DataFrame, what_if: str) -> list[str]:
+    """The methods that the first figures of a case show."""
+    best = best_of(summary, what_if)
+    return featured(manifest["methods"], [best["method"]] if best else [])
+
+
+def _title(name: str) -> str:
+    return name.replace("_", " ").capitalize()
+
+
+def _dump(manifest: Mapping[str, Any]) -> str:
+    return f"```\n{json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False)}\n```"
+
+
+def _about(manifest: Mapping[str, Any]) -> str:
+    draws = f"{manifest['runs']} {'draw' if manifest['runs'] == 1 else 'draws'}"
+    seed, made_by = manifest["configuration"]["replay"]["seed"], f"bottomlock {manifest['version']}"
+    made_of = f"{draws}, seed {seed}; {made_by}, configuration `{manifest['configuration_hash'][:12]}`"
+    paragraphs = [manifest["description"], made_of]
+    if manifest["semi_synthetic"]:
+        conditions = "; ".join(manifest["semi_synthetic"])
+        paragraphs.append(f"**Semi-synthetic:** {conditions}. These conditions were not measured.")
+    if manifest["reference_note"]:
+        paragraphs.append(f"**Reference:** {manifest['reference_note']}")
+    return "\n\n".join(words for words in paragraphs if words)
+
+
+def _trust(answer: Mapping[str, Any]) -> Part:
+    """What decides whether it can be trusted, and the track to take."""
+    take = "Until it is changed, take" if answer["verdict"] == "no" else "Take the track of"
+    rows = [
+        (take, f"`{answer['method']}`" if answer["method"] else "none of these tracks"),
+        *([("Change", answer["change"])] if answer["change"] != "Nothing." else []),
+        *zip(("Beams", "Position"), answer["numbers"], strict=False),
+        *([("This vehicle", answer["vehicle"])] if answer["vehicle"] else []),
+    ]
+    return Part("trust", "What decides it", [Terms(rows)])
+
+
+def _results(manifest: Mapping[str, Any], summary: pl.DataFrame, figures: Sequence[Shown]) -> Part:
+    """The best of each case, the map of the first, and the methods."""
+    names = [name for name, _ in manifest["what_if"]]
+    rows = []
+    for name, words in manifest["what_if"]:
+        best = best_of(summary, name)
+        cells = ["–"] * 4
+        if best is not None:
+            numbers = (best[key] for key in ("position_final_m", "position_final_percent", "distance_m"))
+            cells = [f"`{best['method']}`", *(number(value) for value in numbers)]
+        rows.append([_title(name), words, *cells])
+    columns = ["What-if case", "Conditions", "Best", "Position at the end, m", "% DT", "Distance, m"]
+    known = any(best_of(summary, name) is not None for name in names)
+    caption = "Least position error at the end, forward pass" if known else "There is no reference position"
+    first = list(dict.fromkeys(method for name in names for method in featured_in(manifest, summary, name)))
+    others = [method for method in manifest["methods"] if method not in first]
+    shown = len(columns) if known else 2
+    blocks: list[Block] = [
+        Table(columns[:shown], [row[:shown] for row in rows], f"{caption}.", left=min(3, shown)),
+        *(one.picture for one in figures if one.name == f"map_{names[0]}"),
+        _glossary(first),
+    ]
+    if others:
+        summary_words = f"The other {len(others)} methods, in a line each: {', '.join(others)}"
+        blocks.append(Folded(summary_words, [_glossary(others)]))
+    return Part("summary", "What-if cases and results", blocks)
+
+
+def _glossary(methods: Iterable[str]) -> Terms:
+    return Terms([(f"`{method}`", _LC if method == "lc" else stroke(method).words) for method in methods])
+
+
+_LC = "velocity by least squares from the valid beams; no fix with fewer than three"
+"""What `lc` is in a replay, where beams are lost to it too."""
+
+
+def _case(
+    manifest: Mapping[str, Any],
+    what_if: str,
+    words: str,
+    summary: pl.DataFrame,
+    tracks: pl.DataFrame,
+    figures: Sequence[Shown],
+) -> Part:
+    """A what-if case: figures, errors, ends of the tracks, fixes."""
+    rows = summary.filter(pl.col("what_if") == what_if).to_dicts()
+    of_case = [one for one in figures if one.what_if == what_if]
+    first_map = f"map_{manifest['what_if'][0][0]}"
+    beams = f"{number(rows[0]['beams_mean_over_pings'])} of {manifest['beams']} beams a ping."
+    several = f" Medians over {manifest['runs']} draws." if manifest["runs"] > 1 else ""
+    blocks: list[Block] = [
+        f"{words[:1].upper()}{words[1:]}. {beams}{several}",
+        *(one.picture for one in of_case if not one.folded and one.name != first_map),
+    ]
+    ends = {
+        (row["method"], row["pass"]): row for row in tracks.iter_rows(named=True) if row["what_if"] == what_if
+    }
+    tracks_of = [ends[row["method"], row["pass"]] for row in rows]
+    blocks += [
+        _results_of(rows, tracks_of),
+        _detail_of(rows, tracks_of, several=manifest["runs"] > 1),
+    ]
+    folded = [one.picture for one in of_case if one.folded]
+    if folded:
+        blocks.append(Folded(f"The figures with all {len(manifest['methods'])} methods", folded))
+    label = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
+    return Part(what_if, f"{_title(what_if)}{label}", blocks)
+
+
+def _results_of(rows: Sequence[Mapping[str, Any]], tracks: Iterable[Mapping[str, Any]]) -> Table:
+    """A row per method and pass: errors, or where the track ends, what is claimed, fixes."""
+    errors = _known(_ERRORS, rows)
+    ends = {} if "End, m" in errors else {"North, m": "north_m", "East, m": "east_m"}
+    cells = []
+    for row, track in zip(rows, tracks, strict=True):
+        shown = [*(row[key] for key in errors.values()), *(track[key] for key in ends.values())]
+        shown.append((track["sd_position_north_m"] ** 2 + track["sd_position_east_m"] ** 2) ** 0.5)
+        shown += [row["nis_mean_over_fixes"], row["nis_degrees_mean_over_fixes"]]
+        fixes = "–" if row["fixes"] is None else str(row["fixes"])
+        rejected = number(100.0 * row["rejected_fraction"], 2) if row["fixes"] else "–"
+        cells.append([f"`{row['method']}`", row["pass"], *map(number, shown), fixes, rejected])
+    columns = ["Method", "Pass", *errors, *ends, "σ, m", "NIS", "of", "Fixes", "Rejected, %"]
+    return Table(columns, cells, _RESULTS_WORDS, left=2)
+
+
+def _detail_of(
+    rows: Sequence[Mapping[str, Any]], tracks: Iterable[Mapping[str, Any]], *, several: bool
+) -> Table:
+    """A row per method and pass: error over claim, where the track ends, its way and speed."""
+    ratios = _known(_RATIOS, rows)
+    cells = []
+    for row, track in zip(rows, tracks, strict=True):
+        against = [number(row[key]) for key in ratios.values()]
+        ends = [number(track[key]) for key in ("north_m", "east_m")]
+        sd = f"{number(track['sd_position_north_m'])}, {number(track['sd_position_east_m'])}"
+        way = [number(track[key]) for key in ("way_m", "speed_mps")]
+        cells.append([f"`{row['method']}`", row["pass"], *against, *ends, sd, *way])
+    columns = ["Method", "Pass", *ratios, "North, m", "East, m", "σ north, east, m", "Way, m", "Speed, m/s"]
+    return Table(columns, cells, _DETAIL_WORDS + (" First draw." if several else ""), left=2)
+
+
+def _known(columns: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """The columns that any row has."""
+    return {head: key for head, key in columns.items() if any(row[key] is not None for row in rows)}
+
+
+def _calibration(table: pl.DataFrame) -> Part:
+    cells = [
+        [
+            row["what_if"], f"`{row['method']}`", row["parameter"].replace("_", " "), row["unit"], str(row["run"]),
+            *(number(row[key]) for key in ("value", "sd", "prior_sd")),
+        ]
+        for row in table.filter(pl.col("prior_sd") > 0.0).iter_rows(named=True)
+    ]  # fmt: skip
+    columns = ["What-if", "Method", "Parameter", "Unit", "Draw", "Value", "σ", "σ before"]
+    caption = "Parameters of the DVL as each method estimates them."
+    return Part(
+        "calibration", "Calibration of the DVL", [_CALIBRATION_WORDS, Table(columns, cells, caption, left=4)]
+    )
+
+
+_START = ("start", "level", "heading", "position", "velocity")
+
+
+def _clocks(manifest: Mapping[str, Any]) -> Part:
+    """Every stream's clock and rows, and what was done to them."""
+    cells = []
+    for name, clock in manifest["clocks"].items():
+        gaps = (
+            clock["gaps"]
+            if clock["gaps"] == "none"
+            else f"{clock['gaps']} (longer than {clock['gap_s']:.3g} s)"
+        )
+        faults = [str(clock[key]) for key in ("jumps", "repeats", "backward", "empty")]
+        cells.append(
+            [name, gaps, *faults, str(clock["rows"]), str(clock["kept"]), number(clock["median_step_s"])]
+        )
+    columns = ["Stream", "Gaps", "Jumps", "Repeats", "Backward", "Empty", "Rows", "Used", "Step, s"]
+    notes = listed([*manifest["notes"], *manifest.get("imu_faults", [])])
+    return Part(
+        "clocks",
+        "Clocks and rows",
+        [Table(columns, cells, _CLOCK_WORDS, left=6), *([notes] if notes else [])],
+    )
