@@ -48,7 +48,7 @@ class Picture:
     Attributes:
         svg: within the page.
         caption: below it, and for screen readers.
-        kind: class of the stylesheet: "wide", or "" for half of a wide page.
+        kind: class of the stylesheet: "wide", "third", or "" for half of a wide page.
     """
 
     svg: Markup
@@ -75,12 +75,14 @@ class Table:
         rows: as wide as `columns`.
         caption: beside it, where it needs one.
         left: columns from the left that hold words; the others hold numbers.
+        ids: of the rows, for links; none where there is no link to them.
     """
 
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
     left: int = 1
+    ids: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,7 @@ def html(page: Page) -> str:
         "kind": kind_of,
         "plain": plain_text,
     }
-    return render("page.html.j2", content)
+    return render(content)
 
 
 def markdown(page: Page) -> str:

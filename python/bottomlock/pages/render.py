@@ -1,4 +1,4 @@
-"""The packaged templates, rendered in one environment with the same filters for all."""
+"""The one template, and how a method looks within it."""
 
 from typing import Any
 
@@ -6,7 +6,6 @@ import jinja2
 from markupsafe import Markup, escape
 
 from bottomlock.figures.palette import stroke, swatch_svg
-from bottomlock.pages.numbers import number
 from bottomlock.pages.shared_svg import share_svg
 
 
@@ -16,12 +15,8 @@ def method(name: str) -> Markup:
     return Markup(f'<span class="method" title="{words}">{look}{escape(name)}</span>')  # noqa: S704 - numbers, colours
 
 
-def render(template: str, content: dict[str, Any]) -> str:
-    """A template of the folder `templates` with its content, as text.
-
-    The templates use `method` (its look and name), and the filters `number` (three significant digits), `words` (a line
-    on a method) and `title` (a name with underscores as a title).
-    """
+def render(content: dict[str, Any]) -> str:
+    """The template with its content, as text; what its figures have in common stands in it once."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("bottomlock.pages"),
         autoescape=True,
@@ -30,8 +25,4 @@ def render(template: str, content: dict[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["number"] = number
-    environment.filters["words"] = lambda name: stroke(name).words
-    environment.globals["method"] = method
-    environment.filters["title"] = lambda name: str(name).replace("_", " ").capitalize()
-    return share_svg(environment.get_template(template).render(content))
+    return share_svg(environment.get_template("page.html.j2").render(content))
