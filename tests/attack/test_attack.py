@@ -35,7 +35,7 @@ def test_random_calls_of_every_function_are_answered_or_refused_in_one_line() ->
     assert len(calls) > 25, "every function has its turn"
 
 
-@pytest.mark.long
+@pytest.mark.deep
 @pytest.mark.slow
 def test_a_hundred_thousand_random_calls() -> None:
     """As above, watched from outside: no abort and no call over ten seconds."""

@@ -40,7 +40,7 @@ def test_what_a_seed_gives_is_sound(name: str) -> None:
         assert fuzz_readers.try_one(FORMS[name], data, options) is None
 
 
-@pytest.mark.parametrize("records", [8_000, pytest.param(20_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("records", [8_000, pytest.param(20_000, marks=pytest.mark.deep)])
 def test_short_fuzzing(records: int) -> None:
     """Thousands of mutated records over all readers: no finding. The long run is tools/fuzz_readers.py."""
     counts, faults = fuzz_readers.run(records, 60.0, seed=7, found=None)

@@ -19,7 +19,7 @@ def test_a_share_of_the_cases() -> None:
     assert len(FAULTS) == 8
 
 
-@pytest.mark.long
+@pytest.mark.deep
 def test_more_of_the_cases() -> None:
     """Two hundred."""
     assert [outcome.wrong for outcome in map(run_case, range(24, 224)) if outcome.wrong] == []

@@ -42,7 +42,7 @@ def is_semidefinite(diagonal: list[float], covariance: Floats) -> bool:
     return min(m[0][0], m[1][1], m[2][2], *pairs, whole) >= 0
 
 
-@pytest.mark.parametrize("count", [3000, pytest.param(100_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [3000, pytest.param(100_000, marks=pytest.mark.deep)])
 def test_bounds_hold_exactly(count: int) -> None:
     """The law: no rounding is forgiven, because the guard is larger than all of it."""
     for covariance in covariances(20_261, count):

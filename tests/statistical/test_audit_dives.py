@@ -72,7 +72,7 @@ def test_what_is_of_another_dive_tells_nothing(beside: str) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.first_cases(5, later="deep")
+@pytest.mark.first_cases(2, later="deep")
 @pytest.mark.parametrize("beside", BESIDE)
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_a_cell_of_the_table(scenario: str, beside: str) -> None:

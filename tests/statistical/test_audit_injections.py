@@ -47,6 +47,7 @@ def test_defects_in_the_recording_that_ships(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.first_cases(4, later="deep")
 @pytest.mark.parametrize("name", DEFECTS)
 def test_the_whole_table(name: str, tmp_path: Path) -> None:
     """Every defect in every log; the recordings where they are."""

@@ -32,7 +32,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "hovering.md"
     ],
 )
 @pytest.mark.long
-@pytest.mark.first_cases(8, later="deep")
+@pytest.mark.first_cases(4, later="deep")
 def test_recommended_methods_are_consistent_whatever_the_prior(mask: tuple[int, ...], vehicle: str) -> None:
     """NEES in its band or not above that of `tc` on the same runs, and no greater velocity RMS."""
     batch = hovering.run(mask, vehicle, 60)

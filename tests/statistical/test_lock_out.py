@@ -33,7 +33,7 @@ def test_no_disturbance_locks_the_trusted_methods_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.deep
 def test_no_disturbance_locks_the_trusted_methods_out_in_a_thousand_cases() -> None:
     assert lock_outs(range(1000), TRUSTED) == []
 

@@ -30,7 +30,7 @@ TRUSTED = ("tc", "sway_current", "consistent")
 MASKS = [(1, 2), (1,)]
 
 
-@pytest.fixture(scope="module", params=[30, pytest.param(100, marks=pytest.mark.long)])
+@pytest.fixture(scope="module", params=[30, pytest.param(100, marks=pytest.mark.deep)])
 def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     world = load_scenario("survey_table2")
     scenarios = [
