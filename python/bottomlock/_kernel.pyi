@@ -108,6 +108,7 @@ class DefaultOptionsDict(TypedDict):
     water: WaterDict
     calibration: CalibrationDict
     motion: MotionDict
+    water_track: bool
     speed_sd_mps: float
     speed_time_s: float
     robust: RobustDict
@@ -336,6 +337,10 @@ class LogDict(TypedDict):
     acoustic_position_time_ns: NotRequired[NDArray[np.int64]]
     acoustic_position_t_m: NotRequired[ArrayLike]
     acoustic_position_sd_m: NotRequired[ArrayLike]
+    water_track_time_ns: NotRequired[NDArray[np.int64]]
+    water_track_velocity_mps: NotRequired[ArrayLike]
+    water_track_valid: NotRequired[NDArray[np.bool_]]
+    water_track_sd_mps: NotRequired[ArrayLike]
     dvl_withheld: NotRequired[NDArray[np.bool_]]
     velocity_withheld: NotRequired[NDArray[np.bool_]]
     depth_withheld: NotRequired[NDArray[np.bool_]]
@@ -343,6 +348,7 @@ class LogDict(TypedDict):
     heading_withheld: NotRequired[NDArray[np.bool_]]
     gps_withheld: NotRequired[NDArray[np.bool_]]
     acoustic_position_withheld: NotRequired[NDArray[np.bool_]]
+    water_track_withheld: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
 class InnovationsDict(TypedDict):
@@ -468,6 +474,9 @@ class Navigator:
         self, time_ns: ArrayLike, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
     ) -> list[ReportDict]: ...
     def push_beams(
+        self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
+    ) -> list[ReportDict]: ...
+    def push_water_track(
         self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
     ) -> list[ReportDict]: ...
     def push_velocity(

@@ -68,8 +68,8 @@ def navigator(rng: Random, trial: Trial) -> None:
 
 
 _PUSHES = (
-    *["push_imu"] * 10, *["push_beams"] * 4, "push_imu_block", "push_velocity", "push_depth", "push_attitude",
-    "push_heading", "push_gps", "push_position", "push_acoustic_position",
+    *["push_imu"] * 10, *["push_beams"] * 4, *["push_water_track"] * 2, "push_imu_block", "push_velocity", "push_depth",
+    "push_attitude", "push_heading", "push_gps", "push_position", "push_acoustic_position",
 )  # fmt: skip
 
 
@@ -89,6 +89,11 @@ def _push(name: str, time_ns: int, beams: int, rng: Random) -> dict[str, Any]:
             "velocity_mps": np.array([rng.gauss(0.0, 0.5) for _ in range(beams)]),
             "valid": np.array([rng.random() < 0.7 for _ in range(beams)]),
             "sd_mps": np.full(beams, 0.042),
+        },
+        "push_water_track": {
+            "velocity_mps": np.array([rng.gauss(0.0, 0.5) for _ in range(beams)]),
+            "valid": np.array([rng.random() < 0.7 for _ in range(beams)]),
+            "sd_mps": np.full(beams, 0.06),
         },
         "push_velocity": {"velocity_p_mps": 0.5 * three, "cov_m2ps2": np.diag([0.01, 0.01, 0.02])},
         "push_depth": {"depth_m": rng.gauss(0.0, 1.0), "sd_m": 0.1},

@@ -56,6 +56,7 @@ def options(rng: Random) -> dict[str, Any]:
         "covariance_period_ns": rng.choice((0, 100_000_000)),
         "information_port": rng.choice(("axes", "full")),
         "estimate_dvl": rng.random() < 0.8,
+        "water_track": rng.random() < 0.5,
         "depth_lever_p_m": lever,
         "gps_lever_p_m": lever,
         "acoustic_position_lever_p_m": lever,

@@ -1,8 +1,11 @@
 //! Velocities, flags and standard deviations of beams, where a masked beam is not valid.
 
+use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use pyo3::prelude::*;
 
-use crate::arrays::{Masked, booleans, floats};
+use crate::arrays::{Masked, booleans, floats, times};
+use crate::keys::Keys;
+use crate::settings;
 
 /// Flat arrays of one shape.
 pub struct BeamArrays {
@@ -48,4 +51,51 @@ impl BeamArrays {
             },
         })
     }
+
+    /// A row as a ping.
+    fn ping(&self, time_ns: i64, row: usize, beams: usize) -> BeamSample {
+        let part = row * beams..(row + 1) * beams;
+        let mut ping = BeamSample {
+            time_ns,
+            velocity_mps: [f64::NAN; MAX_BEAMS],
+            sd_mps: [f64::NAN; MAX_BEAMS],
+            valid: settings::mask(&self.valid[part.clone()]),
+        };
+        ping.velocity_mps[..beams].copy_from_slice(&self.velocity_mps[part.clone()]);
+        ping.sd_mps[..beams].copy_from_slice(&self.sd_mps[part]);
+        ping
+    }
+}
+
+/// A ping of velocity_mps, valid and sd_mps, each (beams,).
+pub fn ping(time_ns: i64, [velocity_mps, valid, sd_mps]: [&Bound<'_, PyAny>; 3], beams: usize) -> PyResult<BeamSample> {
+    let names = ["velocity_mps", "valid", "sd_mps"];
+    let readings = BeamArrays::new(names, velocity_mps, valid, Some(sd_mps), &[Some(beams)])?;
+    Ok(readings.ping(time_ns, 0, beams))
+}
+
+/// Pings of a log: `<prefix>_velocity_mps`, `_valid` and, where they are not those of the model, `_sd_mps`, each (n, beams).
+pub fn pings(
+    keys: &Keys<'_>,
+    times_key: &str,
+    prefix: &str,
+    beams: usize,
+    model_sd_mps: f64,
+) -> PyResult<Vec<BeamSample>> {
+    let time_ns = times(&keys.path(times_key), &keys.item(times_key)?)?;
+    let key = |name: &str| format!("{prefix}_{name}");
+    let paths = ["velocity_mps", "valid", "sd_mps"].map(|name| keys.path(&key(name)));
+    let sd = keys.get(&key("sd_mps"))?;
+    let mut readings = BeamArrays::new(
+        [&paths[0], &paths[1], &paths[2]],
+        &keys.item(&key("velocity_mps"))?,
+        &keys.item(&key("valid"))?,
+        sd.as_ref(),
+        &[Some(time_ns.len()), Some(beams)],
+    )?;
+    if sd.is_none() {
+        readings.sd_mps = vec![model_sd_mps; readings.velocity_mps.len()];
+    }
+    let of_row = |(row, time_ns): (usize, i64)| readings.ping(time_ns, row, beams);
+    Ok(time_ns.into_iter().enumerate().map(of_row).collect())
 }

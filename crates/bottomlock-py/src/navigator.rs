@@ -8,7 +8,6 @@ use bottomlock::aiding::calibration::{CALIBRATION, CLOCK};
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water;
 use bottomlock::aiding::water::WATER;
-use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
@@ -22,7 +21,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyType};
 
 use crate::arrays::{array, by_name, floats, rows, times, vector};
-use crate::beam_arrays::BeamArrays;
+use crate::beam_arrays::ping;
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::imu_faults::samples;
@@ -150,23 +149,30 @@ impl Navigator {
         valid: &Bound<'py, PyAny>,
         sd_mps: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyList>> {
-        let count = &[Some(self.beams)];
-        let readings = BeamArrays::new(
-            ["velocity_mps", "valid", "sd_mps"],
-            velocity_mps,
-            valid,
-            Some(sd_mps),
-            count,
-        )?;
-        let mut ping = BeamSample {
-            time_ns,
-            velocity_mps: [f64::NAN; MAX_BEAMS],
-            sd_mps: [f64::NAN; MAX_BEAMS],
-            valid: settings::mask(&readings.valid),
-        };
-        ping.velocity_mps[..self.beams].copy_from_slice(&readings.velocity_mps);
-        ping.sd_mps[..self.beams].copy_from_slice(&readings.sd_mps);
-        self.push(py, [Event::Beams(ping)])
+        self.push(
+            py,
+            [Event::Beams(ping(time_ns, [velocity_mps, valid, sd_mps], self.beams)?)],
+        )
+    }
+
+    /// Beams that the water returned, as `push_beams`, positive away from the water; for options with `water_track`.
+    #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps))]
+    fn push_water_track<'py>(
+        &self,
+        py: Python<'py>,
+        time_ns: i64,
+        velocity_mps: &Bound<'py, PyAny>,
+        valid: &Bound<'py, PyAny>,
+        sd_mps: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        self.push(
+            py,
+            [Event::WaterTrack(ping(
+                time_ns,
+                [velocity_mps, valid, sd_mps],
+                self.beams,
+            )?)],
+        )
     }
 
     /// A velocity solved by the instrument: (3,) in the platform frame, with its (3, 3) covariance.

@@ -3,7 +3,7 @@
 use bottomlock::aiding::calibration::CALIBRATION;
 use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
 use bottomlock::aiding::water::WATER;
-use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
+use bottomlock::dvl::geometry::BeamSample;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, booleans, by_name, floats, rows, times};
-use crate::beam_arrays::BeamArrays;
+use crate::beam_arrays::pings;
 use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
 use crate::imu_faults::{put_faults, samples};
@@ -28,6 +28,7 @@ struct OwnedLog {
     imu: Vec<ImuSample>,
     pings: Vec<BeamSample>,
     sensors: [Vec<Measurement>; SENSORS],
+    water_track: Vec<BeamSample>,
     withheld: [Vec<bool>; STREAMS],
 }
 
@@ -57,10 +58,16 @@ impl OwnedLog {
         for kind in SensorKind::ALL {
             sensors[kind as usize] = Self::measurements(keys, kind, model)?;
         }
+        let sd_mps = model.sensors.dvl.beam_noise_sd_mps;
         let mut log = Self {
             imu,
-            pings: Self::pings(keys, beams, model)?,
+            pings: pings(keys, "dvl_time_ns", "beam", beams, sd_mps)?,
             sensors,
+            water_track: if keys.has("water_track_time_ns")? {
+                pings(keys, "water_track_time_ns", "water_track", beams, sd_mps)?
+            } else {
+                Vec::new()
+            },
             withheld: Default::default(),
         };
         for (name, withheld) in STREAM_NAMES.iter().zip(&mut log.withheld).skip(1) {
@@ -113,43 +120,12 @@ impl OwnedLog {
         Ok(time_ns.iter().enumerate().filter_map(of_row).collect())
     }
 
-    fn pings(keys: &Keys<'_>, beams: usize, model: &Model) -> PyResult<Vec<BeamSample>> {
-        let time_ns = times("log.dvl_time_ns", &keys.item("dvl_time_ns")?)?;
-        let shape = &[Some(time_ns.len()), Some(beams)];
-        let BeamArrays {
-            velocity_mps: velocity,
-            valid,
-            sd_mps: mut sd,
-        } = BeamArrays::new(
-            ["log.beam_velocity_mps", "log.beam_valid", "log.beam_sd_mps"],
-            &keys.item("beam_velocity_mps")?,
-            &keys.item("beam_valid")?,
-            keys.get("beam_sd_mps")?.as_ref(),
-            shape,
-        )?;
-        if !keys.has("beam_sd_mps")? {
-            sd = vec![model.sensors.dvl.beam_noise_sd_mps; velocity.len()];
-        }
-        let of_ping = |(k, time_ns): (usize, i64)| {
-            let part = k * beams..(k + 1) * beams;
-            let mut ping = BeamSample {
-                time_ns,
-                velocity_mps: [f64::NAN; MAX_BEAMS],
-                sd_mps: [f64::NAN; MAX_BEAMS],
-                valid: settings::mask(&valid[part.clone()]),
-            };
-            ping.velocity_mps[..beams].copy_from_slice(&velocity[part.clone()]);
-            ping.sd_mps[..beams].copy_from_slice(&sd[part]);
-            ping
-        };
-        Ok(time_ns.into_iter().enumerate().map(of_ping).collect())
-    }
-
     fn log(&self) -> Log<'_> {
         Log {
             imu: &self.imu,
             pings: &self.pings,
             sensors: self.sensors.each_ref().map(Vec::as_slice),
+            water_track: &self.water_track,
         }
     }
 }
@@ -168,6 +144,7 @@ impl OwnedLog {
 ///     methods: names of `METHODS`; each has the log's valid beams only, lc too.
 ///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), angular rate relative to inertial space;
 ///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
+///         water_track_time_ns with water_track_velocity_mps, water_track_valid and optionally water_track_sd_mps, as those of pings;
 ///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
 ///         gps_time_ns, gps_position_t_m (., 3); further sensors as docs/sensors.md lists them. Each time rises strictly; any but
 ///         the inertial stream and the pings may be left out. Rows whose flag in `<stream>_withheld` (n,) is true are predicted, and

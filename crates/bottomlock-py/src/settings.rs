@@ -197,6 +197,7 @@ fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
             time_s: keys.number_or("speed_time_s", default.speed_bound.time_s)?,
         },
         imu_limits: imu_faults::limits(keys)?,
+        water_track: keys.has("water_track")? && keys.extract("water_track", "True or False")?,
         water: if keys.has("water")? {
             keys.section("water", water)?
         } else {
@@ -343,6 +344,7 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     motion.set_item("change_sd_mps", options.motion.change_sd_mps)?;
     motion.set_item("change_time_s", options.motion.change_time_s)?;
     dict.set_item("motion", motion)?;
+    dict.set_item("water_track", options.water_track)?;
     dict.set_item("speed_sd_mps", options.speed_bound.sd_mps)?;
     dict.set_item("speed_time_s", options.speed_bound.time_s)?;
     imu_faults::put_limits(&dict, &options.imu_limits)?;

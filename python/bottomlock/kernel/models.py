@@ -349,6 +349,7 @@ class Options(Settings):
     nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"]
     weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"]
     information_port: Literal["axes", "full"] = DEFAULT_OPTIONS["information_port"]
+    water_track: bool = DEFAULT_OPTIONS["water_track"]
     speed_sd_mps: float = DEFAULT_OPTIONS["speed_sd_mps"]
     speed_time_s: float = DEFAULT_OPTIONS["speed_time_s"]
     max_imu_rate_radps: float = DEFAULT_OPTIONS["max_imu_rate_radps"]

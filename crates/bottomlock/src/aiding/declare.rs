@@ -32,18 +32,22 @@ macro_rules! sensors {
             Speed,
             /// The prior of the vehicle's motion.
             Motion,
+            /// Beams that the water returned.
+            WaterTrack,
             $($(#[doc = concat!("`", $name, "`.")] $report,)+)+
         }
 
         impl Sensor {
             /// Number of report names.
-            pub const COUNT: usize = 5 + [$($(stringify!($report)),+),+].len();
+            pub const COUNT: usize = 6 + [$($(stringify!($report)),+),+].len();
 
             /// What it measures; `None` for an assumption.
             #[must_use]
             pub fn quantity(self) -> Option<Quantity> {
                 match self {
                     Self::Beams => Some(Quantity::Velocity),
+                    // Relative to the water, whose current is not known.
+                    Self::WaterTrack => None,
                     Self::Sway | Self::Heave | Self::Speed | Self::Motion => None,
                     other => reports()
                         .find(|(_, report)| report.sensor == other)
@@ -60,6 +64,7 @@ macro_rules! sensors {
                     Self::Heave => "heave",
                     Self::Speed => "speed",
                     Self::Motion => "motion",
+                    Self::WaterTrack => "water_track",
                     $($(Self::$report => $name,)+)+
                 }
             }

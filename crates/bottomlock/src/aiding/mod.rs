@@ -22,6 +22,7 @@ pub mod sensor;
 pub mod speed_bound;
 pub mod velocity;
 pub mod water;
+pub mod water_track;
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 

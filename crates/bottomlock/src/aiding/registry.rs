@@ -105,10 +105,13 @@ pub const STREAM_NAMES: [&str; STREAMS] = {
         names[2 + kind] = DECLARATIONS[kind].stream;
         kind += 1;
     }
+    names[WATER_TRACK] = "water_track";
     names
 };
-/// Their number: inertial readings, pings, and one for each sensor.
-pub const STREAMS: usize = 2 + SENSORS;
+/// Place of the beams that the water returned, behind the sensors.
+pub const WATER_TRACK: usize = 2 + SENSORS;
+/// Number of streams: inertial readings, pings, one for each sensor, and the beams that the water returned.
+pub const STREAMS: usize = WATER_TRACK + 1;
 
 /// Report names and quantities of the updates of all sensors but the beams.
 pub fn reports() -> impl Iterator<Item = (SensorKind, Report)> {

@@ -7,9 +7,11 @@ use nalgebra::SMatrix;
 use super::Eskf;
 use crate::aiding::calibration::{Calibration, CalibrationCovariance, calibrated_beam_terms};
 use crate::aiding::further::FIRST_CALIBRATION;
-use crate::aiding::{self, BeamTerms, Innovation};
+use crate::aiding::water_track::water_track_terms;
+use crate::aiding::{self, BeamTerms, Innovation, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error_model::Coefficients;
+use crate::filter::water_block::WaterBlock;
 use crate::layout::{DIM, VELOCITY};
 use crate::mechanisation::Inertial;
 
@@ -30,13 +32,31 @@ impl Eskf {
 
     /// [`aiding::beam_terms`] at the estimated mounting and clock.
     pub(crate) fn beam_terms(&self, geometry: &BeamGeometry, ping: &BeamSample) -> BeamTerms {
-        self.with_motion(|motion| match self.extensions.calibration.as_deref() {
+        self.with_motion(|motion| self.beam_terms_at(motion, geometry, ping))
+    }
+
+    fn beam_terms_at(&self, motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSample) -> BeamTerms {
+        match self.extensions.calibration.as_deref() {
             None => aiding::beam_terms(motion, geometry, ping),
             Some(block) => {
                 let change = block.motion_change(self.velocity_by_state());
                 calibrated_beam_terms(motion, &change, geometry, block.estimate(), ping)
             }
-        })
+        }
+    }
+
+    /// Beams that the water returned, as rows at the estimated current; no row without the current as states.
+    pub(crate) fn water_track_innovation(&self, geometry: &BeamGeometry, ping: &BeamSample) -> Innovation {
+        let Some(water) = self.water().map(WaterBlock::estimate) else {
+            return Innovation::empty();
+        };
+        let turned = self.calibrated_geometry(geometry);
+        let terms = self.with_motion(|motion| {
+            water_track_terms(motion, &turned, water, ping, |relative| {
+                self.beam_terms_at(relative, geometry, ping)
+            })
+        });
+        aiding::tightly_coupled(&terms, ping)
     }
 
     /// A geometry at the estimated mounting.

@@ -11,7 +11,7 @@ use super::water_block::WaterBlock;
 use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_WATER, FURTHER, FurtherVector};
 use crate::aiding::registry::SensorModels;
-use crate::aiding::water::WATER;
+use crate::aiding::water::{HEAVE, SWAY, WATER};
 use crate::aiding::{CorrectedPath, Innovation};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
@@ -76,6 +76,14 @@ impl Extensions {
             (None, None) => {}
         }
         self.water = water.map(Box::new);
+    }
+
+    /// Replaces the water states; the slips begin at their prior, the others keep their covariance.
+    pub(super) fn set_slips(&mut self, water: WaterBlock) {
+        for slip in [SWAY, HEAVE] {
+            begun(&mut self.further).renew(FIRST_WATER + slip, water.variance()[slip]);
+        }
+        self.water = Some(Box::new(water));
     }
 
     /// Covariances of all states beside the 20.

@@ -118,14 +118,22 @@ impl FurtherStates {
         self.blocks.sort_by_key(|block| block.start);
     }
 
+    /// Begins a state of a block anew: independent of all others, with this variance.
+    pub(super) fn renew(&mut self, state: usize, variance: f64) {
+        self.clear(state);
+        self.covariance[(state, state)] = variance;
+    }
+
+    fn clear(&mut self, state: usize) {
+        self.cross.column_mut(state).fill(0.0);
+        self.covariance.column_mut(state).fill(0.0);
+        self.covariance.row_mut(state).fill(0.0);
+    }
+
     /// Ends a block, if there is one.
     pub(super) fn end(&mut self, block: &Range<usize>) {
         self.blocks.retain(|other| other != block);
-        for k in block.clone() {
-            self.cross.column_mut(k).fill(0.0);
-            self.covariance.column_mut(k).fill(0.0);
-            self.covariance.row_mut(k).fill(0.0);
-        }
+        block.clone().for_each(|k| self.clear(k));
     }
 
     /// Returns true if there is none.

@@ -123,8 +123,18 @@ impl Eskf {
     /// The same filter with water states, or without.
     #[must_use]
     pub fn with_water(mut self, water: Option<WaterBlock>) -> Self {
-        self.extensions.set_water(water);
+        self.set_water(water);
         self
+    }
+
+    /// Replaces the water states but for the current, its gain and the trim, which stay with their covariance.
+    pub(crate) fn set_slips(&mut self, water: WaterBlock) {
+        self.extensions.set_slips(water);
+    }
+
+    /// Begins the water states, or ends them.
+    pub(crate) fn set_water(&mut self, water: Option<WaterBlock>) {
+        self.extensions.set_water(water);
     }
 
     /// Estimate and standard deviation of the depth sensor's bias, m; `None` for a sensor without bias.

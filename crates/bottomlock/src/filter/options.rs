@@ -33,6 +33,8 @@ pub struct Options {
     pub information_port: InformationPort,
     /// Prior of the motion through the water.
     pub water: WaterPrior,
+    /// Whether beams that the water returns are used: every method then has the current of `water` as states.
+    pub water_track: bool,
     /// Prior of the DVL's mounting and clock, as states beside the others; off where all of it is zero.
     pub calibration: CalibrationPrior,
     /// Bound on the speed, where the beams leave a direction unobserved beyond the linear range.
@@ -59,6 +61,7 @@ impl Default for Options {
             assumptions: Assumptions::default(),
             information_port: InformationPort::Axes,
             water: WaterPrior::default(),
+            water_track: false,
             calibration: CalibrationPrior::default(),
             speed_bound: SpeedBound::default(),
             motion: MotionPrior::default(),

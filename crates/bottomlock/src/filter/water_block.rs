@@ -72,6 +72,16 @@ impl WaterBlock {
         anew
     }
 
+    /// The same current, gain and trim, with the slips of another block at their prior.
+    pub(crate) fn with_slips_of(&self, other: &Self) -> Self {
+        let mut block = Self {
+            estimate: self.estimate,
+            ..other.clone()
+        };
+        (block.estimate[SWAY], block.estimate[HEAVE]) = (0.0, 0.0);
+        block
+    }
+
     fn note_slips(&mut self) {
         for (k, slip) in self.slips.iter().enumerate() {
             self.variance[SWAY + k] = slip.variance();

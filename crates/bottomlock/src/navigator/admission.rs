@@ -3,7 +3,7 @@
 use super::Navigator;
 use crate::error::NavError;
 use crate::navigator::events::Event;
-use crate::navigator::measurable::require_measurable;
+use crate::navigator::measurable::{require_current, require_measurable};
 
 impl Navigator {
     /// Checks the numbers of an event and that its time comes after the filter's and the last one of its stream.
@@ -12,6 +12,7 @@ impl Navigator {
     /// As [`Navigator::push`].
     pub(super) fn admit(&self, event: &Event) -> Result<(), NavError> {
         event.validate(&self.geometry)?;
+        require_current(event, &self.filters.measurements_only)?;
         let (time_ns, (stream, index)) = (event.time_ns(), event.stream());
         let now_ns = self.filters.measurements_only.time_ns();
         let repeated_ns = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns);

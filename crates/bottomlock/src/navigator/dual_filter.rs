@@ -47,25 +47,39 @@ impl DualFilter {
         filters
     }
 
-    /// Starts the constrained filter from the estimate on the measurements alone.
+    /// Starts the constrained filter from the estimate on the measurements alone, and from what these tell of the current, where
+    /// they do.
     pub(crate) fn start_constrained(&mut self, water: WaterBlock) {
-        self.constrained = Some(Box::new(self.measurements_only.clone().with_water(Some(water))));
+        let mut filter = Box::new(self.measurements_only.clone());
+        match filter.water() {
+            Some(measured) => {
+                let water = measured.with_slips_of(&water);
+                filter.set_slips(water);
+            }
+            None => filter.set_water(Some(water)),
+        }
+        self.constrained = Some(filter);
         self.implausible = 0;
     }
 
     /// Restarts the constrained filter from the estimate on the measurements alone and from the prior of the water
     /// states.
     fn restart_constrained(&mut self) {
-        if let Some(water) = self.best().water().map(WaterBlock::restarted) {
+        if let Some(water) = self.assumed().map(WaterBlock::restarted) {
             self.start_constrained(water);
         }
     }
 
     /// Restarts the constrained filter with a wider slip where there was an alarm, of sway and of heave.
     fn widen_slip(&mut self, alarms: [Option<Alarm>; 2]) {
-        if let Some(water) = self.best().water().map(|water| water.widened(alarms)) {
+        if let Some(water) = self.assumed().map(|water| water.widened(alarms)) {
             self.start_constrained(water);
         }
+    }
+
+    /// The water states of the constrained filter, where it exists.
+    pub(crate) fn assumed(&self) -> Option<&WaterBlock> {
+        self.constrained.as_ref()?.water()
     }
 
     /// The filter whose estimate is reported: the constrained one where it exists.

@@ -2,6 +2,8 @@
 
 #[path = "admission.rs"]
 mod admission;
+#[path = "motion_aiding.rs"]
+mod motion_aiding;
 #[path = "own_aiding.rs"]
 mod own_aiding;
 #[path = "ping_aiding.rs"]
@@ -15,7 +17,6 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
 use crate::aiding::closure::push_closure;
-use crate::aiding::motion_prior::{EPOCH_NS, LEARNING_NS, LOST_NS};
 use crate::aiding::{InformationPort, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
@@ -80,8 +81,9 @@ impl Navigator {
         options: &Options,
     ) -> Result<Self, NavError> {
         own_aiding::check(aiding, options)?;
-        let filter = Eskf::new(initial, model, options)?;
-        let water = (aiding == BeamAiding::SwayCurrent).then(|| WaterBlock::new(&options.water));
+        let water = || WaterBlock::new(&options.water);
+        let filter = Eskf::new(initial, model, options)?.with_water(options.water_track.then(water));
+        let water = (aiding == BeamAiding::SwayCurrent).then(water);
         Ok(Self {
             filters: DualFilter::new(filter, water),
             geometry,
@@ -156,7 +158,9 @@ impl Navigator {
     /// # Errors
     /// As [`Eskf::set_covariance`].
     pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
-        self.filters.measurements_only.set_covariance(covariance)?;
+        let filter = &mut self.filters.measurements_only;
+        filter.set_covariance(covariance)?;
+        filter.set_water(self.options.water_track.then(|| WaterBlock::new(&self.options.water)));
         if self.aiding == BeamAiding::SwayCurrent {
             self.filters.start_constrained(WaterBlock::new(&self.options.water));
         }
@@ -168,7 +172,12 @@ impl Navigator {
         self.filters.best().velocity()
     }
 
-    /// The current and the slip through the water, where the method estimates them.
+    /// The slip through the water, where the method assumes that it is small.
+    pub(crate) fn assumed(&self) -> Option<&WaterBlock> {
+        self.filters.assumed()
+    }
+
+    /// The current, where it is estimated, and the slip through the water.
     #[must_use]
     pub fn water(&self) -> Option<&WaterBlock> {
         self.filters.best().water()
@@ -242,13 +251,19 @@ impl Navigator {
                 self.bound_speed(ping.time_ns, report)?;
                 let before_ns = self.last_ping_ns.replace(ping.time_ns);
                 let is_whole = self.geometry.rank_of(used) == 3;
-                let whole = (is_whole && self.water().is_some())
+                let whole = (is_whole && self.assumed().is_some())
                     .then(|| self.whole_velocity(&BeamSample { valid: used, ..*ping }))
                     .flatten();
                 self.filters.assume(whole.as_ref(), &mut *report)?;
                 if is_whole {
                     return self.learn_motion(ping.time_ns, before_ns, report);
                 }
+            }
+            Event::WaterTrack(_) if self.aiding == BeamAiding::None => {}
+            Event::WaterTrack(ping) => {
+                let geometry = &self.geometry;
+                let innovation_of = |filter: &Eskf| filter.water_track_innovation(geometry, ping);
+                report(&filters.update(Sensor::WaterTrack, &innovation_of)?);
             }
             Event::Aiding(measurement) => {
                 for sensor in measurement.reports() {
@@ -259,52 +274,6 @@ impl Navigator {
             }
         }
         self.keep_to_motion(event.time_ns(), report)
-    }
-
-    /// Applies the prior of the vehicle's motion to every filter where an epoch is due.
-    fn keep_to_motion(&mut self, time_ns: i64, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
-        let prior = self.options.motion;
-        if prior.is_off() || self.next_motion_ns.is_some_and(|next_ns| time_ns < next_ns) {
-            return Ok(());
-        }
-        self.next_motion_ns = Some(time_ns + EPOCH_NS);
-        report(
-            &self
-                .filters
-                .update(Sensor::Motion, &|filter| prior.innovation(&filter.state()))?,
-        );
-        Ok(())
-    }
-
-    /// Learns the vehicle's motion from a ping that determines the whole velocity, now and then; the ping before it was taken at
-    /// `before_ns`. The velocity is that of the pings then, whose noise every row would carry into the position.
-    fn learn_motion(
-        &mut self,
-        time_ns: i64,
-        before_ns: Option<i64>,
-        report: &mut dyn FnMut(&UpdateReport),
-    ) -> Result<(), NavError> {
-        let part = |time_ns: i64| time_ns.div_euclid(LEARNING_NS);
-        if before_ns.is_none_or(|before_ns| part(before_ns) != part(time_ns)) {
-            self.next_motion_ns = None;
-            self.keep_to_motion(time_ns, report)?;
-        }
-        self.next_motion_ns = Some(time_ns + LOST_NS);
-        Ok(())
-    }
-
-    /// Bounds the speed of the filter on the measurements alone beyond the linear range, where the options say so.
-    fn bound_speed(&mut self, time_ns: i64, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
-        let (bound, filter) = (&self.options.speed_bound, &mut self.filters.measurements_only);
-        if bound.sd_mps == 0.0 || self.aiding == BeamAiding::None || !filter.is_beyond_linear_range() {
-            return Ok(());
-        }
-        let Some(last_ns) = self.last_ping_ns else {
-            return Ok(());
-        };
-        let innovation = bound.innovation(&filter.state(), (time_ns - last_ns) as f64 * 1e-9);
-        report(&filter.update(&innovation, Sensor::Speed)?);
-        Ok(())
     }
 
     /// The innovation of a velocity solved from the beams, and how it is solved.

@@ -9,7 +9,7 @@ pub use crate::aiding::attitude::AttitudeSample;
 pub use crate::aiding::depth::DepthSample;
 pub use crate::aiding::gps::{GpsSample, GpsVelocity};
 pub use crate::aiding::heading::HeadingSample;
-pub use crate::aiding::registry::{STREAM_NAMES, STREAMS};
+pub use crate::aiding::registry::{STREAM_NAMES, STREAMS, WATER_TRACK};
 pub use crate::aiding::velocity::VelocitySample;
 
 /// Anything that arrives.
@@ -21,6 +21,8 @@ pub enum Event {
     Beams(BeamSample),
     /// A measurement of any other sensor.
     Aiding(Measurement),
+    /// Beams that the water returned.
+    WaterTrack(BeamSample),
 }
 
 impl<M: Into<Measurement>> From<M> for Event {
@@ -35,7 +37,7 @@ impl Event {
     pub fn time_ns(&self) -> i64 {
         match self {
             Self::Imu(sample) => sample.time_ns,
-            Self::Beams(sample) => sample.time_ns,
+            Self::Beams(sample) | Self::WaterTrack(sample) => sample.time_ns,
             Self::Aiding(measurement) => measurement.time_ns(),
         }
     }
@@ -46,6 +48,7 @@ impl Event {
             Self::Imu(_) => 0,
             Self::Beams(_) => 1,
             Self::Aiding(measurement) => 2 + measurement.kind() as usize,
+            Self::WaterTrack(_) => WATER_TRACK,
         };
         (STREAM_NAMES[index], index)
     }
@@ -55,7 +58,7 @@ impl Event {
         require_time(self.stream().0, self.time_ns())?;
         match self {
             Self::Imu(sample) => sample.validate(),
-            Self::Beams(sample) => sample.validate(geometry),
+            Self::Beams(sample) | Self::WaterTrack(sample) => sample.validate(geometry),
             Self::Aiding(measurement) => measurement.validate(),
         }
     }

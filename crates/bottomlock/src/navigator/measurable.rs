@@ -17,9 +17,10 @@ const LARGEST_VARIANCE: f64 = LARGEST * LARGEST;
 /// # Errors
 /// [`NavError::Implausible`] that names the stream.
 pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) -> Result<(), NavError> {
+    require_current(event, filter)?;
     match event {
         Event::Imu(_) => Ok(()),
-        Event::Beams(ping) => require_measurable_ping(ping),
+        Event::Beams(ping) | Event::WaterTrack(ping) => require_measurable_ping(event.stream().0, ping),
         Event::Aiding(measurement) => {
             let (stream, time_ns) = (event.stream().0, event.time_ns());
             measurement.reports().try_for_each(|sensor| {
@@ -34,10 +35,25 @@ pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) 
     }
 }
 
+/// Checks that a filter has the current as states where an event measures the velocity relative to the water.
+///
+/// # Errors
+/// [`NavError::OutOfRange`] that names the option.
+pub(crate) fn require_current(event: &Event, filter: &Eskf) -> Result<(), NavError> {
+    if matches!(event, Event::WaterTrack(_)) && filter.water().is_none() {
+        return Err(NavError::OutOfRange {
+            field: "options.water_track",
+            value: 0.0,
+            expected: "true, for beams that the water returned: the current is then a state",
+        });
+    }
+    Ok(())
+}
+
 /// The velocities of a ping are checked with its beams ([`BeamSample::validate`]).
-fn require_measurable_ping(ping: &BeamSample) -> Result<(), NavError> {
+fn require_measurable_ping(stream: &'static str, ping: &BeamSample) -> Result<(), NavError> {
     let mut variances = ping.valid.iter().map(|beam| ping.sd_mps[beam].powi(2));
-    variances.try_for_each(|variance| require_variance("dvl", ping.time_ns, variance))
+    variances.try_for_each(|variance| require_variance(stream, ping.time_ns, variance))
 }
 
 fn require_variance(stream: &'static str, time_ns: i64, value: f64) -> Result<(), NavError> {

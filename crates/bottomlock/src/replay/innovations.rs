@@ -89,6 +89,7 @@ fn record_of(report: &UpdateReport, event: &Event) -> Option<InnovationRecord> {
     let is_its = match event {
         Event::Imu(_) => false,
         Event::Beams(_) => report.sensor == Sensor::Beams,
+        Event::WaterTrack(_) => report.sensor == Sensor::WaterTrack,
         Event::Aiding(measurement) => measurement.reports().any(|sensor| sensor == report.sensor),
     };
     InnovationRecord::of(report, true).filter(|record| is_its && record.time_ns == event.time_ns())

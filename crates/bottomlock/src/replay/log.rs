@@ -4,7 +4,7 @@ use crate::aiding::registry::{Measurement, SENSORS};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::NavError;
 use crate::mechanisation::ImuSample;
-use crate::navigator::events::{Event, STREAM_NAMES, STREAMS};
+use crate::navigator::events::{Event, STREAM_NAMES, STREAMS, WATER_TRACK};
 use crate::navigator::first_readings::FirstReadings;
 
 /// Number of the inertial stream.
@@ -19,6 +19,8 @@ pub struct Log<'a> {
     pub pings: &'a [BeamSample],
     /// Measurements of the other sensors, by their places in the registry.
     pub sensors: [&'a [Measurement]; SENSORS],
+    /// Beams that the water returned.
+    pub water_track: &'a [BeamSample],
 }
 
 /// Names the row of an error, and its stream by its place in [`STREAM_NAMES`].
@@ -35,6 +37,7 @@ impl Log<'_> {
         match stream {
             0 => self.imu.len(),
             1 => self.pings.len(),
+            WATER_TRACK => self.water_track.len(),
             _ => self.sensors[stream - 2].len(),
         }
     }
@@ -43,6 +46,7 @@ impl Log<'_> {
         match stream {
             0 => self.imu.get(row).copied().map(Event::Imu),
             1 => self.pings.get(row).copied().map(Event::Beams),
+            WATER_TRACK => self.water_track.get(row).copied().map(Event::WaterTrack),
             _ => self.sensors[stream - 2].get(row).copied().map(Event::Aiding),
         }
     }

@@ -121,6 +121,7 @@ impl Recording {
             imu: &self.imu,
             pings: &self.pings,
             sensors: self.sensors.each_ref().map(Vec::as_slice),
+            water_track: &[],
         }
     }
 

@@ -68,7 +68,7 @@ proptest! {
 
         let last_ns = ordered.navigators().state().time_ns;
         let out = replay(&Replay {
-            log: Log { imu: &case.imu, pings: &case.pings, sensors: case.sensors.each_ref().map(Vec::as_slice) },
+            log: Log { imu: &case.imu, pings: &case.pings, sensors: case.sensors.each_ref().map(Vec::as_slice), water_track: &case.water_track },
             geometry: &janus(),
             model: &case.model,
             options: &case.options,

@@ -12,7 +12,7 @@ use bottomlock::frames::{Rot, Vec3};
 use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample,
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample, WATER_TRACK,
 };
 use bottomlock::navigator::{Finding, LiveNavigator, Method, Notice, Standing};
 use nalgebra::Matrix3;
@@ -38,6 +38,7 @@ pub(crate) struct Case {
     pub(crate) imu: Vec<ImuSample>,
     pub(crate) pings: Vec<BeamSample>,
     pub(crate) sensors: [Vec<Measurement>; SENSORS],
+    pub(crate) water_track: Vec<BeamSample>,
 }
 
 impl Case {
@@ -60,9 +61,20 @@ impl Case {
                 time_ns = later(&mut random, time_ns, 300 * MS);
             }
         }
+        // Drawn apart, so that seeds of old failures keep their meaning.
+        let mut water = ChaCha8Rng::seed_from_u64(seed ^ 0x0057_4154_4552);
+        let mut water_track = Vec::new();
+        if water.random() {
+            let mut time_ns = 0;
+            while time_ns <= last_ns {
+                water_track.push(ping(&mut water, time_ns));
+                time_ns = later(&mut water, time_ns, 200 * MS);
+            }
+        }
         let mut log: Vec<Event> = imu.iter().copied().map(Event::Imu).collect();
         log.extend(pings.iter().copied().map(Event::Beams));
         log.extend(sensors.iter().flatten().copied().map(Event::Aiding));
+        log.extend(water_track.iter().copied().map(Event::WaterTrack));
         // Stable: the streams were put in in their order.
         log.sort_by_key(Event::time_ns);
         let mut model = Model::table_2();
@@ -70,11 +82,15 @@ impl Case {
         Self {
             method,
             model,
-            options: options(&mut random),
+            options: Options {
+                water_track: !water_track.is_empty(),
+                ..options(&mut random)
+            },
             log,
             imu,
             pings,
             sensors,
+            water_track,
         }
     }
 
@@ -88,6 +104,7 @@ impl Case {
             Event::Imu(_) => 0,
             Event::Beams(_) => 1,
             Event::Aiding(measurement) => 2 + measurement.kind() as usize,
+            Event::WaterTrack(_) => WATER_TRACK,
         };
         let mut arriving: Vec<(i64, u32, Event)> = Vec::new();
         for event in &self.log {

@@ -1,0 +1,149 @@
+//! The rows by hand, against differences, and blind to what the water alone leaves open.
+
+use super::*;
+use crate::aiding::water::{WATER, inject};
+use crate::aiding::{MAX_ROWS, beam_terms};
+use crate::dvl::geometry::{BeamMask, Janus, MAX_BEAMS};
+use crate::earth::LocalLevel;
+use crate::frames::Rot;
+use crate::layout::{DIM, VELOCITY};
+use crate::state::ErrorVector;
+
+fn janus() -> BeamGeometry {
+    let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
+    geometry.with_lever_arms(&[Vec3::new(0.8, -0.1, 0.3); 4]).unwrap()
+}
+
+fn motion(state: &NavState) -> Motion<'_> {
+    Motion {
+        state,
+        rate_ip_p_radps: Vector3::new(0.1, -0.2, 0.3) - state.gyro_bias_p_radps.0,
+        earth_rate_t_radps: Vector3::new(6.1e-5, 0.0, -4.0e-5),
+        gyro_variance: 1e-6,
+        level: LocalLevel::of_plane(&state.position_t_m),
+    }
+}
+
+fn example(pitch_deg: f64) -> (NavState, WaterVector) {
+    let mut state = NavState::at_rest(0);
+    state.attitude_t_p = Rot::from_euler_rad(0.4, pitch_deg.to_radians(), -1.1);
+    state.velocity_p_mps = Vec3::new(2.0, 0.2, -0.1);
+    state.gyro_bias_p_radps = Vec3::new(1e-3, 2e-3, -1e-3);
+    state.dvl_bias_mps = [0.01, -0.02, 0.03, 0.0].into();
+    state.dvl_scale_factor = 0.02;
+    (state, WaterVector::from([0.3, -0.2, 0.7, 0.02, -0.01, 0.015]))
+}
+
+fn ping(valid: BeamMask) -> BeamSample {
+    BeamSample {
+        time_ns: 0,
+        velocity_mps: std::array::from_fn(|beam| 0.3 * beam as f64 - 0.4),
+        sd_mps: [0.05; MAX_BEAMS],
+        valid,
+    }
+}
+
+fn terms(state: &NavState, water: &WaterVector, ping: &BeamSample) -> BeamTerms {
+    let (motion, geometry) = (motion(state), janus());
+    water_track_terms(&motion, &geometry, water, ping, |relative| {
+        beam_terms(relative, &geometry, ping)
+    })
+}
+
+/// Hand-worked: level, heading east at 2 m/s over ground in a current of 0.5 m/s to the east and 0.3 m/s to the north, the beams
+/// read 1.5 m/s ahead and 0.3 m/s to starboard.
+#[test]
+fn a_current_by_hand() {
+    let mut state = NavState::at_rest(0);
+    state.attitude_t_p = Rot::from_euler_rad(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
+    let water = WaterVector::from([0.3, 0.5, 0.0, 0.0, 0.0, 0.0]);
+    let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
+    let mut ping = ping(BeamMask::all(4));
+    for beam in 0..4 {
+        ping.velocity_mps[beam] = geometry.direction_p(beam).dot(&Vector3::new(1.5, 0.3, 0.0));
+    }
+    let still = Motion {
+        rate_ip_p_radps: Vector3::zeros(),
+        earth_rate_t_radps: Vector3::zeros(),
+        ..motion(&state)
+    };
+    let terms = water_track_terms(&still, &geometry, &water, &ping, |relative| {
+        beam_terms(relative, &geometry, &ping)
+    });
+    assert!(terms.residual.amax() < 1e-15, "{}", terms.residual);
+}
+
+/// Without a current the rows are those of the bottom, but for the columns of the current.
+#[test]
+fn in_still_water_the_rows_are_those_of_the_bottom() {
+    let (state, _) = example(5.0);
+    let ping = ping(BeamMask::all(4));
+    let still = terms(&state, &WaterVector::zeros(), &ping);
+    let bottom = beam_terms(&motion(&state), &janus(), &ping);
+    assert_eq!(
+        (still.residual, still.jacobian, still.noise),
+        (bottom.residual, bottom.jacobian, bottom.noise)
+    );
+}
+
+/// H against central differences when the estimate moves, also where the vehicle stands on end and with beams lost.
+#[test]
+fn rows_are_the_derivatives() {
+    for (pitch, valid) in [0.0, 12.0, -70.0, 89.9, -89.9, 90.0]
+        .into_iter()
+        .flat_map(|pitch| [BeamMask::all(4), [0, 2, 3].into_iter().collect()].map(|valid| (pitch, valid)))
+    {
+        let (state, water) = example(pitch);
+        let ping = ping(valid);
+        let at = |error: &ErrorVector, by: &WaterVector| {
+            let (mut state, mut water) = (state, water);
+            state.inject(error);
+            inject(&mut water, error[ATTITUDE + 2], by);
+            terms(&state, &water, &ping).residual
+        };
+        let whole = terms(&state, &water, &ping);
+        let further = whole.by_further.as_deref().unwrap();
+        let (none, zero, step) = (WaterVector::zeros(), ErrorVector::zeros(), 1e-5);
+        for beam in valid.iter() {
+            for j in 0..DIM {
+                let error = ErrorVector::ith(j, step);
+                let slope = (at(&-error, &none) - at(&error, &none))[beam] / (2.0 * step);
+                assert!(
+                    (slope - whole.jacobian[(beam, j)]).abs() < 1e-8,
+                    "pitch {pitch}, beam {beam}, state {j}"
+                );
+            }
+            for j in 0..WATER {
+                let by = WaterVector::ith(j, step);
+                let slope = (at(&zero, &-by) - at(&zero, &by))[beam] / (2.0 * step);
+                assert!(
+                    (slope - further[(beam, FIRST_WATER + j)]).abs() < 1e-9,
+                    "pitch {pitch}, beam {beam}, further state {j}"
+                );
+            }
+        }
+    }
+}
+
+/// A velocity over ground and the same current change no reading, and no row turns the yaw: its derivative is that of the bottom.
+#[test]
+fn what_the_water_alone_leaves_open() {
+    for pitch in [0.0, -40.0, 85.0] {
+        let (state, water) = example(pitch);
+        let ping = ping(BeamMask::all(4));
+        let whole = terms(&state, &water, &ping);
+        let further = whole.by_further.as_deref().unwrap();
+        let rotation = motion(&state).rotation();
+        for axis in 0..2 {
+            let by_velocity = rotation.tr_mul(&Vector3::ith(axis, 1.0));
+            let open = whole.jacobian.fixed_columns::<3>(VELOCITY) * by_velocity
+                + further.column(FIRST_WATER + CURRENT + axis);
+            assert!(open.amax() < 1e-15, "pitch {pitch}: {open}");
+        }
+        let bottom = beam_terms(&motion(&state), &janus(), &ping);
+        let yaw = whole.jacobian.column(ATTITUDE + 2) - bottom.jacobian.column(ATTITUDE + 2);
+        assert!(yaw.amax() < 1e-15);
+        assert_eq!(whole.residual.rows(4, MAX_ROWS - 4).amax(), 0.0);
+    }
+}
