@@ -391,6 +391,8 @@ class ReplayDict(TypedDict):
     smoothed_dvl_scale: NotRequired[NDArray[np.float64]]
     smoothed_sd: NotRequired[NDArray[np.float64]]
     smoothed_covariance: NotRequired[NDArray[np.float64]]
+    current_t_mps: NotRequired[NDArray[np.float64]]
+    current_covariance: NotRequired[NDArray[np.float64]]
     attitude_error: NotRequired[NDArray[np.float64]]
     attitude_error_sd: NotRequired[NDArray[np.float64]]
     calibration: NotRequired[NDArray[np.float64]]

@@ -106,5 +106,8 @@ def test_a_log_gives_the_bits_of_the_navigator() -> None:
                 flown.push_water_track(water_ns[row], water[row], valid[row], sd_mps=sd)
             flown.push_imu(time_ns, omega_p_radps=omega[k], force_p_mps2=force[k])
         assert out["velocity_p_mps"][0, 0].tolist() == list(flown.state()["velocity_p_mps"])
+        estimated: Any = flown.water()
+        for name in ("current_t_mps", "current_covariance"):
+            np.testing.assert_array_equal(out[name][0, 0], estimated[name])
         loaded: Any = Navigator.load(flown.save())
         np.testing.assert_equal(loaded.water(), flown.water())

@@ -10,6 +10,7 @@ use bottomlock::model::Model;
 use bottomlock::replay as core;
 use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
 use bottomlock::state::NavState;
+use nalgebra::{Matrix2, Vector2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -171,6 +172,8 @@ impl OwnedLog {
 ///     - unused, the number of rows of each stream before the start and after the end;
 ///     - with `smooth`: the estimates and sd again with the prefix `smoothed_`, and `smoother_bytes` (M,), the memory of each method's
 ///       backward pass;
+///     - where a method estimates the current: current_t_mps (M, T, 2), north and east, with current_covariance (M, T, 2, 2), NaN
+///       for the others;
 ///     - where the attitude reference has slow errors: attitude_error and attitude_error_sd (M, T, 3), roll, pitch, yaw, rad;
 ///     - where `options.calibration` is on: calibration and calibration_sd (M, T, 4), the rotation of the DVL from its stated
 ///       mounting about forward, right and down (rad) and the time to add to its stamps (s), with `covariances` also
@@ -242,6 +245,7 @@ pub fn replay_log<'py>(
     }
     put_calibrations(&out, &replayed.tracks, covariances)?;
     put_attitude_errors(&out, &replayed.tracks)?;
+    put_currents(&out, &replayed.tracks)?;
     put_pings(&out, &replayed.tracks, log.pings.len(), beams)?;
     if innovations || log.withheld.iter().any(|flags| !flags.is_empty()) {
         put_innovations(&out, &replayed.tracks)?;
@@ -265,6 +269,8 @@ fn replay_bytes(request: &Replay<'_>) -> u128 {
     // A tape has the covariance and the transition of every sample, of all further states too.
     let (matrix, tape) = (DIM * DIM * NUMBER, 2 * (DIM + 1 + CALIBRATION + WATER).pow(2) * NUMBER);
     let estimate = size_of::<NavState>() + DIM * NUMBER + if request.covariances { matrix } else { 0 };
+    // A state that is recorded has its current beside it.
+    let estimate = estimate + size_of::<Option<(Vector2<f64>, Matrix2<f64>)>>();
     let sample = 2 * estimate * if request.smooth { 2 } else { 1 } + if request.smooth { tape } else { 0 };
     let (methods, samples) = (request.methods.len(), request.sample_time_ns.len());
     product(&[methods, samples, sample]).saturating_add(product(&[
@@ -330,8 +336,28 @@ fn put_series(
     Ok(())
 }
 
-/// Mounting and clock of the DVL at each sample, methods × samples × 4, where they are estimated.
 /// The estimated error of the attitude reference, where every method has it.
+/// Estimated currents, NaN where there is none; nothing where no method estimates one.
+fn put_currents(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
+    let each = || tracks.iter().flat_map(|track| &track.currents);
+    if each().all(Option::is_none) {
+        return Ok(());
+    }
+    let shape = [tracks.len(), tracks.first().map_or(0, |track| track.currents.len())];
+    let numbers = |width: usize, of: &dyn Fn(&(Vector2<f64>, Matrix2<f64>)) -> Vec<f64>| -> Vec<f64> {
+        each()
+            .flat_map(|current| current.as_ref().map_or(vec![f64::NAN; width], of))
+            .collect()
+    };
+    let estimates = numbers(2, &|(estimate, _)| estimate.as_slice().to_vec());
+    out.set_item("current_t_mps", array(out.py(), estimates, &[shape[0], shape[1], 2])?)?;
+    let covariances = numbers(4, &|(_, covariance)| covariance.as_slice().to_vec());
+    out.set_item(
+        "current_covariance",
+        array(out.py(), covariances, &[shape[0], shape[1], 2, 2])?,
+    )
+}
+
 fn put_attitude_errors(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
     let samples = tracks.first().map_or(0, |track| track.attitude_errors.len());
     if samples == 0 || tracks.iter().any(|track| track.attitude_errors.len() != samples) {
@@ -349,6 +375,7 @@ fn put_attitude_errors(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()
     )
 }
 
+/// Mounting and clock of the DVL at each sample, methods × samples × 4, where they are estimated.
 fn put_calibrations(out: &Bound<'_, PyDict>, tracks: &[Track], covariances: bool) -> PyResult<()> {
     let samples = tracks.first().map_or(0, |track| track.calibrations.len());
     if samples == 0 {

@@ -14,6 +14,8 @@ mod log;
 mod log_feed;
 mod ping;
 
+use nalgebra::{Matrix2, Vector2};
+
 use crate::aiding::calibration::{CalibrationCovariance, CalibrationVector};
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::{NavError, require_rising};
@@ -105,6 +107,8 @@ pub struct Track {
     /// Estimated error of the attitude reference in roll, pitch and yaw with its standard deviation, rad, at each sample; empty where
     /// it is not estimated.
     pub attitude_errors: Vec<[(f64, f64); 3]>,
+    /// Estimated current, north and east, with its covariance, m/s, at each sample; `None` where it is not estimated.
+    pub currents: Vec<Option<(Vector2<f64>, Matrix2<f64>)>>,
     /// Bytes that the smoother's tape took.
     pub tape_bytes: usize,
 }
