@@ -1,7 +1,8 @@
 //! When the constrained filter starts again, what it takes from the measurements, and that nothing leaves one of the two out.
 
 use super::*;
-use crate::aiding::water::{HEAVE, WaterPrior};
+use crate::aiding::water::{CURRENT, HEAVE, WaterPrior};
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use crate::filter::options::Options;
 use crate::filter::tape::Step;
 use crate::frames::Vec3;
@@ -324,4 +325,55 @@ fn both_restored_filters_are_checked() {
         filters.each_mut().nth(faulty).unwrap().note_interval(f64::NAN);
         assert!(filters.check_restored().is_err(), "{faulty}");
     }
+}
+
+/// Water track tells both filters of one current: a constrained filter that starts again keeps it and its covariance, with the
+/// slips at those that were learned, and independent of all else.
+#[test]
+fn a_constrained_filter_starts_with_the_measured_current() {
+    let prior = WaterPrior::default();
+    let alone = filter([2.0, 0.0, 0.0]).with_water(Some(WaterBlock::new(&prior)));
+    let mut filters = DualFilter::new(alone, Some(WaterBlock::new(&prior)));
+    let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
+    let mut ping = BeamSample {
+        time_ns: 0,
+        velocity_mps: [f64::NAN; MAX_BEAMS],
+        sd_mps: [0.02; MAX_BEAMS],
+        valid: BeamMask::all(4),
+    };
+    for beam in 0..4 {
+        ping.velocity_mps[beam] = geometry.direction_p(beam).dot(&Vector3::new(1.7, -0.2, 0.0));
+    }
+    let innovation_of = |filter: &Eskf| filter.water_track_innovation(&geometry, &ping);
+    filters.update(Sensor::WaterTrack, &innovation_of).unwrap();
+    let measured = |filter: &Eskf| {
+        let estimate = *filter.water().unwrap().estimate();
+        let covariance = filter.water_covariance().unwrap().fixed_view::<2, 2>(0, 0).into_owned();
+        ([estimate[CURRENT], estimate[CURRENT + 1]], covariance)
+    };
+    let known = measured(&filters.measurements_only);
+    assert!(
+        (known.0[0] - 0.27).abs() < 0.03 && (known.0[1] - 0.18).abs() < 0.03,
+        "{:?}",
+        known.0
+    );
+    let learned = WaterBlock::new(&prior).widened([Some(Alarm::Larger), None]);
+    filters.start_constrained(learned.clone());
+    assert_eq!(measured(filters.best()), known);
+    let block = filters.assumed().unwrap();
+    assert_eq!((block.estimate()[SWAY], block.alarms()), (0.0, 1));
+    let whole = filters.best().water_covariance().unwrap();
+    assert_eq!(whole[(SWAY, SWAY)], learned.variance()[SWAY]);
+    assert_eq!(whole.row(SWAY).iter().filter(|&&number| number != 0.0).count(), 1);
+}
+
+/// One filter that estimates the current makes no assumption: an inflation starts no second one.
+#[test]
+fn a_measured_current_is_no_assumption() {
+    let water = WaterBlock::new(&WaterPrior::default());
+    let mut filters = DualFilter::new(filter([0.0; 3]).with_water(Some(water)), None);
+    let mut push = || filters.update_or_inflate(Sensor::Velocity, &surge(10.0, 10.0)).unwrap();
+    let inflations: Vec<_> = (0..ALLOWED).map(|_| push().inflation.is_some()).collect();
+    assert_eq!(inflations, [false, false, true]);
+    assert!(filters.assumed().is_none() && filters.each().count() == 1);
 }
