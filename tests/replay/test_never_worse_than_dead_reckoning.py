@@ -136,8 +136,7 @@ def scores(world: str, runs: int, folder: Path) -> pl.DataFrame:
     ("world", "runs"),
     [
         ("survey", 6),
-        *(pytest.param(world, 10, marks=pytest.mark.long) for world in WORLDS),
-        *(pytest.param(world, 30, marks=pytest.mark.deep) for world in WORLDS),
+        *(pytest.param(world, 30, marks=pytest.mark.long) for world in WORLDS),
     ],
 )
 def test_the_floor(world: str, runs: int, tmp_path: Path) -> None:
