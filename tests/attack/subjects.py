@@ -166,8 +166,10 @@ def replay(rng: Random, trial: Trial) -> None:
     }  # fmt: skip
     result = _call(rng, trial, "replay_log", kernel.replay_log, arguments)
     if result is not None:
-        # Of a ping without a fix, and of beams that did not return.
-        lacking = ("nis", "innovation_mps", "innovation_sd_mps", "beam_weight")
+        # Of a ping without a fix, of beams that did not return, and of a method that estimates no current.
+        lacking = (
+            "nis", "innovation_mps", "innovation_sd_mps", "beam_weight", "current_t_mps", "current_covariance",
+        )  # fmt: skip
         trial.finite("replay_log", result, may_lack=lacking)
 
 
