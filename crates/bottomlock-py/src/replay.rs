@@ -336,7 +336,6 @@ fn put_series(
     Ok(())
 }
 
-/// The estimated error of the attitude reference, where every method has it.
 /// Estimated currents, NaN where there is none; nothing where no method estimates one.
 fn put_currents(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
     let each = || tracks.iter().flat_map(|track| &track.currents);
@@ -344,20 +343,20 @@ fn put_currents(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
         return Ok(());
     }
     let shape = [tracks.len(), tracks.first().map_or(0, |track| track.currents.len())];
-    let numbers = |width: usize, of: &dyn Fn(&(Vector2<f64>, Matrix2<f64>)) -> Vec<f64>| -> Vec<f64> {
-        each()
-            .flat_map(|current| current.as_ref().map_or(vec![f64::NAN; width], of))
-            .collect()
-    };
-    let estimates = numbers(2, &|(estimate, _)| estimate.as_slice().to_vec());
+    let (mut estimates, mut covariances) = (Vec::new(), Vec::new());
+    for current in each() {
+        let (estimate, covariance) = current.unwrap_or((Vector2::repeat(f64::NAN), Matrix2::repeat(f64::NAN)));
+        estimates.extend_from_slice(estimate.as_slice());
+        covariances.extend_from_slice(covariance.as_slice());
+    }
     out.set_item("current_t_mps", array(out.py(), estimates, &[shape[0], shape[1], 2])?)?;
-    let covariances = numbers(4, &|(_, covariance)| covariance.as_slice().to_vec());
     out.set_item(
         "current_covariance",
         array(out.py(), covariances, &[shape[0], shape[1], 2, 2])?,
     )
 }
 
+/// The estimated error of the attitude reference, where every method has it.
 fn put_attitude_errors(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
     let samples = tracks.first().map_or(0, |track| track.attitude_errors.len());
     if samples == 0 || tracks.iter().any(|track| track.attitude_errors.len() != samples) {
