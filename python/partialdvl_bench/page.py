@@ -107,7 +107,7 @@ def write_page(
     told = ", ".join(f"{count} {split}" for split, count in counts.items() if count)
     version = " and ".join(dict.fromkeys(spec.version for spec in specs))
     led = _led(scores)
-    names = table.filter(pl.col("task") == OVERALL)["method"].unique(maintain_order=True)
+    names = table["method"].unique(maintain_order=True)
     page = Page(
         f"PartialDVL-Bench v{version}",
         [],

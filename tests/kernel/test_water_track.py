@@ -95,7 +95,12 @@ def test_a_log_gives_the_bits_of_the_navigator() -> None:
     methods: tuple[Method, ...] = ("tc", "sway_current")
     for method in methods:
         beams, model = example.janus, example.model
-        out: Any = replay_log(beams, model, ON, [method], log, example.initial, sample_time_ns=last)
+        out: Any = replay_log(
+            beams, model, ON, [method], log, example.initial, sample_time_ns=last, innovations=True
+        )
+        (records,) = out["innovations"]
+        taken = valid.any(axis=1)
+        np.testing.assert_array_equal(records["water_track"]["time_ns"], water_ns[taken])
         flown = Navigator(beams, model, ON, example.initial, method=method)
         waiting = list(range(len(water_ns)))
         assert model.dvl is not None

@@ -155,7 +155,8 @@ impl Navigator {
         )
     }
 
-    /// Beams that the water returned, as `push_beams`, positive away from the water; for options with `water_track`.
+    /// Beams that the water returned, as `push_beams` and with its sign: a beam reads positive when the vehicle moves along it through
+    /// the water. For options with `water_track`.
     #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps))]
     fn push_water_track<'py>(
         &self,

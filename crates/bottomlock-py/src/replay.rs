@@ -268,9 +268,8 @@ fn replay_bytes(request: &Replay<'_>) -> u128 {
     const NUMBER: usize = size_of::<f64>();
     // A tape has the covariance and the transition of every sample, of all further states too.
     let (matrix, tape) = (DIM * DIM * NUMBER, 2 * (DIM + 1 + CALIBRATION + WATER).pow(2) * NUMBER);
-    let estimate = size_of::<NavState>() + DIM * NUMBER + if request.covariances { matrix } else { 0 };
-    // A state that is recorded has its current beside it.
-    let estimate = estimate + size_of::<Option<(Vector2<f64>, Matrix2<f64>)>>();
+    let state = size_of::<NavState>() + size_of::<Option<(Vector2<f64>, Matrix2<f64>)>>();
+    let estimate = state + DIM * NUMBER + if request.covariances { matrix } else { 0 };
     let sample = 2 * estimate * if request.smooth { 2 } else { 1 } + if request.smooth { tape } else { 0 };
     let (methods, samples) = (request.methods.len(), request.sample_time_ns.len());
     product(&[methods, samples, sample]).saturating_add(product(&[
@@ -342,17 +341,17 @@ fn put_currents(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
     if each().all(Option::is_none) {
         return Ok(());
     }
-    let shape = [tracks.len(), tracks.first().map_or(0, |track| track.currents.len())];
+    let (methods, samples) = (tracks.len(), tracks.first().map_or(0, |track| track.currents.len()));
     let (mut estimates, mut covariances) = (Vec::new(), Vec::new());
     for current in each() {
         let (estimate, covariance) = current.unwrap_or((Vector2::repeat(f64::NAN), Matrix2::repeat(f64::NAN)));
         estimates.extend_from_slice(estimate.as_slice());
         covariances.extend_from_slice(covariance.as_slice());
     }
-    out.set_item("current_t_mps", array(out.py(), estimates, &[shape[0], shape[1], 2])?)?;
+    out.set_item("current_t_mps", array(out.py(), estimates, &[methods, samples, 2])?)?;
     out.set_item(
         "current_covariance",
-        array(out.py(), covariances, &[shape[0], shape[1], 2, 2])?,
+        array(out.py(), covariances, &[methods, samples, 2, 2])?,
     )
 }
 

@@ -22,8 +22,8 @@ from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import Made, make_case
 from bottomlock.replay.page import page_of
-from bottomlock.replay.report import ReplayTables, make_replay_report, read_replay
-from bottomlock.replay.run import open_folder, replay_case, run_count, write_replay
+from bottomlock.replay.report import make_replay_report
+from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
 from bottomlock.replay.tune.passes import horizons_of
 
 FIRST_PART = 0.5
@@ -122,7 +122,7 @@ def replay(
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
-    print_results(read_replay(out))
+    print_results(replayed)
     if write_calibration is not None:
         instrument = read_geometry(loaded.dvl.geometry)
         write(write_calibration, instrument, replayed.calibration, loaded, force=force)
@@ -157,17 +157,15 @@ def _tune(made: Made, *, threads: int, force: bool) -> None:
         console.print(f"not tuned: {error}", highlight=False, soft_wrap=True)
 
 
-def print_results(tables: ReplayTables) -> None:
+def print_results(replayed: ReplayResult) -> None:
     """Prints whether the replay can be trusted, findings, faults of the clocks, and the tables of each what-if case."""
-    manifest = tables.manifest
-    page = page_of(manifest, tables.runs, tables.samples, tables.calibration)
+    manifest = replayed.manifest
+    page = page_of(manifest, replayed.runs, replayed.samples, None)
     print_headline(page.headline)
     parts = {part.id: part for part in page.parts}
     for name in ("trust", "findings"):
         print_part(parts[name])
-    for line in (
-        [] if tables.calibration is None else calibration_words(tables.calibration, manifest["methods"])
-    ):
+    for line in calibration_words(replayed.calibration, manifest["methods"]):
         console.print(line, highlight=False, soft_wrap=True)
     for name, clock in manifest["clocks"].items():
         for kind in ("gaps", "jumps", "repeats", "backward", "empty"):

@@ -158,7 +158,7 @@ def html(page: Page) -> str:
 
     >>> page = Page("A study", ["None in `tc`."], [Part("a", "Of what", ["Two *runs*."])], "bottomlock")
     >>> text = html(page)
-    >>> "<h1>A study</h1>" in text, "<li>None in" in text, 'href="#a"' in text
+    >>> "<h1>A study</h1>" in text, '<li>None in <span class="method"' in text, 'href="#a"' in text
     (True, True, True)
     """
     answer = [Part("answer", "Answer", [_numbered(page.answer), *page.intro])] if page.answer else []

@@ -12,6 +12,7 @@ from bottomlock.pages.featured import featured
 from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
+from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.statistics.replay import summary_table, track_table
 from bottomlock.tables.replay import FORWARD
 
@@ -143,7 +144,7 @@ def _trust(answer: Mapping[str, Any]) -> Part:
     take = "Until it is changed, take" if answer["verdict"] == "no" else "Take the track of"
     rows = [
         (take, f"`{answer['method']}`" if answer["method"] else "none of these tracks"),
-        *([("Change", answer["change"])] if answer["change"] != "Nothing." else []),
+        *([("Change", answer["change"])] if answer["change"] != NOTHING else []),
         *zip(("Beams", "Position"), answer["numbers"], strict=False),
         *([("This vehicle", answer["vehicle"])] if answer["vehicle"] else []),
     ]

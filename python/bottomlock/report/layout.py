@@ -1,6 +1,7 @@
 """A campaign laid out: which method to use, each trajectory, virtual beam, sweep, the paper's claims, settings."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -149,7 +150,7 @@ def _code(methods: Iterable[str], last: str = ", ") -> str:
 
 
 def _share(part: float | None) -> str:
-    return "–" if part is None or part != part else f"{number(100.0 * part, 2)} %"  # noqa: PLR0124 - NaN
+    return "–" if part is None or not math.isfinite(part) else f"{number(100.0 * part, 2)} %"
 
 
 def _headline(choice: Choice | None) -> list[str]:

@@ -41,14 +41,13 @@ macro_rules! sensors {
             /// Number of report names.
             pub const COUNT: usize = 6 + [$($(stringify!($report)),+),+].len();
 
-            /// What it measures; `None` for an assumption.
+            /// What it measures; `None` for an assumption, and for the velocity relative to the water, which is no evidence against
+            /// the filter.
             #[must_use]
             pub fn quantity(self) -> Option<Quantity> {
                 match self {
                     Self::Beams => Some(Quantity::Velocity),
-                    // Relative to the water, whose current is not known.
-                    Self::WaterTrack => None,
-                    Self::Sway | Self::Heave | Self::Speed | Self::Motion => None,
+                    Self::Sway | Self::Heave | Self::Speed | Self::Motion | Self::WaterTrack => None,
                     other => reports()
                         .find(|(_, report)| report.sensor == other)
                         .map(|(_, report)| report.quantity),

@@ -65,20 +65,20 @@ impl DualFilter {
     /// Restarts the constrained filter from the estimate on the measurements alone and from the prior of the water
     /// states.
     fn restart_constrained(&mut self) {
-        if let Some(water) = self.assumed().map(WaterBlock::restarted) {
+        if let Some(water) = self.constrained_water().map(WaterBlock::restarted) {
             self.start_constrained(water);
         }
     }
 
     /// Restarts the constrained filter with a wider slip where there was an alarm, of sway and of heave.
     fn widen_slip(&mut self, alarms: [Option<Alarm>; 2]) {
-        if let Some(water) = self.assumed().map(|water| water.widened(alarms)) {
+        if let Some(water) = self.constrained_water().map(|water| water.widened(alarms)) {
             self.start_constrained(water);
         }
     }
 
     /// The water states of the constrained filter, where it exists.
-    pub(crate) fn assumed(&self) -> Option<&WaterBlock> {
+    pub(crate) fn constrained_water(&self) -> Option<&WaterBlock> {
         self.constrained.as_ref()?.water()
     }
 

@@ -360,7 +360,7 @@ fn a_constrained_filter_starts_with_the_measured_current() {
     let learned = WaterBlock::new(&prior).widened([Some(Alarm::Larger), None]);
     filters.start_constrained(learned.clone());
     assert_eq!(measured(filters.best()), known);
-    let block = filters.assumed().unwrap();
+    let block = filters.constrained_water().unwrap();
     assert_eq!((block.estimate()[SWAY], block.alarms()), (0.0, 1));
     let whole = filters.best().water_covariance().unwrap();
     assert_eq!(whole[(SWAY, SWAY)], learned.variance()[SWAY]);
@@ -375,5 +375,5 @@ fn a_measured_current_is_no_assumption() {
     let mut push = || filters.update_or_inflate(Sensor::Velocity, &surge(10.0, 10.0)).unwrap();
     let inflations: Vec<_> = (0..ALLOWED).map(|_| push().inflation.is_some()).collect();
     assert_eq!(inflations, [false, false, true]);
-    assert!(filters.assumed().is_none() && filters.each().count() == 1);
+    assert!(filters.constrained_water().is_none() && filters.each().count() == 1);
 }

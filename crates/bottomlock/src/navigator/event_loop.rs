@@ -172,9 +172,9 @@ impl Navigator {
         self.filters.best().velocity()
     }
 
-    /// The slip through the water, where the method assumes that it is small.
-    pub(crate) fn assumed(&self) -> Option<&WaterBlock> {
-        self.filters.assumed()
+    /// The water states of the filter with assumptions on the motion, where the method has one.
+    pub(crate) fn constrained_water(&self) -> Option<&WaterBlock> {
+        self.filters.constrained_water()
     }
 
     /// The current, where it is estimated, and the slip through the water.
@@ -251,7 +251,7 @@ impl Navigator {
                 self.bound_speed(ping.time_ns, report)?;
                 let before_ns = self.last_ping_ns.replace(ping.time_ns);
                 let is_whole = self.geometry.rank_of(used) == 3;
-                let whole = (is_whole && self.assumed().is_some())
+                let whole = (is_whole && self.constrained_water().is_some())
                     .then(|| self.whole_velocity(&BeamSample { valid: used, ..*ping }))
                     .flatten();
                 self.filters.assume(whole.as_ref(), &mut *report)?;

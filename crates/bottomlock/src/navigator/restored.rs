@@ -24,7 +24,7 @@ impl Navigator {
                 fault: fault.into(),
             })
         };
-        let has_assumptions = self.filters.assumed().is_some();
+        let has_assumptions = self.filters.constrained_water().is_some();
         let has_current = self.filters.measurements_only.water().is_some();
         if (self.aiding == BeamAiding::SwayCurrent) != has_assumptions || self.options.water_track != has_current {
             return refusal("its filters are not those of its method");

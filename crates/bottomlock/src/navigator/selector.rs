@@ -87,9 +87,10 @@ impl Bank {
         let is_tested = !self.members[0].filter().is_beyond_linear_range();
         let (mut reason, mut statistic, mut threshold) = (SelectionReason::NoGain, 0.0, 0.0);
         // Beams that contradict little sway through the water contradict none over ground too.
-        let sways = (self.members.iter()).any(|member| member.assumed().is_some_and(|water| water.alarms() > 0));
+        let sways =
+            (self.members.iter()).any(|member| member.constrained_water().is_some_and(|water| water.alarms() > 0));
         for (k, member) in self.members.iter().enumerate().skip(1) {
-            if sways && member.assumed().is_none() {
+            if sways && member.constrained_water().is_none() {
                 continue;
             }
             let (constrained, reduced) = member.velocity();

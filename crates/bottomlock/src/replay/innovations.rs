@@ -32,7 +32,7 @@ impl InnovationRecord {
     /// That of a report; `None` without a row, and for an assumption but those on the motion through the water.
     pub(super) fn of(report: &UpdateReport, is_withheld: bool) -> Option<Self> {
         let rows = report.rows;
-        let is_assumed = report.sensor.quantity().is_none() && !matches!(report.sensor, Sensor::Heave | Sensor::Sway);
+        let is_assumed = matches!(report.sensor, Sensor::Speed | Sensor::Motion);
         if is_assumed || rows == 0 {
             return None;
         }
