@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 
@@ -13,6 +12,7 @@ from bottomlock.files.table_file import read_parquet
 from bottomlock.io.beam_table import sha256_of
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Coloured, Page, Part, Picture, Table, Terms, html
+from bottomlock.pages.pieces import difference, interval
 from bottomlock.statistics.chi_squared import mean_band
 from bottomlock.tables.check import check
 from bottomlock.tables.spreadsheet import csv_text
@@ -157,8 +157,8 @@ def _task(table: pl.DataFrame, task: str, led: Sequence[tuple[str, int]]) -> Par
     ranking = [
         [
             f"`{row['method']}`" + (" no answer" if row["method"] in silent else ""),
-            f"{nats(row['value'])}<br>{nats(row['lo'])} … {nats(row['hi'])}",
-            _difference(row),
+            interval(row["value"], row["lo"], row["hi"], nats),
+            difference(row, nats),
         ]
         for row in rows.iter_rows(named=True)
     ]
@@ -181,15 +181,6 @@ def _task(table: pl.DataFrame, task: str, led: Sequence[tuple[str, int]]) -> Par
         answering = [row["method"] for row in rows.iter_rows(named=True) if row["method"] not in silent]
         blocks += _other_scores(values, answering, missions)
     return Part(key, name, blocks)
-
-
-def _difference(row: Mapping[str, Any]) -> str:
-    """The difference to the reference with its interval, in colours where that excludes zero."""
-    if row["difference"] is None:
-        return "–"
-    sign = "+" if row["difference"] > 0 else ""
-    words = f"{sign}{nats(row['difference'])}<br>{nats(row['difference_lo'])} … {nats(row['difference_hi'])}"
-    return Coloured(words, "less" if row["difference_hi"] < 0 else "more" if row["difference_lo"] > 0 else "")
 
 
 def _other_scores(

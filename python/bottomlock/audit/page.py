@@ -1,6 +1,5 @@
 """Output of an audit: tables, figures and one page."""
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,7 +15,8 @@ from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
 from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
-from bottomlock.pages.page import Folded, Page, Part, Picture, Table, html
+from bottomlock.pages.page import Page, Part, Picture, Table, html
+from bottomlock.pages.pieces import json_part
 
 CAPTIONS = {
     "closure": "Closure of the full pings, and a Gaussian of its robust sigma.",
@@ -115,8 +115,7 @@ def page_of(audit: Audit, numbers: dict[str, Any], pictures: Sequence[Picture] =
         *([_closure_part(numbers["closure"])] if numbers["closure"] else []),
         *([_mounting_part(audit, numbers["mounting"])] if numbers["mounting"] else []),
     ]
-    dump = f"```\n{json.dumps(numbers, indent=2, sort_keys=True)}\n```"
-    parts.append(Part("numbers", "All numbers", [Folded("audit.json", [dump], printed=False)]))
+    parts.append(json_part("numbers", "All numbers", "audit.json", numbers))
     return Page("Audit of the DVL", [], parts, "bottomlock", about=_counts(audit))
 
 

@@ -49,7 +49,8 @@ def coloured(cell: str, style: str = "") -> Text:
 
 def print_table(title: str, table: Table) -> None:
     """Prints a table, narrow enough for 80 columns where its cells allow; one of long words as a list."""
-    if table.left == len(table.columns) and any(sum(map(len, row)) > WIDTH for row in table.rows):
+    wide = any(sum(map(len, row)) > WIDTH for row in table.rows)
+    if wide and table.left == len(table.columns) > 2:
         for number, (kind, head, *others, last) in enumerate(table.rows, start=1):
             lines = [*map(plain_text, others), f"→ {plain_text(last)}" if last else ""]
             below = "".join(f"\n   {line}" for line in lines if line)

@@ -1,17 +1,16 @@
 """A finished replay laid out: can it be trusted, results of each what-if case, beams, calibration, start, clocks."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
 
-from bottomlock.figures.palette import stroke
 from bottomlock.pages.featured import featured
 from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
+from bottomlock.pages.pieces import glossaries, json_part, title_of
 from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.statistics.replay import summary_table, track_table
 from bottomlock.tables.replay import FORWARD
@@ -88,10 +87,10 @@ def page_of(
         *([_calibration(calibration)] if calibration is not None else []),
         Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
         _clocks(manifest),
-        Part("manifest", "Manifest", [Folded("manifest.json", [_dump(manifest)], printed=False)]),
+        json_part("manifest", "Manifest", "manifest.json", manifest),
     ]
     return Page(
-        f"{_title(manifest['case'])}, replayed", [], parts, f"bottomlock {manifest['version']}",
+        f"{title_of(manifest['case'])}, replayed", [], parts, f"bottomlock {manifest['version']}",
         about=_about(manifest), headline=headline(answer) if answer else (),
     )  # fmt: skip
 
@@ -116,14 +115,6 @@ def featured_in(manifest: Mapping[str, Any], summary: pl.DataFrame, what_if: str
     """The methods that the first figures of a case show."""
     best = best_of(summary, what_if)
     return featured(manifest["methods"], [best["method"]] if best else [])
-
-
-def _title(name: str) -> str:
-    return name.replace("_", " ").capitalize()
-
-
-def _dump(manifest: Mapping[str, Any]) -> str:
-    return f"```\n{json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False)}\n```"
 
 
 def _about(manifest: Mapping[str, Any]) -> str:
@@ -161,26 +152,18 @@ def _results(manifest: Mapping[str, Any], summary: pl.DataFrame, figures: Sequen
         if best is not None:
             numbers = (best[key] for key in ("position_final_m", "position_final_percent", "distance_m"))
             cells = [f"`{best['method']}`", *(number(value) for value in numbers)]
-        rows.append([_title(name), words, *cells])
+        rows.append([title_of(name), words, *cells])
     columns = ["What-if case", "Conditions", "Best", "Position at the end, m", "% DT", "Distance, m"]
     known = any(best_of(summary, name) is not None for name in names)
     caption = "Least position error at the end, forward pass" if known else "There is no reference position"
     first = list(dict.fromkeys(method for name in names for method in featured_in(manifest, summary, name)))
-    others = [method for method in manifest["methods"] if method not in first]
     shown = len(columns) if known else 2
     blocks: list[Block] = [
         Table(columns[:shown], [row[:shown] for row in rows], f"{caption}.", left=min(3, shown)),
         *(one.picture for one in figures if one.name == f"map_{names[0]}"),
-        _glossary(first),
+        *glossaries(manifest["methods"], first, {"lc": _LC}),
     ]
-    if others:
-        summary_words = f"The other {len(others)} methods, in a line each: {', '.join(others)}"
-        blocks.append(Folded(summary_words, [_glossary(others)]))
     return Part("summary", "What-if cases and results", blocks)
-
-
-def _glossary(methods: Iterable[str]) -> Terms:
-    return Terms([(f"`{method}`", _LC if method == "lc" else stroke(method).words) for method in methods])
 
 
 _LC = "velocity by least squares from the valid beams; no fix with fewer than three"
@@ -217,7 +200,7 @@ def _case(
     if folded:
         blocks.append(Folded(f"The figures with all {len(manifest['methods'])} methods", folded))
     label = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
-    return Part(what_if, f"{_title(what_if)}{label}", blocks)
+    return Part(what_if, f"{title_of(what_if)}{label}", blocks)
 
 
 def _results_of(rows: Sequence[Mapping[str, Any]], tracks: Iterable[Mapping[str, Any]]) -> Table:

@@ -10,11 +10,12 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.figures.compare import compare_figure
-from bottomlock.figures.palette import png_bytes, stroke, svg_text
+from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.pages.numbers import number
-from bottomlock.pages.page import Coloured, Page, Part, Picture, Table, Terms, html
+from bottomlock.pages.page import Page, Part, Picture, Table, html
+from bottomlock.pages.pieces import difference, glossary, interval, title_of
 from bottomlock.statistics.compare import QUANTITIES, comparison_table, differing_settings, why_unpaired
 from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
@@ -92,13 +93,11 @@ def compare(
     }
     numbered = {label: place for place, label in enumerate(campaigns, start=1)}
     parts = [_part(table, campaigns, name, numbered, files) for name in _trajectories(campaigns)]
-    methods = [
-        (f"`{method}`", stroke(method).words) for method in table["method"].unique(maintain_order=True)
-    ]
+    methods = glossary(table["method"].unique(maintain_order=True))
     settings = _settings_part(campaigns, numbered, reference, unpaired)
     laid_out = Page(
         f"{len(campaigns)} campaigns side by side", [],
-        [*parts, settings, Part("methods", "Methods", [Terms(methods)])],
+        [*parts, settings, Part("methods", "Methods", [methods])],
         "bottomlock",
         about="\n".join(
             f"{place}. {label.replace(',', ', ')}: {campaigns[label].runs['run'].n_unique()} runs"
@@ -162,7 +161,7 @@ def _part(
         pictures.append(Picture.of(figure, f"f{place}_{trajectory}", caption, kind=""))
         unit = "" if here["unit"][0] == "1" else f", {here['unit'][0]}"
         tables.append(_quantity_table(here, labels, numbered, f"{title}{unit}"))
-    return Part(trajectory, trajectory.replace("_", " ").capitalize(), [*pictures, *tables])
+    return Part(trajectory, title_of(trajectory), [*pictures, *tables])
 
 
 def _quantity_table(
@@ -186,17 +185,12 @@ def _quantity_table(
 
 
 def _value(row: Mapping[str, Any]) -> str:
-    return f"{number(row['value'])}<br>{number(row['lo'])} … {number(row['hi'])}"
+    return interval(row["value"], row["lo"], row["hi"], number)
 
 
 def _difference(row: Mapping[str, Any] | None) -> str:
-    """The difference to the reference with its interval, in colours where that excludes zero."""
-    if row is None or row["difference"] is None:
-        return "–"
-    sign = "+" if row["difference"] > 0 else ""
-    interval = f"{number(row['difference_lo'], 2)} … {number(row['difference_hi'], 2)}"
-    words = f"{sign}{number(row['difference'], 2)}{'' if row['paired'] else ' unpaired'}<br>{interval}"
-    return Coloured(words, "less" if row["difference_hi"] < 0 else "more" if row["difference_lo"] > 0 else "")
+    unpaired = row is not None and not row["paired"]
+    return difference(row, lambda value: number(value, 2), " unpaired" if unpaired else "")
 
 
 def _settings_part(

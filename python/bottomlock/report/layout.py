@@ -8,10 +8,10 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.figures.palette import stroke
 from bottomlock.pages.featured import featured
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
+from bottomlock.pages.pieces import glossaries, interval, json_part, title_of
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.report.advice import REFERENCES, Advice, Choice, swept_current, untested_in_current
@@ -119,7 +119,7 @@ def page_of(content: Content) -> Page:
         *([_sweep(content, campaign.sweep, drawn_above=bool(beams))] if campaign.sweep is not None else []),
         *([_claims(content)] if content.claims.height else []),
         _configuration(campaign),
-        Part("manifest", "Manifest", [Folded("manifest.json", [_dump(campaign.manifest)], printed=False)]),
+        json_part("manifest", "Manifest", "manifest.json", campaign.manifest),
     ]
     runs = ", ".join(
         f"{campaign.manifest['scenarios'][name]['runs']} runs of {_words(name)}" for name in names
@@ -134,14 +134,6 @@ def page_of(content: Content) -> Page:
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
-
-
-def _title(name: str) -> str:
-    return _words(name).capitalize()
-
-
-def _dump(manifest: Mapping[str, Any]) -> str:
-    return f"```\n{json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False)}\n```"
 
 
 def _code(methods: Iterable[str], last: str = ", ") -> str:
@@ -195,13 +187,9 @@ def _summary(content: Content) -> Part:
         method for name in campaign.trajectories for method in featured(campaign.methods(name), best[:1])
     ]
     first = list(dict.fromkeys([*shown, *best]))
-    known = dict.fromkeys(method for name in campaign.trajectories for method in campaign.methods(name))
-    others = [method for method in known if method not in first]
-    blocks.append(_glossary(first))
-    if others:
-        words = f"The other {len(others)} methods, in a line each: {', '.join(others)}"
-        blocks.append(Folded(words, [_glossary(others)]))
+    known = (method for name in campaign.trajectories for method in campaign.methods(name))
     blocks += [
+        *glossaries(known, first),
         _advice_table(content.advice),
         *(_not_recommended(content, part) for part in content.advice if _failing(part)),
     ]
@@ -221,10 +209,6 @@ def _summary(content: Content) -> Part:
     return Part("summary", "Which method to use", blocks)
 
 
-def _glossary(methods: Iterable[str]) -> Terms:
-    return Terms([(f"`{method}`", stroke(method).words) for method in methods])
-
-
 def _advice_table(advice: Sequence[Advice]) -> Table:
     """The recommended methods of each trajectory beside the references."""
     references = [name for name in REFERENCES if any(name in part.velocity_rms_mps for part in advice)]
@@ -238,7 +222,7 @@ def _advice_table(advice: Sequence[Advice]) -> Table:
             cells = [_code(part.best), number(velocity[part.best[0]]), *known, attitude, ins]
         else:
             cells = ["no method to recommend", "–", *known, "–", ins]
-        rows.append([_title(part.trajectory), *cells])
+        rows.append([title_of(part.trajectory), *cells])
     columns = [
         "Trajectory", "Recommended", "Velocity, m/s", *(f"{name} ({REFERENCES[name]})" for name in references),
         "Misalignment of the consistent, °", "of ins, °",
@@ -298,7 +282,7 @@ def _trajectory(content: Content, name: str, *, first: bool) -> Part:
         Folded(f"{words}{', selections' if chosen else ''}", every),
         Folded("Consistency in numbers", [_consistency_table(content.campaign, name)]),
     ]
-    return Part(f"on-{name}", _title(name), blocks)
+    return Part(f"on-{name}", title_of(name), blocks)
 
 
 def _final_rows(campaign: CampaignTables, name: str) -> list[dict[str, Any]]:
@@ -340,9 +324,8 @@ def _final_table(campaign: CampaignTables, name: str, rows: Iterable[Mapping[str
 
 
 def _interval(row: Mapping[str, Any], quantity: str, unit: str) -> str:
-    """An RMS over runs, and below it its interval."""
-    value, low, high = (number(row[f"{quantity}_rms_over_runs{end}_{unit}"]) for end in ("", "_lo", "_hi"))
-    return f"{value}<br>{low} … {high}"
+    value, low, high = (row[f"{quantity}_rms_over_runs{end}_{unit}"] for end in ("", "_lo", "_hi"))
+    return interval(value, low, high, number)
 
 
 def _consistency_table(campaign: CampaignTables, name: str) -> Table:
@@ -392,7 +375,7 @@ def _virtual_beam(content: Content) -> Part:
             [number(row[key]) if row is not None else "–" for key in _ERROR_AND_NEES]
             for row in (one.printed, one.best, one.tc)
         ]
-        rows.append([_title(one.trajectory), *pairs[0], one.best["value"], *pairs[1], *pairs[2]])
+        rows.append([title_of(one.trajectory), *pairs[0], one.best["value"], *pairs[1], *pairs[2]])
     columns = [
         "Trajectory", "vb, n_f = 1: m/s", "NEES, n_f = 1", "Best n_f swept", "vb at it: m/s", "NEES at it", "tc: m/s",
         "NEES of tc",
