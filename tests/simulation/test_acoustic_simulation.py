@@ -22,6 +22,7 @@ from bottomlock.simulation.run_events import Readings
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.analytic import analytic
 from tests.config.test_scenario import TEXT
+from tests.imu_blocks import measured
 from tests.oracle import acoustic_position as oracle
 from tests.oracle.rotations import matrix_from_quaternion
 
@@ -69,18 +70,10 @@ def test_simulated_outliers_are_gated() -> None:
         omega_p_radps=drawn["imu_omega_p_radps"][:1],
         force_p_mps2=drawn["imu_force_p_mps2"][:1],
     )
-    rejected, done = [], 1
-    for k, time_ns in enumerate(drawn["acoustic_position_time_ns"]):
-        upto = int(np.searchsorted(drawn["imu_time_ns"], time_ns, side="right"))
-        part = slice(done, upto)
-        navigator.push_imu_block(
-            drawn["imu_time_ns"][part],
-            omega_p_radps=drawn["imu_omega_p_radps"][part],
-            force_p_mps2=drawn["imu_force_p_mps2"][part],
-        )
-        done = upto
+    rejected = []
+    for k, time_ns in measured(navigator, drawn, drawn["acoustic_position_time_ns"], done=1):
         (report,) = navigator.push_acoustic_position(
-            time_ns=int(time_ns),
+            time_ns=time_ns,
             position_t_m=drawn["acoustic_position_t_m"][k],
             sd_m=drawn["acoustic_position_sd_m"][k],
         )

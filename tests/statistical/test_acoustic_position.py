@@ -16,6 +16,7 @@ from bottomlock.kernel.models import DvlModel
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band
+from tests.imu_blocks import measured
 from tests.oracle.acoustic_position import deviation
 from tests.simulation.test_acoustic_simulation import scenario
 
@@ -47,28 +48,17 @@ def run_filter(method: Method, weigh: float) -> tuple[float, int, float]:
         readings = Readings(simulation, truth, run=run)
         drawn: Any = readings._drawn
         navigator = Navigator(simulation.geometry, readings._model, options, drawn["initial"], method=method)
-        done = 0
-        for k, time_ns in enumerate(drawn["acoustic_position_time_ns"]):
-            upto = int(np.searchsorted(drawn["imu_time_ns"], time_ns, side="right"))
-            part = slice(done, upto)
-            navigator.push_imu_block(
-                drawn["imu_time_ns"][part],
-                omega_p_radps=drawn["imu_omega_p_radps"][part],
-                force_p_mps2=drawn["imu_force_p_mps2"][part],
-            )
-            done = upto
+        for k, time_ns in measured(navigator, drawn, drawn["acoustic_position_time_ns"]):
             fix = drawn["acoustic_position_t_m"][k]
             sd = deviation(fix, transceiver, section.noise_m, section.noise_percent_of_range / 100.0)
             (report,) = navigator.push_acoustic_position(
-                time_ns=int(time_ns), position_t_m=fix, sd_m=np.full(3, sd * weigh)
+                time_ns=time_ns, position_t_m=fix, sd_m=np.full(3, sd * weigh)
             )
             nis.append(report["nis"])
             if method == "tc":
                 sd_mps = np.full(4, readings._model.of(DvlModel).beam_noise_sd_mps)
-                navigator.push_beams(
-                    int(time_ns), drawn["dvl_velocity_mps"][k], readings.valid[k], sd_mps=sd_mps
-                )
-        row = int(np.searchsorted(truth.time_ns, drawn["imu_time_ns"][done - 1]))
+                navigator.push_beams(time_ns, drawn["dvl_velocity_mps"][k], readings.valid[k], sd_mps=sd_mps)
+        row = int(np.searchsorted(truth.time_ns, navigator.state()["time_ns"]))
         error = truth.position_t_m[row] - navigator.state()["position_t_m"]
         nees.append(error @ np.linalg.solve(navigator.covariance()[:3, :3], error))
     return float(np.mean(nis)), len(nis), float(np.mean(nees))

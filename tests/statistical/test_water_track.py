@@ -17,6 +17,7 @@ from bottomlock.kernel import Navigator
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band
+from tests.imu_blocks import measured
 
 RUNS, SECONDS, LOCK_S = 40, 240.0, 60.0
 PROBABILITY = 1.0 - 2.5e-4
@@ -40,16 +41,8 @@ def run_filter(*, water_track: bool) -> dict[str, np.ndarray[Any, Any]]:
         current = np.append(np.random.default_rng(run).normal(0.0, options.water.current_sd_mps, 2), 0.0)
         navigator = Navigator(simulation.geometry, readings._model, options, drawn["initial"], method="tc")
         beams = simulation.geometry.beams
-        sd, every, done = np.full(beams, scenario.dvl.beam_noise_mps), np.ones(beams, dtype=bool), 0
-        for k, time_ns in enumerate(drawn["dvl_time_ns"]):
-            upto = int(np.searchsorted(drawn["imu_time_ns"], time_ns, side="right"))
-            part = slice(done, upto)
-            navigator.push_imu_block(
-                drawn["imu_time_ns"][part],
-                omega_p_radps=drawn["imu_omega_p_radps"][part],
-                force_p_mps2=drawn["imu_force_p_mps2"][part],
-            )
-            done = upto
+        sd, every = np.full(beams, scenario.dvl.beam_noise_mps), np.ones(beams, dtype=bool)
+        for k, time_ns in measured(navigator, drawn, drawn["dvl_time_ns"]):
             beam_mps = drawn["dvl_velocity_mps"][k]
             at = int(np.searchsorted(truth.time_ns, time_ns))
             along = simulation.geometry.beam_velocities([attitude[at].inv().apply(current)])[0]

@@ -233,4 +233,4 @@ fn slip_row(motion: &Motion<'_>, water: &WaterVector, axis: &Vector3<f64>, slip:
 
 #[cfg(test)]
 #[path = "water_tests.rs"]
-mod tests;
+pub(super) mod tests;

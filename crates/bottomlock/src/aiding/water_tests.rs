@@ -7,7 +7,7 @@ use crate::state::{ErrorVector, NavState};
 
 const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
 
-fn motion(state: &NavState, rate_p_radps: [f64; 3]) -> Motion<'_> {
+pub(in crate::aiding) fn motion(state: &NavState, rate_p_radps: [f64; 3]) -> Motion<'_> {
     Motion {
         state,
         rate_ip_p_radps: Vector3::from(rate_p_radps) - state.gyro_bias_p_radps.0,
@@ -17,7 +17,7 @@ fn motion(state: &NavState, rate_p_radps: [f64; 3]) -> Motion<'_> {
     }
 }
 
-fn example(pitch_deg: f64) -> (NavState, WaterVector) {
+pub(in crate::aiding) fn example(pitch_deg: f64) -> (NavState, WaterVector) {
     let mut state = NavState::at_rest(0);
     state.attitude_t_p = Rot::from_euler_rad(0.4, pitch_deg.to_radians(), -1.1);
     state.velocity_p_mps = Vec3::new(2.0, 0.2, -0.1);

@@ -1,10 +1,10 @@
 //! The rows by hand, against differences, and blind to what the water alone leaves open.
 
 use super::*;
+use crate::aiding::water::tests::{example as moving, motion as motion_at};
 use crate::aiding::water::{WATER, inject};
 use crate::aiding::{MAX_ROWS, beam_terms};
 use crate::dvl::geometry::{BeamMask, Janus, MAX_BEAMS};
-use crate::earth::LocalLevel;
 use crate::frames::Rot;
 use crate::layout::{DIM, VELOCITY};
 use crate::state::ErrorVector;
@@ -14,24 +14,16 @@ fn janus() -> BeamGeometry {
     geometry.with_lever_arms(&[Vec3::new(0.8, -0.1, 0.3); 4]).unwrap()
 }
 
-fn motion(state: &NavState) -> Motion<'_> {
-    Motion {
-        state,
-        rate_ip_p_radps: Vector3::new(0.1, -0.2, 0.3) - state.gyro_bias_p_radps.0,
-        earth_rate_t_radps: Vector3::new(6.1e-5, 0.0, -4.0e-5),
-        gyro_variance: 1e-6,
-        level: LocalLevel::of_plane(&state.position_t_m),
-    }
-}
-
+/// As for the assumptions, with errors of the DVL.
 fn example(pitch_deg: f64) -> (NavState, WaterVector) {
-    let mut state = NavState::at_rest(0);
-    state.attitude_t_p = Rot::from_euler_rad(0.4, pitch_deg.to_radians(), -1.1);
-    state.velocity_p_mps = Vec3::new(2.0, 0.2, -0.1);
-    state.gyro_bias_p_radps = Vec3::new(1e-3, 2e-3, -1e-3);
+    let (mut state, water) = moving(pitch_deg);
     state.dvl_bias_mps = [0.01, -0.02, 0.03, 0.0].into();
     state.dvl_scale_factor = 0.02;
-    (state, WaterVector::from([0.3, -0.2, 0.7, 0.02, -0.01, 0.015]))
+    (state, water)
+}
+
+fn motion(state: &NavState) -> Motion<'_> {
+    motion_at(state, [0.1, -0.2, 0.3])
 }
 
 fn ping(valid: BeamMask) -> BeamSample {
