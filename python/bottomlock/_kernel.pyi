@@ -79,6 +79,14 @@ class WaterDict(TypedDict):
     slip_epochs: float
 
 @type_check_only
+class CurrentLayersDict(TypedDict):
+    sd_mps: float
+    time_s: float
+    way_m: float
+    spacing_m: float
+    mean_time_s: float
+
+@type_check_only
 class RobustDict(TypedDict):
     closure_gate: float | None
     beam_gate: float | None
@@ -106,6 +114,7 @@ class DefaultOptionsDict(TypedDict):
     weak_sway_var_m2ps2: float
     information_port: Literal["axes", "full"]
     water: WaterDict
+    current_layers: CurrentLayersDict
     calibration: CalibrationDict
     motion: MotionDict
     water_track: bool
@@ -188,6 +197,13 @@ class CalibrationStateDict(TypedDict):
     covariance: NDArray[np.float64]
 
 @type_check_only
+class LayersStateDict(TypedDict):
+    depth_m: NDArray[np.float64]
+    current_t_mps: NDArray[np.float64]
+    current_covariance: NDArray[np.float64]
+    age_s: NDArray[np.float64]
+
+@type_check_only
 class WaterStateDict(TypedDict):
     current_t_mps: NDArray[np.float64]
     current_covariance: NDArray[np.float64]
@@ -202,6 +218,7 @@ class WaterStateDict(TypedDict):
     restarts: int
     alarms: int
     covariance: NDArray[np.float64]
+    layers: LayersStateDict
 
 @type_check_only
 class ReportDict(TypedDict):
@@ -341,6 +358,7 @@ class LogDict(TypedDict):
     water_track_velocity_mps: NotRequired[ArrayLike]
     water_track_valid: NotRequired[NDArray[np.bool_]]
     water_track_sd_mps: NotRequired[ArrayLike]
+    water_track_range_m: NotRequired[ArrayLike]
     dvl_withheld: NotRequired[NDArray[np.bool_]]
     velocity_withheld: NotRequired[NDArray[np.bool_]]
     depth_withheld: NotRequired[NDArray[np.bool_]]
@@ -479,7 +497,13 @@ class Navigator:
         self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
     ) -> list[ReportDict]: ...
     def push_water_track(
-        self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
+        self,
+        time_ns: int,
+        velocity_mps: ArrayLike,
+        valid: ArrayLike,
+        *,
+        sd_mps: ArrayLike,
+        range_m: float = 0.0,
     ) -> list[ReportDict]: ...
     def push_velocity(
         self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike

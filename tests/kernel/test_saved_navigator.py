@@ -102,7 +102,8 @@ def turn(to: Navigator, k: int, push: Push, seed: int) -> list[Any]:
 def everything(of: Navigator) -> bytes:
     """All that a caller can read, as bits."""
     values: list[Any] = [*of.state().values(), of.covariance(), *of.late_events().values()]
-    values += (of.water() or {}).values()
+    water: dict[str, Any] = dict(of.water() or {"layers": {}})
+    values += [*water.pop("layers").values(), *water.values()]
     return b"".join(np.asarray(value).tobytes() for value in values)
 
 
@@ -173,8 +174,8 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda data: data[:-1], "damaged or were cut short"),
         (lambda data: data + b"\0", "damaged or were cut short"),
         (
-            lambda data: data[:8] + struct.pack("<H", 11) + data[10:],
-            "format 11, expected 10: another version",
+            lambda data: data[:8] + struct.pack("<H", 12) + data[10:],
+            "format 12, expected 11: another version",
         ),
         (lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:], "damaged or were cut short"),
     ],

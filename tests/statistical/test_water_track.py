@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import Navigator
+from bottomlock.kernel.models import CurrentLayers
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band
@@ -31,7 +32,10 @@ def run_filter(*, water_track: bool) -> dict[str, np.ndarray[Any, Any]]:
     # A current that stays has no correlation time.
     options = scenario.kernel_options()
     options = options.replace(
-        water_track=water_track, water=options.water.replace(current_time_s=1e9), gate="off"
+        water_track=water_track,
+        water=options.water.replace(current_time_s=1e9),
+        current_layers=CurrentLayers(sd_mps=0.0),
+        gate="off",
     )
     attitude = Rotation.from_quat(truth.attitude_t_p, scalar_first=True)
     found: dict[str, list[float]] = {"velocity": [], "position": [], "current": [], "error_m": []}

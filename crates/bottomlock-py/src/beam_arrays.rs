@@ -1,5 +1,6 @@
 //! Velocities, flags and standard deviations of beams, where a masked beam is not valid.
 
+use bottomlock::aiding::water_track::WaterSample;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use pyo3::prelude::*;
 
@@ -72,6 +73,20 @@ pub fn ping(time_ns: i64, [velocity_mps, valid, sd_mps]: [&Bound<'_, PyAny>; 3],
     let names = ["velocity_mps", "valid", "sd_mps"];
     let readings = BeamArrays::new(names, velocity_mps, valid, Some(sd_mps), &[Some(beams)])?;
     Ok(readings.ping(time_ns, 0, beams))
+}
+
+/// Beams that the water returned, of a log: as [`pings`], with the range of each row's cell, which is 0 where it is left out.
+pub fn water_samples(keys: &Keys<'_>, beams: usize, model_sd_mps: f64) -> PyResult<Vec<WaterSample>> {
+    if !keys.has("water_track_time_ns")? {
+        return Ok(Vec::new());
+    }
+    let pings = pings(keys, "water_track_time_ns", "water_track", beams, model_sd_mps)?;
+    let range_m = match keys.get("water_track_range_m")? {
+        Some(range_m) => floats(&keys.path("water_track_range_m"), &range_m, &[Some(pings.len())])?.values,
+        None => vec![0.0; pings.len()],
+    };
+    let samples = pings.into_iter().zip(range_m);
+    Ok(samples.map(|(ping, range_m)| WaterSample { ping, range_m }).collect())
 }
 
 /// Pings of a log: `<prefix>_velocity_mps`, `_valid` and, where they are not those of the model, `_sd_mps`, each (n, beams).

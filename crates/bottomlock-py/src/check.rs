@@ -19,7 +19,7 @@ impl SectionReader for OneSection<'_, '_> {
 }
 
 /// Checks settings by the kernel's rules: the section of a model by its name, "model", "options", "options.water",
-/// "options.calibration", "options.motion", "options.robust" or "initial_state".
+/// "options.current_layers", "options.calibration", "options.motion", "options.robust" or "initial_state".
 ///
 /// Raises KernelError, which names the key, the value and what was expected.
 #[pyfunction]
@@ -33,6 +33,7 @@ pub fn check_settings(place: &str, values: &Bound<'_, PyAny>) -> PyResult<()> {
             "imu" => Ok(settings::imu(keys)?.validate()),
             "initial" => Ok(settings::initial(keys)?.validate()),
             "options.water" => Ok(settings::water(keys)?.validate()),
+            "options.current_layers" => Ok(settings::current_layers(keys)?.validate()),
             "options.calibration" => Ok(settings::calibration(keys)?.validate()),
             "options.motion" => Ok(settings::motion(keys)?.validate()),
             "options.robust" => Ok(settings::robust(keys)?.validate()),

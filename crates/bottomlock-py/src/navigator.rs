@@ -5,14 +5,17 @@ mod lock;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::calibration::{CALIBRATION, CLOCK};
+use bottomlock::aiding::current_layers::Layer;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water;
 use bottomlock::aiding::water::WATER;
+use bottomlock::filter::calibrated::CurrentEstimate;
 use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
+    WaterSample,
 };
 use bottomlock::navigator::{LiveNavigator, Snapshot};
 use nalgebra::Matrix3;
@@ -156,8 +159,9 @@ impl Navigator {
     }
 
     /// Beams that the water returned, as `push_beams` and with its sign: a beam reads positive when the vehicle moves along it through
-    /// the water. For options with `water_track`.
-    #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps))]
+    /// the water. `range_m` leads from the transducer along the beam to the middle of the cell, m. For options with
+    /// `water_track`.
+    #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps, range_m=0.0))]
     fn push_water_track<'py>(
         &self,
         py: Python<'py>,
@@ -165,15 +169,10 @@ impl Navigator {
         velocity_mps: &Bound<'py, PyAny>,
         valid: &Bound<'py, PyAny>,
         sd_mps: &Bound<'py, PyAny>,
+        range_m: f64,
     ) -> PyResult<Bound<'py, PyList>> {
-        self.push(
-            py,
-            [Event::WaterTrack(ping(
-                time_ns,
-                [velocity_mps, valid, sd_mps],
-                self.beams,
-            )?)],
-        )
+        let ping = ping(time_ns, [velocity_mps, valid, sd_mps], self.beams)?;
+        self.push(py, [Event::WaterTrack(WaterSample { ping, range_m })])
     }
 
     /// A velocity solved by the instrument: (3,) in the platform frame, with its (3, 3) covariance.
@@ -357,26 +356,34 @@ impl Navigator {
         array(py, covariance.as_slice().to_vec(), &[DIM, DIM])
     }
 
-    /// Estimate of the motion through the water after the last update, by "sway_current", and by "consistent" where that is the
-    /// filter it has selected; None elsewhere.
+    /// Estimate of the motion through the water after the last update, by every method with `options.water_track`, else by
+    /// "sway_current", and by "consistent" where that is the filter it has selected; None elsewhere.
     ///
-    /// current_t_mps (2,), north and east, with its covariance current_covariance (2, 2), in which the heading's error is; sway
-    /// gain and trim; slips with their estimated standard deviations and time constants; the number of restarts of the assumptions and of
-    /// alarms that widened the slip; and the (6, 6) covariance of current, gain, trim, sway slip and heave slip, in which the current is along the estimated heading.
+    /// current_t_mps (2,), north and east at the vehicle's depth, with its covariance current_covariance (2, 2), in which the
+    /// heading's error is; sway gain and trim; slips with their estimated standard deviations and time constants; the number of
+    /// restarts of the assumptions and of alarms that widened the slip; and the (6, 6) covariance of current, gain, trim, sway slip
+    /// and heave slip, in which the current is along the estimated heading.
+    ///
+    /// With layers (`options.current_layers`) the current in the (6, 6) covariance is what all depths have in common, and
+    /// `layers` has depth_m (L,), current_t_mps (L, 2), current_covariance (L, 2, 2) and age_s (L,), the time since a layer was
+    /// measured last, infinite for one that was not; without layers L is 0.
     fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let estimated = self.with(py, |inner| {
             let navigators = inner.navigators();
             let filter = navigators.selected().filter();
-            let covariances = filter.current_covariance().zip(filter.water_covariance());
-            navigators.water().cloned().zip(covariances)
+            let numbers = filter.current().zip(filter.water_covariance());
+            navigators
+                .water()
+                .cloned()
+                .zip(numbers)
+                .map(|found| (found, filter.layers()))
         })?;
-        let Some((block, (current_covariance, covariance))) = estimated else {
+        let Some(((block, ((current, current_covariance), covariance)), layers)) = estimated else {
             return Ok(None);
         };
         let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
         let out = PyDict::new(py);
-        let current = vec![estimate[water::CURRENT], estimate[water::CURRENT + 1]];
-        out.set_item("current_t_mps", array::<f64>(py, current, &[2])?)?;
+        out.set_item("current_t_mps", array::<f64>(py, current.as_slice().to_vec(), &[2])?)?;
         let current_covariance = current_covariance.as_slice().to_vec();
         out.set_item("current_covariance", array(py, current_covariance, &[2, 2])?)?;
         out.set_item("sway_gain_m", estimate[water::GAIN])?;
@@ -392,6 +399,7 @@ impl Navigator {
         out.set_item("alarms", block.alarms())?;
         let covariance = covariance.as_slice().to_vec();
         out.set_item("covariance", array(py, covariance, &[WATER, WATER])?)?;
+        out.set_item("layers", layers_dict(py, &layers)?)?;
         Ok(Some(out))
     }
 
@@ -440,5 +448,18 @@ fn slow_error<'py>(py: Python<'py>, errors: &[(f64, f64)]) -> PyResult<Bound<'py
     let out = PyDict::new(py);
     out.set_item("error_rad", array(py, error_rad, &[errors.len()])?)?;
     out.set_item("sd_rad", array(py, sd_rad, &[errors.len()])?)?;
+    Ok(out)
+}
+
+/// The layers of the current as arrays.
+fn layers_dict<'py>(py: Python<'py>, layers: &[(Layer, CurrentEstimate)]) -> PyResult<Bound<'py, PyDict>> {
+    let (out, n) = (PyDict::new(py), layers.len());
+    let each = |of: &dyn Fn(&(Layer, CurrentEstimate)) -> Vec<f64>| layers.iter().flat_map(of).collect::<Vec<f64>>();
+    out.set_item("depth_m", array(py, each(&|(layer, _)| vec![layer.depth_m]), &[n])?)?;
+    let current = each(&|(_, (current, _))| current.as_slice().to_vec());
+    out.set_item("current_t_mps", array(py, current, &[n, 2])?)?;
+    let covariance = each(&|(_, (_, covariance))| covariance.as_slice().to_vec());
+    out.set_item("current_covariance", array(py, covariance, &[n, 2, 2])?)?;
+    out.set_item("age_s", array(py, each(&|(layer, _)| vec![layer.age_s]), &[n])?)?;
     Ok(out)
 }

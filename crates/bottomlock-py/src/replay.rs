@@ -1,9 +1,12 @@
 //! A recorded log through the event loop.
 
 use bottomlock::aiding::calibration::CALIBRATION;
+use bottomlock::aiding::current_layers::LAYER_STATES;
 use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
 use bottomlock::aiding::water::WATER;
+use bottomlock::aiding::water_track::WaterSample;
 use bottomlock::dvl::geometry::BeamSample;
+use bottomlock::filter::calibrated::CurrentEstimate;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
@@ -15,7 +18,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, booleans, by_name, floats, rows, times};
-use crate::beam_arrays::pings;
+use crate::beam_arrays::{pings, water_samples};
 use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
 use crate::imu_faults::{put_faults, samples};
@@ -29,7 +32,7 @@ struct OwnedLog {
     imu: Vec<ImuSample>,
     pings: Vec<BeamSample>,
     sensors: [Vec<Measurement>; SENSORS],
-    water_track: Vec<BeamSample>,
+    water_track: Vec<WaterSample>,
     withheld: [Vec<bool>; STREAMS],
 }
 
@@ -64,11 +67,7 @@ impl OwnedLog {
             imu,
             pings: pings(keys, "dvl_time_ns", "beam", beams, sd_mps)?,
             sensors,
-            water_track: if keys.has("water_track_time_ns")? {
-                pings(keys, "water_track_time_ns", "water_track", beams, sd_mps)?
-            } else {
-                Vec::new()
-            },
+            water_track: water_samples(keys, beams, sd_mps)?,
             withheld: Default::default(),
         };
         for (name, withheld) in STREAM_NAMES.iter().zip(&mut log.withheld).skip(1) {
@@ -145,7 +144,8 @@ impl OwnedLog {
 ///     methods: names of `METHODS`; each has the log's valid beams only, lc too.
 ///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), angular rate relative to inertial space;
 ///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
-///         water_track_time_ns with water_track_velocity_mps, water_track_valid and optionally water_track_sd_mps, as those of pings;
+///         water_track_time_ns with water_track_velocity_mps, water_track_valid and optionally water_track_sd_mps, as those of pings,
+///         and water_track_range_m (.,), from the transducer along the beam to the middle of the cell, 0 if it is left out;
 ///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
 ///         gps_time_ns, gps_position_t_m (., 3); further sensors as docs/sensors.md lists them. Each time rises strictly; any but
 ///         the inertial stream and the pings may be left out. Rows whose flag in `<stream>_withheld` (n,) is true are predicted, and
@@ -172,7 +172,7 @@ impl OwnedLog {
 ///     - unused, the number of rows of each stream before the start and after the end;
 ///     - with `smooth`: the estimates and sd again with the prefix `smoothed_`, and `smoother_bytes` (M,), the memory of each method's
 ///       backward pass;
-///     - where a method estimates the current: current_t_mps (M, T, 2), north and east, with current_covariance (M, T, 2, 2), NaN
+///     - where a method estimates the current: current_t_mps (M, T, 2), north and east at the vehicle's depth, with current_covariance (M, T, 2, 2), NaN
 ///       for the others;
 ///     - where the attitude reference has slow errors: attitude_error and attitude_error_sd (M, T, 3), roll, pitch, yaw, rad;
 ///     - where `options.calibration` is on: calibration and calibration_sd (M, T, 4), the rotation of the DVL from its stated
@@ -267,8 +267,11 @@ pub fn replay_log<'py>(
 fn replay_bytes(request: &Replay<'_>) -> u128 {
     const NUMBER: usize = size_of::<f64>();
     // A tape has the covariance and the transition of every sample, of all further states too.
-    let (matrix, tape) = (DIM * DIM * NUMBER, 2 * (DIM + 1 + CALIBRATION + WATER).pow(2) * NUMBER);
-    let state = size_of::<NavState>() + size_of::<Option<(Vector2<f64>, Matrix2<f64>)>>();
+    let (matrix, tape) = (
+        DIM * DIM * NUMBER,
+        2 * (DIM + 1 + CALIBRATION + WATER + LAYER_STATES).pow(2) * NUMBER,
+    );
+    let state = size_of::<NavState>() + size_of::<Option<CurrentEstimate>>();
     let estimate = state + DIM * NUMBER + if request.covariances { matrix } else { 0 };
     let sample = 2 * estimate * if request.smooth { 2 } else { 1 } + if request.smooth { tape } else { 0 };
     let (methods, samples) = (request.methods.len(), request.sample_time_ns.len());

@@ -2,6 +2,7 @@
 
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::calibration::CalibrationPrior;
+use bottomlock::aiding::current_layers::LayersPrior;
 use bottomlock::aiding::motion_prior::MotionPrior;
 use bottomlock::aiding::outliers::{Robust, Tail};
 use bottomlock::aiding::registry::{Levers, SectionReader, SensorKind, SensorModels};
@@ -198,6 +199,11 @@ fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
         },
         imu_limits: imu_faults::limits(keys)?,
         water_track: keys.has("water_track")? && keys.extract("water_track", "True or False")?,
+        current_layers: if keys.has("current_layers")? {
+            keys.section("current_layers", current_layers)?
+        } else {
+            default.current_layers
+        },
         water: if keys.has("water")? {
             keys.section("water", water)?
         } else {
@@ -238,6 +244,17 @@ pub fn water(keys: &Keys<'_>) -> PyResult<WaterPrior> {
         slip_sd_mps: keys.number("slip_sd_mps")?,
         slip_time_s: keys.number("slip_time_s")?,
         slip_epochs: keys.number("slip_epochs")?,
+    })
+}
+
+/// The prior of the current by depth.
+pub fn current_layers(keys: &Keys<'_>) -> PyResult<LayersPrior> {
+    Ok(LayersPrior {
+        sd_mps: keys.number("sd_mps")?,
+        time_s: keys.number("time_s")?,
+        way_m: keys.number("way_m")?,
+        spacing_m: keys.number("spacing_m")?,
+        mean_time_s: keys.number("mean_time_s")?,
     })
 }
 
@@ -334,6 +351,13 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     water.set_item("slip_time_s", options.water.slip_time_s)?;
     water.set_item("slip_epochs", options.water.slip_epochs)?;
     dict.set_item("water", water)?;
+    let layers = PyDict::new(py);
+    layers.set_item("sd_mps", options.current_layers.sd_mps)?;
+    layers.set_item("time_s", options.current_layers.time_s)?;
+    layers.set_item("way_m", options.current_layers.way_m)?;
+    layers.set_item("spacing_m", options.current_layers.spacing_m)?;
+    layers.set_item("mean_time_s", options.current_layers.mean_time_s)?;
+    dict.set_item("current_layers", layers)?;
     let calibration = PyDict::new(py);
     calibration.set_item("mounting_sd_rad", options.calibration.mounting_sd_rad)?;
     calibration.set_item("clock_sd_s", options.calibration.clock_sd_s)?;

@@ -289,6 +289,22 @@ class Water(Settings):
 
 
 @_settings
+class CurrentLayers(Settings):
+    """Prior of the current by depth, with `Options.water_track` (docs/sensors.md#water-track); `sd_mps` 0 is no layers.
+
+    `sd_mps` is 1 sigma of a layer's own part, which is forgotten in `time_s` and on `way_m` over ground; layers are
+    `spacing_m` apart; `mean_time_s` is the correlation time of what all depths have in common.
+    """
+
+    place: ClassVar[str] = "options.current_layers"
+    sd_mps: float = DEFAULT_OPTIONS["current_layers"]["sd_mps"]
+    time_s: float = DEFAULT_OPTIONS["current_layers"]["time_s"]
+    way_m: float = DEFAULT_OPTIONS["current_layers"]["way_m"]
+    spacing_m: float = DEFAULT_OPTIONS["current_layers"]["spacing_m"]
+    mean_time_s: float = DEFAULT_OPTIONS["current_layers"]["mean_time_s"]
+
+
+@_settings
 class Calibration(Settings):
     """Prior of the DVL's mounting and clock as states of the filter, 1 sigma; zero is certain, all zero is off.
 
@@ -363,6 +379,7 @@ class Options(Settings):
     gps_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["gps_lever_p_m"])
     acoustic_position_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["acoustic_position_lever_p_m"])
     water: Water = Water()
+    current_layers: CurrentLayers = CurrentLayers()
     calibration: Calibration = Calibration()
     motion: Motion = Motion()
     robust: Robust | None = Robust()

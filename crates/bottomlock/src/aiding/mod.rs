@@ -8,6 +8,7 @@ pub mod attitude;
 pub mod beams;
 pub mod calibration;
 pub(crate) mod closure;
+pub mod current_layers;
 mod declare;
 pub mod depth;
 pub mod further;

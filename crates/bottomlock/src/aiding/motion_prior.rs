@@ -24,6 +24,8 @@ const ROW_SD_MPS: f64 = 1e-3;
 pub(crate) const EPOCH_NS: i64 = 500_000_000;
 /// Time after a ping that determines the whole velocity from which on epochs follow, ns.
 pub(crate) const LOST_NS: i64 = 2_000_000_000;
+/// The same after a ping that determines the velocity through the water: some pings of a DVL that records one in a few seconds.
+pub(crate) const WATER_HELD_NS: i64 = 10_000_000_000;
 /// Time in which one of such pings is an epoch, ns.
 pub(crate) const LEARNING_NS: i64 = 20_000_000_000;
 

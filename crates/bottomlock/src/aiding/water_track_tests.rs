@@ -1,12 +1,14 @@
 //! The rows by hand, against differences, and blind to what the water alone leaves open.
 
 use super::*;
+use crate::aiding::current_layers::{LAYER_STATES, LayerVector, LayersPrior};
+use crate::aiding::further::FIRST_LAYERS;
 use crate::aiding::water::tests::{example as moving, motion as motion_at};
 use crate::aiding::water::{WATER, inject};
 use crate::aiding::{MAX_ROWS, beam_terms};
 use crate::dvl::geometry::{BeamMask, Janus, MAX_BEAMS};
 use crate::frames::Rot;
-use crate::layout::{DIM, VELOCITY};
+use crate::layout::{DIM, POSITION, VELOCITY};
 use crate::state::ErrorVector;
 
 fn janus() -> BeamGeometry {
@@ -26,19 +28,31 @@ fn motion(state: &NavState) -> Motion<'_> {
     motion_at(state, [0.1, -0.2, 0.3])
 }
 
-fn ping(valid: BeamMask) -> BeamSample {
-    BeamSample {
-        time_ns: 0,
-        velocity_mps: std::array::from_fn(|beam| 0.3 * beam as f64 - 0.4),
-        sd_mps: [0.05; MAX_BEAMS],
-        valid,
+fn sample(valid: BeamMask) -> WaterSample {
+    WaterSample {
+        ping: BeamSample {
+            time_ns: 0,
+            velocity_mps: std::array::from_fn(|beam| 0.3 * beam as f64 - 0.4),
+            sd_mps: [0.05; MAX_BEAMS],
+            valid,
+        },
+        range_m: 7.0,
     }
 }
 
-fn terms(state: &NavState, water: &WaterVector, ping: &BeamSample) -> BeamTerms {
+/// Layers about the depth of the example, each with a current of its own.
+fn layers() -> Layers {
+    let mut layers = Layers::new(&LayersPrior::default()).unwrap();
+    layers.enclose(12.0, 38.0);
+    let own = LayerVector::from([0.1, -0.05, 0.02, 0.08, -0.07, 0.03, 0.04, -0.09]);
+    layers.inject(0.0, &own);
+    layers
+}
+
+fn terms(state: &NavState, water: &WaterVector, layers: Option<&Layers>, sample: &WaterSample) -> BeamTerms {
     let (motion, geometry) = (motion(state), janus());
-    water_track_terms(&motion, &geometry, water, ping, |relative| {
-        beam_terms(relative, &geometry, ping)
+    water_track_terms(&motion, &geometry, (water, layers), sample, |relative| {
+        beam_terms(relative, &geometry, &sample.ping)
     })
 }
 
@@ -51,17 +65,17 @@ fn a_current_by_hand() {
     state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
     let water = WaterVector::from([0.3, 0.5, 0.0, 0.0, 0.0, 0.0]);
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
-    let mut ping = ping(BeamMask::all(4));
+    let mut sample = sample(BeamMask::all(4));
     for beam in 0..4 {
-        ping.velocity_mps[beam] = geometry.direction_p(beam).dot(&Vector3::new(1.5, 0.3, 0.0));
+        sample.ping.velocity_mps[beam] = geometry.direction_p(beam).dot(&Vector3::new(1.5, 0.3, 0.0));
     }
     let still = Motion {
         rate_ip_p_radps: Vector3::zeros(),
         earth_rate_t_radps: Vector3::zeros(),
         ..motion(&state)
     };
-    let terms = water_track_terms(&still, &geometry, &water, &ping, |relative| {
-        beam_terms(relative, &geometry, &ping)
+    let terms = water_track_terms(&still, &geometry, (&water, None), &sample, |relative| {
+        beam_terms(relative, &geometry, &sample.ping)
     });
     assert!(terms.residual.amax() < 1e-15, "{}", terms.residual);
 }
@@ -70,13 +84,47 @@ fn a_current_by_hand() {
 #[test]
 fn in_still_water_the_rows_are_those_of_the_bottom() {
     let (state, _) = example(5.0);
-    let ping = ping(BeamMask::all(4));
-    let still = terms(&state, &WaterVector::zeros(), &ping);
-    let bottom = beam_terms(&motion(&state), &janus(), &ping);
+    let sample = sample(BeamMask::all(4));
+    let still = terms(&state, &WaterVector::zeros(), None, &sample);
+    let bottom = beam_terms(&motion(&state), &janus(), &sample.ping);
     assert_eq!(
         (still.residual, still.jacobian, still.noise),
         (bottom.residual, bottom.jacobian, bottom.noise)
     );
+}
+
+/// Hand-worked: with layers at 10 m and 20 m the vehicle at 12 m, level, looks with a beam straight down at a cell 4 m below: three
+/// fifths of the way, so that of 0.1 and −0.3 m/s to the north −0.14 m/s are left; the beam itself sees none of it.
+#[test]
+fn a_layer_by_hand() {
+    let mut layers = Layers::new(&LayersPrior::default()).unwrap();
+    layers.enclose(12.0, 16.0);
+    let places = [1, 2];
+    let mut own = LayerVector::zeros();
+    (own[2 * places[0]], own[2 * places[1]]) = (0.1, -0.3);
+    layers.inject(0.0, &own);
+    let mut state = NavState::at_rest(0);
+    state.position_t_m = Vec3::new(0.0, 0.0, 12.0);
+    let geometry = BeamGeometry::from_directions(&[Vec3::new(0.6, 0.0, 0.8)]).unwrap();
+    let mut sample = WaterSample {
+        range_m: 5.0,
+        ..sample(BeamMask::all(1))
+    };
+    sample.ping.velocity_mps[0] = 0.6 * 0.14;
+    let still = Motion::still(&state);
+    let found = water_track_terms(
+        &still,
+        &geometry,
+        (&WaterVector::zeros(), Some(&layers)),
+        &sample,
+        |relative| beam_terms(relative, &geometry, &sample.ping),
+    );
+    assert!(found.residual[0].abs() < 1e-15, "{}", found.residual[0]);
+    let further = found.by_further.as_deref().unwrap();
+    assert!((further[(0, FIRST_LAYERS + 2 * places[0])] + 0.6 * 0.4).abs() < 1e-15);
+    assert!((further[(0, FIRST_LAYERS + 2 * places[1])] + 0.6 * 0.6).abs() < 1e-15);
+    // A metre deeper the current is 0.04 m/s less.
+    assert!((found.jacobian[(0, POSITION + 2)] - 0.6 * 0.04).abs() < 1e-15);
 }
 
 /// H against central differences when the estimate moves, also where the vehicle stands on end and with beams lost.
@@ -86,21 +134,23 @@ fn rows_are_the_derivatives() {
         .into_iter()
         .flat_map(|pitch| [BeamMask::all(4), [0, 2, 3].into_iter().collect()].map(|valid| (pitch, valid)))
     {
-        let (state, water) = example(pitch);
-        let ping = ping(valid);
-        let at = |error: &ErrorVector, by: &WaterVector| {
-            let (mut state, mut water) = (state, water);
+        let ((mut state, water), layers) = (example(pitch), layers());
+        state.position_t_m = Vec3::new(40.0, -20.0, 22.0);
+        let sample = sample(valid);
+        let at = |error: &ErrorVector, by: &WaterVector, by_layer: &LayerVector| {
+            let (mut state, mut water, mut layers) = (state, water, layers.clone());
             state.inject(error);
             inject(&mut water, error[ATTITUDE + 2], by);
-            terms(&state, &water, &ping).residual
+            layers.inject(error[ATTITUDE + 2], by_layer);
+            terms(&state, &water, Some(&layers), &sample).residual
         };
-        let whole = terms(&state, &water, &ping);
+        let whole = terms(&state, &water, Some(&layers), &sample);
         let further = whole.by_further.as_deref().unwrap();
-        let (none, zero, step) = (WaterVector::zeros(), ErrorVector::zeros(), 1e-5);
+        let (none, zero, still, step) = (WaterVector::zeros(), ErrorVector::zeros(), LayerVector::zeros(), 1e-5);
         for beam in valid.iter() {
             for j in 0..DIM {
                 let error = ErrorVector::ith(j, step);
-                let slope = (at(&-error, &none) - at(&error, &none))[beam] / (2.0 * step);
+                let slope = (at(&-error, &none, &still) - at(&error, &none, &still))[beam] / (2.0 * step);
                 assert!(
                     (slope - whole.jacobian[(beam, j)]).abs() < 1e-8,
                     "pitch {pitch}, beam {beam}, state {j}"
@@ -108,10 +158,18 @@ fn rows_are_the_derivatives() {
             }
             for j in 0..WATER {
                 let by = WaterVector::ith(j, step);
-                let slope = (at(&zero, &-by) - at(&zero, &by))[beam] / (2.0 * step);
+                let slope = (at(&zero, &-by, &still) - at(&zero, &by, &still))[beam] / (2.0 * step);
                 assert!(
                     (slope - further[(beam, FIRST_WATER + j)]).abs() < 1e-9,
                     "pitch {pitch}, beam {beam}, further state {j}"
+                );
+            }
+            for j in 0..LAYER_STATES {
+                let by = LayerVector::ith(j, step);
+                let slope = (at(&zero, &none, &-by) - at(&zero, &none, &by))[beam] / (2.0 * step);
+                assert!(
+                    (slope - further[(beam, FIRST_LAYERS + j)]).abs() < 1e-9,
+                    "pitch {pitch}, beam {beam}, layer {j}"
                 );
             }
         }
@@ -123,8 +181,8 @@ fn rows_are_the_derivatives() {
 fn what_the_water_alone_leaves_open() {
     for pitch in [0.0, -40.0, 85.0] {
         let (state, water) = example(pitch);
-        let ping = ping(BeamMask::all(4));
-        let whole = terms(&state, &water, &ping);
+        let sample = sample(BeamMask::all(4));
+        let whole = terms(&state, &water, Some(&layers()), &sample);
         let further = whole.by_further.as_deref().unwrap();
         let rotation = motion(&state).rotation();
         for axis in 0..2 {
@@ -133,7 +191,7 @@ fn what_the_water_alone_leaves_open() {
                 + further.column(FIRST_WATER + CURRENT + axis);
             assert!(open.amax() < 1e-15, "pitch {pitch}: {open}");
         }
-        let bottom = beam_terms(&motion(&state), &janus(), &ping);
+        let bottom = beam_terms(&motion(&state), &janus(), &sample.ping);
         let yaw = whole.jacobian.column(ATTITUDE + 2) - bottom.jacobian.column(ATTITUDE + 2);
         assert!(yaw.amax() < 1e-15);
         assert_eq!(whole.residual.rows(4, MAX_ROWS - 4).amax(), 0.0);

@@ -1,6 +1,6 @@
 //! Optional parts of a filter: further states and the tape for a smoother.
 
-use nalgebra::{DMatrix, SMatrix};
+use nalgebra::{DMatrix, SMatrix, Vector3};
 
 use super::calibration::CalibrationBlock;
 use super::further_states::{FurtherStates, NONE, Update};
@@ -9,7 +9,10 @@ use super::options::Options;
 use super::tape::{Step, Tape, transition};
 use super::water_block::WaterBlock;
 use crate::aiding::calibration::CALIBRATION;
-use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_WATER, FURTHER, FurtherVector};
+use crate::aiding::current_layers::LAYER_STATES;
+use crate::aiding::further::{
+    FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_LAYERS, FIRST_WATER, FURTHER, FurtherVector,
+};
 use crate::aiding::registry::SensorModels;
 use crate::aiding::water::{HEAVE, SWAY, WATER};
 use crate::aiding::{CorrectedPath, Innovation};
@@ -70,10 +73,16 @@ impl Extensions {
 
     /// Begins the water states at their prior, or ends them.
     pub(super) fn set_water(&mut self, water: Option<WaterBlock>) {
-        match (&water, &mut self.further) {
-            (Some(water), further) => begun(further).begin(FIRST_WATER..FURTHER, water.variance().as_slice()),
-            (None, Some(further)) => further.end(&(FIRST_WATER..FURTHER)),
-            (None, None) => {}
+        if let Some(further) = &mut self.further {
+            further.end(&(FIRST_WATER..FIRST_LAYERS));
+            further.end(&(FIRST_LAYERS..FURTHER));
+        }
+        if let Some(water) = &water {
+            let further = begun(&mut self.further);
+            further.begin(FIRST_WATER..FIRST_LAYERS, water.variance().as_slice());
+            if let Some(layers) = water.layers() {
+                further.begin(FIRST_LAYERS..FURTHER, layers.variance().as_slice());
+            }
         }
         self.water = water.map(Box::new);
     }
@@ -84,6 +93,28 @@ impl Extensions {
             begun(&mut self.further).renew(FIRST_WATER + slip, water.variance()[slip]);
         }
         self.water = Some(Box::new(water));
+    }
+
+    /// Moves the current's layers to enclose two depths, as far as there is room; those that come to other depths begin anew.
+    pub(super) fn enclose_depths(&mut self, upper_m: f64, lower_m: f64) {
+        let states = self.states();
+        let Some(layers) = self.water.as_deref_mut().and_then(WaterBlock::layers_mut) else {
+            return;
+        };
+        let anew = layers.enclose(upper_m, lower_m);
+        let variance = layers.variance();
+        if anew.is_empty() {
+            return;
+        }
+        let mut kept = DMatrix::identity(states, states);
+        for state in anew.into_iter().flat_map(|place| [2 * place, 2 * place + 1]) {
+            begun(&mut self.further).renew(FIRST_LAYERS + state, variance[state]);
+            let after = LAYER_STATES - state;
+            kept[(states - after, states - after)] = 0.0;
+        }
+        if let Some(tape) = &mut self.tape {
+            tape.push(Step::Transition(kept));
+        }
     }
 
     /// Covariances of all states beside the 20.
@@ -120,12 +151,17 @@ impl Extensions {
         self.further().is_empty() && self.tape.is_none()
     }
 
-    /// Fraction of the error of each further state that is left after `duration_s`.
-    pub(super) fn left(&self, duration_s: f64) -> FurtherVector {
+    /// Fraction of the error of each further state that is left after `duration_s` at the velocity of `end`.
+    pub(super) fn left(&self, duration_s: f64, end: &Kinematics<f64>) -> FurtherVector {
         let mut left = self.processes.left(duration_s);
         if let Some(water) = &self.water {
             left.fixed_rows_mut::<WATER>(FIRST_WATER)
                 .copy_from(&water.decay(duration_s));
+            if let Some(layers) = water.layers() {
+                let speed_mps = Vector3::from(end.velocity_p_mps).norm();
+                left.fixed_rows_mut::<LAYER_STATES>(FIRST_LAYERS)
+                    .copy_from(&layers.left(duration_s, speed_mps * duration_s));
+            }
         }
         left
     }
@@ -142,7 +178,7 @@ impl Extensions {
             return;
         }
         let duration_s = interval.duration_s();
-        let left = self.left(duration_s);
+        let left = self.left(duration_s, end);
         let mut steady = *self.processes.variance();
         self.processes.propagate(&left);
         if let Some(calibration) = &mut self.calibration {
@@ -151,6 +187,12 @@ impl Extensions {
         if let Some(water) = &mut self.water {
             steady.fixed_rows_mut::<WATER>(FIRST_WATER).copy_from(water.variance());
             water.propagate(duration_s, &left.fixed_rows::<WATER>(FIRST_WATER).into_owned());
+            if let Some(layers) = water.layers_mut() {
+                steady
+                    .fixed_rows_mut::<LAYER_STATES>(FIRST_LAYERS)
+                    .copy_from(&layers.variance());
+                layers.propagate(duration_s, &left.fixed_rows::<LAYER_STATES>(FIRST_LAYERS).into_owned());
+            }
         }
         if let Some(further) = &mut self.further {
             further.propagate(interval, end, earth, &left, &steady);
@@ -181,6 +223,9 @@ impl Extensions {
         }
         if let Some(water) = &mut self.water {
             water.inject(yaw_rad, &error.fixed_rows::<WATER>(FIRST_WATER).into_owned());
+            if let Some(layers) = water.layers_mut() {
+                layers.inject(yaw_rad, &error.fixed_rows::<LAYER_STATES>(FIRST_LAYERS).into_owned());
+            }
         }
     }
 

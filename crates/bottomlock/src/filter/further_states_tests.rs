@@ -11,8 +11,8 @@ use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_WATER};
 use crate::aiding::heading::{HeadingModel, heading};
 use crate::aiding::motion_prior::MotionPrior;
 use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime};
-use crate::aiding::tightly_coupled;
-use crate::aiding::water::sway_row;
+use crate::aiding::water::{WATER, sway_row};
+use crate::aiding::{RowJacobian, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
@@ -69,9 +69,9 @@ fn filter() -> Eskf {
     };
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.1, -0.05);
-    Eskf::new(state, &model, &options)
-        .unwrap()
-        .with_water(Some(WaterBlock::new(&options.water)))
+    Eskf::new(state, &model, &options).unwrap().with_water(Some(
+        WaterBlock::new(&options.water).with_layers(&options.current_layers),
+    ))
 }
 
 fn ping(valid: BeamMask) -> BeamSample {
@@ -166,11 +166,14 @@ fn updates_are_the_textbook_updates_of_all_states() {
             .unwrap()
             .add_variance(FIRST_WATER + assumed.slip, added);
         let p = begun.joint_covariance();
-        let h = DVector::from_fn(ALL, |i, _| match i {
-            i if i < DIM => assumed.by_state[i],
-            i if i >= DIM + FIRST_WATER => assumed.by_water[i - DIM - FIRST_WATER],
-            _ => 0.0,
-        });
+        let mut rows = FurtherRows::zeros();
+        rows.fixed_view_mut::<1, WATER>(0, FIRST_WATER)
+            .copy_from(&assumed.by_water.transpose());
+        let mut by_state = RowJacobian::zeros();
+        by_state.set_row(0, &assumed.by_state.transpose());
+        let at = filter.current_at_vehicle().unwrap();
+        filter.with_motion(|motion| at.complete(motion, &Vector3::zeros(), 0, &mut by_state, &mut rows));
+        let h = DVector::from_fn(ALL, |i, _| if i < DIM { by_state[(0, i)] } else { rows[(0, i - DIM)] });
         let column = &p * &h;
         let expected = &p - &column * column.transpose() / (h.dot(&column) + assumed.variance);
         filter.assume(&assumed, Sensor::Sway).unwrap();
@@ -261,7 +264,9 @@ fn water_states_start_anew() {
         filter.update(&innovation, sensor).unwrap();
     }
     let before = filter.joint_covariance();
-    let anew = filter.with_water(Some(WaterBlock::new(&Options::default().water)));
+    let options = Options::default();
+    let water = WaterBlock::new(&options.water).with_layers(&options.current_layers);
+    let anew = filter.with_water(Some(water));
     let after = anew.joint_covariance();
     let kept = DIM + FIRST_WATER;
     assert_eq!(after.view((0, 0), (kept, kept)), before.view((0, 0), (kept, kept)));

@@ -2,7 +2,7 @@
 
 mod assume;
 mod bridge;
-mod calibrated;
+pub mod calibrated;
 mod calibration;
 mod corrected_path;
 mod definite;
@@ -45,12 +45,14 @@ use self::linear_range::Measured;
 use self::prediction::Settings;
 use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
+use crate::aiding::current_layers::CurrentAt;
 use crate::aiding::further::{DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_HEADING_ERROR, FIRST_WATER};
 use crate::aiding::water::{CURRENT, WaterCovariance};
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::earth::{Earth, EarthTerms};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
+use crate::filter::calibrated::CurrentEstimate;
 use crate::filter::gate::GateTable;
 use crate::filter::options::Options;
 use crate::filter::report::{Sensor, UpdateReport};
@@ -179,18 +181,31 @@ impl Eskf {
         self.extensions.water.as_deref()
     }
 
-    /// Covariance of the current, north and east of true north, (m/s)²: with the error of the heading along which the
-    /// estimate is expressed; at the time of [`Eskf::water`].
+    /// The current at the vehicle's depth, north and east, m/s, with its covariance about true north, (m/s)²: with the error of
+    /// the heading along which the estimate is expressed; at the time of [`Eskf::water`].
     #[must_use]
-    pub fn current_covariance(&self) -> Option<Matrix2<f64>> {
-        let water = self.water()?.estimate();
+    pub fn current(&self) -> Option<CurrentEstimate> {
+        self.current_at_vehicle().map(|at| self.current_of(&at))
+    }
+
+    /// [`Eskf::current`] at any depth.
+    #[must_use]
+    pub fn current_of(&self, at: &CurrentAt) -> CurrentEstimate {
+        let current = at.water.fixed_rows::<2>(CURRENT).into_owned();
+        let further = self.extensions.further();
+        let parts = at.parts();
         // c − ĉ = ρ_D e_D × ĉ + δc, to first order.
-        let by_yaw = Vector2::new(-water[CURRENT + 1], water[CURRENT]);
-        let cross = self.extensions.further().cross();
-        let yaw_cross = by_yaw * cross.fixed_view::<1, 2>(ATTITUDE + 2, FIRST_WATER + CURRENT);
-        let own: Matrix2<f64> = self.extensions.covariance_of(FIRST_WATER + CURRENT);
+        let by_yaw = Vector2::new(-current.y, current.x);
+        let (mut yaw_cross, mut own) = (Matrix2::zeros(), Matrix2::zeros());
+        for (first, weight) in &parts {
+            yaw_cross += by_yaw * further.cross().fixed_view::<1, 2>(ATTITUDE + 2, *first) * *weight;
+            for (other, by_other) in &parts {
+                own += further.covariance().fixed_view::<2, 2>(*first, *other) * (weight * by_other);
+            }
+        }
         let yaw_variance = self.covariance[(ATTITUDE + 2, ATTITUDE + 2)];
-        Some(own + by_yaw * yaw_variance * by_yaw.transpose() + yaw_cross + yaw_cross.transpose())
+        let by_yaw_twice = by_yaw * yaw_variance * by_yaw.transpose();
+        (current, own + by_yaw_twice + yaw_cross + yaw_cross.transpose())
     }
 
     /// Covariance of the errors of the water states; `None` without them.

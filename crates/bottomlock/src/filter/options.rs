@@ -2,6 +2,7 @@
 
 use crate::aiding::InformationPort;
 use crate::aiding::calibration::CalibrationPrior;
+use crate::aiding::current_layers::LayersPrior;
 use crate::aiding::motion_prior::MotionPrior;
 use crate::aiding::outliers::Robust;
 use crate::aiding::registry::Levers;
@@ -35,6 +36,8 @@ pub struct Options {
     pub water: WaterPrior,
     /// Whether beams that the water returns are used: every method then has the current of `water` as states.
     pub water_track: bool,
+    /// Prior of the current by depth, with `water_track`.
+    pub current_layers: LayersPrior,
     /// Prior of the DVL's mounting and clock, as states beside the others; off where all of it is zero.
     pub calibration: CalibrationPrior,
     /// Bound on the speed, where the beams leave a direction unobserved beyond the linear range.
@@ -62,6 +65,7 @@ impl Default for Options {
             information_port: InformationPort::Axes,
             water: WaterPrior::default(),
             water_track: false,
+            current_layers: LayersPrior::default(),
             calibration: CalibrationPrior::default(),
             speed_bound: SpeedBound::default(),
             motion: MotionPrior::default(),
@@ -94,6 +98,7 @@ impl Options {
         self.assumptions.validate()?;
         self.imu_limits.validate()?;
         self.water.validate()?;
+        self.current_layers.validate()?;
         self.calibration.validate()?;
         self.speed_bound.validate()?;
         self.motion.validate()?;
@@ -114,7 +119,7 @@ mod tests {
     fn every_part_is_checked() {
         assert_eq!(Options::default().validate(), Ok(()));
         type Fault = (&'static str, fn(&mut Options));
-        let faults: [Fault; 10] = [
+        let faults: [Fault; 11] = [
             ("covariance_period_ns", |options| options.covariance_period_ns = -1),
             ("inflate_after_rejections", |options| {
                 options.inflate_after_rejections = 1
@@ -123,6 +128,7 @@ mod tests {
                 options.assumptions.virtual_beam_factor = 0.0
             }),
             ("water.slip_epochs", |options| options.water.slip_epochs = 0.5),
+            ("current_layers.way_m", |options| options.current_layers.way_m = 0.0),
             ("clock_sd_s", |options| options.calibration.clock_sd_s = -1.0),
             ("speed_sd_mps", |options| options.speed_bound.sd_mps = -1.0),
             ("motion.mean_sd_mps", |options| options.motion.mean_sd_mps[2] = -1.0),

@@ -176,7 +176,7 @@ pub(super) fn transition(
     interval.carry(&mut phi.data.0, end, earth);
     let mut whole = DMatrix::identity(states, states);
     whole.view_mut((0, 0), (DIM, DIM)).copy_from(&phi);
-    let left = extensions.left(interval.duration_s());
+    let left = extensions.left(interval.duration_s(), end);
     for (at, k) in (DIM..).zip(extensions.further().states()) {
         whole[(at, at)] = left[k];
     }

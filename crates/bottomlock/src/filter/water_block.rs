@@ -2,6 +2,7 @@
 
 use super::slip_model::{MeasuredSlip, SlipModel};
 use super::slip_test::{Alarm, SlipTest};
+use crate::aiding::current_layers::{CurrentAt, Layers, LayersPrior};
 use crate::aiding::water::{CURRENT, GAIN, HEAVE, SWAY, TRIM, WaterPrior, WaterRow, WaterVector, inject};
 use crate::error::{NavError, require_finite};
 
@@ -13,6 +14,8 @@ const FIXED_EPOCHS: f64 = 1e6;
 pub struct WaterBlock {
     prior: WaterPrior,
     estimate: WaterVector,
+    /// The current by depth, where it is measured.
+    layers: Option<Layers>,
     /// Steady-state variances; those of the slip in sway and heave are the models'.
     variance: WaterVector,
     /// Time since the last test, s.
@@ -38,6 +41,7 @@ impl WaterBlock {
         Self {
             prior: *prior,
             estimate: prior.mean(),
+            layers: None,
             variance,
             since_s: 0.0,
             turning_mps: WaterVector::zeros(),
@@ -46,6 +50,13 @@ impl WaterBlock {
             restarts: 0,
             alarms: 0,
         }
+    }
+
+    /// The same with layers of current, unless their prior has none.
+    #[must_use]
+    pub fn with_layers(mut self, prior: &LayersPrior) -> Self {
+        self.layers = Layers::new(prior);
+        self
     }
 
     /// A block at the same prior with what was measured of the slip, with one more restart counted.
@@ -72,10 +83,11 @@ impl WaterBlock {
         anew
     }
 
-    /// The same current, gain and trim, with the slips of another block at their prior.
+    /// The same current, its layers, gain and trim, with the slips of another block at their prior.
     pub(crate) fn with_slips_of(&self, other: &Self) -> Self {
         let mut block = Self {
             estimate: self.estimate,
+            layers: self.layers.clone(),
             ..other.clone()
         };
         (block.estimate[SWAY], block.estimate[HEAVE]) = (0.0, 0.0);
@@ -100,6 +112,7 @@ impl WaterBlock {
             .try_for_each(|vector| require_finite("water states", time_ns, vector.as_slice()))?;
         require_finite("time since the slip was tested", time_ns, &[self.since_s])?;
         self.slips.iter().try_for_each(|slip| slip.check_restored(time_ns))?;
+        (self.layers.as_ref()).map_or(Ok(()), |layers| layers.check_restored(time_ns))?;
         self.test.check_restored(time_ns)
     }
 
@@ -125,6 +138,29 @@ impl WaterBlock {
     #[must_use]
     pub fn estimate(&self) -> &WaterVector {
         &self.estimate
+    }
+
+    /// The current's layers, where there are any.
+    #[must_use]
+    pub fn layers(&self) -> Option<&Layers> {
+        self.layers.as_ref()
+    }
+
+    /// The same, to be moved or measured.
+    pub(super) fn layers_mut(&mut self) -> Option<&mut Layers> {
+        self.layers.as_mut()
+    }
+
+    /// The water states with the current at a depth.
+    #[must_use]
+    pub fn at(&self, depth_m: f64) -> CurrentAt {
+        CurrentAt::new(&self.estimate, self.layers.as_ref(), depth_m)
+    }
+
+    /// Takes note that the current at a depth was measured.
+    pub(super) fn note(&mut self, depth_m: f64) {
+        let at = self.at(depth_m);
+        self.layers.iter_mut().for_each(|layers| layers.note(&at));
     }
 
     /// Steady-state variances: those of the prior, and the estimated ones of the slip in sway and heave.
@@ -190,10 +226,12 @@ impl WaterBlock {
         inject(&mut self.estimate, yaw_rad, error);
     }
 
-    /// Factor by which each state decays over `duration_s`.
+    /// Factor by which each state but those of the layers decays over `duration_s`.
     pub(crate) fn decay(&self, duration_s: f64) -> WaterVector {
         let mut left = self.prior.decay(duration_s);
-        let current = (-duration_s / self.test.current_time_s(self.prior.current_time_s)).exp();
+        let layers = self.layers.as_ref().map(Layers::prior);
+        let time_s = layers.map_or(self.prior.current_time_s, |prior| prior.mean_time_s);
+        let current = (-duration_s / self.test.current_time_s(time_s)).exp();
         (left[CURRENT], left[CURRENT + 1]) = (current, current);
         for (k, slip) in self.slips.iter().enumerate() {
             left[SWAY + k] = (-duration_s / slip.time_s()).exp();

@@ -116,9 +116,9 @@ fn covariance_of_the_current_has_the_error_of_the_heading() {
     });
     let part = DMatrix::from_fn(3, 3, |i, j| p[(states[i], states[j])]);
     let expected = &by_state * part * by_state.transpose();
-    let found = filter.current_covariance().unwrap();
+    let found = filter.current().unwrap().1;
     assert!((DMatrix::from_fn(2, 2, |i, j| found[(i, j)]) - expected).amax() < 1e-10);
-    assert_eq!(filter.with_water(None).current_covariance(), None);
+    assert_eq!(filter.with_water(None).current(), None);
 }
 
 fn check(got: &DMatrix<f64>, expected: &DMatrix<f64>, round: usize) {

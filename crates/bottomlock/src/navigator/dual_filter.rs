@@ -261,9 +261,10 @@ impl DualFilter {
         let Some(filter) = &mut self.constrained else {
             return Ok(());
         };
+        filter.prepare_for_water(None);
         let mut outcomes = [None; 2];
         for (sensor, row_of, axis) in ROWS {
-            let Some(water) = filter.water().map(|block| *block.estimate()) else {
+            let Some(water) = filter.current_at_vehicle().map(|at| at.water) else {
                 return Ok(());
             };
             if let Some(whole) = whole {

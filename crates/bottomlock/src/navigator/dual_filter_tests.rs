@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::aiding::water::{CURRENT, HEAVE, WaterPrior};
+use crate::aiding::water_track::WaterSample;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use crate::filter::options::Options;
 use crate::filter::tape::Step;
@@ -344,7 +345,7 @@ fn a_constrained_filter_starts_with_the_measured_current() {
     for beam in 0..4 {
         ping.velocity_mps[beam] = geometry.direction_p(beam).dot(&Vector3::new(1.7, -0.2, 0.0));
     }
-    let innovation_of = |filter: &Eskf| filter.water_track_innovation(&geometry, &ping);
+    let innovation_of = |filter: &Eskf| filter.water_track_innovation(&geometry, &WaterSample { ping, range_m: 0.0 });
     filters.update(Sensor::WaterTrack, &innovation_of).unwrap();
     let measured = |filter: &Eskf| {
         let estimate = *filter.water().unwrap().estimate();

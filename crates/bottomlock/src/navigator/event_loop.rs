@@ -23,7 +23,7 @@ use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
 use crate::error::NavError;
 use crate::filter::Eskf;
 use crate::filter::options::Options;
-use crate::filter::report::{Choice, Sensor, UpdateReport};
+use crate::filter::report::{Choice, Sensor, UpdateReport, Verdict};
 use crate::filter::water_block::WaterBlock;
 use crate::layout::VELOCITY;
 use crate::mechanisation::{ImuSample, Sampling};
@@ -81,9 +81,8 @@ impl Navigator {
         options: &Options,
     ) -> Result<Self, NavError> {
         own_aiding::check(aiding, options)?;
-        let water = || WaterBlock::new(&options.water);
-        let filter = Eskf::new(initial, model, options)?.with_water(options.water_track.then(water));
-        let water = (aiding == BeamAiding::SwayCurrent).then(water);
+        let filter = Eskf::new(initial, model, options)?.with_water(measured_water(options));
+        let water = (aiding == BeamAiding::SwayCurrent).then(|| WaterBlock::new(&options.water));
         Ok(Self {
             filters: DualFilter::new(filter, water),
             geometry,
@@ -160,7 +159,7 @@ impl Navigator {
     pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
         let filter = &mut self.filters.measurements_only;
         filter.set_covariance(covariance)?;
-        filter.set_water(self.options.water_track.then(|| WaterBlock::new(&self.options.water)));
+        filter.set_water(measured_water(&self.options));
         if self.aiding == BeamAiding::SwayCurrent {
             self.filters.start_constrained(WaterBlock::new(&self.options.water));
         }
@@ -260,10 +259,20 @@ impl Navigator {
                 }
             }
             Event::WaterTrack(_) if self.aiding == BeamAiding::None => {}
-            Event::WaterTrack(ping) => {
+            Event::WaterTrack(sample) => {
                 let geometry = &self.geometry;
-                let innovation_of = |filter: &Eskf| filter.water_track_innovation(geometry, ping);
-                report(&filters.update(Sensor::WaterTrack, &innovation_of)?);
+                filters
+                    .each_mut()
+                    .for_each(|filter| filter.prepare_for_water(Some((geometry, sample))));
+                let innovation_of = |filter: &Eskf| filter.water_track_innovation(geometry, sample);
+                let outcome = filters.update(Sensor::WaterTrack, &innovation_of)?;
+                if matches!(outcome.verdict, Verdict::Accepted | Verdict::AcceptedInPart { .. }) {
+                    filters
+                        .each_mut()
+                        .for_each(|filter| filter.note_water(geometry, sample));
+                    self.note_water_velocity(&sample.ping);
+                }
+                report(&outcome);
             }
             Event::Aiding(measurement) => {
                 for sensor in measurement.reports() {
@@ -363,4 +372,10 @@ pub(super) const fn is_lossless(method: PartialMethod) -> bool {
 /// Returns true for a virtual beam whose correlation with the filter is kept.
 fn is_exact(method: PartialMethod, fix: &FixEstimator) -> bool {
     method == PartialMethod::VirtualBeamExact && fix.virtual_beams[0].is_some()
+}
+
+/// The water states of the filter on the measurements alone, where the water is measured.
+fn measured_water(options: &Options) -> Option<WaterBlock> {
+    let water = || WaterBlock::new(&options.water).with_layers(&options.current_layers);
+    options.water_track.then(water)
 }

@@ -11,6 +11,7 @@ pub use crate::aiding::gps::{GpsSample, GpsVelocity};
 pub use crate::aiding::heading::HeadingSample;
 pub use crate::aiding::registry::{STREAM_NAMES, STREAMS, WATER_TRACK};
 pub use crate::aiding::velocity::VelocitySample;
+pub use crate::aiding::water_track::WaterSample;
 
 /// Anything that arrives.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -22,7 +23,7 @@ pub enum Event {
     /// A measurement of any other sensor.
     Aiding(Measurement),
     /// Beams that the water returned.
-    WaterTrack(BeamSample),
+    WaterTrack(WaterSample),
 }
 
 impl<M: Into<Measurement>> From<M> for Event {
@@ -37,7 +38,7 @@ impl Event {
     pub fn time_ns(&self) -> i64 {
         match self {
             Self::Imu(sample) => sample.time_ns,
-            Self::Beams(sample) | Self::WaterTrack(sample) => sample.time_ns,
+            Self::Beams(ping) | Self::WaterTrack(WaterSample { ping, .. }) => ping.time_ns,
             Self::Aiding(measurement) => measurement.time_ns(),
         }
     }
@@ -58,7 +59,8 @@ impl Event {
         require_time(self.stream().0, self.time_ns())?;
         match self {
             Self::Imu(sample) => sample.validate(),
-            Self::Beams(sample) | Self::WaterTrack(sample) => sample.validate(geometry),
+            Self::Beams(sample) => sample.validate(geometry),
+            Self::WaterTrack(sample) => sample.validate(geometry),
             Self::Aiding(measurement) => measurement.validate(),
         }
     }

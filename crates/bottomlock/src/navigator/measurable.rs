@@ -1,6 +1,7 @@
 //! Measurements that no instrument makes: finite numbers whose squares are none.
 
 use crate::aiding::registry::Levers;
+use crate::aiding::water_track::WaterSample;
 use crate::dvl::geometry::BeamSample;
 use crate::error::{LARGEST, NavError, UNIT, require_plausible};
 use crate::filter::Eskf;
@@ -20,7 +21,9 @@ pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) 
     require_current(event, filter)?;
     match event {
         Event::Imu(_) => Ok(()),
-        Event::Beams(ping) | Event::WaterTrack(ping) => require_measurable_ping(event.stream().0, ping),
+        Event::Beams(ping) | Event::WaterTrack(WaterSample { ping, .. }) => {
+            require_measurable_ping(event.stream().0, ping)
+        }
         Event::Aiding(measurement) => {
             let (stream, time_ns) = (event.stream().0, event.time_ns());
             measurement.reports().try_for_each(|sensor| {

@@ -1,7 +1,8 @@
 //! What the navigator assumes of the vehicle's motion: the prior of its velocity, and the bound on its speed.
 
 use super::{BeamAiding, Navigator};
-use crate::aiding::motion_prior::{EPOCH_NS, LEARNING_NS, LOST_NS};
+use crate::aiding::motion_prior::{EPOCH_NS, LEARNING_NS, LOST_NS, WATER_HELD_NS};
+use crate::dvl::geometry::BeamSample;
 use crate::error::NavError;
 use crate::filter::report::{Sensor, UpdateReport};
 
@@ -40,6 +41,14 @@ impl Navigator {
         }
         self.next_motion_ns = Some(time_ns + LOST_NS);
         Ok(())
+    }
+
+    /// Takes note of a ping whose beams determine the velocity through the water: what the vehicle does then is measured, and the
+    /// prior of its velocity over ground would only add what it takes the current for.
+    pub(super) fn note_water_velocity(&mut self, ping: &BeamSample) {
+        if self.geometry.rank_of(ping.valid) == 3 {
+            self.next_motion_ns = Some(ping.time_ns + WATER_HELD_NS);
+        }
     }
 
     /// Bounds the speed of the filter on the measurements alone beyond the linear range, where the options say so.

@@ -161,7 +161,7 @@ fn the_water_is_that_of_the_selected_filter() {
         let set = NavigatorSet::Consistent(Box::new(bank.clone()));
         let estimates = aiding == BeamAiding::SwayCurrent;
         assert_eq!(set.water().is_some(), estimates);
-        assert_eq!(set.selected().filter().current_covariance().is_some(), estimates);
+        assert_eq!(set.selected().filter().current().is_some(), estimates);
     }
 }
 

@@ -1,6 +1,7 @@
 //! A recorded log: its streams, merged by time of validity.
 
 use crate::aiding::registry::{Measurement, SENSORS};
+use crate::aiding::water_track::WaterSample;
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::NavError;
 use crate::mechanisation::ImuSample;
@@ -20,7 +21,7 @@ pub struct Log<'a> {
     /// Measurements of the other sensors, by their places in the registry.
     pub sensors: [&'a [Measurement]; SENSORS],
     /// Beams that the water returned.
-    pub water_track: &'a [BeamSample],
+    pub water_track: &'a [WaterSample],
 }
 
 /// Names the row of an error, and its stream by its place in [`STREAM_NAMES`].

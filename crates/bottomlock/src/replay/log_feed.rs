@@ -3,7 +3,6 @@
 use super::innovations::{InnovationRecord, Withheld};
 use super::log::{IMU, in_row};
 use super::{BridgedInterval, ImuFaults, PingRecord, Replay, STREAMS, Series, Track};
-use crate::aiding::water::CURRENT;
 use crate::error::NavError;
 use crate::filter::BridgeNoise;
 use crate::filter::filter_group::{FilterSpan, Owner};
@@ -93,10 +92,7 @@ impl MethodReplay {
         self.track.filtered.push(state, &covariance, keep_covariance);
         let filter = self.navigators.selected().filter();
         self.track.attitude_errors.extend(filter.attitude_error_rad());
-        let current = filter
-            .water()
-            .map(|water| water.estimate().fixed_rows::<2>(CURRENT).into_owned());
-        self.track.currents.push(current.zip(filter.current_covariance()));
+        self.track.currents.push(filter.current());
         let calibration = filter.calibration();
         let numbers = calibration.map(|(estimate, covariance)| (estimate.numbers(), covariance));
         self.track.calibrations.extend(numbers);

@@ -14,11 +14,10 @@ mod log;
 mod log_feed;
 mod ping;
 
-use nalgebra::{Matrix2, Vector2};
-
 use crate::aiding::calibration::{CalibrationCovariance, CalibrationVector};
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::{NavError, require_rising};
+use crate::filter::calibrated::CurrentEstimate;
 use crate::filter::filter_group::width;
 use crate::filter::options::Options;
 use crate::layout::DIM;
@@ -108,7 +107,7 @@ pub struct Track {
     /// it is not estimated.
     pub attitude_errors: Vec<[(f64, f64); 3]>,
     /// Estimated current, north and east, with its covariance, m/s, at each sample; `None` where it is not estimated.
-    pub currents: Vec<Option<(Vector2<f64>, Matrix2<f64>)>>,
+    pub currents: Vec<Option<CurrentEstimate>>,
     /// Bytes that the smoother's tape took.
     pub tape_bytes: usize,
 }

@@ -12,7 +12,7 @@ use bottomlock::frames::{Rot, Vec3};
 use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample, WATER_TRACK,
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample, WATER_TRACK, WaterSample,
 };
 use bottomlock::navigator::{Finding, LiveNavigator, Method, Notice, Standing};
 use nalgebra::Matrix3;
@@ -38,7 +38,7 @@ pub(crate) struct Case {
     pub(crate) imu: Vec<ImuSample>,
     pub(crate) pings: Vec<BeamSample>,
     pub(crate) sensors: [Vec<Measurement>; SENSORS],
-    pub(crate) water_track: Vec<BeamSample>,
+    pub(crate) water_track: Vec<WaterSample>,
 }
 
 impl Case {
@@ -67,7 +67,13 @@ impl Case {
         if water.random() {
             let mut time_ns = 0;
             while time_ns <= last_ns {
-                water_track.push(ping(&mut water, time_ns));
+                let range_m = if water.random() {
+                    0.0
+                } else {
+                    25.0 * water.random::<f64>()
+                };
+                let ping = ping(&mut water, time_ns);
+                water_track.push(WaterSample { ping, range_m });
                 time_ns = later(&mut water, time_ns, 200 * MS);
             }
         }

@@ -1,0 +1,128 @@
+//! Layers by hand, and as they move with the depth.
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn layers() -> Layers {
+    Layers::new(&LayersPrior::default()).unwrap()
+}
+
+fn depths(layers: &Layers) -> Vec<f64> {
+    layers.each().map(|layer| layer.depth_m).collect()
+}
+
+/// Own parts of 1, 2, 3 and 4 m/s to the north, the uppermost first.
+fn counted(upper_m: f64, lower_m: f64) -> Layers {
+    let mut layers = layers();
+    layers.enclose(upper_m, lower_m);
+    let first = layers.first;
+    let mut own = LayerVector::zeros();
+    for (number, value) in (first..).zip([1.0, 2.0, 3.0, 4.0]) {
+        own[2 * place_of(number)] = value;
+    }
+    layers.inject(0.0, &own);
+    layers
+}
+
+fn north(layers: &Layers, depth_m: f64) -> (f64, f64) {
+    let at = layers.at(&WaterVector::zeros(), depth_m);
+    (at.water[CURRENT], at.slope_n_per_s.x)
+}
+
+#[test]
+fn none_where_the_prior_has_none() {
+    let none = LayersPrior {
+        sd_mps: 0.0,
+        ..LayersPrior::default()
+    };
+    assert_eq!((none.validate(), Layers::new(&none)), (Ok(()), None));
+    let at = CurrentAt::new(&WaterVector::repeat(0.5), None, 100.0);
+    assert_eq!((at.water, at.weights), (WaterVector::repeat(0.5), [0.0; LAYERS]));
+    assert_eq!(at.parts(), vec![(FIRST_WATER + CURRENT, 1.0)]);
+}
+
+/// Between layers the current is interpolated; above and below them it is that of the nearest.
+#[test]
+fn the_current_between_layers() {
+    let layers = counted(12.0, 38.0);
+    assert_eq!(depths(&layers), vec![10.0, 20.0, 30.0, 40.0]);
+    for (depth_m, expected) in [
+        (10.0, (1.0, 0.1)),
+        (12.5, (1.25, 0.1)),
+        (29.0, (2.9, 0.1)),
+        (40.0, (4.0, 0.1)),
+        (50.0, (4.0, 0.0)),
+        (-5.0, (1.0, 0.0)),
+    ] {
+        let found = north(&layers, depth_m);
+        assert!(
+            (found.0 - expected.0).abs() < 1e-12 && (found.1 - expected.1).abs() < 1e-12,
+            "{depth_m}: {found:?}"
+        );
+    }
+}
+
+/// Deeper by two layers: two begin anew, the others are kept; and the upper depth is enclosed where there is no room for both.
+#[test]
+fn layers_move_with_the_depth() {
+    let mut layers = counted(12.0, 38.0);
+    assert_eq!(layers.enclose(31.0, 55.0), vec![place_of(5), place_of(6)]);
+    assert_eq!(depths(&layers), vec![30.0, 40.0, 50.0, 60.0]);
+    assert_eq!(
+        (north(&layers, 30.0).0, north(&layers, 40.0).0, north(&layers, 55.0).0),
+        (3.0, 4.0, 0.0)
+    );
+    assert_eq!(layers.enclose(31.0, 55.0), Vec::<usize>::new());
+    assert_eq!(layers.enclose(5.0, 500.0).len(), 3);
+    assert_eq!(depths(&layers), vec![0.0, 10.0, 20.0, 30.0]);
+    assert_eq!(layers.enclose(1e6, 1e6).len(), LAYERS);
+    assert_eq!(layers.enclose(f64::MAX, f64::MAX).len(), LAYERS);
+    assert_eq!(layers.enclose(-1e300, -1e300).len(), LAYERS);
+}
+
+/// Half an hour leaves 1/e of what a layer has to itself, and so do 5 km; ages count from the last measurement.
+#[test]
+fn layers_age() {
+    let mut layers = counted(12.0, 38.0);
+    let e = std::f64::consts::E;
+    assert!((layers.left(1800.0, 0.0)[3] * e - 1.0).abs() < 1e-12);
+    assert!((layers.left(0.0, 5000.0)[0] * e - 1.0).abs() < 1e-12);
+    layers.note(&layers.at(&WaterVector::zeros(), 25.0));
+    layers.propagate(60.0, &LayerVector::repeat(0.5));
+    let ages: Vec<f64> = layers.each().map(|layer| layer.age_s).collect();
+    assert_eq!(ages, vec![f64::INFINITY, 60.0, 60.0, f64::INFINITY]);
+    assert_eq!(north(&layers, 25.0).0, 1.25);
+}
+
+/// A quarter turn of the estimated north turns every layer.
+#[test]
+fn layers_turn_with_the_yaw() {
+    let mut layers = counted(12.0, 38.0);
+    layers.inject(std::f64::consts::FRAC_PI_2, &LayerVector::zeros());
+    let at = layers.at(&WaterVector::zeros(), 30.0);
+    assert!((at.water[CURRENT + 1] - 3.0).abs() < 1e-12 && at.water[CURRENT].abs() < 1e-12);
+}
+
+proptest! {
+    /// Both depths lie between layers wherever there is room, weights add up to one, and what is kept is kept.
+    #[test]
+    fn encloses_what_it_can(moves in prop::collection::vec((-300.0..300.0_f64, 0.0..35.0_f64), 1..20)) {
+        let mut layers = counted(0.0, 5.0);
+        for (upper_m, span_m) in moves {
+            let before = layers.clone();
+            let lower_m = upper_m + span_m;
+            let anew = layers.enclose(upper_m, lower_m);
+            let (first, last) = (depths(&layers)[0], depths(&layers)[LAYERS - 1]);
+            prop_assert!(first <= upper_m && upper_m <= last);
+            if span_m <= 20.0 {
+                prop_assert!(lower_m <= last);
+            }
+            let weights = layers.at(&WaterVector::zeros(), upper_m).weights;
+            prop_assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12 && weights.iter().all(|&w| w >= 0.0));
+            for place in (0..LAYERS).filter(|place| !anew.contains(place)) {
+                prop_assert_eq!(layers.estimate[2 * place], before.estimate[2 * place]);
+            }
+        }
+    }
+}
