@@ -60,7 +60,8 @@ def dive(recordings: Path) -> Dive:
     log = pl.read_csv(path, infer_schema_length=5000)
 
     def column(name: str) -> Floats:
-        return np.asarray(log[name].to_numpy(), dtype=np.float64)
+        found: Floats = log[name].to_numpy().astype(np.float64)
+        return found
 
     def four(name: str) -> Floats:
         return -np.stack([column(name.format(beam)) for beam in range(4)], axis=1)
