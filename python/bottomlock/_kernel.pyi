@@ -145,6 +145,10 @@ class ScheduleDict(TypedDict):
     gps_received: NotRequired[NDArray[np.bool_]]
     acoustic_position_time_ns: NotRequired[NDArray[np.int64]]
     acoustic_position_received: NotRequired[NDArray[np.bool_]]
+    water_track_time_ns: NotRequired[NDArray[np.int64]]
+    water_track_valid: NotRequired[NDArray[np.bool_]]
+    water_current_n_mps: NotRequired[NDArray[np.float64]]
+    water_shear_n_ps: NotRequired[NDArray[np.float64]]
     sample_time_ns: NDArray[np.int64]
 
 @type_check_only

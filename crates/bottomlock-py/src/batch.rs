@@ -1,6 +1,7 @@
 //! Sensor streams, and batches of runs and methods.
 
 use bottomlock::aiding::registry::{Measurement, SensorKind};
+use bottomlock::dvl::geometry::BeamSample;
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::filter::options::Options;
 use bottomlock::frames::Vec3;
@@ -74,6 +75,12 @@ pub fn simulate_sensors<'py>(
     out.set_item("initial", initial)?;
     put_inertial(&out, &streams)?;
     put_pings(&out, &streams, beams)?;
+    put_beams(
+        &out,
+        ["water_track_time_ns", "water_track_velocity_mps", "water_track_valid"],
+        &streams.water_pings,
+        beams,
+    )?;
     SensorKind::ALL
         .into_iter()
         .try_for_each(|kind| put_readings(&out, kind, &streams.sensors[kind as usize]))?;
@@ -122,20 +129,26 @@ fn put_inertial(out: &Bound<'_, PyDict>, streams: &Streams) -> PyResult<()> {
 
 /// Pings and the true errors behind them.
 fn put_pings(out: &Bound<'_, PyDict>, streams: &Streams, beams: usize) -> PyResult<()> {
-    let (pings, wide) = (&streams.pings, [streams.pings.len(), beams]);
-    put(
+    let wide = [streams.pings.len(), beams];
+    put_beams(
         out,
-        "dvl_time_ns",
-        pings.iter().map(|p| p.time_ns).collect(),
-        &wide[..1],
+        ["dvl_time_ns", "dvl_velocity_mps", "dvl_valid"],
+        &streams.pings,
+        beams,
     )?;
-    let readings = pings.iter().flat_map(|p| p.velocity_mps[..beams].to_vec());
-    put(out, "dvl_velocity_mps", readings.collect(), &wide)?;
-    let flags = pings.iter().flat_map(|p| (0..beams).map(|b| p.valid.contains(b)));
-    put(out, "dvl_valid", flags.collect(), &wide)?;
     let bias = streams.beam_bias_mps.iter().flat_map(|b| b[..beams].to_vec());
     put(out, "dvl_bias_mps", bias.collect(), &wide)?;
     put(out, "dvl_scale_factor", streams.scale_factor.clone(), &wide[..1])
+}
+
+/// Times, velocities and validity of beams under their names.
+fn put_beams(out: &Bound<'_, PyDict>, names: [&str; 3], pings: &[BeamSample], beams: usize) -> PyResult<()> {
+    let wide = [pings.len(), beams];
+    put(out, names[0], pings.iter().map(|p| p.time_ns).collect(), &wide[..1])?;
+    let readings = pings.iter().flat_map(|p| p.velocity_mps[..beams].to_vec());
+    put(out, names[1], readings.collect(), &wide)?;
+    let flags = pings.iter().flat_map(|p| (0..beams).map(|b| p.valid.contains(b)));
+    put(out, names[2], flags.collect(), &wide)
 }
 
 /// Times and columns of a simulated sensor.

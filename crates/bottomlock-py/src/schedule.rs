@@ -3,10 +3,10 @@
 use bottomlock::aiding::registry::{SENSORS, SensorKind};
 use bottomlock::aiding::sensor::Simulation;
 use bottomlock::dvl::geometry::BeamMask;
-use bottomlock::simulation::schedule::{Schedule, SensorEpochs};
+use bottomlock::simulation::schedule::{Schedule, SensorEpochs, WaterEpochs};
 use pyo3::prelude::*;
 
-use crate::arrays::{Array, booleans, floats, times};
+use crate::arrays::{Array, booleans, floats, rows, times};
 use crate::errors::invalid;
 use crate::keys::{Keys, read};
 use crate::settings::mask;
@@ -16,6 +16,7 @@ pub struct OwnedSchedule {
     dvl_time_ns: Vec<i64>,
     beam_valid: PerRun<BeamMask>,
     sensors: [OwnedEpochs; SENSORS],
+    water: OwnedWater,
     pub sample_time_ns: Vec<i64>,
 }
 
@@ -24,6 +25,15 @@ pub struct OwnedSchedule {
 struct OwnedEpochs {
     time_ns: Vec<Vec<i64>>,
     offset: Vec<Vec<f64>>,
+}
+
+/// Epochs of the beams that the water returns, and the current at each.
+#[derive(Default)]
+struct OwnedWater {
+    time_ns: Vec<i64>,
+    beam_valid: PerRun<BeamMask>,
+    current_n_mps: Vec<[f64; 2]>,
+    shear_n_ps: Vec<[f64; 2]>,
 }
 
 impl OwnedSchedule {
@@ -39,11 +49,18 @@ impl OwnedSchedule {
                 time_ns: pick(&epochs.time_ns, run),
                 offset: pick(&epochs.offset, run),
             }),
+            water: WaterEpochs {
+                time_ns: &self.water.time_ns,
+                beam_valid: self.water.beam_valid.of(run),
+                current_n_mps: &self.water.current_n_mps,
+                shear_n_ps: &self.water.shear_n_ps,
+            },
         }
     }
 }
 
 /// Values at each epoch, shared by all runs or one set per run.
+#[derive(Default)]
 struct PerRun<T> {
     values: Vec<T>,
     epochs: usize,
@@ -141,13 +158,46 @@ pub fn schedule(value: &Bound<'_, PyAny>, beams: usize, runs: usize) -> PyResult
     read("schedule", value, |keys| schedule_of(keys, beams, runs))
 }
 
+/// The valid beams at each of a number of epochs.
+fn masks(keys: &Keys<'_>, key: &str, epochs: usize, beams: usize, runs: usize) -> PyResult<PerRun<BeamMask>> {
+    let valid = keys.item(key)?;
+    let (by_run, shape) = per_run_shape(&valid, runs, &[Some(epochs), Some(beams)]);
+    let flags = booleans(&keys.path(key), &valid, &shape)?;
+    Ok(PerRun {
+        values: flags.values.chunks_exact(beams.max(1)).map(mask).collect(),
+        epochs,
+        by_run,
+    })
+}
+
+/// The epochs of the water, none without `water_track_time_ns`.
+fn water(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedWater> {
+    const VALUES: [&str; 3] = ["water_track_valid", "water_current_n_mps", "water_shear_n_ps"];
+    let Some(given) = keys.get("water_track_time_ns")? else {
+        for key in VALUES {
+            if keys.has(key)? {
+                return Err(invalid(format!(
+                    "schedule has the key '{key}' but lacks 'water_track_time_ns'"
+                )));
+            }
+        }
+        return Ok(OwnedWater::default());
+    };
+    let time_ns = times(&keys.path("water_track_time_ns"), &given)?;
+    let epochs = time_ns.len();
+    let pairs = |key: &str| rows::<2>(&keys.path(key), &keys.item(key)?, Some(epochs));
+    Ok(OwnedWater {
+        beam_valid: masks(keys, VALUES[0], epochs, beams, runs)?,
+        current_n_mps: pairs(VALUES[1])?,
+        shear_n_ps: pairs(VALUES[2])?,
+        time_ns,
+    })
+}
+
 fn schedule_of(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
     let epochs_of = |key: &str| times(&keys.path(key), &keys.item(key)?);
     let dvl_time_ns = epochs_of("dvl_time_ns")?;
-    let valid = keys.item("beam_valid")?;
-    let pings = dvl_time_ns.len();
-    let (by_run, shape) = per_run_shape(&valid, runs, &[Some(pings), Some(beams)]);
-    let flags = booleans("schedule.beam_valid", &valid, &shape)?;
+    let beam_valid = masks(keys, "beam_valid", dvl_time_ns.len(), beams, runs)?;
     let mut sensors: [OwnedEpochs; SENSORS] = Default::default();
     for kind in SensorKind::ALL {
         if let Some(simulation) = kind.declaration().simulation {
@@ -155,13 +205,10 @@ fn schedule_of(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedSche
         }
     }
     Ok(OwnedSchedule {
-        beam_valid: PerRun {
-            values: flags.values.chunks_exact(beams.max(1)).map(mask).collect(),
-            epochs: pings,
-            by_run,
-        },
+        beam_valid,
         dvl_time_ns,
         sensors,
+        water: water(keys, beams, runs)?,
         sample_time_ns: epochs_of("sample_time_ns")?,
     })
 }

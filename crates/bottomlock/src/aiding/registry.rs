@@ -9,6 +9,7 @@ use crate::aiding::gps::{GpsModel, GpsSample};
 use crate::aiding::heading::{HeadingModel, HeadingSample};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
 use crate::aiding::velocity::VelocitySample;
+use crate::aiding::water_track::WaterTrackModel;
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
@@ -32,6 +33,7 @@ models! {
     heading: HeadingModel,
     gps: GpsModel,
     acoustic_position: AcousticPositionModel,
+    water_track: WaterTrackModel,
 }
 
 /// [`AidingSensor::of_row`] of a sensor.

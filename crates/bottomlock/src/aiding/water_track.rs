@@ -15,7 +15,9 @@
 use nalgebra::Vector3;
 
 use crate::aiding::current_layers::{CurrentAt, Layers};
+use crate::aiding::declare::model_section;
 use crate::aiding::further::{FIRST_WATER, FurtherRows};
+use crate::aiding::sensor::Fraction;
 use crate::aiding::water::{CURRENT, WaterVector};
 use crate::aiding::{BeamTerms, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
@@ -58,6 +60,24 @@ impl WaterSample {
 #[must_use]
 pub fn cell_t_m(motion: &Motion<'_>, geometry: &BeamGeometry, beam: usize, range_m: f64) -> Vector3<f64> {
     motion.rotation() * (geometry.lever_arm_p_m(beam) + geometry.direction_p(beam) * range_m)
+}
+
+model_section! {
+    /// Errors of simulated beams that the water returned; bias and scale factor are those of the bottom's beams.
+    pub struct WaterTrackModel in "water_track" {
+        /// White noise of a beam, m/s, 1 sigma.
+        pub beam_noise_sd_mps: f64,
+        /// Distance along the beam from the transducer to the middle of the cell, m.
+        pub range_m: f64,
+        /// Fraction of readings of a beam that are outliers, such as fish; the filter does not model them.
+        pub outlier_fraction: Fraction,
+        /// Noise of an outlier over that of a good reading.
+        pub outlier_factor: f64,
+        /// Fraction of readings of a beam that are lost.
+        pub lost_fraction: Fraction,
+        /// Part of the vehicle's velocity relative to the water with which the water in the cell follows it.
+        pub wake: Fraction,
+    }
 }
 
 /// Residual, Jacobian and noise of the beams of a ping that the water returned.

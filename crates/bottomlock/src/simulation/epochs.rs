@@ -8,12 +8,14 @@ use crate::simulation::schedule::Schedule;
 pub(super) enum Aid {
     Dvl,
     Sensor(SensorKind),
+    Water,
 }
 
 /// A sensor and the number of its epoch.
 pub(super) type Epoch = (Aid, usize);
 
-/// The epochs of all aiding sensors in order of time; at the same time the DVL's first, then in the order of the registry.
+/// The epochs of all aiding sensors in order of time; at the same time the DVL's first, then in the order of the registry, and the water's
+/// last.
 pub(super) struct Epochs<'a> {
     streams: Vec<(Aid, &'a [i64], usize)>,
 }
@@ -21,7 +23,11 @@ pub(super) struct Epochs<'a> {
 impl<'a> Epochs<'a> {
     pub(super) fn new(schedule: &Schedule<'a>) -> Self {
         let others = SensorKind::ALL.map(|kind| (Aid::Sensor(kind), schedule.of(kind).time_ns, 0));
-        let all = std::iter::once((Aid::Dvl, schedule.dvl_time_ns, 0)).chain(others);
+        let water = (Aid::Water, schedule.water.time_ns, 0);
+        let all = [(Aid::Dvl, schedule.dvl_time_ns, 0)]
+            .into_iter()
+            .chain(others)
+            .chain([water]);
         Self {
             streams: all.filter(|(_, times, _)| !times.is_empty()).collect(),
         }

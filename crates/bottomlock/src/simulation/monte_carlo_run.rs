@@ -164,6 +164,10 @@ impl MonteCarloRun {
                 let (time_ns, valid) = (schedule.dvl_time_ns[k], schedule.beam_valid[k]);
                 Event::Beams(self.sensors.ping(truth, &self.geometry, time_ns, valid)?)
             }
+            Aid::Water => match self.sensors.water_ping(truth, &self.geometry, &schedule.water, k)? {
+                Some(sample) => Event::WaterTrack(sample),
+                None => return Ok(()),
+            },
             Aid::Sensor(kind) => {
                 let epochs = schedule.of(kind);
                 let offset = epochs.offset.get(k).copied().unwrap_or(0.0);

@@ -2,7 +2,7 @@
 
 use crate::aiding::registry::{SENSORS, SensorKind};
 use crate::dvl::geometry::BeamMask;
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_rising};
 
 /// Times of each sensor, returning beams, and offsets of readings by the environment.
 #[derive(Debug, Clone, Copy, Default)]
@@ -13,6 +13,23 @@ pub struct Schedule<'a> {
     pub beam_valid: &'a [BeamMask],
     /// Epochs of the other sensors, by their places in the registry.
     pub sensors: [SensorEpochs<'a>; SENSORS],
+    /// Epochs of the beams that the water returns.
+    pub water: WaterEpochs<'a>,
+}
+
+/// When the water returns beams, and how it moves: c = `current_n_mps` + depth `shear_n_ps`, along north and east.
+///
+/// The arrays have a value for each epoch.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WaterEpochs<'a> {
+    /// Epochs, ns, rising.
+    pub time_ns: &'a [i64],
+    /// Valid beams.
+    pub beam_valid: &'a [BeamMask],
+    /// Current at depth 0, m/s.
+    pub current_n_mps: &'a [[f64; 2]],
+    /// Its change with depth, 1/s.
+    pub shear_n_ps: &'a [[f64; 2]],
 }
 
 /// When a sensor measures.
@@ -52,6 +69,15 @@ impl<'a> Schedule<'a> {
             }
         };
         same("beam_valid", self.beam_valid.len(), self.dvl_time_ns.len(), "dvl")?;
+        let (water, epochs) = (&self.water, self.water.time_ns.len());
+        same("water_track_valid", water.beam_valid.len(), epochs, "water_track")?;
+        same("water_current_n_mps", water.current_n_mps.len(), epochs, "water_track")?;
+        same("water_shear_n_ps", water.shear_n_ps.len(), epochs, "water_track")?;
+        require_rising("water_track", water.time_ns)?;
+        for (k, &time_ns) in water.time_ns.iter().enumerate() {
+            require_finite("water_current_n_mps", time_ns, &water.current_n_mps[k])?;
+            require_finite("water_shear_n_ps", time_ns, &water.shear_n_ps[k])?;
+        }
         for kind in SensorKind::ALL {
             let (epochs, simulation) = (self.of(kind), kind.declaration().simulation);
             let (name, field) = simulation.map_or(("", None), |of| (of.name, of.offset));

@@ -29,6 +29,8 @@ pub struct Streams {
     pub beam_bias_mps: Vec<[f64; MAX_BEAMS]>,
     /// True scale factor at each ping.
     pub scale_factor: Vec<f64>,
+    /// Pings that the water returned.
+    pub water_pings: Vec<BeamSample>,
     /// Readings of the other sensors, by their places in the registry.
     pub sensors: [Vec<Measurement>; SENSORS],
 }
@@ -65,6 +67,7 @@ pub fn simulate(
         pings: Vec::with_capacity(schedule.dvl_time_ns.len()),
         beam_bias_mps: Vec::with_capacity(schedule.dvl_time_ns.len()),
         scale_factor: Vec::with_capacity(schedule.dvl_time_ns.len()),
+        water_pings: Vec::with_capacity(schedule.water.time_ns.len()),
         sensors: Default::default(),
     };
     errors.imus(
@@ -76,6 +79,7 @@ pub fn simulate(
             streams.gyro_bias_p_radps.push(gyro_bias.into());
         },
     );
+    let mut water = (0..schedule.water.time_ns.len()).peekable();
     for (&time_ns, &valid) in schedule.dvl_time_ns.iter().zip(schedule.beam_valid) {
         if let Some(previous) = streams.pings.last().filter(|last| time_ns <= last.time_ns) {
             return Err(NavError::TimeNotIncreasing {
@@ -84,10 +88,25 @@ pub fn simulate(
                 previous_ns: previous.time_ns,
             });
         }
+        // Water has the biases of the last ping at or before it.
+        while let Some(k) = water.next_if(|&k| schedule.water.time_ns[k] < time_ns) {
+            streams.water_pings.extend(
+                errors
+                    .water_ping(truth, geometry, &schedule.water, k)?
+                    .map(|sample| sample.ping),
+            );
+        }
         streams.pings.push(errors.ping(truth, geometry, time_ns, valid)?);
         let (bias, scale) = errors.dvl_errors();
         streams.beam_bias_mps.push(bias);
         streams.scale_factor.push(scale);
+    }
+    for k in water {
+        streams.water_pings.extend(
+            errors
+                .water_ping(truth, geometry, &schedule.water, k)?
+                .map(|sample| sample.ping),
+        );
     }
     for kind in SensorKind::ALL {
         let epochs = schedule.of(kind);

@@ -4,12 +4,15 @@
 //! a sensor switched off shifts no other, and lost beams are drawn like the others.
 
 mod inertial;
+mod water;
 
 use std::ops::Range;
 
 use self::inertial::Inertial;
+use self::water::{Water, WaterAround};
 use crate::aiding::registry::{Levers, Measurement, SENSORS, SensorKind};
-use crate::aiding::sensor::Scene;
+use crate::aiding::sensor::{Scene, TrueMotion};
+use crate::aiding::water_track::WaterSample;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample, MAX_BEAMS};
 use crate::earth::Earth;
 use crate::error::NavError;
@@ -20,6 +23,7 @@ use crate::layout::BIASED_BEAMS;
 use crate::mechanisation::{ImuSample, Sampling};
 use crate::model::Model;
 use crate::random::Normals;
+use crate::simulation::schedule::WaterEpochs;
 use crate::simulation::truth::Truth;
 use crate::state::{ErrorVector, NavState};
 
@@ -50,6 +54,12 @@ enum Stream {
     BeamBias = 200,
     /// Plus the beam's index.
     BeamOutlier = 300,
+    /// Plus the beam's index.
+    WaterNoise = 400,
+    /// Plus the beam's index.
+    WaterOutlier = 500,
+    /// Plus the beam's index.
+    WaterLoss = 600,
 }
 
 /// The key of a run's generators; its streams differ by their numbers.
@@ -84,6 +94,17 @@ pub(crate) fn drawn_start(truth: &NavState, model: &Model, key: &RunKey) -> NavS
     state
 }
 
+/// What the beams read at an instant of the truth, but for their biases.
+fn motion_of(instant: &TrueMotion, model: &Model, scale_factor: f64) -> BeamMotion {
+    let earth = Vec3::from(model.environment.earth_rate_t_radps().0);
+    BeamMotion {
+        velocity_p_mps: instant.velocity_p_mps,
+        omega_tp_p_radps: instant.omega_p_radps - (instant.attitude_t_p.inverse() * earth).0,
+        beam_bias_mps: [0.0; BIASED_BEAMS],
+        scale_factor,
+    }
+}
+
 /// The sensors of one run; each reading is drawn from the truth at its time.
 ///
 /// `at` is the truth around the present: the whole of it, or a window that moves along with it.
@@ -95,6 +116,7 @@ pub(crate) struct SensorErrors {
     sampling: Sampling,
     inertial: Inertial,
     dvl: Dvl,
+    water: Water,
     levers: Levers,
     sensors: [Vec<Normals>; SENSORS],
 }
@@ -141,6 +163,11 @@ impl SensorErrors {
                 scale_walk,
                 bias_mps,
                 previous_ns: first_ns,
+            },
+            water: Water {
+                noise: of_beams(Stream::WaterNoise),
+                outliers: of_beams(Stream::WaterOutlier),
+                loss: of_beams(Stream::WaterLoss),
             },
             levers: options.levers,
             sensors: SensorKind::ALL.map(|kind| {
@@ -194,13 +221,7 @@ impl SensorErrors {
         for (bias, normals) in own.bias_mps.iter_mut().zip(&mut own.walk) {
             *bias += dvl.beam_bias_walk_mps_rts * root_dt * normals.one();
         }
-        let earth = Vec3::from(self.model.environment.earth_rate_t_radps().0);
-        let motion = BeamMotion {
-            velocity_p_mps: instant.velocity_p_mps,
-            omega_tp_p_radps: instant.omega_p_radps - (instant.attitude_t_p.inverse() * earth).0,
-            beam_bias_mps: [0.0; BIASED_BEAMS],
-            scale_factor: own.scale_factor,
-        };
+        let motion = motion_of(&instant, &self.model, own.scale_factor);
         let mut ping = BeamSample {
             time_ns,
             velocity_mps: [f64::NAN; MAX_BEAMS],
@@ -215,6 +236,36 @@ impl SensorErrors {
             ping.velocity_mps[beam] = (reading + error) * geometry.sound_speed_scale();
         }
         Ok(ping)
+    }
+
+    /// The ping that the water returns at epoch k, with the biases and the scale factor of the last ping; none without a beam.
+    pub(crate) fn water_ping(
+        &mut self,
+        at: &Truth<'_>,
+        geometry: &BeamGeometry,
+        epochs: &WaterEpochs<'_>,
+        k: usize,
+    ) -> Result<Option<WaterSample>, NavError> {
+        let instant = at.at("water_track", epochs.time_ns[k])?;
+        let motion = motion_of(&instant, &self.model, self.dvl.scale_factor);
+        let water = WaterAround {
+            level: self.earth.level(&instant.position_t_m.into()),
+            rotation_t_p: instant.attitude_t_p.matrix(),
+            current_n_mps: epochs.current_n_mps[k],
+            shear_n_ps: epochs.shear_n_ps[k],
+        };
+        let mut ping = self.water.ping(
+            geometry,
+            &motion,
+            &water,
+            &self.model.sensors.water_track,
+            &self.dvl.bias_mps,
+        );
+        ping.time_ns = epochs.time_ns[k];
+        ping.sd_mps = [self.claimed.sensors.water_track.beam_noise_sd_mps; MAX_BEAMS];
+        ping.valid = ping.valid.and(epochs.beam_valid[k]);
+        let range_m = self.claimed.sensors.water_track.range_m;
+        Ok((ping.valid != BeamMask::NONE).then_some(WaterSample { ping, range_m }))
     }
 
     /// The reading of a sensor at a time, with its environment offset; none for a sensor that is not simulated.
