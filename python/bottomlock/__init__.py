@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         Options,
         Robust,
         Water,
+        WaterTrackModel,
     )
     from bottomlock.simulation.build import Simulation, build_simulation
     from bottomlock.simulation.measurement_schedule import measurement_schedule
@@ -98,6 +99,7 @@ __all__ = [
     "Truth",
     "VelocityFixes",
     "Water",
+    "WaterTrackModel",
     "analytic_truth",
     "build_simulation",
     "imu_grade",
@@ -155,6 +157,7 @@ _LAZY = {
     "Truth": "bottomlock.truth.truth",
     "VelocityFixes": "bottomlock.kernel",
     "Water": "bottomlock.kernel.models",
+    "WaterTrackModel": "bottomlock.kernel.models",
     "analytic_truth": "bottomlock.truth.analytic",
     "build_simulation": "bottomlock.simulation.build",
     "imu_grade": "bottomlock.config.instrument_grades",

@@ -45,9 +45,10 @@ def with_reckoning(
 
 
 def _of_run(schedule: Mapping[str, Any], k: int) -> Any:  # noqa: ANN401 - the kernel's `ScheduleDict`
-    """The schedule of one run: beams that are lost by chance differ between runs."""
+    """The schedule of one run, without the water: beams that are lost by chance differ between runs."""
     valid = schedule["beam_valid"]
-    return {**schedule, "beam_valid": valid[k] if valid.ndim == 3 else valid}
+    ground = {key: value for key, value in schedule.items() if not key.startswith("water_")}
+    return {**ground, "beam_valid": valid[k] if valid.ndim == 3 else valid}
 
 
 def _run(

@@ -28,10 +28,11 @@ class _Table(BaseModel):
 
 
 class CurrentTable(_Table):
-    """The current: mean speed and direction, shear with depth, and a Gauss-Markov variation."""
+    """The current: mean speed and direction, its turn, shear with depth, and a Gauss-Markov variation."""
 
     speed_mps: NotNegative = 0.0
     towards_deg: Finite = 0.0
+    turn_deg_per_h: Finite = 0.0
     shear_north_mps_per_m: Finite = 0.0
     shear_east_mps_per_m: Finite = 0.0
     wander_sd_mps: NotNegative = 0.0

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from bottomlock import units
-from bottomlock.config.mission_sections import faults_of
+from bottomlock.config.mission_sections import CurrentTable, faults_of
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario_sections import (
     Campaign,
@@ -27,6 +27,7 @@ from bottomlock.config.scenario_words import line_of, table_of
 from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
+from bottomlock.config.water_track import WaterTrack
 from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_free
@@ -63,6 +64,7 @@ class Scenario(Section):
     heading: Heading = Heading(enabled=False)
     gps: Gps = Gps(enabled=False)
     acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
+    water_track: WaterTrack = WaterTrack(enabled=False)
     initial: Initial = Initial()
     filter: Filter = Filter()
     robust: Robust = Robust(enabled=False)
@@ -82,6 +84,10 @@ class Scenario(Section):
         }
         if limits and not self.seabed:
             raise ValueError(f"dvl.{min(limits)} is given, but there is no [seabed] to range to")
+        if self.trajectory.source == "vehicle" and self.water_track.current != CurrentTable():
+            raise ValueError(
+                "water_track.current is given, but the current of a vehicle is that of [mission]"
+            )
         if self.trajectory.pilot not in {"own", *self.campaign.methods}:
             raise ValueError(
                 f"trajectory.pilot is '{self.trajectory.pilot}', expected \"own\" or one of the campaign's methods"
@@ -94,6 +100,7 @@ class Scenario(Section):
         # What is switched off decides nothing.
         exclude |= {sensor.name: True for sensor in SENSORS if not getattr(self, sensor.name).enabled}
         exclude |= {} if self.robust.enabled else {"robust": True}
+        exclude |= {} if self.water_track.enabled else {"water_track": True}
         # The name of a vehicle is words too: its numbers stand beside it.
         exclude["filter"] = {"water": {"vehicle"}}
         exclude["filter"] |= {} if self.filter.speed_sd_mps else {"speed_sd_mps": True, "speed_time_s": True}
@@ -207,12 +214,14 @@ class Scenario(Section):
                 attitude_sd_rad=[units.rad_from_deg(angle) for angle in (roll, pitch, yaw)],
                 velocity_sd_mps=initial.velocity_mps,
             ),
+            water_track=self.water_track.kernel_model(),
             **sensors,
         )
 
     def kernel_options(self) -> models.Options:
         """Filter options as the kernel takes them."""
         options = self.filter.kernel_options() | {"robust": self.robust.kernel_options()}
+        options |= self.water_track.kernel_options()
         for sensor in SENSORS:
             options |= sensor.options(getattr(self, sensor.name))
         return models.Options(**options, imu_sampling=self.imu.sampling, **self.imu.limits.kernel_options())

@@ -20,6 +20,7 @@ def line_of(scenario: "Scenario") -> str:
         f"{path.kind} at {path.speed_mps:g} m/s{length}",
         f"{dvl.beams} beams{lost}",
         *sensors,
+        *(["water_track"] if scenario.water_track.enabled else []),
         f"{campaign.runs} runs of {len(campaign.methods)} methods",
     ]
     return f"<Scenario {scenario.name}: {', '.join(parts)}>"

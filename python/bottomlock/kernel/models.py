@@ -242,6 +242,24 @@ class AcousticPositionModel(Settings):
 
 
 @_settings
+class WaterTrackModel(Settings):
+    """Errors of simulated beams that the water returned; bias and scale factor are those of `DvlModel`.
+
+    White noise of a beam, 1 sigma; distance along the beam to the middle of the cell, m; fractions of the readings that
+    are outliers (with their noise over that of a good reading) and lost; and `wake`, 0 to 1, the part of the vehicle's
+    velocity relative to the water with which the water in the cell follows it.
+    """
+
+    place: ClassVar[str] = "water_track"
+    beam_noise_sd_mps: float
+    range_m: float = 0.0
+    outlier_fraction: float = 0.0
+    outlier_factor: float = 1.0
+    lost_fraction: float = 0.0
+    wake: float = 0.0
+
+
+@_settings
 class Model(Settings):
     """Environment, and errors of the sensors: what `Scenario.kernel_model` returns.
 
@@ -259,6 +277,7 @@ class Model(Settings):
     dvl_outliers: DvlOutlierModel | None = None
     heading: HeadingModel | None = None
     acoustic_position: AcousticPositionModel | None = None
+    water_track: WaterTrackModel | None = None
 
     def of(self, kind: type[_Errors]) -> _Errors:
         """The errors of a sensor that has to be there.

@@ -1,4 +1,4 @@
-"""Ocean currents: constant, sheared with depth, and Gauss-Markov in time."""
+"""Ocean currents: sheared with depth, and in time turning and Gauss-Markov."""
 
 import math
 from collections.abc import Callable
@@ -16,11 +16,12 @@ _KNOTS_PER_TIME_CONSTANT = 10.0
 
 @dataclass(frozen=True)
 class Current:
-    """A horizontal current c(t, depth) = mean + shear depth + wander(t), tangent frame, north and east.
+    """A horizontal current c(t, depth) = mean(t) + shear depth + wander(t), tangent frame, north and east.
 
-    `mean_mps` is at the surface, `shear_ps` per metre of depth. The wander is a first-order Gauss-Markov process of
-    standard deviation `wander_sd_mps` per axis and time constant `wander_time_s`, drawn from `seed`; it is sampled ten
-    times per time constant and interpolated by a cubic spline, so that the vehicle's acceleration is smooth.
+    `mean_mps` is at the surface and at time 0, `shear_ps` per metre of depth. The mean turns at `turn_radps`, from
+    north to east, as with a tide. The wander is a first-order Gauss-Markov process of standard deviation
+    `wander_sd_mps` per axis and time constant `wander_time_s`, drawn from `seed`; it is sampled ten times per time
+    constant and interpolated by a cubic spline, so that the vehicle's acceleration is smooth.
 
     Raises:
         ScenarioError: for a number that is not finite, a negative wander_sd_mps or a wander_time_s of 0 or less.
@@ -31,9 +32,10 @@ class Current:
     wander_sd_mps: float = 0.0
     wander_time_s: float = 120.0
     seed: int = 0
+    turn_radps: float = 0.0
 
     def __post_init__(self) -> None:
-        values = (*self.mean_mps, *self.shear_ps, self.wander_sd_mps, self.wander_time_s)
+        values = (*self.mean_mps, *self.shear_ps, self.wander_sd_mps, self.wander_time_s, self.turn_radps)
         if not all(math.isfinite(value) for value in values):
             raise ScenarioError("current: every number must be finite")
         if self.wander_sd_mps < 0.0 or self.wander_time_s <= 0.0:
@@ -50,12 +52,16 @@ class Current:
         """Surface current (N, E), its rate of change (N, E) and the shear (N, E) at times, shape (n, 6)."""
         time = np.asarray(time_s, dtype=np.float64)
         table = np.zeros((len(time), 6))
-        table[:, 0:2] = self.mean_mps
+        (north, east), turned = self.mean_mps, self.turn_radps * time
+        sine, cosine = np.sin(turned), np.cos(turned)
+        mean = np.column_stack([north * cosine - east * sine, north * sine + east * cosine])
+        table[:, 0:2] = mean
+        table[:, 2:4] = self.turn_radps * np.column_stack([-mean[:, 1], mean[:, 0]])
         table[:, 4:6] = self.shear_ps
         if self.wander_sd_mps > 0.0:
             spline = self._wander(float(time[-1]))
             table[:, 0:2] += spline(time)
-            table[:, 2:4] = spline(time, 1)
+            table[:, 2:4] += spline(time, 1)
         return table
 
     def _wander(self, duration_s: float) -> Callable[..., FloatArray]:

@@ -49,7 +49,7 @@ def mission_from_table(table: dict[str, Any], label: str) -> Mission:
     return replace(
         mission,
         law=read.guidance,
-        current=_current_of(read.current),
+        current=current_from_table(read.current),
         stuck=None if stuck is None else StuckFin(stuck.fin, math.radians(stuck.angle_deg)),
         heading_rad=None if read.heading_deg is None else math.radians(read.heading_deg),
     )
@@ -91,7 +91,7 @@ def _path_of(read: AnyMission) -> Mission:
     )
 
 
-def _current_of(table: CurrentTable) -> Current:
+def current_from_table(table: CurrentTable) -> Current:
     """The current, SI."""
     heading = math.radians(table.towards_deg)
     return Current(
@@ -100,4 +100,5 @@ def _current_of(table: CurrentTable) -> Current:
         wander_sd_mps=table.wander_sd_mps,
         wander_time_s=table.wander_time_s,
         seed=table.seed,
+        turn_radps=math.radians(table.turn_deg_per_h) / 3600.0,
     )

@@ -15,10 +15,11 @@ from bottomlock.io.beams import read_validity
 from bottomlock.own_method import source_of
 from bottomlock.plant import AnyVehicle, Flight, Mission, fly, load_vehicle
 from bottomlock.plant.cache import history_key
+from bottomlock.plant.current import Current
 from bottomlock.plant.seabed import GridSeabed, Seabed
 from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
 from bottomlock.plant.swim import check_mission
-from bottomlock.plant.tables import mission_from_table, seabed_from_table
+from bottomlock.plant.tables import current_from_table, mission_from_table, seabed_from_table
 from bottomlock.plant.trim import check_stability
 from bottomlock.simulation.own_path import own_path, with_path
 from bottomlock.truth.analytic import analytic_truth
@@ -71,6 +72,13 @@ class Simulation:
     def earth_rate_radps(self) -> float:
         """Earth rate; zero where the scenario stops the Earth."""
         return EARTH_RATE_RADPS if self.scenario.environment.earth_rotation else 0.0
+
+    @property
+    def current(self) -> Current:
+        """The current in which the vehicle swims, or in which the water moves under a truth without one."""
+        if self.mission is not None:
+            return self.mission.current
+        return current_from_table(self.scenario.water_track.current)
 
     def fingerprint(self) -> str:
         """SHA-256 of all that decides the numbers: the scenario, and the content of every file that it names."""

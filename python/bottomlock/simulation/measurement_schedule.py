@@ -64,6 +64,7 @@ class MeasurementSchedule:
             )
         valid = self._unconditional(trajectory_key, first_run, runs)
         self._valid = np.repeat(valid, vehicles_per_run, axis=0) if valid.ndim == 3 else valid
+        self._current = self._current_at(last_ns) if scenario.water_track.enabled else None
         self._environment = scenario.kernel_model(simulation.gravity_mps2).environment
         self._gps = GpsReception(scenario.gps.antenna_depth_m, scenario.gps.acquire_s)
 
@@ -92,6 +93,8 @@ class MeasurementSchedule:
             valid = combine(valid, _flat(self._limits().valid(hits)))
         schedule: dict[str, Any] = {f"{name}_time_ns": times for name, times in now.items()}
         schedule["beam_valid"] = valid
+        if self._current is not None:
+            schedule |= self._water(now["dvl"], self._current[within["dvl"]], valid)
         if len(now["depth"]):
             depth_m = _between(time_ns, position_t_m, now["depth"])[..., 2]
             pressure = _pressure(self._simulation)
@@ -102,6 +105,25 @@ class MeasurementSchedule:
         if scenario.gps.enabled:
             schedule["gps_received"] = _flat(self._gps.received(time_ns, position_t_m[..., 2], now["gps"]))
         return schedule, hits
+
+    def _current_at(self, last_ns: int) -> Floats:
+        """Surface current (N, E), its rate and the shear (N, E) at every ping, (pings, 6)."""
+        # As over the whole truth, so that it is the current in which the vehicle swims.
+        time_s = np.append(self._times["dvl"], last_ns) * 1e-9
+        return self._simulation.current.columns(time_s)[:-1]
+
+    def _water(self, time_ns: Times, current: Floats, beam_valid: NDArray[np.bool_]) -> dict[str, Any]:
+        """The part of the kernel's schedule for the beams that the water returns."""
+        with_bottom = beam_valid.any(axis=-1, keepdims=True)
+        if self._simulation.scenario.water_track.pings == "all":
+            with_bottom = np.zeros((len(time_ns), 1), dtype=np.bool_)
+        beams = self._simulation.geometry.beams
+        return {
+            "water_track_time_ns": time_ns,
+            "water_track_valid": np.repeat(~with_bottom, beams, axis=-1),
+            "water_current_n_mps": np.ascontiguousarray(current[:, 0:2]),
+            "water_shear_n_ps": np.ascontiguousarray(current[:, 4:6]),
+        }
 
     def _below_the_sea(self, position_t_m: Floats) -> Floats:
         """Positions with the depth below the level of the sea as third component."""
@@ -188,7 +210,8 @@ def measurement_schedule(
     Returns:
         `dvl_time_ns`, `sample_time_ns` and the epochs of the other sensors, int64 ns; `beam_valid` (epochs, beams), or
         (runs, epochs, beams) where it is random; `depth_offset_m`, `yaw_offset_rad` and `gps_received` if the scenario
-        has these sensors.
+        has these sensors; with water track `water_track_time_ns`, `water_track_valid`, and the current at depth 0 and
+        its change with depth along north and east, `water_current_n_mps` and `water_shear_n_ps`, (epochs, 2).
 
     Raises:
         DataError: for a truth of less than a second.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bottomlock import kernel
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import ScenarioError
-from bottomlock.kernel.models import DvlModel
+from bottomlock.kernel.models import DvlModel, WaterTrackModel
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.truth.truth import Truth
@@ -119,7 +119,9 @@ class Readings:
                     force_p_mps2=self._drawn["imu_force_p_mps2"][block],
                 )
                 pushed = upto
-            if sensor != "dvl":
+            if sensor == "water_track":
+                self._water(navigator, k)
+            elif sensor != "dvl":
                 self._aid(navigator, sensor, k, time_ns)
             elif k in wanted:
                 yield from self._watched(navigator, k, flags[k])
@@ -127,8 +129,8 @@ class Readings:
                 self._ping(navigator, k, flags[k])
 
     def _events(self) -> list[tuple[int, str, int]]:
-        """Epochs in order of time; at the same time DVL before the others in the order of `SENSORS`, as the kernel."""
-        order = ("dvl", *(sensor.name for sensor in SENSORS))
+        """Epochs in order of time; at the same time DVL, the others in the order of `SENSORS`, water, as the kernel."""
+        order = ("dvl", *(sensor.name for sensor in SENSORS), "water_track")
         events = [
             (int(time_ns), rank, k)
             for rank, sensor in enumerate(order)
@@ -142,6 +144,15 @@ class Readings:
             int(self.ping_time_ns[k]), self._drawn["dvl_velocity_mps"][k], valid, sd_mps=sd_mps
         )
         return reports
+
+    def _water(self, navigator: kernel.Navigator, k: int) -> None:
+        valid = self._drawn["water_track_valid"][k]
+        navigator.push_water_track(
+            int(self._drawn["water_track_time_ns"][k]),
+            self._drawn["water_track_velocity_mps"][k],
+            valid,
+            sd_mps=np.full(len(valid), self._model.of(WaterTrackModel).beam_noise_sd_mps),
+        )
 
     def _watched(self, navigator: kernel.Navigator, k: int, valid: NDArray[np.bool_]) -> Iterator[Fix]:
         before_mps, before_cov = navigator.state()["velocity_p_mps"], navigator.covariance()

@@ -7,6 +7,7 @@ import polars as pl
 
 from bottomlock import kernel
 from bottomlock.config.sensors import SENSORS, Sensor
+from bottomlock.config.water_track import WaterTrack
 from bottomlock.plant.beam_loss import noisy_ranges
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.simulation.build import Simulation, trajectory_key
@@ -24,7 +25,8 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
         every beam beamK_mps, beamK_valid and, over a seabed, beamK_range_m, null where it does not return; `depth`,
         depth_m; `attitude`, attitude_{w,x,y,z} from platform to tangent, and the same as roll_rad, pitch_rad, yaw_rad;
         `gps`, position_{north,east,down}_m and velocity_{north,east,down}_mps; and a table of each further sensor of
-        `config.sensors.SENSORS`, with its columns. A sensor that is off has no rows.
+        `config.sensors.SENSORS`, with its columns. A sensor that is off has no rows. With water track also
+        `beams_water`: cell (1), range_m along the beam, and of every beam mps, valid, quality (null) and sd_mps.
 
     Raises:
         DataError: for a truth of less than a second.
@@ -68,11 +70,32 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
             beams[f"beam{k + 1}_range_m"] = np.where(valid[:, k], ranges[:, k], np.nan)
     imu = _columns("omega_{}_radps", "xyz", drawn["imu_omega_p_radps"])
     imu |= _columns("force_{}_mps2", "xyz", drawn["imu_force_p_mps2"])
+    water = {"beams_water": _water(drawn, scenario.water_track)} if scenario.water_track.enabled else {}
     others = {sensor.table: pl.DataFrame(_readings(sensor, drawn)) for sensor in SENSORS}
-    return {
-        "imu": pl.DataFrame({"time_ns": drawn["imu_time_ns"]} | imu),
-        "beams": pl.DataFrame(beams).with_columns(pl.col(pl.Float64).fill_nan(None)),
-    } | others
+    return (
+        {
+            "imu": pl.DataFrame({"time_ns": drawn["imu_time_ns"]} | imu),
+            "beams": pl.DataFrame(beams).with_columns(pl.col(pl.Float64).fill_nan(None)),
+        }
+        | water
+        | others
+    )
+
+
+def _water(drawn: dict[str, Any], settings: WaterTrack) -> pl.DataFrame:
+    """The beams that the water returned: a cell a ping."""
+    time_ns, valid = drawn["water_track_time_ns"], drawn["water_track_valid"]
+    columns: dict[str, Any] = {
+        "time_ns": time_ns,
+        "cell": np.ones_like(time_ns),
+        "range_m": np.full(len(time_ns), settings.range_m),
+    }
+    for k in range(valid.shape[1]):
+        columns[f"beam{k + 1}_mps"] = np.where(valid[:, k], drawn["water_track_velocity_mps"][:, k], np.nan)
+        columns[f"beam{k + 1}_valid"] = valid[:, k]
+        columns[f"beam{k + 1}_quality"] = np.full(len(time_ns), np.nan)
+        columns[f"beam{k + 1}_sd_mps"] = np.full(len(time_ns), settings.noise_mps)
+    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
 def _readings(sensor: Sensor, drawn: dict[str, Any]) -> dict[str, Any]:

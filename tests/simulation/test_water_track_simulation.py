@@ -1,0 +1,270 @@
+"""Simulated water track: its beams as a literal equation, streams of its own, campaign, closed loop, scenarios."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bottomlock.campaign.closed_loop import run_closed_loop
+from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.kernel import ClosedLoop, KernelError, run_batch, simulate_sensors
+from bottomlock.plant import Current
+from bottomlock.simulation.build import Simulation, build_simulation
+from bottomlock.simulation.measurement_schedule import MeasurementSchedule
+from bottomlock.simulation.run_events import Readings
+from bottomlock.simulation.sensor_streams import sensor_streams
+from tests.config.test_scenario import TEXT
+from tests.oracle.rotations import matrix_from_quaternion
+from tests.simulation.test_acoustic_simulation import kernel_inputs
+
+LEVERS = [[0.8, -0.3, 0.6], [0.9, -0.2, 0.6], [0.7, 0.1, 0.5], [0.8, 0.2, 0.4]]
+CURRENT = {
+    "speed_mps": 0.4,
+    "towards_deg": 60.0,
+    "turn_deg_per_h": 900.0,
+    "shear_north_mps_per_m": 0.01,
+    "shear_east_mps_per_m": -0.02,
+}
+
+
+def simulation(seconds: float = 20.0, *, water: bool = True, **keys: Any) -> Simulation:  # noqa: ANN401 - any key
+    """A figure of eight that dives in a current that turns and is sheared, with other sensors on."""
+    content = load_scenario("figure_eight").with_trajectory(duration_s=seconds).model_dump(exclude_unset=True)
+    content["mission"] = {**content.get("mission", {}), "current": CURRENT}
+    content["environment"] = {**content.get("environment", {}), "earth": "tangent_plane"}
+    content["dvl"] |= {"lever_arms_m": LEVERS, "mounting_yaw_deg": 45.0, "sound_speed_scale": 1.01}
+    content |= {"depth": {}, "magnetometer": {}, "gps": {"antenna_depth_m": 1e3}}
+    return build_simulation(Scenario.model_validate(content | ({"water_track": keys} if water else {})))
+
+
+@pytest.mark.parametrize("wake", [0.0, 0.2])
+def test_its_beams_are_the_literal_equation(wake: float) -> None:
+    """With z the depth of the cell 12 m along the beam, w the wake and s the scale of the sound speed.
+
+    y = s ((1 + SF) (1 - w) b'(v - R'c(z, t)) + b'(omega x l) + bias)
+    """
+    simulated = simulation(range_m=12.0, wake=wake)
+    key, plan, arrays, model, options = kernel_inputs(simulated)
+    assert model.water_track is not None
+    quiet = model.replace(water_track=model.water_track.replace(beam_noise_sd_mps=0.0))
+    drawn = simulate_sensors(
+        simulated.geometry, arrays, quiet, plan, seed=3, trajectory_key=key, run=1, options=options
+    )
+    truth, geometry = simulated.truth(), simulated.geometry
+    latitude_rad, rate = simulated.latitude_rad, simulated.earth_rate_radps
+    earth_t = rate * np.array([np.cos(latitude_rad), 0.0, -np.sin(latitude_rad)])
+    assert len(drawn["water_track_time_ns"]) == 20
+    assert np.ptp(truth.position_t_m[:, 2]) > 1.0
+    for k, time_ns in enumerate(drawn["water_track_time_ns"]):
+        assert time_ns == drawn["dvl_time_ns"][k]
+        row = int(np.searchsorted(truth.time_ns, time_ns))
+        rotation = matrix_from_quaternion(truth.attitude_t_p[row])
+        omega = truth.omega_p_radps[row] - rotation.T @ earth_t
+        towards = np.deg2rad(60.0 + 0.25 * time_ns * 1e-9)
+        for beam in range(4):
+            direction, lever = geometry.directions_p[beam], np.array(LEVERS[beam])
+            depth_m = truth.position_t_m[row, 2] + (rotation @ (lever + 12.0 * direction))[2]
+            current = np.array(
+                [0.4 * np.cos(towards) + 0.01 * depth_m, 0.4 * np.sin(towards) - 0.02 * depth_m, 0.0]
+            )
+            through = (1.0 - wake) * (truth.velocity_p_mps[row] - rotation.T @ current)
+            expected = (1.0 + drawn["dvl_scale_factor"][k]) * direction @ through
+            expected += direction @ np.cross(omega, lever) + drawn["dvl_bias_mps"][k, beam]
+            assert drawn["water_track_velocity_mps"][k, beam] == pytest.approx(1.01 * expected, abs=1e-12)
+
+
+def test_the_current_turns_at_its_rate_and_is_its_integral() -> None:
+    """A quarter of a turn in an hour: to the east after it; the rate is the difference quotient; the wander adds."""
+    current = Current(mean_mps=(0.3, 0.0), turn_radps=np.pi / 2.0 / 3600.0, wander_sd_mps=0.1)
+    still = Current(wander_sd_mps=0.1)
+    time_s = np.arange(0.0, 3600.5, 0.5)
+    table, wander = current.columns(time_s), still.columns(time_s)
+    np.testing.assert_allclose((table - wander)[-1, :2], [0.0, 0.3], atol=1e-15)
+    np.testing.assert_allclose((table - wander)[0, 2:4], [0.0, 0.3 * np.pi / 7200.0], atol=1e-15)
+    turning = table - wander
+    np.testing.assert_allclose(turning[1:-1, 2:4], turning[2:, :2] - turning[:-2, :2], atol=1e-10)
+
+
+def test_switching_it_on_shifts_no_other_stream() -> None:
+    """Nor do outliers and losses, which leave the water's other readings alone too."""
+    wild_keys: dict[str, Any] = {"outlier_fraction": 0.3, "lost_fraction": 0.2}
+    off, on, wild = simulation(water=False), simulation(), simulation(**wild_keys)
+    truth = off.truth()
+    without, clean, dirty = (sensor_streams(one, truth, run=3) for one in (off, on, wild))
+    assert "beams_water" not in without
+    for name in ("imu", "beams", "depth", "attitude", "gps"):
+        assert without[name].height > 0
+        assert without[name].equals(clean[name]), name
+        assert without[name].equals(dirty[name]), name
+    water, other = clean["beams_water"], dirty["beams_water"]
+    assert water.columns[:7] == [
+        "time_ns", "cell", "range_m", "beam1_mps", "beam1_valid", "beam1_quality", "beam1_sd_mps",
+    ]  # fmt: skip
+    assert (water["cell"] == 1).all()
+    assert (water["range_m"] == 10.0).all()
+    assert (water["beam2_sd_mps"] == 0.05).all()
+    assert (other["beam1_valid"] == other["beam1_mps"].is_not_null()).all()
+    kept = [(water[f"beam{k}_mps"] == other[f"beam{k}_mps"]).drop_nulls() for k in range(1, 5)]
+    same, left = sum(int(one.sum()) for one in kept), sum(len(one) for one in kept)
+    assert 40 < left < 80
+    assert 20 < same < left
+
+
+def test_noise_outliers_and_losses_are_as_stated() -> None:
+    """2000 s of four beams: squared errors over the variance, and both fractions within five standard deviations."""
+    simulated = simulation(noise_mps=0.2, outlier_fraction=0.1, outlier_factor=20.0, lost_fraction=0.25)
+    key, plan, arrays, model, options = kernel_inputs(simulated)
+    assert model.water_track is not None
+    quiet = model.replace(water_track=model.water_track.replace(beam_noise_sd_mps=0.0))
+    errors, lost = [], []
+    for run in range(100):
+        noisy, exact = (
+            simulate_sensors(
+                simulated.geometry, arrays, one, plan, seed=9, trajectory_key=key, run=run, options=options
+            )
+            for one in (model, quiet)
+        )
+        # A ping without a beam is no reading.
+        rows = np.searchsorted(exact["water_track_time_ns"], noisy["water_track_time_ns"])
+        apart = (noisy["water_track_velocity_mps"] - exact["water_track_velocity_mps"][rows]) / (1.01 * 0.2)
+        errors.append(apart.ravel())
+        lost.append(8000 / 100 - noisy["water_track_valid"].sum())
+    error = np.concatenate(errors)
+    outliers = np.abs(error) > 5.0
+    # P(|20 n| > 5) = 0.8026
+    assert abs(outliers.mean() - 0.08026) < 5.0 * np.sqrt(0.08 * 0.92 / error.size)
+    assert abs(np.sum(lost) / 8000 - 0.25) < 5.0 * np.sqrt(0.25 * 0.75 / 8000)
+    # Of the others 0.1 * 0.1974 / 0.91974 are small outliers, of variance 8 between -5 and 5.
+    inside = error[~outliers]
+    expected = (0.9 + 0.01974 * 8.1) / 0.91974
+    assert abs(np.mean(inside**2) - expected) < 0.1
+
+
+def test_only_pings_without_bottom() -> None:
+    simulated = simulation(pings="without_bottom")
+    scenario = simulated.scenario.replace(
+        "dvl.outages", [{"beams": [1, 2, 3, 4], "from_s": 5.0, "to_s": 12.0}]
+    )
+    simulated = build_simulation(scenario)
+    drawn = sensor_streams(simulated, simulated.truth())
+    assert drawn["beams_water"]["time_ns"].to_list() == [second * 10**9 for second in range(5, 12)]
+
+
+@pytest.mark.parametrize("method", ["tc", "sway_current"])
+def test_a_campaigns_run_is_the_streaming_navigator(method: str) -> None:
+    """Mean NIS of the DVL equals the batch's, with the water pushed after each ping; without the water it does not."""
+    simulated = simulation(lost_fraction=0.3)
+    key, plan, arrays, model, options = kernel_inputs(simulated)
+    common: Any = {
+        "seed": simulated.scenario.campaign.seed, "trajectory_key": key, "first_run": 2, "runs": 1, "threads": 1,
+    }  # fmt: skip
+    batch = run_batch(simulated.geometry, arrays, model, model, options, plan, [method], **common)
+    readings = Readings(simulated, simulated.truth(), run=2)
+    fixes = list(readings.fixes(method, readings.valid, range(len(readings.valid))))
+    assert np.mean([fix.nis for fix in fixes]) == batch["nis_mean"][0, 0]
+    dry: Any = {name: values for name, values in plan.items() if not name.startswith("water_")}
+    without = run_batch(simulated.geometry, arrays, model, model, options, dry, [method], **common)
+    assert without["nis_mean"][0, 0] != batch["nis_mean"][0, 0]
+
+
+def test_in_parts_it_is_the_same_run() -> None:
+    """A closed loop that is given the truth in parts has the bits of the batch, between two pings and at one."""
+    simulated = simulation(lost_fraction=0.3)
+    key, plan, arrays, model, options = kernel_inputs(simulated)
+    methods: Any = ["tc", "sway_current"]
+    common: Any = {"seed": 1, "trajectory_key": key, "first_run": 0, "threads": 1}
+    whole = run_batch(simulated.geometry, arrays, model, model, options, plan, methods, runs=1, **common)
+    names = [name for name in arrays if name != "time_ns"]
+    start: Any = {name: arrays[name][:1] for name in names} | {"time_ns": int(arrays["time_ns"][0])}
+    for name in ("omega_p_radps", "force_p_mps2"):
+        del start[name]
+    loop = ClosedLoop(
+        simulated.geometry, model, model, options, methods, start, vehicle_per_method=False, **common
+    )
+    last_ns = int(arrays["time_ns"][-1])
+    schedule = MeasurementSchedule(simulated, first_ns=0, last_ns=last_ns, trajectory_key=key)
+    ends = [0, 700, 1500, len(arrays["time_ns"]) - 1]
+    for first, last in itertools.pairwise(ends):
+        part = slice(first, last + 1)
+        truth: Any = {name: arrays[name][None, part] for name in names} | {"time_ns": arrays["time_ns"][part]}
+        epochs: Any = schedule.over(truth["time_ns"], truth["position_t_m"], truth["attitude_t_p"])[0]
+        loop.advance(truth, epochs)
+    np.testing.assert_array_equal(loop.results()["error"], whole["error"])
+
+
+def test_a_vehicle_is_steered_with_it() -> None:
+    simulated = simulation()
+    found = run_closed_loop(simulated, ["tc"], pilot="own", trajectory_key=1, first_run=0, runs=2, threads=1)
+    assert np.isfinite(found["error"]).all()
+
+
+@pytest.mark.parametrize(
+    ("key", "change", "message"),
+    [
+        ("water_current_n_mps", lambda a: a[1:], "schedule.water_current_n_mps has shape (19, 2), expected (20, 2)"),
+        ("water_shear_n_ps", lambda a: np.where(a > 0.0, np.nan, a), "water_shear_n_ps"),
+        ("water_track_valid", lambda a: a[:, 1:], "schedule.water_track_valid has shape (20, 3)"),
+        ("water_track_time_ns", lambda a: a[::-1].copy(), "water_track"),
+        ("water_track_time_ns", None, "but lacks 'water_track_time_ns'"),
+    ],
+)  # fmt: skip
+def test_bad_schedules_are_named(key: str, change: Any, message: str) -> None:  # noqa: ANN401 - a function
+    simulated = simulation()
+    trajectory, given, arrays, model, options = kernel_inputs(simulated)
+    plan: Any = {name: value for name, value in given.items() if name != key or change is not None}
+    if change is not None:
+        plan[key] = change(plan[key])
+    with pytest.raises(KernelError) as caught:
+        simulate_sensors(
+            simulated.geometry, arrays, model, plan, seed=1, trajectory_key=trajectory, run=0, options=options
+        )
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("noise_mps = 0.0", "'water_track.noise_mps' is 0.0, expected > 0.0 m/s"),
+        ("wake = 1.5", "'water_track.wake' is 1.5"),
+        ("pings = 'some'", "'water_track.pings'"),
+        ("rang_m = 3.0", "unknown key 'water_track.rang_m', did you mean 'range_m'"),
+        ("current = { speed_mps = 0.3 }", "water_track.current is given, but the current of a vehicle"),
+    ],
+)  # fmt: skip
+def test_bad_sections_are_named(keys: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(f"{TEXT}\n[water_track]\n{keys}\n", place="t")
+    assert message in str(caught.value)
+
+
+def test_what_is_off_decides_nothing() -> None:
+    """The hash of a scenario, which keys its results, is that without the section; and every key of it counts."""
+    off = simulation(water=False).scenario
+    assert simulation(enabled=False, wake=0.5).scenario.content_hash() == off.content_hash()
+    hashes = {simulation(wake=wake).scenario.content_hash() for wake in (0.0, 0.1)} | {off.content_hash()}
+    assert len(hashes) == 3
+
+
+def test_water_moves_under_a_truth_without_a_vehicle() -> None:
+    """The motion over ground stays, and ahead along the current the water passes the more slowly."""
+    content = (
+        load_scenario("straight")
+        .with_trajectory(duration_s=3.0, source="analytic")
+        .model_dump(exclude_unset=True)
+    )
+    still, moving = (
+        build_simulation(
+            Scenario.model_validate(content | {"water_track": {"current": {"speed_mps": speed}}})
+        )
+        for speed in (0.0, 0.3)
+    )
+    np.testing.assert_array_equal(still.truth().velocity_p_mps, moving.truth().velocity_p_mps)
+    drawn = [
+        sensor_streams(one, one.truth())["beams_water"]["beam1_mps"].to_numpy() for one in (still, moving)
+    ]
+    along = still.geometry.directions_p[0][0]
+    np.testing.assert_allclose(drawn[0] - drawn[1], 0.3 * along, rtol=0.05)
