@@ -84,8 +84,7 @@ def test_the_selector_has_the_current_of_the_filter_it_selects() -> None:
     assert navigator.water() is None
     navigator, reports = swim("consistent")
     assert reports[-1][0]["choice"]["method"] == "sway_current"
-    for key, value in swim("sway_current")[0].water().items():
-        np.testing.assert_array_equal(navigator.water()[key], value)
+    np.testing.assert_equal(navigator.water(), swim("sway_current")[0].water())
     restored: Any = kernel.Navigator.load(navigator.save())
     np.testing.assert_array_equal(
         restored.water()["current_covariance"], navigator.water()["current_covariance"]

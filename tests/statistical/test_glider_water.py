@@ -49,7 +49,8 @@ class Dive(NamedTuple):
     def beams(self, velocity_enu_mps: Floats) -> Floats:
         """(n, 4) beams of (n, 3) velocities, 0 where they are lost."""
         ned = np.nan_to_num(velocity_enu_mps[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
-        return self.attitude.inv().apply(ned) @ np.asarray(JANUS.directions_p).T
+        turned: Floats = self.attitude.inv().apply(ned)
+        return turned @ np.asarray(JANUS.directions_p).T
 
 
 @pytest.fixture(scope="module")

@@ -313,6 +313,19 @@ class Motion(Section):
     change_time_s: tuple[Positive, Positive, Positive] = _MOTION["change_time_s"]
 
 
+_LAYERS = models.CurrentLayers().as_dict()
+
+
+class CurrentLayers(Section):
+    """Prior of the current by depth, with water track (docs/sensors.md#water-track); `sd_mps` 0 is no layers."""
+
+    sd_mps: NonNegative = _LAYERS["sd_mps"]
+    time_s: Positive = _LAYERS["time_s"]
+    way_m: Positive = _LAYERS["way_m"]
+    spacing_m: Positive = _LAYERS["spacing_m"]
+    mean_time_s: Positive = _LAYERS["mean_time_s"]
+
+
 class Filter(Section):
     """Filter options; the defaults are the kernel's.
 
@@ -337,6 +350,7 @@ class Filter(Section):
     speed_sd_mps: NonNegative = DEFAULT_OPTIONS["speed_sd_mps"]
     speed_time_s: Positive = DEFAULT_OPTIONS["speed_time_s"]
     water: Water = Water()
+    current_layers: CurrentLayers = CurrentLayers()
     motion: Motion = Motion()
 
     @property

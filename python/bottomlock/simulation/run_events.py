@@ -146,12 +146,13 @@ class Readings:
         return reports
 
     def _water(self, navigator: kernel.Navigator, k: int) -> None:
-        valid = self._drawn["water_track_valid"][k]
+        valid, errors = self._drawn["water_track_valid"][k], self._model.of(WaterTrackModel)
         navigator.push_water_track(
             int(self._drawn["water_track_time_ns"][k]),
             self._drawn["water_track_velocity_mps"][k],
             valid,
-            sd_mps=np.full(len(valid), self._model.of(WaterTrackModel).beam_noise_sd_mps),
+            sd_mps=np.full(len(valid), errors.beam_noise_sd_mps),
+            range_m=errors.range_m,
         )
 
     def _watched(self, navigator: kernel.Navigator, k: int, valid: NDArray[np.bool_]) -> Iterator[Fix]:
