@@ -51,6 +51,25 @@ class Beams:
 
 
 @dataclass(frozen=True, eq=False)
+class WaterBeams:
+    """Beams that the water returned, a row a ping; (n, B) each but `time_ns` and `range_m`.
+
+    Attributes:
+        time_ns: (n,) times, strictly rising.
+        velocity_mps: through the water, as those of the bottom in sign; NaN where lost.
+        valid: which beams there are.
+        sd_mps: their noise, 1 sigma.
+        range_m: (n,) along the beam from the transducer to the middle of the cell.
+    """
+
+    time_ns: Times
+    velocity_mps: Floats
+    valid: Flags
+    sd_mps: Floats
+    range_m: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class MagneticFields:
     """Magnetic field in the platform frame, (n, 3), any unit."""
 
