@@ -5,7 +5,8 @@ republished, so the tables are written where the caller says and never into the 
 
 - `stpere`: MTi AHRS, three-beam DVL (beams and velocity) and DGPS of the AUV Ictineu (Ribas et al. 2008), in
   vehicle axes (forward, right, down), and the readings of the MTi in its own axes in `mti.csv`.
-- `glider`: attitude, depth, DVL (beams and velocity) and GPS of a Slocum glider; it has no inertial readings.
+- `glider`: attitude, depth, DVL (beams and velocity), water profile and GPS of a Slocum glider; it has no inertial
+  readings.
 """
 
 import os
@@ -16,6 +17,9 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
+from bottomlock.files.atomic_write import write_parquet
+from bottomlock.io.water_table import WaterTable, water_file
+
 ROOT = Path(__file__).resolve().parent.parent
 MTI_TO_VEHICLE = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Found in the recording: x_v = -y, y_v = x, z_v = z."""
@@ -23,6 +27,8 @@ DVL_YAW_DEG = 70.2
 """Found in the recording, which documents 60: fitted to DGPS, the compass included."""
 ARGONAUT_TILT_DEG = 25.0
 PATHFINDER_TILT_DEG = 30.0
+PROFILE_CELLS = 10
+"""Of 40; the others are beyond the bottom."""
 GLIDER_CLOCK_S = 3593.0
 """Found in the recording: the depths of the two logs then correlate by 0.9995."""
 
@@ -142,6 +148,7 @@ def glider(data: Path, out: Path) -> None:
     )
     # The error velocity is along the combination of beams that no velocity causes.
     closure = np.array([0.5, 0.5, -0.5, -0.5]) * np.sqrt(2.0) * np.sin(tilt)
+    profile(out, pd0, time_s, attitude, beams, closure)
     radial = velocity @ beams.T + np.where(np.isnan(error), 0.0, error)[:, None] * closure
     radial = np.where(np.isnan(ranges), np.nan, radial)
     write(
@@ -149,8 +156,44 @@ def glider(data: Path, out: Path) -> None:
         "dvl_beams",
         {"time": time_s}
         | {f"beam{k + 1}_mps": radial[:, k] for k in range(4)}
-        | {f"beam{k + 1}_range_m": ranges[:, k] for k in range(4)},
+        # Those of PD0 are vertical.
+        | {f"beam{k + 1}_range_m": ranges[:, k] / np.cos(tilt) for k in range(4)},
     )
+
+
+def profile(
+    out: Path,
+    pd0: pl.DataFrame,
+    time_s: np.ndarray,
+    attitude: Rotation,
+    beams: np.ndarray,
+    closure: np.ndarray,
+) -> None:
+    """The water table of the first cells of each ensemble; a solution by three beams counts for the first three."""
+    pings, cells = len(time_s), np.arange(PROFILE_CELLS)
+    components = np.stack(
+        [[pd0[f"vel_bin{cell}_beam{k}"].cast(pl.Float64).to_numpy() for k in range(4)] for cell in cells]
+    ).transpose(2, 0, 1)
+    east, north, up, error = (components[:, :, k].ravel() for k in range(4))
+    rotation = Rotation.from_quat(np.repeat(attitude.as_quat(), len(cells), axis=0))
+    velocity = rotation.inv().apply(-np.stack([north, east, -up], 1))
+    solved = np.isfinite(velocity).all(axis=1)
+    whole = solved & np.isfinite(error)
+    radial = velocity @ beams.T + np.where(whole, error, 0.0)[:, None] * closure
+    valid = np.stack([solved, solved, solved, whole], axis=1)
+    cosine = np.cos(np.radians(PATHFINDER_TILT_DEG))
+    depth_m = pd0["bin0_distance"][0] + pd0["depth_bin_length"][0] * cells
+    none = np.full(radial.shape, np.nan)
+    table = WaterTable(
+        np.repeat(np.round(time_s * 1e9).astype(np.int64), len(cells)),
+        np.tile(cells + 1, pings),
+        np.tile(depth_m / cosine, pings),
+        np.where(valid, radial, np.nan),
+        valid,
+        none,
+        none,
+    )
+    write_parquet(water_file(out / "dvl_beams.csv"), table.to_frame())
 
 
 if __name__ == "__main__":

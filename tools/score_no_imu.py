@@ -44,6 +44,7 @@ time = "time"
 time_unit = "s"
 velocity = {beams}
 lost_when_empty = true
+range = {ranges}
 """
 CASE = """name = "{name}"
 [origin]
@@ -66,7 +67,7 @@ yaw = "{heading}"
 unit = "deg"
 roll_pitch_sd_deg = 0.01
 yaw_sd_deg = 0.01
-[start]
+{water}[start]
 at_s = {at_s}
 level = "attitude"
 heading = "attitude"
@@ -88,15 +89,18 @@ RECORDINGS: dict[str, dict[str, Any]] = {
 """Facts of the recordings; the noise of a beam is that of complete pings one after the other."""
 
 
-def case_of(name: str, tables: Path, methods: tuple[str, ...]) -> Case:
-    """The case of a recording."""
+def case_of(name: str, tables: Path, methods: tuple[str, ...], water: str = "") -> Case:
+    """The case of a recording; `water` is the section of its water track as text."""
     facts = RECORDINGS[name]
     beams = [f"beam{k + 1}_mps" for k in range(len(facts["tilts"]))]
     with tempfile.TemporaryDirectory() as folder:
         kept = Path(tables).parent / f"{name}_dvl.toml"
-        kept.write_text(GEOMETRY.format(beams=beams, **facts).replace("'", '"'), encoding="utf-8")
+        ranges = [f"beam{k + 1}_range_m" for k in range(len(beams))]
+        kept.write_text(
+            GEOMETRY.format(beams=beams, ranges=ranges, **facts).replace("'", '"'), encoding="utf-8"
+        )
         path = Path(folder) / "case.toml"
-        path.write_text(CASE.format(name=name, folder=tables, **facts), encoding="utf-8")
+        path.write_text(CASE.format(name=name, folder=tables, water=water, **facts), encoding="utf-8")
         case = load_case(path)
     return case.model_copy(
         update={
@@ -196,9 +200,11 @@ def main() -> None:
     parser.add_argument(
         "--lost", type=int, nargs="*", default=None, help="beams that are hidden; default all"
     )
+    parser.add_argument("--water", default="", help="keys of [water_track], for instance 'cells = [1, 2]'")
     asked = parser.parse_args()
+    water = f"[water_track]\n{asked.water}\n" if asked.water else ""
     for name in asked.recordings:
-        case = case_of(name, (asked.tables / name).resolve(), tuple(asked.methods))
+        case = case_of(name, (asked.tables / name).resolve(), tuple(asked.methods), water)
         streams = read_streams(case)
         lost = tuple(asked.lost or range(1, streams.beams.valid.shape[1] + 1))
         print(*streams.notes, sep="\n")

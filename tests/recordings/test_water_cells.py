@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bottomlock.config.water_cells import WaterCells
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.recordings.water_cells import CellCounts, CellLimits, water_beams
+from bottomlock.recordings.water_cells import CellCounts, water_beams
 
 JANUS = BeamGeometry.janus(np.deg2rad(30.0))
 SD = np.full(4, 0.05)
@@ -53,7 +54,7 @@ def changed(table: Cells, name: str, row: Any, value: Any) -> Cells:  # noqa: AN
 def test_the_two_nearest_cells_are_averaged() -> None:
     """Cell 2 reads 0.06 m/s more than cell 1 in every beam of one kind of error that closes: 0.03 in the mean."""
     table = changed(profile(2), "velocity_mps", [1, 4], profile(velocity=(1.06, 0.2, 0.0)).velocity_mps[:2])
-    rows, counts = water_beams(table, JANUS, CellLimits(), beam_sd_mps=SD)
+    rows, counts = water_beams(table, JANUS, WaterCells(), beam_sd_mps=SD)
     np.testing.assert_allclose(rows.velocity_mps, JANUS.beam_velocities([[1.03, 0.2, 0.0]] * 2))
     assert rows.time_ns.tolist() == [0, 10**9]
     assert rows.range_m.tolist() == [4.0, 4.0]
@@ -64,7 +65,7 @@ def test_the_two_nearest_cells_are_averaged() -> None:
 
 def test_the_noise_of_the_record_comes_before_the_stated_one() -> None:
     """RMS of 0.03 and 0.05 (the stated noise, where the record has none): √(0.0017)."""
-    rows, _ = water_beams(changed(profile(), "sd_mps", 0, 0.03), JANUS, CellLimits(), beam_sd_mps=SD)
+    rows, _ = water_beams(changed(profile(), "sd_mps", 0, 0.03), JANUS, WaterCells(), beam_sd_mps=SD)
     np.testing.assert_allclose(rows.sd_mps, np.sqrt((0.03**2 + 0.05**2) / 2.0))
 
 
@@ -75,8 +76,8 @@ def test_side_lobes_of_the_bottom(bottom_m: float, kept: int) -> None:
     """Straight down it is R cos 30°: 8.05, 7.97, 6.06, 5.98, 3.9 m; the cells end at 4, 6 and 8 m."""
     bottom = np.array([[bottom_m + 5.0, bottom_m, bottom_m + 9.0, np.nan]])
     rows, counts = water_beams(
-        profile(), JANUS, CellLimits(cells=(1, 2, 3)), beam_sd_mps=SD,
-        bottom_time_ns=np.zeros(1, dtype=np.int64), bottom_range_m=bottom if np.isfinite(bottom_m) else bottom * np.nan,
+        profile(), JANUS, WaterCells(cells=(1, 2, 3)), beam_sd_mps=SD,
+        bottom=(np.zeros(1, dtype=np.int64), bottom if np.isfinite(bottom_m) else bottom * np.nan),
     )  # fmt: skip
     assert counts == CellCounts(used=4 * kept, side_lobes=12 - 4 * kept)
     assert rows.valid.all() == (kept > 0)
@@ -85,8 +86,8 @@ def test_side_lobes_of_the_bottom(bottom_m: float, kept: int) -> None:
 def test_ranges_of_another_ping_do_not_count() -> None:
     for apart_ns, cut in ((900_000_000, 12), (1_100_000_000, 0)):
         _, counts = water_beams(
-            profile(), JANUS, CellLimits(cells=(1, 2, 3)), beam_sd_mps=SD,
-            bottom_time_ns=np.array([-apart_ns]), bottom_range_m=np.full((1, 4), 3.0),
+            profile(), JANUS, WaterCells(cells=(1, 2, 3)), beam_sd_mps=SD,
+            bottom=(np.array([-apart_ns]), np.full((1, 4), 3.0)),
         )  # fmt: skip
         assert counts.side_lobes == cut
 
@@ -94,7 +95,7 @@ def test_ranges_of_another_ping_do_not_count() -> None:
 def test_correlation() -> None:
     """A beam of 63 is out at a limit of 64, one of 64 and one that says nothing are not."""
     table = changed(profile(cells=2), "quality", 0, [63.0, 64.0, np.nan, 255.0])
-    rows, counts = water_beams(table, JANUS, CellLimits(cells=(1,), min_correlation=64.0), beam_sd_mps=SD)
+    rows, counts = water_beams(table, JANUS, WaterCells(cells=(1,), min_correlation=64.0), beam_sd_mps=SD)
     assert rows.valid.tolist() == [[False, True, True, True]]
     assert counts == CellCounts(used=3, correlation=1)
 
@@ -106,7 +107,7 @@ def test_closure_takes_all_beams_of_the_cell(fish_mps: float, limit: float | Non
     """One beam off by f closes with f/2, which scatters as one beam: 3 × 0.05 is reached at 0.3, 0.08 at 0.16."""
     table = profile()
     table = changed(table, "velocity_mps", (0, 2), table.velocity_mps[0, 2] + fish_mps)
-    limits = CellLimits(max_closure_mps=limit)
+    limits = WaterCells(max_closure_mps=limit)
     rows, counts = water_beams(table, JANUS, limits, beam_sd_mps=SD)
     assert counts == (CellCounts(used=8) if kept else CellCounts(used=4, closure=4))
     assert rows.range_m[0] == (4.0 if kept else 5.0)
@@ -115,13 +116,13 @@ def test_closure_takes_all_beams_of_the_cell(fish_mps: float, limit: float | Non
 def test_three_beams_of_a_cell_have_no_closure() -> None:
     table = changed(profile(), "valid", (0, 1), False)
     table = changed(table, "velocity_mps", (0, 2), 5.0)
-    _, counts = water_beams(table, JANUS, CellLimits(), beam_sd_mps=SD)
+    _, counts = water_beams(table, JANUS, WaterCells(), beam_sd_mps=SD)
     assert counts == CellCounts(used=7, not_valid=1)
 
 
 def test_a_ping_without_a_good_cell_keeps_its_row() -> None:
     table = changed(profile(2), "valid", slice(0, 3), False)
-    rows, _ = water_beams(table, JANUS, CellLimits(), beam_sd_mps=SD)
+    rows, _ = water_beams(table, JANUS, WaterCells(), beam_sd_mps=SD)
     assert rows.valid.any(axis=1).tolist() == [False, True]
     assert np.isnan(rows.velocity_mps[0]).all()
     assert rows.range_m.tolist() == [4.0, 4.0]
@@ -129,7 +130,7 @@ def test_a_ping_without_a_good_cell_keeps_its_row() -> None:
 
 
 def test_no_pings() -> None:
-    rows, counts = water_beams(profile(0), JANUS, CellLimits(), beam_sd_mps=SD)
+    rows, counts = water_beams(profile(0), JANUS, WaterCells(), beam_sd_mps=SD)
     assert rows.velocity_mps.shape == (0, 4)
     assert counts == CellCounts()
 
@@ -137,11 +138,11 @@ def test_no_pings() -> None:
 def test_faults_are_named() -> None:
     three = BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0])
     with pytest.raises(DataError, match="have 4 beams, expected the geometry's 3"):
-        water_beams(profile(), three, CellLimits(), beam_sd_mps=SD[:3])
+        water_beams(profile(), three, WaterCells(), beam_sd_mps=SD[:3])
     with pytest.raises(DataError, match="cell 7 is in no ping, expected cells of 1 to 3"):
-        water_beams(profile(), JANUS, CellLimits(cells=(1, 7)), beam_sd_mps=SD)
+        water_beams(profile(), JANUS, WaterCells(cells=(1, 7)), beam_sd_mps=SD)
     with pytest.raises(DataError, match="row 1, beam 3 is valid and its velocity or range is not finite"):
-        water_beams(changed(profile(), "velocity_mps", (1, 2), np.nan), JANUS, CellLimits(), beam_sd_mps=SD)
+        water_beams(changed(profile(), "velocity_mps", (1, 2), np.nan), JANUS, WaterCells(), beam_sd_mps=SD)
 
 
 def test_counts_in_words_and_summed() -> None:
@@ -160,10 +161,8 @@ def test_is_the_literal_loop(seed: int) -> None:
         quality=rng.uniform(0, 255, shape), sd_mps=np.where(rng.random(shape) < 0.5, 0.04, np.nan),
     )  # fmt: skip
     bottom = rng.uniform(3.0, 12.0, (4, 4))
-    limits = CellLimits(cells=(1, 3), min_correlation=40.0, max_closure_mps=0.12)
-    rows, counts = water_beams(
-        table, JANUS, limits, beam_sd_mps=SD, bottom_time_ns=np.arange(4) * 10**9, bottom_range_m=bottom
-    )
+    limits = WaterCells(cells=(1, 3), min_correlation=40.0, max_closure_mps=0.12)
+    rows, counts = water_beams(table, JANUS, limits, beam_sd_mps=SD, bottom=(np.arange(4) * 10**9, bottom))
     used = 0
     for ping in range(4):
         taken: list[list[tuple[float, float, float]]] = [[], [], [], []]

@@ -16,6 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
+from bottomlock.config.water_cells import WaterCells
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.closure import closure_rows
@@ -60,21 +61,6 @@ class CellTable(Protocol):
 
 
 @dataclass(frozen=True)
-class CellLimits:
-    """Which cells are used.
-
-    Attributes:
-        cells: their numbers, from 1; those in the vehicle's own wake are left out by choosing others.
-        min_correlation: least correlation, 0 to 255.
-        max_closure_mps: largest closure; None for `CLOSURE_SIGMAS` of what the noise of the beams leads to.
-    """
-
-    cells: tuple[int, ...] = (1, 2)
-    min_correlation: float = 0.0
-    max_closure_mps: float | None = None
-
-
-@dataclass(frozen=True)
 class CellCounts:
     """Readings, of one beam in one chosen cell each, by what became of them; the first reason counts."""
 
@@ -103,11 +89,10 @@ class CellCounts:
 def water_beams(
     table: CellTable,
     geometry: BeamGeometry,
-    limits: CellLimits,
+    section: WaterCells,
     *,
     beam_sd_mps: Floats,
-    bottom_time_ns: Times | None = None,
-    bottom_range_m: Floats | None = None,
+    bottom: tuple[Times, Floats] | None = None,
 ) -> tuple[WaterBeams, CellCounts]:
     """One row a ping: of each beam the mean of its chosen cells that pass, and what was left out.
 
@@ -117,10 +102,9 @@ def water_beams(
     Args:
         table: cells of any number of pings.
         geometry: the beams.
-        limits: which cells are used.
-        beam_sd_mps: (B,) 1 sigma of the beams where the table has none.
-        bottom_time_ns: (m,) rising times of pings with ranges to the bottom.
-        bottom_range_m: (m, B) those ranges along the beams; NaN where none.
+        section: which cells are used, and their noise.
+        beam_sd_mps: (B,) 1 sigma of the beams where neither the table nor the section has one.
+        bottom: (m,) rising times of pings of the bottom, and (m, B) their ranges along the beams, NaN where none.
 
     Raises:
         DataError: for another number of beams than the geometry's, a chosen cell that no ping has, and a valid beam
@@ -136,21 +120,22 @@ def water_beams(
         ...     valid=np.array([[True, True, True], [False, True, True]]), sd_mps=np.full((2, 3), 0.05),
         ... )  # fmt: skip
         >>> three = BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0])
-        >>> rows, counts = water_beams(table, three, CellLimits(), beam_sd_mps=np.full(3, 0.1))
+        >>> rows, counts = water_beams(table, three, WaterCells(), beam_sd_mps=np.full(3, 0.1))
         >>> rows.velocity_mps.tolist(), round(float(rows.range_m[0]), 3), counts.text()
         ([[1.0, 0.25, 0.25]], 2.667, '5 used; left out: 1 not valid in the record')
     """
-    _check(table, geometry, limits)
-    chosen = np.isin(table.cell, limits.cells)
+    _check(table, geometry, section)
+    chosen = np.isin(table.cell, section.cells)
     time_ns, range_m = table.time_ns[chosen], table.range_m[chosen]
     velocity, valid = table.velocity_mps[chosen], table.valid[chosen]
-    sd = np.where(table.sd_mps[chosen] > 0.0, table.sd_mps[chosen], beam_sd_mps)
+    stated = beam_sd_mps if section.noise_mps is None else section.noise_mps
+    sd = np.where(table.sd_mps[chosen] > 0.0, table.sd_mps[chosen], stated)
 
     good = valid
-    nearest = _side_lobe_range(time_ns, geometry, bottom_time_ns, bottom_range_m)
+    nearest = _side_lobe_range(time_ns, geometry, bottom)
     apart = good & ~(range_m + 0.5 * cell_size_m(table) > nearest)[:, None]
-    correlated = apart & ~(table.quality[chosen] < limits.min_correlation)
-    closed = correlated & _closes(geometry, velocity, correlated, sd, limits)[:, None]
+    correlated = apart & ~(table.quality[chosen] < section.min_correlation)
+    closed = correlated & _closes(geometry, velocity, correlated, sd, section)[:, None]
     counts = CellCounts(
         used=int(closed.sum()),
         not_valid=int((~good).sum()),
@@ -168,12 +153,12 @@ def cell_size_m(table: CellTable) -> float:
     return float(np.median(step[inside] / cells[inside])) if inside.any() else 0.0
 
 
-def _check(table: CellTable, geometry: BeamGeometry, limits: CellLimits) -> None:
+def _check(table: CellTable, geometry: BeamGeometry, section: WaterCells) -> None:
     beams = table.velocity_mps.shape[1]
     if beams != geometry.beams:
         raise DataError(f"water cells have {beams} beams, expected the geometry's {geometry.beams}")
     there = np.unique(table.cell)
-    missing = [cell for cell in limits.cells if cell not in there]
+    missing = [cell for cell in section.cells if cell not in there]
     if missing and len(table.cell):
         raise DataError(
             f"water cell {missing[0]} is in no ping, expected cells of {int(there[0])} to {int(there[-1])}"
@@ -188,12 +173,11 @@ def _check(table: CellTable, geometry: BeamGeometry, limits: CellLimits) -> None
         )
 
 
-def _side_lobe_range(
-    time_ns: Times, geometry: BeamGeometry, bottom_time_ns: Times | None, bottom_range_m: Floats | None
-) -> Floats:
+def _side_lobe_range(time_ns: Times, geometry: BeamGeometry, bottom: tuple[Times, Floats] | None) -> Floats:
     """(n,) distance straight to the bottom at each time; infinite where the ping has no range to it."""
-    if bottom_time_ns is None or bottom_range_m is None or not len(bottom_time_ns):
+    if bottom is None or not len(bottom[0]):
         return np.full(len(time_ns), np.inf)
+    bottom_time_ns, bottom_range_m = bottom
     directions = np.asarray(geometry.directions_p)
     axis = directions.mean(axis=0)
     straight = bottom_range_m * (directions @ (axis / np.linalg.norm(axis)))
@@ -206,7 +190,7 @@ def _side_lobe_range(
     return np.asarray(np.where(same, least[at], np.inf))
 
 
-def _closes(geometry: BeamGeometry, velocity: Floats, valid: Flags, sd: Floats, limits: CellLimits) -> Flags:
+def _closes(geometry: BeamGeometry, velocity: Floats, valid: Flags, sd: Floats, section: WaterCells) -> Flags:
     """(n,) whether every closure of the valid beams of a cell is within the limit; beams without one pass."""
     directions = np.asarray(geometry.directions_p)
     passes = np.ones(len(valid), dtype=np.bool_)
@@ -214,7 +198,7 @@ def _closes(geometry: BeamGeometry, velocity: Floats, valid: Flags, sd: Floats, 
         rows = closure_rows(directions[beams])
         same = (valid == beams).all(axis=1)
         closure = velocity[same][:, beams] @ rows.T
-        limit: float | Floats | None = limits.max_closure_mps
+        limit: float | Floats | None = section.max_closure_mps
         if limit is None:
             limit = CLOSURE_SIGMAS * np.sqrt(sd[same][:, beams] ** 2 @ rows.T**2)
         passes[same] = (np.abs(closure) <= limit).all(axis=1)

@@ -23,9 +23,10 @@ from bottomlock.config.scenario_sections import (
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
+from bottomlock.io.water_table import water_file
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.dvl_sections import DvlStream, WhatIf
+from bottomlock.replay.dvl_sections import DvlStream, WaterTrackStream, WhatIf
 from bottomlock.replay.stream_sections import (
     AcousticPositionStream,
     AttitudeStream,
@@ -146,6 +147,7 @@ class Case(Section):
         Discriminator(kind_of_imu),
     ]
     dvl: DvlStream
+    water_track: WaterTrackStream | None = None
     depth: DepthStream | None = None
     attitude: AttitudeStream | None = None
     magnetometer: MagnetometerStream | None = None
@@ -172,6 +174,8 @@ class Case(Section):
                 raise ValueError(f'start.{key} = "{source}" needs the section [{section}], which is missing')
         if isinstance(self.imu, ImuFromAttitude):
             self._needs_no_readings()
+        if self.water_track is not None:
+            self._water_has_times(self.water_track)
         if self.reference is not None:
             self._reference_has(self.reference)
         if DEAD_RECKONING in self.replay.methods and self.attitude is None:
@@ -195,6 +199,17 @@ class Case(Section):
                     f'start.{key} = "{source}" needs inertial readings, and imu.source is "attitude": set '
                     f'start.{key} = "attitude"'
                 )
+
+    def _water_has_times(self, water: WaterTrackStream) -> None:
+        if water.file is None and self.dvl.source != "beams":
+            raise ValueError(
+                "'water_track.file' is missing, expected the water table: there is none beside a velocity"
+            )
+        if self.dvl.clock.rate_hz is not None:
+            raise ValueError(
+                "[water_track] has the stamps of the DVL, and dvl.clock.rate_hz moves those of the beams: expected a "
+                "clock with a column alone"
+            )
 
     def _reference_has(self, reference: ReferenceStream) -> None:
         has = {
@@ -239,6 +254,13 @@ class Case(Section):
         return self.attitude.file
 
     @property
+    def water_file(self) -> Path | None:
+        """The table of the water's beams; None without [water_track]."""
+        if self.water_track is None:
+            return None
+        return self.water_track.file or water_file(self.dvl.file)
+
+    @property
     def semi_synthetic(self) -> tuple[str, ...]:
         """What was added to or derived from the measurements, a phrase each; empty for a recording as it is."""
         notes = []
@@ -264,6 +286,18 @@ class Case(Section):
             or any(what_if.random for what_if in self.what_if)
         )
 
+    @property
+    def measures_prior(self) -> bool:
+        """Whether the vehicle's motion as its pings show it is a prior of the velocity: without readings of an IMU.
+
+        Not beside water track: what of a velocity through the water is current, the prior over ground would decide.
+        """
+        return (
+            isinstance(self.imu, ImuFromAttitude)
+            and "motion" not in self.filter.model_fields_set
+            and self.water_track is None
+        )
+
     def files(self) -> dict[str, Path]:
         """Every file that the case reads, by its section."""
         named: dict[str, Path] = {}
@@ -271,6 +305,8 @@ class Case(Section):
             stream = getattr(self, key)
             if isinstance(stream, Stream):
                 named[key] = stream.file
+        if self.water_file is not None:
+            named["water_track"] = self.water_file
         if self.dvl.noise.of is not None:
             named["dvl.noise"] = self.dvl.noise.of.file
         for what_if in self.what_if:

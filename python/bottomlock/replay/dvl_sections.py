@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.scenario_sections import AltitudeLoss, Dropout, NonNegative, Outage, Positive, Section
+from bottomlock.config.water_cells import WaterCells
 from bottomlock.replay.stream_sections import Clock, ColumnTriple, ReorderedStream
 
 Beam = Annotated[int, Field(ge=1, le=8)]
@@ -99,6 +100,16 @@ class DvlStream(ReorderedStream):
                 'beam_noise_from = "recording" needs source = "beams", and no beam_noise_mps beside it'
             )
         return self
+
+
+class WaterTrackStream(WaterCells):
+    """Beams that the water returned, as `bottomlock convert` writes them beside the beams of the bottom.
+
+    Without `file` it is the one beside that of [dvl]. Times are on the clock of the DVL: `dvl.clock.offset_s` counts
+    for both. What-if cases remove beams of the bottom only.
+    """
+
+    file: Path | None = None
 
 
 class WhatIf(Section):

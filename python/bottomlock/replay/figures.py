@@ -181,6 +181,48 @@ def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str
     label_ends(axes, lines)
 
 
+def current_figure(currents: pl.DataFrame, start_ns: int, *, methods: Sequence[str], title: str) -> Figure:
+    """Current north and east against time as methods estimate it (first run), shaded ±1 sigma.
+
+    Args:
+        currents: `tables.replay.CURRENTS` of one what-if case.
+        start_ns: start of the navigation.
+        methods: which to draw, of those that have a current.
+        title: text above the figure.
+    """
+    first = currents.filter(pl.col("run") == currents["run"].min())
+    there = set(first["method"])
+    with mpl.rc_context(STYLE):
+        height = 4.4
+        figure = new_figure(height_in=height)
+        for index, axis in enumerate(("north", "east")):
+            axes = figure.add_axes((0.115, 0.55 - 0.43 * index, 0.645, 0.34))
+            lines: dict[str, Floats] = {}
+            sds: dict[str, Floats] = {}
+            time_s = np.zeros(0)
+            for method in draw_order([one for one in methods if one in there]):
+                rows = first.filter(pl.col("method") == method)
+                time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
+                lines[method] = rows[f"{axis}_mps"].to_numpy()
+                sds[method] = rows[f"sd_{axis}_mps"].to_numpy()
+            drawn = []
+            for group in coincident(lines, tolerance=1e-2):
+                value, sd, colour = lines[group[0]], sds[group[0]], stroke(group[0]).colour
+                axes.fill_between(time_s, value - sd, value + sd, color=colour, alpha=0.15, linewidth=0.0)
+                drawn.append(Line(group, time_s, value))
+            draw_lines(axes, drawn, width=1.3)
+            if drawn:
+                label_ends(axes, drawn)
+                axes.set_xlim(float(time_s[0]), float(time_s[-1]))
+            axes.set_title(f"current {axis}, m/s", loc="left", fontsize=9.5)
+            if index:
+                axes.set_xlabel("time from the start, s")
+            else:
+                axes.tick_params(labelbottom=False)
+        _left_title(figure, title)
+    return figure
+
+
 def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, title: str) -> Figure:
     """Innovations of the beams of one method (first run) with their ±2 sigma; rejected pings are hollow."""
     rows = innovations.filter((pl.col("method") == method) & (pl.col("run") == innovations["run"].min()))

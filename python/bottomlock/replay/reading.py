@@ -33,6 +33,7 @@ from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.read_tables import read_stream
+from bottomlock.replay.read_water import read_water
 from bottomlock.replay.stream_sections import (
     AttitudeStream,
     DepthStream,
@@ -72,6 +73,9 @@ def read_streams(case: Case) -> Streams:
         sd = np.full(instrument.geometry.beams, case.dvl.beam_noise_mps)
         instrument = replace(instrument, beam_sd_mps=sd)
     beams = _beams(case, instrument, clocks, notes)
+    water, water_counts = (
+        (None, None) if case.water_file is None else read_water(case, case.water_file, instrument, clocks)
+    )
     placed = {
         key: _coordinates(stream, key, clocks)
         for key in type(case).model_fields
@@ -109,6 +113,8 @@ def read_streams(case: Case) -> Streams:
         reference=reference,
         origin=origin,
         latitude_rad=float(latitude),
+        water=water,
+        water_counts=water_counts,
         clocks=clocks,
         notes=tuple(notes),
     )

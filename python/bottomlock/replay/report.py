@@ -14,7 +14,14 @@ from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.page import Picture, html
-from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
+from bottomlock.replay.figures import (
+    current_figure,
+    error_figure,
+    innovation_figure,
+    map_figure,
+    nis_figure,
+    validity_figure,
+)
 from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.replay.page import Shown, featured_in, page_of
 from bottomlock.statistics.replay import summary_table
@@ -40,6 +47,7 @@ class ReplayTables:
     pings: pl.DataFrame
     path: pl.DataFrame | None
     calibration: pl.DataFrame | None
+    currents: pl.DataFrame | None = None
 
 
 @dataclass(frozen=True)
@@ -71,8 +79,9 @@ def read_replay(folder: str | Path) -> ReplayTables:
             folder / f"{name}.parquet", manifest, remedy="the same `bottomlock replay` writes it again"
         )
 
-    path = table("reference") if "reference.parquet" in manifest[DIGESTS] else None
-    calibration = table("calibration") if "calibration.parquet" in manifest[DIGESTS] else None
+    def optional(name: str) -> pl.DataFrame | None:
+        return table(name) if f"{name}.parquet" in manifest[DIGESTS] else None
+
     return ReplayTables(
         manifest=manifest,
         runs=table("runs"),
@@ -80,8 +89,9 @@ def read_replay(folder: str | Path) -> ReplayTables:
         samples=table("samples"),
         innovations=table("innovations"),
         pings=table("pings"),
-        path=path,
-        calibration=calibration,
+        path=optional("reference"),
+        calibration=optional("calibration"),
+        currents=optional("currents"),
     )
 
 
@@ -152,6 +162,12 @@ def drawings(tables: ReplayTables) -> list[Drawing]:
                 f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma; hollow: rejected."
             )
             found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
+        if tables.currents is not None:
+            rows = tables.currents.filter(pl.col("what_if") == what_if)
+            title = f"{_title(tables, what_if)}{tail}"
+            drawn = current_figure(rows, start_ns, methods=shown, title=title)
+            caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
+            found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
         if len(shown) < len(manifest["methods"]):
             found += _of_methods(tables, what_if, manifest["methods"], tail, folded=True)
     return found

@@ -32,6 +32,7 @@ from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.reckon import measured, reckon
 from bottomlock.replay.streams import Streams
+from bottomlock.replay.water_track import currents_table, water_words
 from bottomlock.statistics.replay import ensemble_table, runs_table
 from bottomlock.tables.replay import RECORDED
 from bottomlock.tables.versions import library_versions
@@ -41,9 +42,10 @@ TABLES = ("runs", "ensemble", "samples", "innovations", "pings")
 PARTS = ("samples", "innovations", "pings")
 """Tables that are made of a part for each rerun."""
 CALIBRATION = "calibration"
+CURRENTS = "currents"
 """Made of such parts too, and written where the filter has the states."""
 KIND = "replay"
-_FILES = tuple(f"{table}.parquet" for table in (*TABLES, "reference", CALIBRATION))
+_FILES = tuple(f"{table}.parquet" for table in (*TABLES, "reference", CALIBRATION, CURRENTS))
 NAMED = 10
 """Rejected inertial readings that the manifest and the page name."""
 
@@ -60,6 +62,7 @@ class ReplayResult:
     path: pl.DataFrame | None
     manifest: dict[str, Any]
     calibration: pl.DataFrame = field(default_factory=pl.DataFrame)
+    currents: pl.DataFrame = field(default_factory=pl.DataFrame)
 
 
 def run_count(case: Case) -> int:
@@ -94,10 +97,13 @@ def replay_case(
     residuals = rerun.noise_residuals(case)
     check_what_ifs(case, streams, residuals)
     progress(0)
-    parts: dict[str, list[pl.DataFrame]] = {name: [] for name in (*PARTS, CALIBRATION, "imu_faults")}
+    parts: dict[str, list[pl.DataFrame]] = {
+        name: [] for name in (*PARTS, CALIBRATION, CURRENTS, "imu_faults")
+    }
     alignments: list[dict[str, str]] = []
     start_ns, done = 0, 0
     imu_faults: list[str] = []
+    water: dict[str, list[list[str]]] = {}
     for run in range(run_count(case)):
         prepared = rerun.prepare(case, streams, run, residuals)
         alignments.append(prepared.alignment.sources)
@@ -110,8 +116,11 @@ def replay_case(
             parts["innovations"].append(compare.innovations_table(case, name, result))
             parts["pings"].append(compare.pings_table(case, name, result))
             parts[CALIBRATION].append(calibration_table(case, name, result))
+            parts[CURRENTS].append(currents_table(case, name, result))
             parts["imu_faults"].append(compare.imu_faults_table(case, name, result))
             imu_faults = imu_faults or fault_words(result)
+            if run == 0 and streams.water is not None:
+                water[name] = water_words(case, result)
             done += 1
             progress(done)
     tables = {name: pl.concat(parts[name]) for name in PARTS}
@@ -131,10 +140,16 @@ def replay_case(
         ensemble=ensemble_table(tables["samples"], start_ns),
         path=path,
         calibration=pl.concat(parts[CALIBRATION]),
+        currents=pl.concat(parts[CURRENTS]),
         manifest=manifest_of(
             case, streams, alignments, imu_faults, threads=threads, wall_s=time.perf_counter() - started
         )
         | {"methods": _methods(case, first["samples"])}
+        | (
+            {}
+            if streams.water_counts is None
+            else {"water_track": {"cells": streams.water_counts.text(), "fixes": water}}
+        )
         | {
             "answer": diagnosis.answer.to_json(),
             "findings": findings_json(diagnosis.findings),
@@ -317,11 +332,12 @@ def write_replay(replayed: ReplayResult, out: str | Path) -> None:
     tables = {name: getattr(replayed, name) for name in TABLES}
     if replayed.path is not None:
         tables["reference"] = replayed.path
-    if replayed.calibration.height:
-        tables[CALIBRATION] = replayed.calibration
+    for name in (CALIBRATION, CURRENTS):
+        if getattr(replayed, name).height:
+            tables[name] = getattr(replayed, name)
     digests = {
         f"{name}.parquet": write_parquet(out / f"{name}.parquet", table) for name, table in tables.items()
     }
-    # Of an earlier replay of the case, which may have had a calibration or a reference.
+    # Of an earlier replay of the case, which may have had a calibration, currents or a reference.
     remove_named(out, set(_FILES) - digests.keys())
     write_record(out / MANIFEST, replayed.manifest, digests)

@@ -17,6 +17,7 @@ from bottomlock.kernel.models import (
 )
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.streams import Times
+from bottomlock.replay.dvl_sections import WaterTrackStream
 from bottomlock.replay.stream_sections import AcousticPositionStream, AttitudeStream, DepthStream, GpsStream
 from bottomlock.replay.streams import Streams
 
@@ -104,6 +105,20 @@ def _gps_model(stream: GpsStream | None) -> dict[str, Settings]:
     return (GpsErrors() if stream is None else stream).kernel_models()
 
 
+def _water_log(_: WaterTrackStream, streams: Streams, within: Within) -> dict[str, Any]:
+    water = streams.water
+    if water is None:
+        return {}
+    rows = within(water.time_ns)
+    return {
+        "water_track_time_ns": water.time_ns[rows],
+        "water_track_velocity_mps": water.velocity_mps[rows],
+        "water_track_valid": water.valid[rows],
+        "water_track_sd_mps": water.sd_mps[rows],
+        "water_track_range_m": water.range_m[rows],
+    }
+
+
 SENSORS = (
     Sensor(
         section="depth",
@@ -123,5 +138,11 @@ SENSORS = (
         model=_acoustic_position_model,
         log=_acoustic_position_log,
         options=AcousticPositionStream.kernel_options,
+    ),
+    Sensor(
+        section="water_track",
+        model=lambda _: {},
+        log=_water_log,
+        options=lambda _: {"water_track": True},
     ),
 )

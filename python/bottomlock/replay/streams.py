@@ -16,7 +16,9 @@ from bottomlock.recordings.streams import (
     MagneticFields,
     Positions,
     ReferenceStates,
+    WaterBeams,
 )
+from bottomlock.recordings.water_cells import CellCounts
 from bottomlock.replay.clock import ClockReport
 
 
@@ -75,6 +77,7 @@ class Streams:
         origin: of the tangent frame, or None where it is not known.
         latitude_rad: for gravity and the Earth's rate.
         vehicle_motion: how the velocity changes, measured where there are no inertial readings; else None.
+        water, water_counts: beams that the water returned, and what became of the cells; None where absent.
         clocks: statistics and faults of each stream's times.
         notes: what was changed or assumed while reading, a sentence each.
     """
@@ -90,5 +93,7 @@ class Streams:
     origin: Place | None
     latitude_rad: float
     vehicle_motion: VehicleMotion | None = None
+    water: WaterBeams | None = None
+    water_counts: CellCounts | None = None
     clocks: dict[str, ClockReport] = field(default_factory=dict)
     notes: tuple[str, ...] = ()

@@ -65,6 +65,16 @@ CALIBRATION: Mapping[str, pl.DataType] = {
 about the platform's forward, right and down axes (deg), time to add to the stamps (s), scale (%). A parameter that the
 motion does not show keeps `prior_sd`."""
 
+CURRENTS: Mapping[str, pl.DataType] = {
+    **KEYS,
+    "time_ns": pl.Int64(),
+    "north_mps": pl.Float64(),
+    "east_mps": pl.Float64(),
+    "sd_north_mps": pl.Float64(),
+    "sd_east_mps": pl.Float64(),
+}
+"""A row per what-if case, run, method that estimates it and time: the current, and its claimed 1 sigma."""
+
 IMU_FAULTS: Mapping[str, pl.DataType] = {
     **{name: dtype for name, dtype in KEYS.items() if name != "method"},
     "imu_rejected": pl.Int64(),

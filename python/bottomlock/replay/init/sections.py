@@ -18,6 +18,7 @@ from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.init.sources import Sources
 from bottomlock.replay.init.start import put_start
 from bottomlock.replay.init.text import Section, joined
+from bottomlock.replay.init.water_section import water_section
 
 HEAD = (
     "A first case, written from the files below. It runs as it is: bottomlock replay {case} --out DIR",
@@ -33,6 +34,7 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     """The text of a case; tables that a replay cannot read as they are, are written beside it."""
     imu = put_source(parts.imu) if parts.imu.made else _imu(parts.imu, files)
     dvl = _dvl(parts.dvl, sources, files)
+    water = water_section(parts.dvl, sources, files)
     others = [
         _dvl_errors(), *_depth(parts, files), *_attitude(parts, files), *_gps(parts, files), *_reference(parts, files),
     ]  # fmt: skip
@@ -59,8 +61,10 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
             *([] if parts.imu.made else [put_errors(parts)]),
             dvl,
             *others,
+            *water,
             start,
-            *motion_section(parts),
+            # Beside the water, a prior of the velocity over ground would decide what of it is current.
+            *([] if water else motion_section(parts)),
             replay,
         ]
     )
