@@ -230,6 +230,25 @@ def read_reference(path: str | Path) -> Reference:
     )
 
 
+def read_own_attitude(path: str | Path) -> Reference | None:
+    """Attitude that the instrument recorded with its pings (`roll_rad`, `pitch_rad`, `heading_rad`); None without one.
+
+    Pings without all three, or whose time does not rise, are left out.
+
+    Raises:
+        DataError: for a file that cannot be read.
+    """
+    place, table = str(path), read_rows(Path(path))
+    names = ["roll_rad", "pitch_rad", "heading_rad"]
+    if "time_ns" not in table.columns or not all(_filled(table, name) for name in names):
+        return None
+    rpy = np.stack([numbers(table, name, place) for name in names], axis=1)
+    time_ns = times_as_they_stand(table, Columns(), place)
+    before = np.concatenate([[np.iinfo(np.int64).min], np.maximum.accumulate(time_ns)[:-1]])
+    rows = np.isfinite(rpy).all(axis=1) & (time_ns > before)
+    return Reference(time_ns[rows], rpy[rows], None) if rows.sum() > 1 else None
+
+
 def read_inertial(path: str | Path) -> Inertial:
     """Reads an IMU from `time_ns`, `force_x_mps2` ... and `omega_x_radps` ..., platform frame (FRD).
 

@@ -114,6 +114,7 @@ def page_of(audit: Audit, numbers: dict[str, Any], pictures: Sequence[Picture] =
         *([_beams_part(audit)] if numbers["matrix"] else []),
         *([_closure_part(numbers["closure"])] if numbers["closure"] else []),
         *([_mounting_part(audit, numbers["mounting"])] if numbers["mounting"] else []),
+        *([_water_part(numbers["water"])] if numbers["water"] else []),
     ]
     parts.append(json_part("numbers", "All numbers", "audit.json", numbers))
     return Page("Audit of the DVL", [], parts, "bottomlock", about=_counts(audit))
@@ -190,6 +191,26 @@ def _closure_part(closures: Sequence[dict[str, Any]]) -> Part:
     caption = "The combinations of the beams to which no velocity contributes, mm/s."
     columns = ["Weights", "Pings", *_CLOSURE.values(), "Beyond 3 sigma"]
     return Part("closure", "Closure", [Table(columns, rows, caption)])
+
+
+def _water_part(found: dict[str, Any]) -> Part:
+    """The current that bottom and water differ by."""
+    rows = [
+        [
+            axis,
+            *(f"{found[name][k]:+.3f}" for name in ("current_mps", "drift_mps_per_h")),
+            f"{found['ping_sd_mps'][k]:.3f}",
+        ]
+        for k, axis in enumerate(("North", "East"))
+    ]
+    caption = (
+        f"Current: bottom less water in cell {found['cell']}, {found['range_m']:.1f} m along the beam, "
+        f"{found['pings']} pings. A beam of both scatters by {1e3 * found['beam_sd_mps']:.0f} mm/s from ping to ping: "
+        f"what water_track.noise_mps of a case should be. Factor of the water's readings {found['scale']:.2f} ± "
+        f"{number(found['scale_sd'], 2)}."
+    )
+    columns = ["Axis", "Current, m/s", "Drift, m/s in an hour", "One ping, 1 sigma, m/s"]
+    return Part("water", "Water against the bottom", [Table(columns, rows, caption)])
 
 
 def _mounting_part(audit: Audit, found: dict[str, Any]) -> Part:

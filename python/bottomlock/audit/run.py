@@ -14,7 +14,7 @@ from bottomlock.audit.closure import Closure, closure_of
 from bottomlock.audit.closure_findings import closure_findings
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
 from bottomlock.audit.lock import lock_findings
-from bottomlock.audit.logs import BeamLog, Reference, read_log
+from bottomlock.audit.logs import BeamLog, Reference, read_log, read_own_attitude
 from bottomlock.audit.matrix import LEAST_PINGS
 from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import Mounting, find_mounting
@@ -22,9 +22,11 @@ from bottomlock.audit.mounting_findings import mounting_findings
 from bottomlock.audit.packaged import packaged_findings
 from bottomlock.audit.signature import find_signature, signature_findings
 from bottomlock.audit.single_beams import noisy_findings, stuck_findings
+from bottomlock.audit.water import WaterAgreement, water_agreement, water_findings
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
+from bottomlock.io.water_table import WaterTable, read_water_table, water_file
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.streams import Depths, Inertial
@@ -43,6 +45,7 @@ class Audit:
         findings: ranked, the worst first.
         geometry_name: name of the geometry that the log was compared with, or None.
         stated: (beams, 3) its directions, or None.
+        water: the water against the bottom, or None.
     """
 
     log: BeamLog
@@ -53,6 +56,7 @@ class Audit:
     findings: list[Finding]
     geometry_name: str | None
     stated: NDArray[np.float64] | None = None
+    water: WaterAgreement | None = None
 
 
 def audit_log(
@@ -64,6 +68,8 @@ def audit_log(
     reference: Reference | None = None,
     imu: Inertial | None = None,
     depths: Depths | None = None,
+    water: WaterTable | None = None,
+    own_attitude: Reference | None = None,
 ) -> Audit:
     """Audits a log that has been read.
 
@@ -73,9 +79,11 @@ def audit_log(
         mounting_rpy_rad: roll, pitch, yaw from DVL axes to platform axes that `stated` contains.
         geometry_name: its name in the report.
         reference, imu, depths: other recordings of the same time.
+        water: cells of water of the same instrument.
+        own_attitude: as the instrument recorded it, for the water where there is no reference.
 
     Raises:
-        DataError: for a geometry with another number of beams than the log.
+        DataError: for a geometry or water with another number of beams than the log.
 
     Examples:
         >>> from bottomlock import BeamGeometry
@@ -126,7 +134,13 @@ def audit_log(
     findings += noisy_findings(log, assessment.full, assessment.rows)
     findings += assessment.findings + converter_findings(log) + _error_velocity_findings(log, assessment)
     depth, mounting, others = _against_reference(log, assessment, whole, mounted, reference, imu, depths)
-    return Audit(log, same, assessment, depth, mounting, ranked(findings + others), geometry_name, directions)
+    attitude = own_attitude if reference is None else reference
+    agreement = None
+    if water is not None and stated is not None and log.beams and attitude is not None:
+        agreement = water_agreement(log, whole, water, stated, attitude)
+    others += water_findings(agreement)
+    found = ranked(findings + others)
+    return Audit(log, same, assessment, depth, mounting, found, geometry_name, directions, agreement)
 
 
 def _error_velocity_findings(log: BeamLog, assessment: BeamAssessment) -> list[Finding]:
@@ -212,7 +226,7 @@ def audit_file(
     imu: Inertial | None = None,
     depths: Depths | None = None,
 ) -> Audit:
-    """Reads and audits a log.
+    """Reads and audits a log, with the table of its water where one stands beside it.
 
     Args:
         path: a beam table (CSV or Parquet), or a log whose columns the geometry file maps.
@@ -225,12 +239,15 @@ def audit_file(
     """
     instrument = None if geometry is None else read_geometry(geometry)
     log = read_log(path, None if instrument is None else instrument.columns)
+    water = water_file(path)
     return audit_log(
         log,
         stated=None if instrument is None else instrument.geometry,
         geometry_name=None if geometry is None else str(geometry),
         mounting_rpy_rad=np.zeros(3) if instrument is None else instrument.mounting_rpy_rad,
         reference=reference, imu=imu, depths=depths,
+        water=read_water_table(water) if water.is_file() else None,
+        own_attitude=read_own_attitude(path) if water.is_file() else None,
     )  # fmt: skip
 
 
@@ -267,6 +284,7 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
         "closure_slope": None,
         "depth_rate": None if audit.depth is None else _plain(vars(audit.depth)),
         "mounting": None if audit.mounting is None else _plain(vars(audit.mounting)),
+        "water": None if audit.water is None else _plain(vars(audit.water)),
     }  # fmt: skip
     if assessment.matrix is not None:
         m = assessment.matrix

@@ -17,6 +17,7 @@ from bottomlock.files.overwriting import Result, check_free
 from bottomlock.io.beam_table import sha256_of
 from bottomlock.io.calibrated_file import require_toml
 from bottomlock.io.formats import converted_first
+from bottomlock.io.water_table import water_file
 
 
 def audit(
@@ -60,6 +61,8 @@ def audit(
     read = {"log": log, "attitude": attitude, "imu": imu, "depth": depth}
     if geometry is not None:
         read["geometry"] = Path(geometry)
+    if water_file(log).is_file():
+        read["water"] = water_file(log)
     files = {name: path for name, path in read.items() if path is not None and path.is_file()}
     made_from = {name: sha256_of(path) for name, path in files.items()} | {
         name: str(path) for name, path in read.items() if path is not None and name not in files

@@ -182,12 +182,21 @@ def _side_lobe_range(time_ns: Times, geometry: BeamGeometry, bottom: tuple[Times
     axis = directions.mean(axis=0)
     straight = bottom_range_m * (directions @ (axis / np.linalg.norm(axis)))
     least = np.where(straight > 0.0, straight, np.inf).min(axis=1)
-    after = np.clip(np.searchsorted(bottom_time_ns, time_ns), 0, len(bottom_time_ns) - 1)
-    before = np.maximum(after - 1, 0)
-    closer = np.abs(bottom_time_ns[before] - time_ns) < np.abs(bottom_time_ns[after] - time_ns)
-    at = np.where(closer, before, after)
+    at = nearest_rows(bottom_time_ns, time_ns)
     same = np.abs(bottom_time_ns[at] - time_ns) <= SAME_PING_S * 1e9
     return np.asarray(np.where(same, least[at], np.inf))
+
+
+def nearest_rows(times_ns: Times, wanted_ns: Times) -> Times:
+    """(m,) row of the rising times (n,), at least one, nearest to each of the wanted ones (m,).
+
+    >>> nearest_rows(np.array([0, 10, 20]), np.array([-5, 4, 6, 99])).tolist()
+    [0, 0, 1, 2]
+    """
+    after = np.clip(np.searchsorted(times_ns, wanted_ns), 0, len(times_ns) - 1)
+    before = np.maximum(after - 1, 0)
+    closer = np.abs(times_ns[before] - wanted_ns) < np.abs(times_ns[after] - wanted_ns)
+    return np.asarray(np.where(closer, before, after))
 
 
 def _closes(geometry: BeamGeometry, velocity: Floats, valid: Flags, sd: Floats, section: WaterCells) -> Flags:
