@@ -42,6 +42,16 @@ GOOD = Facts(
         ({"rank": 2}, "PARTIAL", "PARTIAL", "beams determine 2 of 3 directions"),
         ({"ping_age_ns": int(0.61 * S)}, "COASTING", "UNSAFE", "no usable beam for 0.6 s"),
         ({"ping_age_ns": int(0.59 * S)}, "OK", "OK", "beams determine the whole velocity"),
+        (
+            {"ping_age_ns": S, "water_age_ns": int(0.59 * S)},
+            "WATER",
+            "UNSAFE",
+            "no usable beam for 1.0 s: velocity through the water and the last current",
+        ),
+        ({"ping_age_ns": S, "water_age_ns": int(0.61 * S)}, "COASTING", "UNSAFE", "no usable beam for 1.0 s"),
+        ({"rank": 2, "water_age_ns": 0}, "PARTIAL", "PARTIAL", "beams determine 2 of 3 directions"),
+        ({"rank": 0, "water_age_ns": 0}, "COASTING", "UNSAFE", "the last ping contradicts the estimate"),
+        ({"stepped": True, "water_age_ns": 0}, "COASTING", "UNSAFE", "the clock of a source was set"),
         ({"ping_age_ns": None}, "COASTING", "UNSAFE", "no usable beam"),
         ({"stepped": True}, "COASTING", "UNSAFE", "the clock of a source was set"),
         ({"rejected": 5}, "UNSAFE", "UNSAFE", "5 pings in a row contradict the estimate"),
@@ -100,6 +110,7 @@ facts = st.builds(
     velocity_sd_mps=st.floats(0, 2),
     rejected=st.integers(0, 8),
     stepped=st.booleans(),
+    water_age_ns=st.none() | st.integers(0, 2 * S),
     waiting_for=st.sampled_from(["", "", "", "x"]),
 )
 

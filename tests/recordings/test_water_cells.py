@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.recordings.water_cells import CellCounts, water_beams
+from bottomlock.recordings.water_cells import CellCounts, check_cells, water_beams
 
 JANUS = BeamGeometry.janus(np.deg2rad(30.0))
 SD = np.full(4, 0.05)
@@ -129,6 +129,15 @@ def test_a_ping_without_a_good_cell_keeps_its_row() -> None:
     assert np.isfinite(rows.sd_mps).all()
 
 
+def test_a_ping_that_lacks_a_chosen_cell() -> None:
+    """The other one counts; a ping without any of them has no row."""
+    rows, counts = water_beams(profile(cells=2), JANUS, WaterCells(cells=(2, 7)), beam_sd_mps=SD)
+    assert counts == CellCounts(used=4)
+    assert rows.range_m.tolist() == [5.0]
+    rows, counts = water_beams(profile(cells=2), JANUS, WaterCells(cells=(7,)), beam_sd_mps=SD)
+    assert (len(rows.time_ns), counts) == (0, CellCounts())
+
+
 def test_no_pings() -> None:
     rows, counts = water_beams(profile(0), JANUS, WaterCells(), beam_sd_mps=SD)
     assert rows.velocity_mps.shape == (0, 4)
@@ -140,7 +149,7 @@ def test_faults_are_named() -> None:
     with pytest.raises(DataError, match="have 4 beams, expected the geometry's 3"):
         water_beams(profile(), three, WaterCells(), beam_sd_mps=SD[:3])
     with pytest.raises(DataError, match="cell 7 is in no ping, expected cells of 1 to 3"):
-        water_beams(profile(), JANUS, WaterCells(cells=(1, 7)), beam_sd_mps=SD)
+        check_cells(profile(), WaterCells(cells=(1, 7)))
     with pytest.raises(DataError, match="row 1, beam 3 is valid and its velocity or range is not finite"):
         water_beams(changed(profile(), "velocity_mps", (1, 2), np.nan), JANUS, WaterCells(), beam_sd_mps=SD)
 

@@ -19,6 +19,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.report import drawings, make_replay_report, read_replay
+from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
 from tools.recorded_dives import glider
@@ -180,6 +181,13 @@ def test_the_beams_given_are_those_of_the_section(case_file: Path) -> None:
     assert streams.water_counts is not None
     assert streams.water_counts.closure > 0
     assert streams.clocks["water_track"].kept == len(streams.water.time_ns)
+    prepared = prepare(load_case(path), streams, 0)
+    log = kernel_log(load_case(path), prepared, streams.beams.valid[prepared.pings])
+    given = slice(
+        *np.searchsorted(streams.water.time_ns, [log["imu_time_ns"][0], log["imu_time_ns"][-1] + 1])
+    )
+    for name in ("time_ns", "velocity_mps", "valid", "sd_mps", "range_m"):
+        np.testing.assert_array_equal(log[f"water_track_{name}"], getattr(streams.water, name)[given])
 
 
 def test_ranges_to_the_bottom_cut_the_cells(tmp_path: Path, dive: RovDive) -> None:

@@ -14,6 +14,7 @@ REFRESH_S = 0.25
 COLOURS = {
     "OK": "green",
     "PARTIAL": "yellow",
+    "WATER": "cyan",
     "COASTING": "dark_orange",
     "UNSAFE": "red",
     "INITIALISING": "dim",
@@ -57,7 +58,14 @@ def _reference(shown: dict[str, Any]) -> list[Text]:
         for angle, one in shown["reference"].items()
     ]
     gated = [f"{n} x {sensor}" for sensor, n in shown["gated"].items()]
-    parts = (("slow error of the attitude reference", off), ("rejected by the gate", gated))
+    known = shown["water"] or {"current_mps": (), "current_sd_mps": ()}
+    each = zip(("north", "east"), known["current_mps"], known["current_sd_mps"], strict=False)
+    water = [f"{axis} {_number(value)} ± {_number(sd)} m/s" for axis, value, sd in each]
+    parts = (
+        ("slow error of the attitude reference", off),
+        ("current", water),
+        ("rejected by the gate", gated),
+    )
     return [Text(f"{what}: {', '.join(found)}") for what, found in parts if found]
 
 

@@ -17,6 +17,7 @@ from bottomlock.config.scenario_sections import Filter, Robust, Section
 from bottomlock.config.sensors import SENSORS
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
+from bottomlock.config.water_cells import WaterCells
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Instrument, read_geometry
 from bottomlock.kernel import models, normal_gravity_mps2
@@ -81,6 +82,7 @@ class LiveConfig(Section):
     depth: DepthSection | None = None
     gps: GpsSection | None = None
     acoustic_position: AcousticPositionSection | None = None
+    water_track: WaterCells | None = None
     origin: OriginSection | None = None
     start: StartSection | None = None
     navigation: NavigationSection = NavigationSection()
@@ -204,7 +206,7 @@ class LiveConfig(Section):
             )
 
     def _needs_nothing_else(self) -> None:
-        for key in ("imu", *(key for _, key in LINES_OF), "origin", "start", "checkpoint"):
+        for key in ("imu", *(key for _, key in LINES_OF), "water_track", "origin", "start", "checkpoint"):
             if getattr(self, key) is not None:
                 raise ValueError(
                     f'section [{key}] belongs to mode = "navigation", and the mode is "velocity"'
@@ -365,6 +367,7 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
         robust=config.robust.kernel_options(),
         **imu.limits.kernel_options() | {"imu_gap": "inflate"},
         imu_sampling="averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
+        water_track=config.water_track is not None,
         **added,
     )
     axes = np.eye(3)

@@ -15,6 +15,7 @@ from bottomlock.live.readings import AidingReading, AttitudeReading, ImuReading
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import VelocityMethod, VelocitySection
 from bottomlock.ports.estimate import Beams, Estimate, State
+from bottomlock.recordings.water_cells import CellCounts
 
 Floats = NDArray[np.float64]
 
@@ -31,6 +32,8 @@ class Estimator(Protocol):
         resets: discontinuities that no measurement explains, since the start.
         ping_used_ns: arrival of what made a beam used the last time; None before the first.
         imu_used_ns: the same of inertial readings, or of attitudes in their place.
+        water_used_ns: the same of beams of the water that determine the whole velocity through it.
+        water_counts: what became of the cells of the water.
         last: what is known of the last ping, for the health page.
         gated: measurements beside the pings that the gate has rejected, by sensor.
     """
@@ -41,6 +44,8 @@ class Estimator(Protocol):
     resets: int
     ping_used_ns: int | None
     imu_used_ns: int | None
+    water_used_ns: int | None
+    water_counts: CellCounts
     last: "LastPing"
     gated: Reasons
     closure: Closure
@@ -66,6 +71,10 @@ class Estimator(Protocol):
 
     def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
         """Takes an attitude: aiding, or in place of an inertial reading."""
+
+    @property
+    def current(self) -> tuple[Floats, Floats] | None:
+        """Current at the vehicle, north and east, and 1 sigma, m/s; None without water track."""
 
     @property
     def reference_error(self) -> tuple[Floats, Floats] | None:
@@ -140,11 +149,14 @@ class VelocityEstimator:
         self.rank = self.rejected = self.resets = 0
         self.ping_used_ns: int | None = None
         self.imu_used_ns: int | None = None
+        self.water_used_ns: int | None = None
+        self.water_counts = CellCounts()
         self.last = LastPing(instrument.geometry.beams)
         self.gated = Reasons()
         self.closure = Closure(instrument)
         self.imu_fault = ""
         self.reference_error: tuple[Floats, Floats] | None = None
+        self.current: tuple[Floats, Floats] | None = None
 
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
         """Solves a ping."""

@@ -57,6 +57,7 @@ def status(live: Live) -> dict[str, Any]:
         "rank": estimator.rank,
         "ping": {"verdict": estimator.last.verdict, "why": estimator.last.why, "nis": estimator.last.nis},
         "reference": _reference(estimator),
+        "water": _water(estimator),
         "gated": dict(estimator.gated),
         "sources": [_source(live, place, now_ns) for place in range(len(engine.sources))],
         "ports": [_port(live, place) for place in range(len(engine.ports))],
@@ -82,6 +83,15 @@ def _reference(estimator: Estimator) -> dict[str, dict[str, float]]:
     names = ("roll", "pitch", "yaw")[-len(sd) :]
     each = zip(names, error.tolist(), sd.tolist(), strict=True)
     return {name: {"error_rad": value, "sd_rad": one} for name, value, one in each}
+
+
+def _water(estimator: Estimator) -> dict[str, Any] | None:
+    """The current north and east, m/s, with 1 sigma, and what became of the cells; None without water track."""
+    found = estimator.current
+    if found is None:
+        return None
+    current, sd = (values.tolist() for values in found)
+    return {"current_mps": current, "current_sd_mps": sd, "cells": estimator.water_counts.text()}
 
 
 def _number(value: float) -> float | None:
@@ -163,6 +173,9 @@ def metrics(shown: dict[str, Any]) -> str:
     for key, what in (("error_rad", "Slow error found of the reference"), ("sd_rad", "1 sigma of that")):
         found = [({"angle": name}, one[key]) for name, one in shown["reference"].items()]
         add(f"reference_{key}", "gauge", f"{what}, rad", found)
+    for key, what in (("current_mps", "Current"), ("current_sd_mps", "1 sigma of the current")):
+        axes = zip(("north", "east"), (shown["water"] or {}).get(key, ()), strict=False)
+        add(key, "gauge", f"{what}, m/s", [({"axis": axis}, value) for axis, value in axes])
     gated: list[tuple[dict[str, str], float | None]] = [({"sensor": k}, n) for k, n in shown["gated"].items()]
     add("gated_total", "counter", "Measurements beside the pings that the gate rejected", gated)
     for key, kind, what in (

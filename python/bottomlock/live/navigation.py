@@ -24,6 +24,7 @@ from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import ImuFromAttitude
 from bottomlock.ports.estimate import Beams, Estimate, State
 from bottomlock.ports.rotation import angles
+from bottomlock.recordings.water_cells import CellCounts, water_beams
 
 _ACCEPTED = ("accepted", "accepted_in_part")
 _BEAM_SENSORS = ("beams", "velocity")
@@ -33,6 +34,7 @@ _AIDING = ("attitude", "heading", "depth", "gps_position", "acoustic_position")
 _PENDING = 256
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 def _motion_of_attitudes(config: LiveConfig) -> Callable[[], MotionFromAttitude] | None:
@@ -71,6 +73,7 @@ class NavigationEstimator:
         self._time_ns: int | None = None
         self._omega: Floats | None = None
         self._pings: dict[int, tuple[Ping, VelocityFixes]] = {}
+        self._waters: dict[int, Flags] = {}
         self._fixes: VelocityFixes | None = None
         self._beams: Beams | None = None
         self._before_ns: int | None = None
@@ -82,8 +85,10 @@ class NavigationEstimator:
         self.resets = 0
         self.ping_used_ns: int | None = None
         self.imu_used_ns: int | None = None
+        self.water_used_ns: int | None = None
         self.last = LastPing(self._instrument.geometry.beams)
         self.gated = Reasons()
+        self.water_counts = CellCounts()
         self.closure = Closure(self._instrument)
         self.imu_fault = ""
 
@@ -112,6 +117,16 @@ class NavigationEstimator:
         if self._navigator is None:
             return None
         return float(np.sqrt(np.diag(self._navigator.covariance())[6:9].max()))
+
+    @property
+    def current(self) -> tuple[Floats, Floats] | None:
+        """Current at the vehicle, north and east, and 1 sigma, m/s; None without water track."""
+        if self._navigator is None or self._config.water_track is None:
+            return None
+        water = self._navigator.water()
+        if water is None:
+            return None
+        return water["current_t_mps"], np.sqrt(np.diag(water["current_covariance"]))
 
     @property
     def reference_error(self) -> tuple[Floats, Floats] | None:
@@ -261,16 +276,20 @@ class NavigationEstimator:
     def _begin(self, navigator: Navigator) -> None:
         self._navigator = navigator
         self._time_ns = int(navigator.state()["time_ns"])
-        self._pings.clear()
-        self.ping_used_ns = None
+        self._forget_pings()
+        self.ping_used_ns = self.water_used_ns = None
 
     def restart(self) -> None:
         """Gives the navigator up: a fresh alignment follows."""
         self._navigator, self._time_ns = None, None
         self._alignment = self._new_alignment()
-        self._pings.clear()
+        self._forget_pings()
         self._fixes, self.rank, self.rejected = None, 0, 0
         self.resets += 1
+
+    def _forget_pings(self) -> None:
+        self._pings.clear()
+        self._waters.clear()
 
     def continue_from(self, navigator: Navigator) -> None:
         """Goes on with a navigator of a checkpoint; the readings since then are a gap, which it bridges."""
@@ -318,11 +337,58 @@ class NavigationEstimator:
             self._pings.pop(time_ns, None)
             raise
         self._take(reports)
+        self._water(self._navigator, time_ns, ping)
+
+    def _water(self, navigator: Navigator, time_ns: int, ping: Ping) -> None:
+        """Takes the cells of the water that came with a ping."""
+        section = self._config.water_track
+        if section is None or ping.water is None:
+            return
+        instrument = self._instrument
+        rows, counts = water_beams(
+            ping.water,
+            instrument.geometry,
+            section,
+            beam_sd_mps=instrument.beam_sd_mps,
+            bottom=(np.array([ping.time_ns]), ping.range_m[np.newaxis]),
+        )
+        self.water_counts += counts
+        for row in np.flatnonzero(rows.valid.any(axis=1)):
+            self._waters[time_ns] = rows.valid[row]
+            while len(self._waters) > _PENDING:
+                del self._waters[next(iter(self._waters))]
+            try:
+                reports = navigator.push_water_track(
+                    time_ns,
+                    rows.velocity_mps[row],
+                    rows.valid[row],
+                    sd_mps=rows.sd_mps[row],
+                    range_m=float(rows.range_m[row]),
+                )
+            except KernelError:
+                self._waters.pop(time_ns, None)
+                raise
+            self._take(reports)
+
+    def _judged_water(self, report: Any, valid: Flags) -> None:  # noqa: ANN401
+        """What the gate made of a ping of the water."""
+        if report["verdict"] not in _ACCEPTED:
+            return
+        used = np.flatnonzero(valid)
+        rows = np.asarray(report["rejected_rows"], dtype=bool)
+        if rows.shape == used.shape:
+            used = used[~rows]
+        if np.linalg.matrix_rank(np.asarray(self._instrument.geometry.directions_p)[used]) == 3:
+            self.water_used_ns = self._now_ns
 
     def _take(self, reports: Sequence[Any]) -> None:
         for report in reports:
             if report["sensor"] in _BEAM_SENSORS and report["time_ns"] in self._pings:
                 self._judged(report, *self._pings.pop(report["time_ns"]))
+            elif report["sensor"] == "water_track" and report["time_ns"] in self._waters:
+                self._judged_water(report, self._waters.pop(report["time_ns"]))
+                if report["verdict"] == "rejected":
+                    self.gated.add("water_track")
             # A revised report is of a measurement that was counted.
             elif report["verdict"] == "rejected" and report["sensor"] in _AIDING and not report["revised"]:
                 self.gated.add(report["sensor"])

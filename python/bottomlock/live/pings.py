@@ -16,6 +16,7 @@ from bottomlock.io.beam_table import BeamTable
 from bottomlock.io.formats import STREAMS
 from bottomlock.io.rows import Options
 from bottomlock.live.reasons import Reasons
+from bottomlock.recordings.water_cells import CellTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class Ping:
         instrument_mps: (3,) the instrument's own velocity; NaN where there is none.
         instrument_valid: whether the instrument calls it valid; None without a flag.
         stale: the beams repeat those of the report before; none is valid.
+        water: cells of the water of this ping; None where the record has none.
     """
 
     time_ns: int
@@ -43,6 +45,7 @@ class Ping:
     instrument_mps: NDArray[np.float64]
     instrument_valid: bool | None
     stale: bool = False
+    water: CellTable | None = None
 
 
 @dataclass

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from bottomlock.ports.estimate import Mode, State
 
-ORDER: tuple[State, ...] = ("OK", "PARTIAL", "COASTING", "UNSAFE")
+ORDER: tuple[State, ...] = ("OK", "PARTIAL", "WATER", "COASTING", "UNSAFE")
 """From the best to the worst; INITIALISING stands apart."""
 
 
@@ -51,6 +51,7 @@ class Facts:
         closure_ratio: scatter of the beams' closure over the claimed one; None where it is not known.
         stepped: a clock has been set since the facts before.
         fault: why the estimate cannot be used at all; "" if it can.
+        water_age_ns: since all directions of the velocity through the water were last measured; None without such.
         imu_fault: why the last inertial reading was rejected; "" if it was not.
     """
 
@@ -66,6 +67,7 @@ class Facts:
     rejected: int
     stepped: bool
     closure_ratio: float | None = None
+    water_age_ns: int | None = None
     fault: str = ""
     imu_fault: str = ""
 
@@ -95,7 +97,10 @@ def judge(facts: Facts, limits: Limits) -> tuple[State, str]:
     if facts.stepped:
         return without_beams, "the clock of a source was set"
     if _silent(facts.ping_age_ns, facts.ping_period_ns, limits):
-        return without_beams, f"no usable beam{_for(facts.ping_age_ns)}"
+        why = f"no usable beam{_for(facts.ping_age_ns)}"
+        if navigating and not _silent(facts.water_age_ns, facts.ping_period_ns, limits):
+            return "WATER", f"{why}: velocity through the water and the last current"
+        return without_beams, why
     if facts.rank == 0:
         return without_beams, "the last ping contradicts the estimate"
     if facts.rank < 3:

@@ -19,7 +19,7 @@ from bottomlock.kernel import COMPONENT_STATUS, SOURCES, Navigator, VelocityFixe
 Mode = Literal["velocity", "navigation"]
 """Whether an estimate is made of one ping alone or by a navigator."""
 
-State = Literal["INITIALISING", "OK", "PARTIAL", "COASTING", "UNSAFE"]
+State = Literal["INITIALISING", "OK", "PARTIAL", "WATER", "COASTING", "UNSAFE"]
 """State of the process that makes the estimates; in INITIALISING and UNSAFE every port is silent."""
 
 SILENT: tuple[State, ...] = ("INITIALISING", "UNSAFE")

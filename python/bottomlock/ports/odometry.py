@@ -112,7 +112,9 @@ class Odometry(MavlinkPort):
 
 
 def quality(estimate: Estimate) -> int:
-    """Quality of ODOMETRY by how much the beams determine: 100 for three axes, 67, 34, and 1 for none."""
+    """Quality of ODOMETRY: 100, 67, 34 for three, two, one axes by the beams, 17 by the water alone, 1 by neither."""
+    if estimate.state == "WATER":
+        return 17
     return 1 + 33 * estimate.rank
 
 

@@ -107,8 +107,8 @@ def water_beams(
         bottom: (m,) rising times of pings of the bottom, and (m, B) their ranges along the beams, NaN where none.
 
     Raises:
-        DataError: for another number of beams than the geometry's, a chosen cell that no ping has, and a valid beam
-            whose velocity or range is not finite.
+        DataError: for another number of beams than the geometry's, and a valid beam whose velocity or range is not
+            finite.
 
     Examples:
         Two cells of a vehicle that moves at 1 m/s along beam 1, the second cell lost to that beam:
@@ -124,7 +124,7 @@ def water_beams(
         >>> rows.velocity_mps.tolist(), round(float(rows.range_m[0]), 3), counts.text()
         ([[1.0, 0.25, 0.25]], 2.667, '5 used; left out: 1 not valid in the record')
     """
-    _check(table, geometry, section)
+    _check(table, geometry)
     chosen = np.isin(table.cell, section.cells)
     time_ns, range_m = table.time_ns[chosen], table.range_m[chosen]
     velocity, valid = table.velocity_mps[chosen], table.valid[chosen]
@@ -146,6 +146,20 @@ def water_beams(
     return _combined(time_ns, range_m, velocity, closed, sd), counts
 
 
+def check_cells(table: CellTable, section: WaterCells) -> None:
+    """Checks that every chosen cell is in some ping of a recording.
+
+    Raises:
+        DataError: for one that is in none.
+    """
+    there = np.unique(table.cell)
+    for cell in section.cells:
+        if cell not in there:
+            raise DataError(
+                f"water cell {cell} is in no ping, expected cells of {int(there[0])} to {int(there[-1])}"
+            )
+
+
 def cell_size_m(table: CellTable) -> float:
     """Length of a cell along the beam, the median step between the cells of a ping; 0 where no ping has two."""
     step, cells = np.diff(table.range_m), np.diff(table.cell)
@@ -153,16 +167,10 @@ def cell_size_m(table: CellTable) -> float:
     return float(np.median(step[inside] / cells[inside])) if inside.any() else 0.0
 
 
-def _check(table: CellTable, geometry: BeamGeometry, section: WaterCells) -> None:
+def _check(table: CellTable, geometry: BeamGeometry) -> None:
     beams = table.velocity_mps.shape[1]
     if beams != geometry.beams:
         raise DataError(f"water cells have {beams} beams, expected the geometry's {geometry.beams}")
-    there = np.unique(table.cell)
-    missing = [cell for cell in section.cells if cell not in there]
-    if missing and len(table.cell):
-        raise DataError(
-            f"water cell {missing[0]} is in no ping, expected cells of {int(there[0])} to {int(there[-1])}"
-        )
     wrong = np.argwhere(
         table.valid & ~(np.isfinite(table.velocity_mps) & np.isfinite(table.range_m)[:, None])
     )

@@ -11,7 +11,7 @@ from bottomlock.io.beams import Instrument, read_times
 from bottomlock.io.columns import column_numbers, read_rows
 from bottomlock.io.water_table import read_water_table
 from bottomlock.recordings.streams import Floats, Times, WaterBeams
-from bottomlock.recordings.water_cells import CellCounts, water_beams
+from bottomlock.recordings.water_cells import CellCounts, check_cells, water_beams
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.dvl_sections import DvlStream
@@ -39,6 +39,7 @@ def read_water(
         raise DataError(f"{file}: has no row, expected cells of water; leave [water_track] out")
     bottom = _bottom_ranges(dvl, instrument) if dvl.source == "beams" else None
     try:
+        check_cells(table, section)
         beams, counts = water_beams(
             table, instrument.geometry, section, beam_sd_mps=instrument.beam_sd_mps, bottom=bottom
         )

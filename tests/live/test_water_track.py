@@ -1,0 +1,268 @@
+"""Water track live: from a ping with cells to the navigator, the state WATER, the current on the health page."""
+
+from __future__ import annotations
+
+import json
+import random
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bottomlock.cli.live_view import view
+from bottomlock.errors import ScenarioError
+from bottomlock.io.beams import read_geometry
+from bottomlock.io.water_table import WaterTable
+from bottomlock.live.checkpoint import begin, pack
+from bottomlock.live.config import LiveConfig, kernel_settings
+from bottomlock.live.engine import Engine, Message
+from bottomlock.live.health import metrics, status
+from bottomlock.live.navigation import NavigationEstimator
+from bottomlock.live.pings import Ping
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.odometry import quality
+from tests.live.test_engine import fly, states
+from tests.live.world import VELOCITY, Sent, World, config
+
+CURRENT = np.array([0.3, -0.2, 0.0])
+SECTION = "\n[water_track]\nnoise_mps = 0.02\n"
+GEOMETRY = read_geometry("waterlinked_a50").geometry
+THROUGH = VELOCITY - Rotation.from_euler("z", 30.0, degrees=True).inv().apply(CURRENT)
+
+
+def cells(time_ns: int, *, fish: bool = False) -> WaterTable:
+    """Two cells of a ping, with noise that its time alone decides; `fish` adds 1 m/s to a beam of the second."""
+    random_ = np.random.default_rng(time_ns)
+    along = GEOMETRY.beam_velocities([THROUGH, THROUGH]) + 0.02 * random_.normal(size=(2, 4))
+    along[1, 2] += 1.0 * fish
+    none = np.full((2, 4), np.nan)
+    return WaterTable(
+        np.full(2, time_ns),
+        np.array([1, 2]),
+        np.array([2.0, 4.0]),
+        along,
+        np.ones((2, 4), dtype=bool),
+        none,
+        none,
+    )
+
+
+class WithWater:
+    """A reader of pings that gives each of them cells of the water."""
+
+    def __init__(self, reader: Any, **how: bool) -> None:  # noqa: ANN401
+        self._reader, self._how = reader, how
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
+        return getattr(self._reader, name)
+
+    def feed(self, data: bytes) -> list[Ping]:
+        """The pings of its reader, with water."""
+        return [replace(one, water=cells(one.time_ns, **self._how)) for one in self._reader.feed(data)]
+
+
+def with_water(chosen: LiveConfig | None = None, **how: bool) -> Engine:
+    """An engine whose DVL measures the water, too."""
+    return watered(Engine(chosen or config("navigation", extra=SECTION)), **how)
+
+
+def watered(engine: Engine, **how: bool) -> Engine:
+    engine.sources[0].reader = WithWater(engine.sources[0].reader, **how)  # type: ignore[assignment]
+    return engine
+
+
+def none_from_five(t: float) -> tuple[int, ...]:
+    """All beams of the bottom lost from 5 s to 9 s."""
+    return (0, 1, 2, 3) if 5.0 <= t < 9.0 else ()
+
+
+def test_the_water_takes_over_and_the_bottom_comes_back() -> None:
+    """OK, WATER, OK; the velocity over ground stays within its sigma, which grows less than without water."""
+    engine = with_water()
+    sent = fly(engine, World(10.5, none_from_five), imu=True)
+    assert states(sent) == ["OK", "WATER", "OK"]
+    lines = [Sent.parse(message.data) for _, message, _ in sent]
+    errors = np.array([(line.velocity - VELOCITY) / line.sd for line in lines])
+    assert np.abs(errors).max() < 5.0
+    plain = fly(Engine(config("navigation")), World(10.5, none_from_five), imu=True)
+    assert states(plain) == ["OK", "COASTING", "OK"]
+    worst = max(float(line.sd.max()) for line in lines if line.state == "WATER")
+    coasting = [Sent.parse(message.data) for _, message, _ in plain]
+    assert worst < max(float(line.sd.max()) for line in coasting if line.state == "COASTING")
+    current = engine.estimator.current
+    assert current is not None
+    assert (np.abs(current[0] - CURRENT[:2]) < 4.0 * current[1]).all()
+    assert (current[1] < 0.05).all()
+
+
+def test_without_the_section_the_water_is_not_used() -> None:
+    chosen = config("navigation")
+    sent = fly(with_water(chosen), World(7.0, none_from_five), imu=True)
+    plain = fly(Engine(chosen), World(7.0, none_from_five), imu=True)
+    assert sent == plain
+    assert not kernel_settings(chosen, chosen.instrument()).options.water_track
+
+
+def test_the_engine_is_a_function_of_what_arrives() -> None:
+    """Asked for the time in between or not, the messages are the same bits."""
+    world = World(7.0, none_from_five)
+    once = [(a, m) for a, m, _ in fly(with_water(), world, imu=True)]
+    engine, draw, now = with_water(), random.Random(3), 0
+    again: list[tuple[int, Message]] = []
+    for arrival_ns, source, data in world.arrivals(imu=True):
+        if now and draw.random() < 0.3:
+            again += [(arrival_ns, m) for m in engine.advance(draw.randint(now, arrival_ns))]
+        again += [(arrival_ns, m) for m in engine.arrive(source, arrival_ns, data)]
+        now = arrival_ns
+    assert once == again
+    assert any(b" WATER " in message.data for _, message in once)
+
+
+def test_cells_are_screened() -> None:
+    """A beam of the second cell is off by 1 m/s: it closes badly, and only the first cell is used."""
+    engine = with_water(fish=True)
+    fly(engine, World(7.0, none_from_five), imu=True)
+    counts = engine.estimator.water_counts
+    assert counts.used == counts.closure > 100
+    assert engine.state == "WATER"
+
+
+def test_two_beams_of_the_water_do_not_hold_the_velocity() -> None:
+    """Rank 2 of the water is no WATER: it aids, and the state is COASTING."""
+    engine = with_water()
+    one: Any = engine.sources[0].reader
+    feed = one.feed
+
+    def two(data: bytes) -> list[Ping]:
+        found: list[Ping] = feed(data)
+        for ping in found:
+            assert ping.water is not None
+            ping.water.valid[:, 2:] = False
+        return found
+
+    one.feed = two
+    assert states(fly(engine, World(7.0, none_from_five), imu=True)) == ["OK", "COASTING"]
+    assert engine.estimator.water_counts.used > 100
+
+
+def test_ranges_of_the_ping_cut_the_cells() -> None:
+    """The bottom of the world is 12 m along the beams; at 3 m both cells lie within its side lobes."""
+    engine = with_water()
+    one: Any = engine.sources[0].reader
+    feed = one.feed
+    one.feed = lambda data: [replace(ping, range_m=np.full(4, 2.9)) for ping in feed(data)]
+    fly(engine, World(5.0), imu=True)
+    counts = engine.estimator.water_counts
+    assert counts.used == 0
+    assert counts.side_lobes > 100
+
+
+def test_a_restart_keeps_the_current(tmp_path: Any) -> None:  # noqa: ANN401
+    """Of a checkpoint with the same section; with another one it is not used."""
+    extra = f'{SECTION}[checkpoint]\nfile = "{tmp_path / "navigator"}"\n'
+    engine = with_water(config("navigation", extra=extra))
+    fly(engine, World(5.0), imu=True)
+    content = pack(engine, engine.now_ns)
+    assert content is not None
+    (tmp_path / "navigator").write_bytes(content)
+    again, used, _ = begin(engine.config, engine.now_ns + 10**9)
+    assert used == content
+    known, kept = engine.estimator.current, again.estimator.current
+    assert known is not None
+    assert kept is not None
+    np.testing.assert_array_equal(known[0], kept[0])
+    other = config("navigation", extra=extra.replace("0.02", "0.03"))
+    assert begin(other, engine.now_ns + 10**9)[1] is None
+
+
+class Shown:
+    """What `status` asks of a live run."""
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine, self.config, self.log, self.faults = engine, engine.config, None, 0
+        self.sinks: list[Any] = []
+        self.connections = [Connection() for _ in engine.sources]
+
+    def clock(self) -> int:
+        """Host's clock."""
+        return self.engine.now_ns
+
+
+class Connection:
+    """A connection that is there."""
+
+    state, dropped = "connected", 0
+
+
+def test_the_current_is_shown() -> None:
+    """In the status, as metrics and in the terminal; without the section there is none."""
+    engine = with_water()
+    fly(engine, World(7.0, none_from_five), imu=True)
+    shown = status(Shown(engine))  # type: ignore[arg-type]
+    assert shown["state"] == "WATER"
+    assert json.loads(json.dumps(shown))["water"]["cells"] == engine.estimator.water_counts.text()
+    north, east = shown["water"]["current_mps"]
+    assert abs(north - CURRENT[0]) < 0.1
+    assert abs(east - CURRENT[1]) < 0.1
+    assert 'bottomlock_state{state="WATER"} 1' in metrics(shown)
+    assert f'bottomlock_current_mps{{axis="east"}} {east:.9g}' in metrics(shown)
+    words = [str(part) for part in view(shown).renderables]
+    assert any(text.startswith("current: north 0.") for text in words)
+    plain = Engine(config("navigation"))
+    fly(plain, World(3.0), imu=True)
+    assert status(Shown(plain))["water"] is None  # type: ignore[arg-type]
+
+
+def test_quality_is_between_that_of_one_beam_and_none() -> None:
+    engine = with_water()
+    fly(engine, World(7.0, none_from_five), imu=True)
+    assert isinstance(engine.estimator, NavigationEstimator)
+    qualities = []
+    for state in ("PARTIAL", "WATER", "COASTING"):
+        estimate: Estimate | None = engine.estimator.estimate(state, 0)
+        assert estimate is not None
+        qualities.append(quality(replace(estimate, state=state)))
+        assert (estimate.beams is None) == (state != "PARTIAL")
+    assert qualities[1:] == [17, 1]
+
+
+def test_the_section_belongs_to_navigation() -> None:
+    with pytest.raises(ScenarioError, match=r'section \[water_track\] belongs to mode = "navigation"'):
+        config("velocity", extra=SECTION)
+
+
+class Spy:
+    """A navigator whose pings of the water are kept."""
+
+    def __init__(self, navigator: Any) -> None:  # noqa: ANN401
+        self.navigator = navigator
+        self.given: list[dict[str, Any]] = []
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
+        return getattr(self.navigator, name)
+
+    def push_water_track(self, time_ns: int, velocity_mps: Any, valid: Any, **more: Any) -> Any:  # noqa: ANN401
+        """Keeps and hands on."""
+        self.given.append({"velocity_mps": velocity_mps, "valid": valid} | more)
+        return self.navigator.push_water_track(time_ns, velocity_mps, valid, **more)
+
+
+def test_the_navigator_is_given_the_mean_of_the_cells_at_its_range() -> None:
+    """Of 2 m and 4 m it is 3 m, with the stated noise."""
+    engine = with_water()
+    fly(engine, World(4.0), imu=True)
+    estimator: Any = engine.estimator
+    spy = estimator._navigator = Spy(estimator._navigator)
+    time_ns = int(spy.state()["time_ns"])
+    none = np.full(4, np.nan)
+    ping = Ping(
+        time_ns, time_ns, none, np.zeros(4, dtype=bool), none, none, none[:3], None, water=cells(time_ns)
+    )
+    estimator.ping(time_ns, ping, time_ns)
+    (given,) = spy.given
+    np.testing.assert_allclose(given["velocity_mps"], cells(time_ns).velocity_mps.mean(axis=0))
+    assert given["valid"].all()
+    assert given["range_m"] == 3.0
+    assert given["sd_mps"].tolist() == [0.02] * 4
