@@ -284,7 +284,7 @@ def test_a_first_case_names_the_water_beside_the_beams(tmp_path: Path, dive: Rov
 
 
 def test_a_glider_without_the_bottom(recordings: Path, tmp_path: Path) -> None:
-    """All beams of the bottom hidden for 300 s, 31 times: the error is a third of that of dead reckoning.
+    """All beams of the bottom hidden for 300 s, 31 times: the error is a fifth of that of dead reckoning.
 
     A quarter of the pings have no water either: near the bottom its side lobes cover the nearest cell.
     """
@@ -295,10 +295,7 @@ def test_a_glider_without_the_bottom(recordings: Path, tmp_path: Path) -> None:
         rows = windows(case, read_streams(case), 300.0, (1, 2, 3, 4))
         errors[bool(water)] = summary(rows).rows_by_key("method", named=True, unique=True)
     assert errors[True]["tc"]["windows"] == 31
-    assert errors[True]["tc"]["median_m"] < 0.4 * errors[True]["dead_reckoning"]["median_m"]
-    assert errors[True]["tc"]["median_m"] < 0.6 * errors[False]["tc"]["median_m"]
-    assert errors[True]["tc"]["p90_m"] < 0.6 * errors[False]["tc"]["p90_m"]
-    assert errors[True]["tc"]["error_over_sigma"] < 1.2
-    notes = read_streams(case).notes
-    assert any("complete pings, as noise: imu.errors.accel_noise_mps_per_rt_h" in note for note in notes)
-    assert not any("as a prior" in note for note in notes)
+    assert errors[True]["tc"]["median_m"] < 0.25 * errors[True]["dead_reckoning"]["median_m"]
+    assert errors[True]["tc"]["median_m"] < 0.4 * errors[False]["tc"]["median_m"]
+    assert errors[True]["tc"]["p90_m"] < 0.4 * errors[False]["tc"]["p90_m"]
+    assert errors[True]["tc"]["error_over_sigma"] < 1.0

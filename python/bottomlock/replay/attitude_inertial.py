@@ -88,7 +88,7 @@ def with_vehicle_motion(case: Case, streams: Streams) -> Streams:
     if not isinstance(case.imu, ImuFromAttitude):
         return streams
     states_noise = case.imu.errors.accel_noise_mps_per_rt_h is not None
-    if states_noise and not case.measures_prior:
+    if states_noise and "motion" in case.filter.model_fields_set:
         return streams
     try:
         motion = vehicle_motion(*complete_pings(streams, streams.beams))
@@ -96,13 +96,6 @@ def with_vehicle_motion(case: Case, streams: Streams) -> Streams:
         if states_noise:
             return replace(streams, notes=(*streams.notes, f"imu: no prior of the velocity: {error}"))
         raise
-    if not case.measures_prior:
-        noise = motion.accel_noise_mps_per_rt_s * 60.0
-        note = (
-            f"imu: the vehicle's motion by {motion.pings} complete pings, as noise: "
-            f"imu.errors.accel_noise_mps_per_rt_h = {noise:.3g}"
-        )
-        return replace(streams, vehicle_motion=motion, notes=(*streams.notes, note))
     prior = motion.prior
     parts = (
         f"{key} = [{', '.join(f'{value:.3g}' for value in getattr(prior, key))}]"

@@ -286,18 +286,6 @@ class Case(Section):
             or any(what_if.random for what_if in self.what_if)
         )
 
-    @property
-    def measures_prior(self) -> bool:
-        """Whether the vehicle's motion as its pings show it is a prior of the velocity: without readings of an IMU.
-
-        Not beside water track: what of a velocity through the water is current, the prior over ground would decide.
-        """
-        return (
-            isinstance(self.imu, ImuFromAttitude)
-            and "motion" not in self.filter.model_fields_set
-            and self.water_track is None
-        )
-
     def files(self) -> dict[str, Path]:
         """Every file that the case reads, by its section."""
         named: dict[str, Path] = {}

@@ -42,9 +42,7 @@ def _motion_model(imu: ImuFromAttitude, case: Case, streams: Streams | None) -> 
     """Noise of a motion made from attitudes: of the vehicle's accelerations, and of the reference's changing error."""
     assert case.attitude is not None  # validated in Case
     motion = None if streams is None else streams.vehicle_motion
-    accel = 0.0 if motion is None else motion.accel_noise_mps_per_rt_s
-    if case.measures_prior or "motion" in case.filter.model_fields_set:
-        accel *= BEYOND_PRIOR
+    accel = 0.0 if motion is None else BEYOND_PRIOR * motion.accel_noise_mps_per_rt_s
     return imu.errors.kernel_model(accel, case.attitude.gyro_noise_rad_rts)
 
 
@@ -114,7 +112,7 @@ def kernel_options(case: Case, instrument: Instrument, motion: VehicleMotion | N
         motion: the prior of the velocity where the case gives none, as measured.
     """
     options = case.filter.kernel_options() | {"robust": case.robust.kernel_options()}
-    if motion is not None and case.measures_prior:
+    if motion is not None and "motion" not in case.filter.model_fields_set:
         options["motion"] = motion.prior
     options |= case.imu.limits.kernel_options()
     options["max_imu_gap_s"] = max(case.imu.limits.max_gap_s, case.imu.bridge_gaps_s)

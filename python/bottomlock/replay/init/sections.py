@@ -34,7 +34,6 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     """The text of a case; tables that a replay cannot read as they are, are written beside it."""
     imu = put_source(parts.imu) if parts.imu.made else _imu(parts.imu, files)
     dvl = _dvl(parts.dvl, sources, files)
-    water = water_section(parts.dvl, sources, files)
     others = [
         _dvl_errors(), *_depth(parts, files), *_attitude(parts, files), *_gps(parts, files), *_reference(parts, files),
     ]  # fmt: skip
@@ -61,10 +60,9 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
             *([] if parts.imu.made else [put_errors(parts)]),
             dvl,
             *others,
-            *water,
+            *water_section(parts.dvl, sources, files),
             start,
-            # Beside the water, a prior of the velocity over ground would decide what of it is current.
-            *([] if water else motion_section(parts)),
+            *motion_section(parts),
             replay,
         ]
     )
