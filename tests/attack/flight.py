@@ -63,8 +63,10 @@ def navigator(rng: Random, trial: Trial) -> None:
     trial.call("late_events", flown.late_events, Arguments({}))
     water = trial.call("water", flown.water, Arguments({}))
     if water is not None:
-        trial.finite("water", water)
-        trial.covariance("water", water["covariance"])
+        # A layer that was never measured is infinitely old.
+        trial.finite("water", water, may_lack=("age_s",))
+        for covariance in (water["covariance"], water["layers"]["current_covariance"]):
+            trial.covariance("water", covariance)
 
 
 _PUSHES = (
