@@ -78,7 +78,7 @@ pub fn simulate_sensors<'py>(
     put_beams(
         &out,
         ["water_track_time_ns", "water_track_velocity_mps", "water_track_valid"],
-        &streams.water_pings,
+        streams.water.iter().map(|sample| &sample.ping),
         beams,
     )?;
     SensorKind::ALL
@@ -133,7 +133,7 @@ fn put_pings(out: &Bound<'_, PyDict>, streams: &Streams, beams: usize) -> PyResu
     put_beams(
         out,
         ["dvl_time_ns", "dvl_velocity_mps", "dvl_valid"],
-        &streams.pings,
+        streams.pings.iter(),
         beams,
     )?;
     let bias = streams.beam_bias_mps.iter().flat_map(|b| b[..beams].to_vec());
@@ -142,12 +142,17 @@ fn put_pings(out: &Bound<'_, PyDict>, streams: &Streams, beams: usize) -> PyResu
 }
 
 /// Times, velocities and validity of beams under their names.
-fn put_beams(out: &Bound<'_, PyDict>, names: [&str; 3], pings: &[BeamSample], beams: usize) -> PyResult<()> {
+fn put_beams<'a>(
+    out: &Bound<'_, PyDict>,
+    names: [&str; 3],
+    pings: impl ExactSizeIterator<Item = &'a BeamSample> + Clone,
+    beams: usize,
+) -> PyResult<()> {
     let wide = [pings.len(), beams];
-    put(out, names[0], pings.iter().map(|p| p.time_ns).collect(), &wide[..1])?;
-    let readings = pings.iter().flat_map(|p| p.velocity_mps[..beams].to_vec());
+    put(out, names[0], pings.clone().map(|p| p.time_ns).collect(), &wide[..1])?;
+    let readings = pings.clone().flat_map(|p| p.velocity_mps[..beams].to_vec());
     put(out, names[1], readings.collect(), &wide)?;
-    let flags = pings.iter().flat_map(|p| (0..beams).map(|b| p.valid.contains(b)));
+    let flags = pings.flat_map(|p| (0..beams).map(|b| p.valid.contains(b)));
     put(out, names[2], flags.collect(), &wide)
 }
 

@@ -9,7 +9,7 @@ use bottomlock::aiding::current_layers::Layer;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water;
 use bottomlock::aiding::water::WATER;
-use bottomlock::filter::calibrated::CurrentEstimate;
+use bottomlock::filter::current::CurrentEstimate;
 use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};

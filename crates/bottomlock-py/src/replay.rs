@@ -6,7 +6,7 @@ use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
 use bottomlock::aiding::water::WATER;
 use bottomlock::aiding::water_track::WaterSample;
 use bottomlock::dvl::geometry::BeamSample;
-use bottomlock::filter::calibrated::CurrentEstimate;
+use bottomlock::filter::current::CurrentEstimate;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;

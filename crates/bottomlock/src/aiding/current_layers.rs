@@ -16,7 +16,7 @@
 use nalgebra::{SVector, Vector2, Vector3};
 
 use crate::aiding::further::{FIRST_LAYERS, FIRST_WATER, FurtherRows};
-use crate::aiding::water::{CURRENT, WaterVector};
+use crate::aiding::water::{CURRENT, WaterVector, turn};
 use crate::aiding::{Motion, RowJacobian};
 use crate::error::{NavError, require_finite, require_magnitude, require_non_negative, require_positive};
 use crate::layout::{ATTITUDE, POSITION};
@@ -208,12 +208,8 @@ impl Layers {
 
     /// Adds an error to the estimates, with the yaw that is corrected.
     pub(crate) fn inject(&mut self, yaw_rad: f64, error: &LayerVector) {
-        let (sin, cos) = yaw_rad.sin_cos();
-        for place in 0..LAYERS {
-            let (north, east) = (self.estimate[2 * place], self.estimate[2 * place + 1]);
-            self.estimate[2 * place] = north * cos - east * sin;
-            self.estimate[2 * place + 1] = north * sin + east * cos;
-        }
+        let layers = self.estimate.as_mut_slice().chunks_exact_mut(2);
+        layers.for_each(|own| turn(own, yaw_rad));
         self.estimate += error;
     }
 

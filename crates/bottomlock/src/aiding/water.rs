@@ -154,10 +154,16 @@ impl WaterPrior {
 
 /// Adds an error to an estimate: the current turns with the yaw that is corrected, see the module's head.
 pub fn inject(water: &mut WaterVector, yaw_rad: f64, error: &WaterVector) {
-    let (north, east) = (water[CURRENT], water[CURRENT + 1]);
-    water[CURRENT] = north * yaw_rad.cos() - east * yaw_rad.sin();
-    water[CURRENT + 1] = north * yaw_rad.sin() + east * yaw_rad.cos();
+    turn(&mut water.as_mut_slice()[CURRENT..CURRENT + 2], yaw_rad);
     *water += error;
+}
+
+/// Turns a horizontal velocity, north and east, with the yaw that is corrected.
+pub(super) fn turn(velocity: &mut [f64], yaw_rad: f64) {
+    let (sin, cos) = yaw_rad.sin_cos();
+    let (north, east) = (velocity[0], velocity[1]);
+    velocity[0] = north * cos - east * sin;
+    velocity[1] = north * sin + east * cos;
 }
 
 /// An assumption as one row: 0 = expected + H_x δx + H_w δw + n.

@@ -101,7 +101,7 @@ impl Eskf {
         let mut rows = Box::new(FurtherRows::zeros());
         rows.fixed_view_mut::<1, WATER>(0, FIRST_WATER)
             .copy_from(&row.by_water.transpose());
-        if let Some(at) = self.current_at_vehicle() {
+        if let Some(at) = self.current_at_vehicle().filter(|_| self.has_layers()) {
             self.with_motion(|motion| at.complete(motion, &Vector3::zeros(), 0, &mut innovation.jacobian, &mut rows));
         }
         innovation.by_further = Some(rows);

@@ -2,9 +2,10 @@
 
 mod assume;
 mod bridge;
-pub mod calibrated;
+mod calibrated;
 mod calibration;
 mod corrected_path;
+pub mod current;
 mod definite;
 mod doubt;
 mod extensions;
@@ -34,7 +35,7 @@ pub mod tape;
 mod update;
 pub mod water_block;
 
-use nalgebra::{Matrix2, SMatrix, Vector2, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
 pub(crate) use self::bridge::{BridgeNoise, seconds_between};
 use self::calibration::CalibrationBlock;
@@ -45,20 +46,17 @@ use self::linear_range::Measured;
 use self::prediction::Settings;
 use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::current_layers::CurrentAt;
-use crate::aiding::further::{DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_HEADING_ERROR, FIRST_WATER};
-use crate::aiding::water::{CURRENT, WaterCovariance};
+use crate::aiding::further::{DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_HEADING_ERROR};
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::earth::{Earth, EarthTerms};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
-use crate::filter::calibrated::CurrentEstimate;
 use crate::filter::gate::GateTable;
 use crate::filter::options::Options;
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::filter::water_block::WaterBlock;
 use crate::frames::{Rot, Vec3};
-use crate::layout::{ATTITUDE, DIM, VELOCITY};
+use crate::layout::{DIM, VELOCITY};
 use crate::mechanisation::{ImuSample, Kinematics};
 use crate::model::Model;
 use crate::state::{Covariance, NavState};
@@ -173,45 +171,6 @@ impl Eskf {
         let pairs = states.iter().flat_map(|&i| states.iter().map(move |&j| (i, j)));
         let variance: f64 = pairs.map(|pair| covariance[pair]).sum();
         (states.iter().map(|&k| estimate[k]).sum(), variance.max(0.0).sqrt())
-    }
-
-    /// The water states, at the time of the last update or propagation of the covariance.
-    #[must_use]
-    pub fn water(&self) -> Option<&WaterBlock> {
-        self.extensions.water.as_deref()
-    }
-
-    /// The current at the vehicle's depth, north and east, m/s, with its covariance about true north, (m/s)²: with the error of
-    /// the heading along which the estimate is expressed; at the time of [`Eskf::water`].
-    #[must_use]
-    pub fn current(&self) -> Option<CurrentEstimate> {
-        self.current_at_vehicle().map(|at| self.current_of(&at))
-    }
-
-    /// [`Eskf::current`] at any depth.
-    #[must_use]
-    pub fn current_of(&self, at: &CurrentAt) -> CurrentEstimate {
-        let current = at.water.fixed_rows::<2>(CURRENT).into_owned();
-        let further = self.extensions.further();
-        let parts = at.parts();
-        // c − ĉ = ρ_D e_D × ĉ + δc, to first order.
-        let by_yaw = Vector2::new(-current.y, current.x);
-        let (mut yaw_cross, mut own) = (Matrix2::zeros(), Matrix2::zeros());
-        for (first, weight) in &parts {
-            yaw_cross += by_yaw * further.cross().fixed_view::<1, 2>(ATTITUDE + 2, *first) * *weight;
-            for (other, by_other) in &parts {
-                own += further.covariance().fixed_view::<2, 2>(*first, *other) * (weight * by_other);
-            }
-        }
-        let yaw_variance = self.covariance[(ATTITUDE + 2, ATTITUDE + 2)];
-        let by_yaw_twice = by_yaw * yaw_variance * by_yaw.transpose();
-        (current, own + by_yaw_twice + yaw_cross + yaw_cross.transpose())
-    }
-
-    /// Covariance of the errors of the water states; `None` without them.
-    #[must_use]
-    pub fn water_covariance(&self) -> Option<WaterCovariance> {
-        self.water().map(|_| self.extensions.covariance_of(FIRST_WATER))
     }
 
     /// Replaces the covariance (20×20, symmetric, SI units, in the order of [`crate::layout`]).

@@ -43,8 +43,8 @@ impl Navigator {
         Ok(())
     }
 
-    /// Takes note of a ping whose beams determine the velocity through the water: what the vehicle does then is measured, and the
-    /// prior of its velocity over ground would only add what it takes the current for.
+    /// Puts the prior of the velocity off after a ping whose beams determine the velocity through the water. The vehicle's changes
+    /// are then measured, and row after row of the prior would say that the current makes them.
     pub(super) fn note_water_velocity(&mut self, ping: &BeamSample) {
         if self.geometry.rank_of(ping.valid) == 3 {
             self.next_motion_ns = Some(ping.time_ns + WATER_HELD_NS);

@@ -17,7 +17,7 @@ mod ping;
 use crate::aiding::calibration::{CalibrationCovariance, CalibrationVector};
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::{NavError, require_rising};
-use crate::filter::calibrated::CurrentEstimate;
+use crate::filter::current::CurrentEstimate;
 use crate::filter::filter_group::width;
 use crate::filter::options::Options;
 use crate::layout::DIM;

@@ -2,6 +2,7 @@
 
 use crate::aiding::registry::{Measurement, SENSORS, SensorKind};
 use crate::aiding::sensor::AidingSensor;
+use crate::aiding::water_track::WaterSample;
 use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
 use crate::filter::options::Options;
@@ -30,7 +31,7 @@ pub struct Streams {
     /// True scale factor at each ping.
     pub scale_factor: Vec<f64>,
     /// Pings that the water returned.
-    pub water_pings: Vec<BeamSample>,
+    pub water: Vec<WaterSample>,
     /// Readings of the other sensors, by their places in the registry.
     pub sensors: [Vec<Measurement>; SENSORS],
 }
@@ -67,7 +68,7 @@ pub fn simulate(
         pings: Vec::with_capacity(schedule.dvl_time_ns.len()),
         beam_bias_mps: Vec::with_capacity(schedule.dvl_time_ns.len()),
         scale_factor: Vec::with_capacity(schedule.dvl_time_ns.len()),
-        water_pings: Vec::with_capacity(schedule.water.time_ns.len()),
+        water: Vec::with_capacity(schedule.water.time_ns.len()),
         sensors: Default::default(),
     };
     errors.imus(
@@ -90,11 +91,8 @@ pub fn simulate(
         }
         // Water has the biases of the last ping at or before it.
         while let Some(k) = water.next_if(|&k| schedule.water.time_ns[k] < time_ns) {
-            streams.water_pings.extend(
-                errors
-                    .water_ping(truth, geometry, &schedule.water, k)?
-                    .map(|sample| sample.ping),
-            );
+            let sample = errors.water_ping(truth, geometry, &schedule.water, k)?;
+            streams.water.extend(sample);
         }
         streams.pings.push(errors.ping(truth, geometry, time_ns, valid)?);
         let (bias, scale) = errors.dvl_errors();
@@ -102,11 +100,8 @@ pub fn simulate(
         streams.scale_factor.push(scale);
     }
     for k in water {
-        streams.water_pings.extend(
-            errors
-                .water_ping(truth, geometry, &schedule.water, k)?
-                .map(|sample| sample.ping),
-        );
+        let sample = errors.water_ping(truth, geometry, &schedule.water, k)?;
+        streams.water.extend(sample);
     }
     for kind in SensorKind::ALL {
         let epochs = schedule.of(kind);
