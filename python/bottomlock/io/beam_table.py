@@ -22,6 +22,7 @@ from bottomlock.files.records import write_record
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Account, Flags, Integers, Reason
 from bottomlock.io.converted import check_converted
+from bottomlock.io.table_columns import TableColumns
 from bottomlock.support.later import pl
 
 __all__ = [
@@ -127,10 +128,8 @@ class BeamTable:
             DataError: naming the place and the column: for one that is missing or of another type, a time that is
                 absent or does not rise, or a valid beam without a finite velocity.
         """
-        columns = _Columns(frame, place)
-        beams = 0
-        while f"beam{beams + 1}_mps" in frame.columns:
-            beams += 1
+        columns = TableColumns(frame, place, "`bottomlock convert` writes it")
+        beams = columns.beams
         arrival = columns.series("arrival_ns", pl.Int64())
         instrument_valid = columns.series("instrument_valid", pl.Boolean())
         table = cls(
@@ -156,50 +155,6 @@ class BeamTable:
                 "expected a finite velocity or a cleared flag"
             )
         return table
-
-
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """Columns of a data frame with checked types; null is NaN, and false for flags."""
-
-    frame: pl.DataFrame
-    place: str
-
-    def series(self, name: str, dtype: pl.DataType) -> pl.Series:
-        if name not in self.frame.columns:
-            raise DataError(f"{self.place}: column '{name}' is missing; `bottomlock convert` writes it")
-        found = self.frame[name]
-        if found.dtype not in {dtype, pl.Null()}:
-            raise DataError(f"{self.place}: column '{name}' is {found.dtype}, expected {dtype}")
-        return found.cast(dtype)
-
-    def times(self, name: str) -> Integers:
-        series = self.series(name, pl.Int64())
-        if series.null_count():
-            raise DataError(f"{self.place}: row {series.is_null().arg_max()}, column '{name}' has no time")
-        time_ns = series.to_numpy()
-        steps = np.flatnonzero(np.diff(time_ns) <= 0)
-        if steps.size:
-            row = int(steps[0]) + 1
-            raise DataError(
-                f"{self.place}: row {row}, column '{name}' is {time_ns[row]} ns and does not rise"
-            )
-        return np.asarray(time_ns)
-
-    def floats(self, name: str) -> Floats:
-        return np.asarray(self.series(name, pl.Float64()).fill_null(np.nan).to_numpy())
-
-    def flags(self, name: str) -> Flags:
-        series = self.series(name, pl.Boolean()).fill_null(value=False)
-        return np.asarray(series.to_numpy().astype(bool))
-
-    def per_beam(self, quantity: str, beams: int) -> Floats:
-        parts = [self.floats(f"beam{k + 1}_{quantity}") for k in range(beams)]
-        return np.stack(parts, axis=1) if parts else np.empty((self.frame.height, 0))
-
-    def flags_per_beam(self, quantity: str, beams: int) -> Flags:
-        parts = [self.flags(f"beam{k + 1}_{quantity}") for k in range(beams)]
-        return np.stack(parts, axis=1) if parts else np.empty((self.frame.height, 0), dtype=bool)
 
 
 def _extra_names(beams: int) -> list[str]:

@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Flags, Integers
 from bottomlock.io.converted import check_converted
+from bottomlock.io.table_columns import Floats, TableColumns
 from bottomlock.support.later import pl
 
-Floats = NDArray[np.float64]
 _ENDING = "_water"
 
 
@@ -83,42 +82,18 @@ class WaterTable:
             DataError: naming the place and the column: for one that is missing or of another type, rows that are not
                 sorted by time and cell, a cell below 1, or a valid beam without a finite velocity and range.
         """
-        beams = 0
-        while f"beam{beams + 1}_mps" in frame.columns:
-            beams += 1
-
-        def column(name: str, dtype: pl.DataType) -> pl.Series:
-            if name not in frame.columns:
-                raise DataError(f"{place}: column '{name}' is missing; `bottomlock convert` writes it")
-            if frame[name].dtype not in {dtype, pl.Null()}:
-                raise DataError(f"{place}: column '{name}' is {frame[name].dtype}, expected {dtype}")
-            return frame[name].cast(dtype)
-
-        def integers(name: str) -> Integers:
-            series = column(name, pl.Int64())
-            if series.null_count():
-                raise DataError(f"{place}: row {series.is_null().arg_max()}, column '{name}' is empty")
-            return np.asarray(series.to_numpy())
-
-        def floats(name: str) -> Floats:
-            return np.asarray(column(name, pl.Float64()).fill_null(np.nan).to_numpy())
-
-        def per_beam(quantity: str) -> Floats:
-            parts = [floats(f"beam{k + 1}_{quantity}") for k in range(beams)]
-            return np.stack(parts, axis=1) if parts else np.empty((frame.height, 0))
-
-        flags = [
-            column(f"beam{k + 1}_valid", pl.Boolean()).fill_null(value=False).to_numpy().astype(bool)
-            for k in range(beams)
-        ]
+        columns = TableColumns(
+            frame, place, "expected the columns of a water table (docs/howto/water_track.md)"
+        )
+        beams = columns.beams
         table = cls(
-            time_ns=integers("time_ns"),
-            cell=integers("cell"),
-            range_m=floats("range_m"),
-            velocity_mps=per_beam("mps"),
-            valid=np.stack(flags, axis=1) if flags else np.empty((frame.height, 0), dtype=bool),
-            quality=per_beam("quality"),
-            sd_mps=per_beam("sd_mps"),
+            time_ns=columns.integers("time_ns", "is empty"),
+            cell=columns.integers("cell", "is empty"),
+            range_m=columns.floats("range_m"),
+            velocity_mps=columns.per_beam("mps", beams),
+            valid=columns.flags_per_beam("valid", beams),
+            quality=columns.per_beam("quality", beams),
+            sd_mps=columns.per_beam("sd_mps", beams),
         )
         table._check(place)
         return table
@@ -145,7 +120,7 @@ class WaterTable:
 
 
 def read_water_table(path: str | Path) -> WaterTable:
-    """Reads a water table that `bottomlock convert` wrote.
+    """Reads a water table, Parquet with the columns of `WaterTable.to_frame`.
 
     Raises:
         DataError: naming file and column, as `WaterTable.from_frame`; also for a file that cannot be read.

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock import units
 from bottomlock.kernel import KernelError, Navigator, VelocityFixes
@@ -24,6 +23,7 @@ from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import ImuFromAttitude
 from bottomlock.ports.estimate import Beams, Estimate, State
 from bottomlock.ports.rotation import angles
+from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.recordings.water_cells import CellCounts, water_beams
 
 _ACCEPTED = ("accepted", "accepted_in_part")
@@ -32,9 +32,6 @@ _BEAM_SENSORS = ("beams", "velocity")
 _AIDING = ("attitude", "heading", "depth", "gps_position", "acoustic_position")
 """The kernel's names of the other measurements."""
 _PENDING = 256
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 def _motion_of_attitudes(config: LiveConfig) -> Callable[[], MotionFromAttitude] | None:

@@ -103,7 +103,7 @@ class DvlStream(ReorderedStream):
 
 
 class WaterTrackStream(WaterCells):
-    """Beams that the water returned, as `bottomlock convert` writes them beside the beams of the bottom.
+    """Beams that the water returned, in a water table (docs/howto/water_track.md).
 
     Without `file` it is the one beside that of [dvl]. Times are on the clock of the DVL: `dvl.clock.offset_s` counts
     for both. What-if cases remove beams of the bottom only.

@@ -1,4 +1,4 @@
-"""Water track in a first case: where a converted water table stands beside the beams."""
+"""Water track in a first case: where a water table stands beside the beams."""
 
 from bottomlock.io.water_table import water_file
 from bottomlock.replay.init.dvl_part import DvlPart
