@@ -86,17 +86,23 @@ def test_a_clock_that_is_set_back_sends_nothing_with_a_wrong_time() -> None:
     assert engine.state == "OK"
 
 
+def asked_in_between(engine: Engine, world: World) -> list[tuple[int, Message]]:
+    """Arrival and message of all that a run with an IMU sends, asked now and then for the time between arrivals."""
+    draw, now = random.Random(3), 0
+    found: list[tuple[int, Message]] = []
+    for arrival_ns, source, data in world.arrivals(imu=True):
+        if now and draw.random() < 0.3:
+            found += [(arrival_ns, m) for m in engine.advance(draw.randint(now, arrival_ns))]
+        found += [(arrival_ns, m) for m in engine.arrive(source, arrival_ns, data)]
+        now = arrival_ns
+    return found
+
+
 def test_the_engine_is_a_function_of_what_arrives() -> None:
     """Asked for the time in between or not, the messages are the same bits."""
     world = World(8.0, one_to_three_beams)
     once = [(a, m) for a, m, _ in fly(Engine(config("navigation")), world, imu=True)]
-    engine, draw, again, now = Engine(config("navigation")), random.Random(3), [], 0
-    for arrival_ns, source, data in world.arrivals(imu=True):
-        if now and draw.random() < 0.3:
-            again += [(arrival_ns, m) for m in engine.advance(draw.randint(now, arrival_ns))]
-        again += [(arrival_ns, m) for m in engine.arrive(source, arrival_ns, data)]
-        now = arrival_ns
-    assert once == again
+    assert once == asked_in_between(Engine(config("navigation")), world)
     assert once
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
 from dataclasses import replace
 from typing import Any
 
@@ -17,13 +16,13 @@ from bottomlock.io.beams import read_geometry
 from bottomlock.io.water_table import WaterTable
 from bottomlock.live.checkpoint import begin, pack
 from bottomlock.live.config import LiveConfig, kernel_settings
-from bottomlock.live.engine import Engine, Message
+from bottomlock.live.engine import Engine
 from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.pings import Ping
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.odometry import quality
-from tests.live.test_engine import fly, states
+from tests.live.test_engine import asked_in_between, fly, states
 from tests.live.world import VELOCITY, Sent, World, config
 
 CURRENT = np.array([0.3, -0.2, 0.0])
@@ -109,14 +108,7 @@ def test_the_engine_is_a_function_of_what_arrives() -> None:
     """Asked for the time in between or not, the messages are the same bits."""
     world = World(7.0, none_from_five)
     once = [(a, m) for a, m, _ in fly(with_water(), world, imu=True)]
-    engine, draw, now = with_water(), random.Random(3), 0
-    again: list[tuple[int, Message]] = []
-    for arrival_ns, source, data in world.arrivals(imu=True):
-        if now and draw.random() < 0.3:
-            again += [(arrival_ns, m) for m in engine.advance(draw.randint(now, arrival_ns))]
-        again += [(arrival_ns, m) for m in engine.arrive(source, arrival_ns, data)]
-        now = arrival_ns
-    assert once == again
+    assert once == asked_in_between(with_water(), world)
     assert any(b" WATER " in message.data for _, message in once)
 
 

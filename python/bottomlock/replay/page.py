@@ -84,7 +84,7 @@ def page_of(
         findings_part(manifest.get("findings", []), listed(manifest.get("answers", []))),
         *(_case(manifest, name, words, summary, tracks, figures) for name, words in manifest["what_if"]),
         Part("beams", "Which beams returned", [one.picture for one in figures if one.what_if is None]),
-        *([_water(manifest["water_track"])] if "water_track" in manifest else []),
+        *([_water(manifest)] if "water_track" in manifest else []),
         *([_calibration(calibration)] if calibration is not None else []),
         Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
         _clocks(manifest),
@@ -241,10 +241,11 @@ def _known(columns: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> dic
     return {head: key for head, key in columns.items() if any(row[key] is not None for row in rows)}
 
 
-def _water(water: Mapping[str, Any]) -> Part:
+def _water(manifest: Mapping[str, Any]) -> Part:
     """What was used of the cells, and what each method made of it."""
+    water = manifest["water_track"]
     terms = Terms([("Beams in cells", water["cells"])])
-    rows = [[title_of(name), *row] for name, rows in water["fixes"].items() for row in rows]
+    rows = [[title_of(name), *row] for name, _ in manifest["what_if"] for row in water["fixes"][name]]
     columns = ["What-if", "Method", "Pings", "Beyond the gate", "NIS", "of"]
     caption = (
         "Beams of the water as the filters used them: first draw; NIS and its degrees of freedom, means."
