@@ -95,9 +95,17 @@ def pd0_ensemble(
     fine: Sequence[int] | None = None,
     bottom: bool = True,
     century: bool = False,
+    cells: Sequence[Sequence[int]] = (),
+    layer: Sequence[int] = (),
 ) -> bytes:
-    """An ensemble: leaders, bottom track (mm/s, cm) and perhaps the high-resolution velocity (0.01 mm/s)."""
+    """An ensemble: leaders, bottom track (mm/s, cm) and perhaps the high-resolution velocity (0.01 mm/s).
+
+    `cells` are velocities of a profile of cells of 2 m, the first at 3.5 m; `layer` that of the water from 8 m to 16 m.
+    """
     fixed = bytearray(59)
+    struct.pack_into("<BBH", fixed, 9, len(cells), 1, 0)
+    struct.pack_into("<H", fixed, 12, 200)
+    struct.pack_into("<H", fixed, 32, 350)
     struct.pack_into("<HBBH", fixed, 0, 0x0000, 50, 1, 0x4100 | 0x0B)
     fixed[8], fixed[25], fixed[58] = 4, frame << 3 | 7, 20
     variable = bytearray(65)
@@ -113,7 +121,12 @@ def pd0_ensemble(
         track = bytearray(81)
         struct.pack_into("<H", track, 0, 0x0600)
         struct.pack_into("<4H4h4B", track, 16, *ranges, *velocity, 200, 201, 202, 203)
+        if layer:
+            struct.pack_into("<3H4h4B", track, 44, 40, 80, 160, *layer, 90, 91, 92, 93)
         types.append(bytes(track))
+    if cells:
+        types.append(struct.pack(f"<H{4 * len(cells)}h", 0x0100, *(v for cell in cells for v in cell)))
+        types.append(struct.pack(f"<H{4 * len(cells)}B", 0x0200, *(100 + k for k in range(4 * len(cells)))))
     if fine is not None:
         types.append(struct.pack("<H4i", 0x5803, *fine) + bytes(52))
     return pd0_wrap(types)
@@ -150,6 +163,33 @@ def df20(step: int = 0, *, valid: bool = True, velocity: Sequence[int] = (100, -
     beams = (*velocity, 2000, 2100, 2200, 2300, 5, 6, 7, 8)
     filler = (-10117, -10117, -10117, -10117, -1022, -1022, -1022, -1022, *[65535] * 4)
     return bytes(head) + struct.pack("<4i4i4H", *(beams if valid else filler))
+
+
+def df3(
+    step: int = 0, *, velocity: Sequence[Sequence[int]] = ((100, 200), (-100, 50), (50, 0), (-50, 7))
+) -> bytes:
+    """A profiler's record of velocities by beam and cell, mm/s: cells of 1 m, blanking 0.5 m, correlations 80 %."""
+    cells = len(velocity[0])
+    head = bytearray(76)
+    clock = bytes([121, 4, 1, 0, 0, 10 + step])
+    struct.pack_into(
+        "<BBHI6sHHhIHhhHHH", head, 0, 3, 76, 1 << 5 | 1 << 6 | 1 << 7, 4711, clock, 5000, 15000, 1200, 100, 9000, 150,
+        -250, 4 << 12 | 2 << 10 | cells, 1000, 500,
+    )  # fmt: skip
+    struct.pack_into("<b", head, 58, -3)
+    numbers = [one for beam in velocity for one in beam]
+    amplitude, correlation = bytes([60] * len(numbers)), bytes([80] * len(numbers))
+    return bytes(head) + struct.pack(f"<{len(numbers)}h", *numbers) + amplitude + correlation
+
+
+def water_report(step: int = 0, *, lost: Sequence[int] = ()) -> bytes:
+    """What a Water Linked sends on its serial line in water tracking."""
+    covariance, sent_us = "1e-07;0;1.4;0;1.2;0;0.2;0;1e+09", 9000 + 500_000 * step
+    lines = [f"wrs,0.120,-0.400,2.000,y,1.855,{covariance},{sent_us - 8000},{sent_us},500.00,0"]
+    for k in range(4):
+        speed, distance = (0.0, -1.0) if k in lost else (0.1 * k - 0.2 + 0.001 * step, 3.1)
+        lines.append(f"wru,{k},{speed:.3f},{distance:.2f},-40,-95")
+    return b"".join(waterlinked_sentence(line.encode()) for line in lines)
 
 
 def nucleus(step: int = 0, *, status: int = 0x7FFF, velocity: Sequence[float] = (0.1, 0.2, 0.3)) -> bytes:
@@ -207,11 +247,13 @@ def seeds() -> dict[str, list[bytes]]:
             a50_report(0) + a50_report(1, lost=[2]),
             a50_report(0, version="json_v3.1") + b'{"ts":49056.8,"x":1.2,"type":"position_local","format":"json_v3"}\n',
             a50_report(0, version="json_v2") + a50_report(0, version="json_v2").rstrip() + a50_report(2),
+            a50_report(0, version="json_v3.2", type="velocity_water", tracking_mode="water"),
         ],
         "waterlinked-serial": [
             SERIAL,
             SERIAL + SERIAL_OLD,
             waterlinked_sentence(b"wrp,49056.809,0.41,0.15,1.23,0.4,1,2,3,0") + SERIAL,
+            water_report() + SERIAL,
         ],
         "nortek-ascii": [
             PNORBT0,
@@ -224,15 +266,19 @@ def seeds() -> dict[str, list[bytes]]:
             pd0_ensemble(1),
             pd0_ensemble(1, fine=(10_000, -10_000, 25_000, -25_000)) + pd0_ensemble(2, bottom=False),
             pd0_ensemble(1, frame=3) + pd0_ensemble(2, frame=3, century=True),
+            pd0_ensemble(1, cells=[(1, 2, 3, 4), (5, 6, -32768, 8)]) + pd0_ensemble(2, cells=[(9, 10, 11, 12)]),
+            pd0_ensemble(1, layer=(10, 20, -30, 40)),
         ],
         "nortek-dvl": [nortek_frame(0x1B, df21()), nortek_frame(0x1B, df21(1)) + nortek_frame(0x1D, df21(2))],
         "nortek-ad2cp": [
             nortek_frame(0x17, df20(), 0x10),
             nortek_frame(0xA0, b"GETCLOCKSTR", 0x10) + nortek_frame(0x17, df20(valid=False), 0x10),
+            nortek_frame(0x15, df3(), 0x10) + nortek_frame(0x17, df20(1), 0x10),
         ],
         "nucleus": [
             nortek_frame(0xB4, nucleus(), 0x20),
             nortek_frame(0xD2, bytes(40), 0x20) + nortek_frame(0xB4, nucleus(1), 0x20),
+            nortek_frame(0xBE, nucleus(), 0x20) + nortek_frame(0xB4, nucleus(1), 0x20),
         ],
         "pd6": [PD6, PD6_LOGGED],
         "pd4": [pd4() + pd4()],

@@ -34,7 +34,7 @@ def test_json_v1_has_no_clock() -> None:
 
 
 def test_json_v3_has_the_time_of_validity() -> None:
-    """Microseconds since 1970; dead reckoning and velocity through the water are no pings."""
+    """Microseconds since 1970; dead reckoning is no ping, and a report of the water is one without the bottom."""
     log = (
         seeds.a50_report(0, version="json_v3.1")
         + b'{"ts":1.0,"x":2.0,"type":"position_local","format":"json_v3.1"}\n'
@@ -44,10 +44,12 @@ def test_json_v3_has_the_time_of_validity() -> None:
         + seeds.a50_report(3, version="json_v3.1")
     )
     recording = waterlinked_json.read(log, "log")
-    assert recording.table.time_ns.tolist() == [1_638_191_471_563_017_000, 1_638_191_471_863_017_000]
+    first_ns = 1_638_191_471_563_017_000
+    assert recording.table.time_ns.tolist() == [first_ns + step * 100_000_000 for step in range(4)]
+    assert recording.table.beams_valid.tolist() == [4, 0, 0, 4]
     assert recording.time_of == "validity"
     other = {name: (one.count, one.first) for name, one in recording.account.other.items()}
-    assert other == {"position_local": (1, 2), "response": (1, 3), "velocity through the water": (2, 4)}
+    assert other == {"position_local": (1, 2), "response": (1, 3)}
 
 
 def test_json_stale_repeat() -> None:

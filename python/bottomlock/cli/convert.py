@@ -26,6 +26,7 @@ from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, side
 from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.progress import progress_to
 from bottomlock.io.rows import Options
+from bottomlock.io.water_table import WaterTable, water_file
 from bottomlock.replay.init.column_map import write_map
 
 SHOWN = 28
@@ -99,7 +100,7 @@ def convert(
         raise OutputError(f"{out}: expected a name that ends in .parquet")
     _check_account(file, out)
     inputs = [file, *(file.iterdir() if file.is_dir() else ()), *([] if columns is None else [columns])]
-    check_free(out, sidecar(out), inputs=inputs, force=force)
+    check_free(out, sidecar(out), water_file(out), inputs=inputs, force=force)
     options = Options(
         instrument_only=instrument_only,
         keep_stale=keep_stale,
@@ -113,7 +114,8 @@ def convert(
         recording = read_recording(file, format=format, options=options)
     write_recording(recording, out, source=file)
     print_recording(recording)
-    console.print(f"wrote {out} and {sidecar(out).name}", soft_wrap=True, highlight=False)
+    water = "" if recording.water is None else f", {water_file(out).name}"
+    console.print(f"wrote {out}{water} and {sidecar(out).name}", soft_wrap=True, highlight=False)
     missing = _nothing_valid(recording.table)
     if missing:
         errors.print(
@@ -184,6 +186,13 @@ def _reason(name: str, reason: Reason) -> str:
     return f"{name}: {short}" if short else name
 
 
+def _water_line(water: WaterTable) -> str:
+    """What the water returned, in a line."""
+    pings, cells = len(np.unique(water.time_ns)), np.unique(water.cell)
+    of = "cell 1" if len(cells) == 1 else f"cells {cells[0]} to {cells[-1]}"
+    return f"water track: {pings} pings, {of}, {int(water.valid.sum())} of {water.valid.size} beam velocities valid"
+
+
 def print_recording(recording: Recording) -> None:
     """Prints what was read and what was not."""
     table, account = recording.table, recording.account
@@ -202,6 +211,8 @@ def print_recording(recording: Recording) -> None:
         lines.append(
             f"the instrument's own velocity ({recording.frame}): {(said == 1).sum()} of {table.rows} valid"
         )
+    if recording.water is not None:
+        lines.append(_water_line(recording.water))
     lines += recording.corrected
     lines += recording.notes
     if recording.geometry:

@@ -1,8 +1,9 @@
 """The beam table: recorded pings of any DVL in one form, and the account of how they were read.
 
-Every reader returns a `Recording`: a `BeamTable` and the `Account` of each record of the file. The table is written to
-Parquet, the account to JSON beside it. Signs follow the beam model: beam k reads y_k = b_k . v, with v the velocity of
-the instrument over ground and b_k the unit vector from the instrument along the beam.
+Every reader returns a `Recording`: a `BeamTable`, a `WaterTable` where the instrument measured the water too, and the
+`Account` of each record of the file. The tables are written to Parquet, the account to JSON beside them. Signs follow
+the beam model: beam k reads y_k = b_k . v, with v the velocity of the instrument over ground and b_k the unit vector
+from the instrument along the beam.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import read_json, write_parquet
-from bottomlock.files.records import write_record
+from bottomlock.files.records import DIGESTS, read_record, write_record
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Account, Flags, Integers, Reason
 from bottomlock.io.converted import check_converted
 from bottomlock.io.table_columns import TableColumns
+from bottomlock.io.water_table import WaterTable, water_file
 from bottomlock.support.later import pl
 
 __all__ = [
@@ -178,6 +180,7 @@ class Recording:
         resolution_mps: step between the beam velocities that a record can hold; 0 where it holds floats.
         notes: remarks on this file for the user, a sentence each.
         facts: recorded properties of the instrument (firmware, beam angle, serial number), unchanged.
+        water: what the water returned, None where the records hold none.
     """
 
     format: str
@@ -192,9 +195,10 @@ class Recording:
     resolution_mps: float = 0.0
     notes: Sequence[str] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
+    water: WaterTable | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Everything but the table."""
+        """Everything but the tables."""
         return {
             "schema": 1,
             "format": self.format,
@@ -234,13 +238,28 @@ def sha256_of(path: Path) -> str:
 
 
 def write_recording(recording: Recording, to: Path, *, source: Path) -> None:
-    """Writes the table to Parquet and, last, its account to JSON beside it; each file atomically.
+    """Writes the tables to Parquet and, last, their account to JSON beside them; each file atomically.
 
     Raises:
         OutputError: where the directory cannot be written.
     """
     described = {"source": source.name, "source_sha256": sha256_of(source)} | recording.to_json()
-    write_record(sidecar(to), described, {to.name: write_parquet(to, recording.table.to_frame())})
+    water = water_file(to)
+    if recording.water is None and _states(sidecar(to), water):
+        # Of the conversion that this one replaces: it would be taken for the water of this one.
+        water.unlink(missing_ok=True)
+    digests = {to.name: write_parquet(to, recording.table.to_frame())}
+    if recording.water is not None:
+        digests[water.name] = write_parquet(water, recording.water.to_frame())
+    write_record(sidecar(to), described, digests)
+
+
+def _states(account: Path, file: Path) -> bool:
+    """Whether an account, which may be damaged, is one of a file as well."""
+    try:
+        return file.name in ((read_record(account) or {}).get(DIGESTS) or {})
+    except DataError:
+        return False
 
 
 def read_beam_table(path: str | Path) -> BeamTable:

@@ -7,6 +7,9 @@ from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import read_json
 from bottomlock.files.records import DIGESTS, OWN_DIGEST, read_record
 
+WATER_ENDING = "_water"
+"""What the name of a water table has after that of the beam table, whose account is its own."""
+
 _REMEDY = "convert the log again, or remove the account if the change is meant"
 
 
@@ -16,7 +19,10 @@ def check_converted(path: Path) -> None:
     Raises:
         DataError: for a table or an account that has changed since the conversion.
     """
-    account = path.with_suffix(".json")
+    account, tables = path.with_suffix(".json"), 1
+    if not account.is_file() and path.stem.endswith(WATER_ENDING):
+        # Only an account of two tables has one of the water; without, it is the user's own.
+        account, tables = path.with_name(path.stem.removesuffix(WATER_ENDING) + ".json"), 2
     if path.suffix.lower() != ".parquet" or not account.is_file() or not path.is_file():
         return
     try:
@@ -26,6 +32,8 @@ def check_converted(path: Path) -> None:
         digests = (read_record(account) or {}).get(DIGESTS, {})
     except DataError as error:
         raise DataError(f"{error}; {_REMEDY}") from error
+    if len(digests) < tables:
+        return
     try:
         with path.open("rb") as file:
             found = hashlib.file_digest(file, "sha256").hexdigest()

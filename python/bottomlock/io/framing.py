@@ -19,6 +19,10 @@ _PNORBT = re.compile(
 )
 
 
+_WRS = re.compile(rb"wrs(?:,[^,*\n]{0,200}){10}\*")
+"""A velocity through the water; another number of fields is that of another sentence."""
+
+
 class Framer(Protocol):
     """Cuts a stream into records."""
 
@@ -47,6 +51,7 @@ class Stream:
     Attributes:
         frame: its framer, for a number of beams.
         kind: the third byte of the records with beams; None where all have them.
+        water: those of records of the water alone.
         transmission: where a report says when it was sent, µs; None where it does not.
         repeats: whether a report may repeat the beams of the report before.
         sums: whether older versions carry intervals in place of times.
@@ -55,6 +60,7 @@ class Stream:
 
     frame: Callable[[int], Framer]
     kind: int | None = None
+    water: tuple[int, ...] = ()
     transmission: re.Pattern[bytes] | None = None
     repeats: bool = False
     sums: bool = False
@@ -161,17 +167,20 @@ class _Groups:
 
 
 class WaterLinkedLines(_Groups):
-    """A velocity report `wrz` with its transducers `wru`: complete with the fourth, or where the next report begins."""
+    """A velocity report, `wrz` or `wrs`, with its transducers `wru`.
+
+    It is complete with the fourth, or where the next report begins.
+    """
 
     def __init__(self, beams: int) -> None:
         super().__init__()
         self._beams = beams
 
     def _add(self, line: bytes, found: list[bytes]) -> None:
-        if b"wrz" in line or b"wrx" in line:
+        if b"wrz" in line or b"wrx" in line or _WRS.search(line):
             self._emit(found)
             self._held = [line]
-            if b"wrz" not in line:
+            if b"wrx" in line:
                 self._emit(found)
                 return
         elif self._held:

@@ -1,22 +1,35 @@
-"""Nortek AD2CP files of current profilers (Signature): bottom track as data format 20 (record id 0x17).
+"""Nortek AD2CP files of current profilers (Signature): bottom track (DF20, id 0x17) and profiles (DF3, 0x15 and 0x16).
 
 Velocities are integers scaled by a power of ten that the record states; a ping without bottom has a figure of merit of
-65535 and a negative distance, and its velocity is a filler.
+65535 and a negative distance, and its velocity is a filler. A profile holds velocity and correlation by beam and cell;
+its cells are vertical, the middle of the first one cell beyond the blanking distance.
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording
-from bottomlock.io.binary_records import fields_at
+from bottomlock.io.binary_records import bytes_of, fields_at
 from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_dvl import UNSURE
-from bottomlock.io.nortek_frames import BOTTOM_AD2CP, Frames, frames, kinds, struct_tm_ns
+from bottomlock.io.nortek_frames import (
+    AVERAGE_AD2CP,
+    BOTTOM_AD2CP,
+    BURST_AD2CP,
+    Frames,
+    frames,
+    kinds,
+    struct_tm_ns,
+)
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.water_rows import make_water
+from bottomlock.io.water_table import WaterTable
 
 NAME = "nortek-ad2cp"
-STREAM = Stream(lambda _: nortek(), kind=BOTTOM_AD2CP)
+STREAM = Stream(lambda _: nortek(), kind=BOTTOM_AD2CP, water=(BURST_AD2CP, AVERAGE_AD2CP))
 _BEAMS = 4
 _HEAD = np.dtype(
     [
@@ -34,15 +47,28 @@ _SCALES = np.array([10.0**-k for k in range(10)])
 _NO_FOM = 0xFFFF
 _COORDINATES = ("ENU", "XYZ", "BEAM", "unknown")
 _BEAM = 2
+_TILT_RAD = math.radians(25.0)
+"""Of the slanted beams of a Signature."""
+_PROFILE = np.dtype(
+    {
+        "names": ["setup", "cell_mm", "blanking", "scale", "status"],
+        "formats": ["<u2", "<u2", "<u2", "i1", "<u4"],
+        "offsets": [30, 32, 34, 58, 68],
+    }
+)
+# Flags of a profile's configuration: velocity, amplitude and correlation are there, in this order.
+_VELOCITY, _AMPLITUDE, _CORRELATION = 1 << 5, 1 << 6, 1 << 7
+_BLANKING_IN_CM = 1 << 1
+_NO_VELOCITY = -32768
 
 
 def sniff(head: bytes) -> bool:
     """Whether the beginning of a file looks like this format: also one that begins with its text record."""
-    return b"\xa5" in head and bool(kinds(head) & {BOTTOM_AD2CP, 0x15, 0x16, 0x18, 0xA0})
+    return b"\xa5" in head and bool(kinds(head) & {BOTTOM_AD2CP, BURST_AD2CP, AVERAGE_AD2CP, 0x18, 0xA0})
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """The bottom-track records of a file.
+    """The bottom-track records of a file, and its profiles.
 
     Raises:
         DataError: where there is none, or none in beam coordinates.
@@ -58,12 +84,13 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             account.skip_where(f"bottom track in {name} coordinates", coordinates == kind, pings.position)
     in_beams = coordinates == _BEAM
     table = _table(data, pings.where(in_beams), account, options)
-    if not account.kept and not in_beams.all():
+    if not account.kept and not in_beams.all() and not options.water_alone:
         raise DataError(
             f"{place}: {np.count_nonzero(~in_beams)} bottom-track records hold no beam velocities; set CY=BEAM for "
             "bottom track (SETBT) and record again"
         )
-    raise_if_empty(account, place, "bottom-track record (DF20)")
+    water = _water(data, found, account, options)
+    raise_if_empty(account, place, "bottom-track record (DF20)", water, options)
     return Recording(
         format=NAME,
         table=table,
@@ -73,6 +100,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         time_of="record",
         quality="figure of merit as recorded",
         notes=["a beam counts as valid where it has a distance and a figure of merit", UNSURE],
+        water=water,
     )
 
 
@@ -118,5 +146,56 @@ def _table(data: bytes, pings: Frames, account: Account, options: Options) -> Be
             "roll_rad": np.radians(head["roll"] * 0.01),
             "sound_speed_mps": head["sound"] * 0.1,
         },
+        negate=options.negate_beams,
+    )
+
+
+def _water(data: bytes, found: Frames, account: Account, options: Options) -> WaterTable | None:
+    """The cells of the profiles of four beams in beam coordinates: of bursts or, where there are none, of averages."""
+    for kind in (BURST_AD2CP, AVERAGE_AD2CP):
+        profiles = found.where((found.kind == kind) & (found.size >= _PROFILE_LEAST))
+        setup = fields_at(data, profiles.start, _PROFILE)["setup"]
+        profiles = profiles.where((setup >> 10 & 3 == _BEAM) & (setup >> 12 == _BEAMS))
+        if len(profiles.start):
+            return _cells(data, profiles, account, options)
+    return None
+
+
+_PROFILE_LEAST = 76
+"""Bytes before the velocities."""
+
+
+def _cells(data: bytes, profiles: Frames, account: Account, options: Options) -> WaterTable | None:
+    """The cells of profiles; those of another layout than the documented one have none."""
+    head, setup = (fields_at(data, profiles.start, layout) for layout in (_HEAD, _PROFILE))
+    time_ns, on_clock = struct_tm_ns(head["clock"], head["hundred_us"])
+    cells, offset = setup["setup"].astype(np.int64) & 0x3FF, head["offset"].astype(np.int64)
+    parts = head["configuration"]
+    # Velocities of two bytes, then amplitudes and correlations of one, each by beam and, within it, by cell.
+    correlation_at = offset + _BEAMS * cells * np.where(parts & _AMPLITUDE, 3, 2)
+    end = correlation_at + _BEAMS * cells
+    whole = on_clock & (parts & _VELOCITY > 0) & (parts & _CORRELATION > 0) & (offset >= _PROFILE_LEAST)
+    whole &= (end <= profiles.size) & (setup["scale"] >= -9) & (setup["scale"] <= 0)
+    use = np.flatnonzero(whole)
+    owner = np.repeat(use, cells[use])
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(cells[use]) - cells[use], cells[use])
+    of_beam = np.arange(_BEAMS) * cells[owner][:, None] + number[:, None]
+    start = profiles.start[owner][:, None]
+    raw = fields_at(data, (start + offset[owner][:, None] + 2 * of_beam).ravel(), np.dtype([("v", "<i2")]))
+    percent = bytes_of(data)[start + correlation_at[owner][:, None] + of_beam]
+    velocity = raw["v"].reshape(-1, _BEAMS)
+    known = velocity != _NO_VELOCITY
+    blanking_m = setup["blanking"] * np.where(setup["status"] & _BLANKING_IN_CM, 1e-2, 1e-3)
+    vertical_m = blanking_m[owner] + setup["cell_mm"][owner] * 1e-3 * (number + 1)
+    scale = _SCALES[-setup["scale"].astype(np.int64)[owner]][:, None]
+    return make_water(
+        account,
+        profiles.position[owner],
+        time_ns[owner],
+        number + 1,
+        vertical_m / math.cos(_TILT_RAD),
+        np.where(known, velocity * scale, NAN),
+        known,
+        quality=percent * 2.55,
         negate=options.negate_beams,
     )

@@ -1,22 +1,27 @@
-"""Nortek DVL500 and DVL1000: bottom track in the binary formats DF21 and DF22 (record id 0x1B).
+"""Nortek DVL500 and DVL1000: bottom track (record id 0x1B) and water track (0x1D) in the binary formats DF21 and DF22.
 
 The status word holds validity flags of velocity, distance and figure of merit for each beam and each axis. Distances
-are vertical. Layout as in the manufacturer's published structure; DF22 is assumed to have the same fields.
+are vertical. Layout as in the manufacturer's published structure, which both records share; DF22 is assumed to have the
+same fields.
 """
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
 from bottomlock.io.binary_records import fields_at
 from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
-from bottomlock.io.nortek_frames import BOTTOM_DVL, Frames, frames, kinds, struct_tm_ns
+from bottomlock.io.nortek_frames import BOTTOM_DVL, WATER_DVL, Frames, frames, kinds, struct_tm_ns
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.water_rows import make_water
+from bottomlock.io.water_table import WaterTable
 
 NAME = "nortek-dvl"
-STREAM = Stream(lambda _: nortek(), kind=BOTTOM_DVL)
+STREAM = Stream(lambda _: nortek(), kind=BOTTOM_DVL, water=(WATER_DVL,))
 _BEAMS = 4
 _DATA = np.dtype(
     [
@@ -35,7 +40,7 @@ def sniff(head: bytes) -> bool:
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """The bottom-track records of a stream.
+    """The bottom-track records of a stream, and its water track.
 
     Raises:
         DataError: where there is none.
@@ -50,7 +55,8 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         "bottom track of another layout", short, pings.position, lambda k: f"{pings.size[k]} bytes"
     )
     table = _table(data, pings.where(~short), account, options)
-    raise_if_empty(account, place, "bottom-track record (DF21, DF22)")
+    water = _water(data, found.where(found.kind == WATER_DVL), account, options)
+    raise_if_empty(account, place, "bottom-track record (DF21, DF22)", water, options)
     return Recording(
         format=NAME,
         table=table,
@@ -67,26 +73,25 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             "time is that of the record; beam1_delay_s ... hold its DT1, trigger to centre of echo",
             UNSURE,
             *vertical_note(table),
+            *no_layer_note(water),
         ],
+        water=water,
     )
 
 
 @np.errstate(invalid="ignore")
 def _table(data: bytes, pings: Frames, account: Account, options: Options) -> BeamTable:
     """The table of the records."""
-    every = fields_at(data, pings.start, _DATA)
-    time_ns, on_clock = struct_tm_ns(every["clock"], every["hundred_us"])
+    f, time_ns, on_clock = _on_clock(data, pings)
     account.skip_where("clock out of range", ~on_clock, pings.position)
-    at, time_ns, f = pings.position[on_clock], time_ns[on_clock], every[on_clock]
+    at = pings.position[on_clock]
     error, beams = f["error"], f["beams"]
     account.flag_where("instrument reports an error", error > 0, at, lambda k: f"code {error[k]:#x}")
     other = (beams != 0) & (beams != _BEAMS)
     account.flag_where("record states another number of beams", other, at, lambda k: f"{beams[k]} beams")
-    good = (f["status"][:, None] >> np.arange(20) & 1).astype(bool)
-    velocity, distance, fom, axes = (
-        f[name].astype(np.float64) for name in ("velocity", "distance", "fom", "axes")
-    )
-    measured = velocity > NO_VELOCITY_MPS + 1e-3
+    good = _flags(f)
+    velocity, along_m, fom = _beams(f, good)
+    axes = f["axes"].astype(np.float64)
     first, second = (good[:, k : k + 1] for k in (14, 15))
     mean = 0.5 * (axes[:, 2:3] + axes[:, 3:])
     vertical = np.where(first & second, mean, np.where(first, axes[:, 2:3], axes[:, 3:]))
@@ -96,10 +101,10 @@ def _table(data: bytes, pings: Frames, account: Account, options: Options) -> Be
         _BEAMS,
         at,
         time_ns,
-        np.where(measured, velocity, NAN),
-        good[:, :4] & measured,
-        range_m=np.where(good[:, 4:8] & (distance > 0.0), distance / math.cos(TILT_RAD), NAN),
-        sd=np.where(good[:, 8:12] & (fom < NO_FOM_MPS), fom, NAN),
+        velocity,
+        good[:, :4] & np.isfinite(velocity),
+        range_m=along_m,
+        sd=fom,
         instrument=np.where(known[:, None], np.hstack([axes[:, :2], vertical]), NAN),
         verdict=known,
         extra={
@@ -109,6 +114,61 @@ def _table(data: bytes, pings: Frames, account: Account, options: Options) -> Be
         },
         negate=options.negate_beams,
     )
+
+
+def _on_clock(data: bytes, records: Frames) -> tuple[NDArray[Any], Integers, Flags]:
+    """The fields and times of the records whose clock is in range, and (n,) which these are."""
+    fields = fields_at(data, records.start, _DATA)
+    time_ns, on_clock = struct_tm_ns(fields["clock"], fields["hundred_us"])
+    return fields[on_clock], time_ns[on_clock], on_clock
+
+
+def _flags(fields: NDArray[Any]) -> Flags:
+    """(n, 20) validity of the beams' velocities, distances and figures of merit, then those of the axes."""
+    return np.asarray((fields["status"][:, None] >> np.arange(20) & 1).astype(bool))
+
+
+def _beams(fields: NDArray[Any], good: Flags) -> tuple[Floats, Floats, Floats]:
+    """Velocities, ranges along the beams and figures of merit (n, 4); NaN where there is none."""
+    velocity, distance, fom = (fields[name].astype(np.float64) for name in ("velocity", "distance", "fom"))
+    return (
+        np.where(velocity > NO_VELOCITY_MPS + 1e-3, velocity, NAN),
+        np.where(good[:, 4:8] & (distance > 0.0), distance / math.cos(TILT_RAD), NAN),
+        np.where(good[:, 8:12] & (fom < NO_FOM_MPS), fom, NAN),
+    )
+
+
+@np.errstate(invalid="ignore")
+def _water(data: bytes, found: Frames, account: Account, options: Options) -> WaterTable | None:
+    """The layer of the water of the water-track records, as cell 1."""
+    records = found.where(found.size >= _DATA.itemsize)
+    fields, time_ns, on_clock = _on_clock(data, records)
+    good = _flags(fields)
+    velocity, along_m, fom = _beams(fields, good)
+    return make_water(
+        account,
+        records.position[on_clock],
+        time_ns,
+        np.ones(len(fields)),
+        layer_range_m(along_m),
+        velocity,
+        good[:, :4] & np.isfinite(velocity),
+        sd=fom,
+        negate=options.negate_beams,
+    )
+
+
+def layer_range_m(along_m: Floats) -> Floats:
+    """(n,) range of a layer of water, the mean over the beams that have one (n, B); 0 where none has."""
+    known = np.isfinite(along_m)
+    return np.asarray(np.where(known, along_m, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1))
+
+
+def no_layer_note(water: WaterTable | None) -> list[str]:
+    """A note where water track states no distance."""
+    if water is None or (water.range_m > 0.0).all():
+        return []
+    return ["water track without a distance is taken as that of the water at the instrument"]
 
 
 def vertical_note(table: BeamTable) -> list[str]:

@@ -14,11 +14,12 @@ from bottomlock.io.binary_records import BLOCK, Headers, Places, blocks, bytes_o
 from bottomlock.io.civil_time import minute_ns
 
 _LEAST, _MOST = 10, 64
-BOTTOM_AD2CP, BOTTOM_DVL, WATER_DVL = 0x17, 0x1B, 0x1D
+BURST_AD2CP, AVERAGE_AD2CP, BOTTOM_AD2CP = 0x15, 0x16, 0x17
+BOTTOM_DVL, WATER_DVL = 0x1B, 0x1D
 BOTTOM_NUCLEUS, WATER_NUCLEUS = 0xB4, 0xBE
 NAMES = {
-    0x15: "burst profile",
-    0x16: "average profile",
+    BURST_AD2CP: "burst profile",
+    AVERAGE_AD2CP: "average profile",
     BOTTOM_AD2CP: "bottom track",
     0x18: "interleaved burst",
     0x1A: "altimeter",

@@ -1,7 +1,9 @@
-"""Nortek Nucleus1000: bottom track of three beams (record id 0xB4); one lost beam already leaves a partial velocity.
+"""Nortek Nucleus1000: bottom track (record id 0xB4) and water track (0xBE) of three beams.
+
+One lost beam already leaves a partial velocity.
 
 The status word holds validity flags of velocity, distance and figure of merit for each beam and each axis. Layout as in
-the manufacturer's driver.
+the manufacturer's driver, which reads both records alike.
 """
 
 from typing import Any
@@ -9,15 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, BeamTable, Integers, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Integers, Recording
 from bottomlock.io.binary_records import fields_at
 from bottomlock.io.framing import Stream, nortek
-from bottomlock.io.nortek_dvl import UNSURE, vertical_note
-from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, frames, kinds
+from bottomlock.io.nortek_dvl import UNSURE, layer_range_m, no_layer_note, vertical_note
+from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, Frames, frames, kinds
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.water_rows import make_water
+from bottomlock.io.water_table import WaterTable
 
 NAME = "nucleus"
-STREAM = Stream(lambda _: nortek(), kind=BOTTOM_NUCLEUS)
+STREAM = Stream(lambda _: nortek(), kind=BOTTOM_NUCLEUS, water=(WATER_NUCLEUS,))
 _BEAMS = 3
 _FAMILY = 0x20
 _NUCLEUS_RECORDS = {0x82, 0x87, 0xAA, 0xB4, 0xBE, 0xD2, 0xDC}
@@ -37,7 +41,7 @@ def sniff(head: bytes) -> bool:
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """The bottom-track records of a stream.
+    """The bottom-track records of a stream, and its water track.
 
     Raises:
         DataError: where there is none.
@@ -55,7 +59,10 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     fields = fields_at(data, pings.start, _DATA)
     posix = bool((fields["flags"] & 1).any())
     table = _table(fields, pings.position, account, options)
-    raise_if_empty(account, place, "bottom-track record of a Nucleus")
+    water = _water(
+        data, found.where((found.kind == WATER_NUCLEUS) & (found.family == _FAMILY)), account, options
+    )
+    raise_if_empty(account, place, "bottom-track record of a Nucleus", water, options)
     return Recording(
         format=NAME,
         table=table,
@@ -68,7 +75,9 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             "distance is kept as recorded",
             UNSURE,
             *vertical_note(table),
+            *no_layer_note(water),
         ],
+        water=water,
     )
 
 
@@ -77,13 +86,13 @@ def _table(fields: NDArray[Any], position: Integers, account: Account, options: 
     on_clock = fields["micros"] <= 999_999
     account.skip_where("clock out of range", ~on_clock, position)
     f = fields[on_clock]
-    good = (f["status"][:, None] >> np.arange(15) & 1).astype(bool)
+    good = _flags(f)
     known = good[:, 9:12].all(axis=1)
     return make_table(
         account,
         _BEAMS,
         position[on_clock],
-        (f["seconds"].astype(np.int64) * 1_000_000 + f["micros"]) * 1000,
+        _time_ns(f),
         f["velocity"],
         good[:, :3],
         range_m=np.where(good[:, 3:6], f["distance"], NAN),
@@ -97,3 +106,33 @@ def _table(fields: NDArray[Any], position: Integers, account: Account, options: 
         },
         negate=options.negate_beams,
     )
+
+
+def _water(data: bytes, found: Frames, account: Account, options: Options) -> WaterTable | None:
+    """The layer of the water of the water-track records, as cell 1."""
+    records = found.where(found.size >= _DATA.itemsize)
+    every = fields_at(data, records.start, _DATA)
+    on_clock = every["micros"] <= 999_999
+    f = every[on_clock]
+    good = _flags(f)
+    return make_water(
+        account,
+        records.position[on_clock],
+        _time_ns(f),
+        np.ones(len(f)),
+        layer_range_m(np.where(good[:, 3:6], f["distance"], NAN)),
+        f["velocity"],
+        good[:, :3],
+        sd=np.where(good[:, 6:9], f["fom"], NAN),
+        negate=options.negate_beams,
+    )
+
+
+def _flags(fields: NDArray[Any]) -> Flags:
+    """(n, 15) validity of the beams' velocities, distances and figures of merit, then those of the axes."""
+    return np.asarray((fields["status"][:, None] >> np.arange(15) & 1).astype(bool))
+
+
+def _time_ns(fields: NDArray[Any]) -> Integers:
+    """(n,) the clock."""
+    return np.asarray((fields["seconds"].astype(np.int64) * 1_000_000 + fields["micros"]) * 1000)

@@ -1,9 +1,11 @@
-"""Teledyne PD0: ensembles with bottom track (0x0600) and its high-resolution velocity (0x5803).
+"""Teledyne PD0: ensembles with bottom track (0x0600), its high-resolution velocity (0x5803), and the water.
 
 An ensemble is 7F 7F, its length, a table of offsets to data types, and a 16-bit sum of all its bytes. The fixed leader
 (command EX) gives the coordinates of the four bottom-track velocities: beams, or the instrument's, the ship's or the
 earth's axes and an error velocity. Recorded velocities are those of the bottom relative to the instrument: a beam is
-positive when the bottom comes nearer, which is our b . v; velocities in axes are negated to those of the vehicle.
+positive when the bottom comes nearer, which is our b . v; velocities in axes are negated to those of the vehicle. The
+same holds of the water: of its profile (0x0100, correlation 0x0200, cells by the fixed leader) or, where a file has
+none, of the water-mass layer that a bottom track holds.
 
 Source: Teledyne RD Instruments, Workhorse and Pathfinder guides, "PD0 output data format"; signs from recordings with
 GPS (docs/formats.md).
@@ -14,6 +16,7 @@ from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
@@ -21,12 +24,15 @@ from bottomlock.io.binary_records import BLOCK, EMPTY, Headers, Places, blocks, 
 from bottomlock.io.civil_time import minute_ns
 from bottomlock.io.framing import Stream, pd0
 from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, raise_if_empty, running_sums
+from bottomlock.io.water_rows import make_water
+from bottomlock.io.water_table import WaterTable
 
 NAME = "pd0"
 STREAM = Stream(lambda _: pd0())
 _BEAMS = 4
 FRAMES = ("beam", "instrument", "ship", "earth")
 _FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE = 0x0000, 0x0080, 0x0600, 0x5803
+_PROFILE, _PROFILE_CORRELATION = 0x0100, 0x0200
 _BAD = -32768
 # Bad in 0.01 mm/s: the coarse mark scaled, or the type's own least value.
 _BAD_FINE = (-(2**31), _BAD * 100)
@@ -49,6 +55,12 @@ _ATTITUDE = np.dtype(
     [("sound", "<u2"), ("depth", "<u2"), ("heading", "<u2"), ("pitch", "<i2"), ("roll", "<i2")]
 )
 _COARSE = np.dtype([("range", "<u2", 4), ("velocity", "<i2", 4), ("correlation", "u1", 4)])
+_OF_WATER = ((_FIXED, _FIXED + 1), (_BOTTOM,), (_PROFILE,), (_PROFILE_CORRELATION,))
+_CELLS = np.dtype(
+    {"names": ["cells", "size", "first"], "formats": ["u1", "<u2", "<u2"], "offsets": [9, 12, 32]}
+)
+_CELL, _CELL_CORRELATION = np.dtype([("velocity", "<i2", 4)]), np.dtype([("correlation", "u1", 4)])
+_LAYER = np.dtype([("near", "<u2"), ("far", "<u2"), ("velocity", "<i2", 4), ("correlation", "u1", 4)])
 _HIGH, _FINE = np.dtype([("high", "u1", 4)]), np.dtype([("velocity", "<i4", 4)])
 ADVICE = {
     "instrument": "instrument coordinates (EX01xxx)",
@@ -159,6 +171,7 @@ class Ensembles:
         config: (n,) the system's configuration word.
         angle_deg: (n,) of the beams, 0 where it is not stated.
         fine: (n,) velocities in 0.01 mm/s are there.
+        water: (n, 4, 2) place and length of fixed leader, bottom track, water profile and its correlations.
     """
 
     position: Places
@@ -176,6 +189,7 @@ class Ensembles:
     config: Integers
     angle_deg: Integers
     fine: Flags
+    water: Integers
 
     def where(self, chosen: Flags) -> Self:
         """The chosen ones."""
@@ -260,6 +274,7 @@ def ensembles(data: bytes, account: Account) -> Ensembles:
         config=fields_at(data, fixed + 4, _SYSTEM)["config"].astype(np.int64),
         angle_deg=angle,
         fine=fine,
+        water=np.stack([np.stack(types.of(*ids), axis=1)[use] for ids in _OF_WATER], axis=1),
     )
 
 
@@ -298,7 +313,8 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             account.skip_where(f"{name} coordinates among {FRAMES[use]} coordinates", others, pings.position)
     table = _table(pings.where(pings.on_clock & (pings.frame == use)), use, account, options)
     raise_if_empty(account, place, "ensemble with bottom track")
-    return _recording(table, account, pings, use)
+    water = None if use else _water(data, found.where(found.on_clock & (found.frame == 0)), account, options)
+    return _recording(table, account, pings, use, water)
 
 
 def _table(e: Ensembles, frame: int, account: Account, options: Options) -> BeamTable:
@@ -333,10 +349,76 @@ def _table(e: Ensembles, frame: int, account: Account, options: Options) -> Beam
 _TABLE_FRAMES = ("none", "frd", "frd", "ned")
 
 
-def _recording(table: BeamTable, account: Account, pings: Ensembles, frame: int) -> Recording:
-    config, own_angle = int(pings.config[0]), int(pings.angle_deg[0])
-    angle = {0: 15, 1: 20, 2: 30}.get(config >> 8 & 3)
-    angle = own_angle if angle is None and 0 < own_angle < 60 else angle
+def _beam_angle_deg(pings: Ensembles) -> int | None:
+    """Of the beams to the instrument's axis, as the first ensemble states it."""
+    own = int(pings.angle_deg[0])
+    return {0: 15, 1: 20, 2: 30}.get(int(pings.config[0]) >> 8 & 3, own if 0 < own < 60 else None)
+
+
+def _water(data: bytes, e: Ensembles, account: Account, options: Options) -> WaterTable | None:
+    """The cells of ensembles in beam coordinates: of their profiles or, where none has one, the water-mass layers."""
+    angle = _beam_angle_deg(e) if len(e.position) else None
+    if angle is None:
+        return None
+    owner, cell, distance_m, velocity, correlation = _profile(data, e.water)
+    if not len(owner):
+        owner, distance_m, velocity, correlation = _layer(data, e.water)
+        cell = np.ones(len(owner), dtype=np.int64)
+    velocity_mps = np.where(velocity == _BAD, NAN, velocity * 1e-3)
+    return make_water(
+        account,
+        e.position[owner],
+        e.time_ns[owner],
+        cell,
+        distance_m / np.cos(np.radians(angle)),
+        velocity_mps,
+        velocity != _BAD,
+        quality=correlation,
+        negate=options.negate_beams,
+    )
+
+
+_WaterCells = tuple[Integers, Integers, Floats, NDArray[np.int16], Floats]
+
+
+def _profile(data: bytes, water: Integers) -> _WaterCells:
+    """The cells of the water profiles, as many as velocities and fixed leader have.
+
+    Returns:
+        Of each its ensemble, number, distance along the instrument's axis, m, velocities (n, 4), mm/s, and correlations
+        (n, 4), NaN where there are none.
+    """
+    (fixed, fixed_length), _, (at, length), (correlation_at, correlation_length) = water.transpose(1, 2, 0)
+    known = fixed_length >= 34
+    count, size_m, first_m = np.zeros((3, len(water)))
+    setup = fields_at(data, fixed[known], _CELLS)
+    count[known], size_m[known], first_m[known] = setup["cells"], setup["size"] * 0.01, setup["first"] * 0.01
+    cells = np.minimum(count.astype(np.int64), np.maximum(length - 2, 0) // _CELL.itemsize)
+    owner = np.repeat(np.arange(len(water)), cells)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
+    velocity = fields_at(data, at[owner] + 2 + _CELL.itemsize * number, _CELL)["velocity"]
+    correlation = np.full((len(owner), _BEAMS), np.nan)
+    has = 2 + 4 * (number + 1) <= correlation_length[owner]
+    there = correlation_at[owner[has]] + 2 + 4 * number[has]
+    correlation[has] = fields_at(data, there, _CELL_CORRELATION)["correlation"]
+    return owner, number + 1, first_m[owner] + size_m[owner] * number, velocity, correlation
+
+
+def _layer(data: bytes, water: Integers) -> tuple[Integers, Floats, NDArray[np.int16], Floats]:
+    """The water-mass layers in which a beam has a velocity, as `_profile` without the number."""
+    at, length = water[:, 1].T
+    owner = np.flatnonzero(length >= 62)
+    layer = fields_at(data, at[owner] + 46, _LAYER)
+    there = (layer["far"] > layer["near"]) & (layer["velocity"] != _BAD).any(axis=1)
+    middle_m = (layer["near"].astype(np.float64) + layer["far"]) * 0.05
+    correlation = layer["correlation"].astype(np.float64)
+    return owner[there], middle_m[there], layer["velocity"][there], correlation[there]
+
+
+def _recording(
+    table: BeamTable, account: Account, pings: Ensembles, frame: int, water: WaterTable | None
+) -> Recording:
+    config, angle = int(pings.config[0]), _beam_angle_deg(pings)
     up = bool(config & 0x80)
     notes = ["time is the ensemble's own clock, to a hundredth of a second"]
     if up:
@@ -364,4 +446,5 @@ def _recording(table: BeamTable, account: Account, pings: Ensembles, frame: int)
         resolution_mps=1e-5 if pings.fine[0] else 1e-3,
         notes=notes,
         facts={"coordinates": FRAMES[frame], "beam_angle_deg": angle, "looks_up": up},
+        water=water,
     )

@@ -17,6 +17,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.account import in_file_order
 from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Flags, Floats, Integers
 from bottomlock.io.columns import LATEST_NS
+from bottomlock.io.water_table import WaterTable
 
 NAN = math.nan
 
@@ -31,6 +32,7 @@ class Options:
         negate_beams: beam velocities are positive away from the bottom in this file.
         ignore_checksum: keep text records whose checksum does not fit, flagged.
         clock: of a sum of intervals: "reports" adds that of every report, "distinct" not those of exact repeats.
+        water_alone: accept records of the water without any ping of the bottom.
         topic: of a bag or MCAP file with several.
         columns: TOML file with the column map of a table.
     """
@@ -39,6 +41,7 @@ class Options:
     keep_stale: bool = False
     negate_beams: bool = False
     ignore_checksum: bool = False
+    water_alone: bool = False
     clock: Literal["reports", "distinct"] = "reports"
     topic: str | None = None
     columns: str | None = None
@@ -93,7 +96,7 @@ def make_table(
     """
     where = np.asarray(position, dtype=np.int64)
     n = len(where)
-    times, arrival = _whole(time_ns), None if arrival_ns is None else _whole(arrival_ns)
+    times, arrival = whole_times(time_ns), None if arrival_ns is None else whole_times(arrival_ns)
     late = np.abs(times) >= LATEST_NS
     account.skip_where("time out of range", late, where, lambda k: f"{time_ns[k]} ns")
     if arrival is not None and arrival_ns is not None:
@@ -154,7 +157,7 @@ def _flags(values: NDArray[Any], keep: Integers) -> NDArray[Any]:
     return values[keep] if values.ndim else np.full(len(keep), values)
 
 
-def _whole(times: Times) -> Integers:
+def whole_times(times: Times) -> Integers:
     """Times as an own array, `NO_TIME_NS` for None; those beyond 64 bits become `LATEST_NS`."""
     if isinstance(times, np.ndarray):
         return times.astype(np.int64)
@@ -307,13 +310,15 @@ def lost(account: Account) -> str:
     return f"; skipped: {', '.join(parts)}" if parts else ""
 
 
-def raise_if_empty(account: Account, place: str, what: str) -> None:
-    """Raises an error that lists what was found instead, where a file has no ping.
+def raise_if_empty(
+    account: Account, place: str, what: str, water: WaterTable | None = None, options: Options = PLAIN
+) -> None:
+    """Raises an error that lists what was found instead, where a file has no ping, nor water that is asked for alone.
 
     Raises:
         DataError: naming the file, and why each record was skipped.
     """
-    if account.kept:
+    if account.kept or (options.water_alone and water is not None):
         return
     others = ", ".join(f"{reason.count} {name}" for name, reason in in_file_order(account.other))
     found = f"; there are {others}" if others else ""

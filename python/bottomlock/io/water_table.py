@@ -6,7 +6,8 @@ it through the water.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Self
 
@@ -15,11 +16,9 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Flags, Integers
-from bottomlock.io.converted import check_converted
+from bottomlock.io.converted import WATER_ENDING, check_converted
 from bottomlock.io.table_columns import Floats, TableColumns
 from bottomlock.support.later import pl
-
-_ENDING = "_water"
 
 
 def water_file(path: str | Path) -> Path:
@@ -29,7 +28,7 @@ def water_file(path: str | Path) -> Path:
     'dive/beams_water.parquet'
     """
     path = Path(path)
-    return path.with_name(f"{path.stem}{_ENDING}.parquet")
+    return path.with_name(f"{path.stem}{WATER_ENDING}.parquet")
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +116,17 @@ class WaterTable:
                 f"{place}: row {row}, beam {beam + 1} is flagged valid, expected a finite velocity and a range of 0 m "
                 "or more, or a cleared flag"
             )
+
+
+def joined(tables: Sequence[WaterTable]) -> WaterTable:
+    """One table of some with as many beams, at least one, sorted by time and cell; of repeats the first stands."""
+    if len(tables) == 1:
+        return tables[0]
+    parts = {
+        one.name: np.concatenate([getattr(table, one.name) for table in tables]) for one in fields(WaterTable)
+    }
+    _, first = np.unique(np.stack([parts["time_ns"], parts["cell"]]), axis=1, return_index=True)
+    return WaterTable(**{name: values[first] for name, values in parts.items()})
 
 
 def read_water_table(path: str | Path) -> WaterTable:

@@ -2,6 +2,11 @@
 
 Beams are the transducers with id 0 to 3; velocity in x, y, z is FRD. A transducer's velocity is positive when the
 vehicle moves along its beam: on a recorded A50 it fits b . v with tilt 22.5° and azimuths +135, -135, -45, +45°.
+
+A report of the water (type `velocity_water`, tracking mode `water`, from json_v3.2 on) comes in place of one of the
+bottom: it is a ping whose beams have no bottom, and a cell of the water.
+
+Source: Water Linked, TCP JSON API of the A50 and A125, and "Water tracking".
 """
 
 import contextlib
@@ -14,7 +19,9 @@ import numpy as np
 from bottomlock.io.beam_table import Account, BeamTable, Floats, Recording
 from bottomlock.io.framing import Lines, Stream
 from bottomlock.io.json_lines import LONGEST_JSON, objects
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty, whole_times
+from bottomlock.io.water_rows import make_water
+from bottomlock.io.water_table import WaterTable
 
 NAME = "waterlinked-json"
 STREAM = Stream(
@@ -24,6 +31,8 @@ STREAM = Stream(
     sums=True,
 )
 _BEAMS = 4
+WATER_RANGE_M = 3.0 / math.cos(math.radians(22.5))
+"""Along the beam to the middle of the layer of water that the instrument measures, 1.5 m to 4.5 m below it."""
 
 
 def sniff(head: bytes) -> bool:
@@ -115,13 +124,21 @@ class _Clock:
         return notes
 
 
+def _of_water(report: dict[str, Any]) -> bool:
+    """Whether a report is one of the velocity through the water."""
+    mode = report.get("tracking_mode", "bottom")
+    return report.get("type") == "velocity_water" or (mode == "water" and report.get("type") == "velocity")
+
+
 def _other(report: dict[str, Any]) -> str | None:
-    """The kind of an object that is no velocity over ground, None for one that is."""
+    """The kind of an object that is no velocity, None for one that is, over ground or through the water."""
+    if _of_water(report):
+        return None
     kind = report.get("type")
     if kind is None and "type" not in report and ("vx" in report or "transducers" in report):
         kind = "velocity"
-    if report.get("tracking_mode", "bottom") != "bottom" or kind == "velocity_water":
-        return "velocity through the water"
+    if report.get("tracking_mode", "bottom") != "bottom":
+        return "velocity in an unknown tracking mode"
     if kind == "velocity":
         return None
     if isinstance(kind, str) and kind:
@@ -146,7 +163,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         last = report
         if time_ns is not None:
             reports.add(position, time_ns, report)
-    table = reports.table(negate=options.negate_beams)
+    table, water = reports.table(negate=options.negate_beams), reports.water(negate=options.negate_beams)
     raise_if_empty(account, place, "velocity report with transducers")
     absolute = bool(clock.absolute)
     return Recording(
@@ -160,6 +177,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         geometry="waterlinked_a50",
         notes=clock.notes(account),
         facts={"formats": dict(sorted(reports.formats.items()))},
+        water=water,
     )
 
 
@@ -179,6 +197,7 @@ class _Reports:
         self._valid: list[list[bool]] = []
         self._verdict: list[int] = []
         self._stale: list[bool] = []
+        self._through_water: list[bool] = []
         self._before: list[tuple[Any, ...]] | None = None
 
     def add(self, position: int, time_ns: int, report: dict[str, Any]) -> None:
@@ -211,18 +230,24 @@ class _Reports:
             if not self._keep_stale:
                 valid = [False] * _BEAMS
         verdict = report.get("velocity_valid")
+        through_water = _of_water(report)
+        if through_water:
+            self._account.flag("velocity through the water: no beam has the bottom", position)
+            verdict = False
         self._position.append(position)
         self._time_ns.append(time_ns)
         for numbers in block:
             self._numbers += numbers or _NONE
         self._numbers += map(report.get, _OF_REPORT)
         self._valid.append(valid)
+        self._through_water.append(through_water)
         self._verdict.append(int(verdict) if isinstance(verdict, bool) else -1)
         self._stale.append(stale)
 
     def table(self, *, negate: bool) -> BeamTable:
-        """The table."""
-        values = _floats(self._numbers).reshape(-1, _BEAMS * len(_OF_BEAM) + len(_OF_REPORT))
+        """The table; a report of the water has nothing of the bottom."""
+        through_water = np.array(self._through_water, dtype=bool)[:, None]
+        values = np.where(through_water, NAN, self._values)
         velocity, distance, rssi, noise = (values[:, k : 4 * _BEAMS : 4] for k in range(len(_OF_BEAM)))
         altitude, fom = values[:, -2], values[:, -1]
         return make_table(
@@ -231,7 +256,7 @@ class _Reports:
             self._position,
             self._time_ns,
             velocity,
-            self._valid,
+            np.array(self._valid, dtype=bool).reshape(-1, _BEAMS) & ~through_water,
             range_m=np.where(distance >= 0.0, distance, NAN),
             quality=rssi,
             instrument=values[:, -5:-2],
@@ -244,6 +269,25 @@ class _Reports:
             },
             negate=negate,
         )
+
+    def water(self, *, negate: bool) -> WaterTable | None:
+        """The layer of the water of each of its reports, as cell 1."""
+        mine = np.flatnonzero(self._through_water)
+        return make_water(
+            self._account,
+            np.array(self._position, dtype=np.int64)[mine],
+            whole_times(self._time_ns)[mine],
+            np.ones(len(mine)),
+            np.full(len(mine), WATER_RANGE_M),
+            self._values[mine, 0 : 4 * _BEAMS : 4],
+            np.array(self._valid, dtype=bool).reshape(-1, _BEAMS)[mine],
+            negate=negate,
+        )
+
+    @property
+    def _values(self) -> Floats:
+        """(n, numbers) of every report: of each beam, then of the report itself."""
+        return _floats(self._numbers).reshape(-1, _BEAMS * len(_OF_BEAM) + len(_OF_REPORT))
 
 
 _OF_BEAM = ("velocity", "distance", "rssi", "nsd")

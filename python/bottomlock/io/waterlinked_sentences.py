@@ -11,15 +11,18 @@ from bottomlock.io.beam_table import Account, Flags, Floats, Integers
 from bottomlock.io.lines import Lines, batches, fields_between, hexadecimal_at, numbers, running_crc8, wholes
 from bottomlock.io.sentences import LONGEST_LINE
 
-LOST, VELOCITY, VELOCITY_ALONE, REFUSED, TRANSDUCER = range(5)
-"""Kinds of events: one that is as good as lost, a `wrz`, a `wrx`, either with wrong fields, a `wru`."""
+LOST, VELOCITY, VELOCITY_ALONE, REFUSED, TRANSDUCER, WATER = range(6)
+"""Kinds of events: one that is as good as lost, a `wrz`, a `wrx`, either with wrong fields, a `wru`, a `wrs`."""
+_WATER_FIELDS = 11
+_OLD_STATUS = ord("S")
+"""Stands for the `s` of a `wrs` that has another number of fields than a velocity through the water."""
 _MOST_FIELDS, _LONGEST_FIELD = 16, 200
 _LETTER = np.isin(np.arange(256), list(b"abcdefghijklmnopqrstuvwxyz!?"))
 _AFTER = np.isin(np.arange(256), list(b",*"))
 _KINDS = {
     b"wrt": "wrt (distances alone, deprecated)",
     b"wrp": "wrp (dead reckoning)",
-    b"wrs": "wrs (two meanings by version)",
+    b"wrS": "wrs (no velocity through the water)",
 }
 _DIGITS = bytes.maketrans(b"123456789", b"0" * 9)
 
@@ -32,7 +35,8 @@ class Events:
         position: line.
         kind: one of the kinds above.
         flag: number of a transducer; 1 and 0 as a velocity is flagged; else -1.
-        numbers: (n, 6) of a velocity: x, y, z, altitude, figure of merit, interval; of a transducer: four of them.
+        numbers: (n, 6) of a velocity: x, y, z, altitude (NaN of a `wrs`), figure of merit, interval; of a transducer:
+            four of them.
         framed: a logger wrote something around the sentence.
         lost: (n + 1,) lines and sentences that cannot be read, before each and after the last.
         frame: (n, 4) places in the file between which that stands, before and after.
@@ -155,15 +159,18 @@ def _values(words: bytes, values: list[int]) -> Integers:
     return found
 
 
-_FLAGS = dict.fromkeys((VELOCITY, VELOCITY_ALONE), _values(b"yn", [1, 0])) | {
+_FLAGS = dict.fromkeys((VELOCITY, VELOCITY_ALONE, WATER), _values(b"yn", [1, 0])) | {
     TRANSDUCER: _values(b"0123", [0, 1, 2, 3])
 }
 _LAYOUTS = {
     ord("z"): (VELOCITY, 12, [1, 2, 3, 5, 6, 10], 4),
+    ord("s"): (WATER, _WATER_FIELDS, [1, 2, 3, 5, 5, 9], 4),
     ord("x"): (VELOCITY_ALONE, 9, [2, 3, 4, 6, 5, 1], 7),
     ord("u"): (TRANSDUCER, 6, [2, 3, 4, 5], 1),
 }
 """By letter: kind, fields, those that are numbers, the one that is a flag or the transducer's number."""
+_VALIDITY = {VELOCITY: 8, WATER: 7}
+"""By kind: the field with the time of validity."""
 _OTHER = ~np.isin(np.arange(256), list(_LAYOUTS))
 
 
@@ -205,8 +212,11 @@ def _read(
         )
         kind[bad] = LOST if sort == TRANSDUCER else REFUSED
         kind[good] = sort
-        if sort == VELOCITY:
-            for k, time_us in zip(of.tolist(), wholes(lines, begin[:, 8], end[:, 8]), strict=True):
+        if sort == WATER:
+            values[of, 3] = np.nan
+        if sort in _VALIDITY:
+            field = _VALIDITY[sort]
+            for k, time_us in zip(of.tolist(), wholes(lines, begin[:, field], end[:, field]), strict=True):
                 validity[k] = time_us
     return kind, flag, values, validity
 
@@ -246,6 +256,8 @@ def _batch(lines: Lines, account: Account, *, trust: bool) -> Events:
     account.read += len(dropped.start) + len(found.start)
 
     letter = np.where(accepted, raw[found.start + 2], 0)
+    fields = np.searchsorted(commas, found.star) - np.searchsorted(commas, found.start) + 1
+    letter[(letter == ord("s")) & (fields != _WATER_FIELDS)] = _OLD_STATUS
     position = lines.number[found.line]
     kind, flag, values, validity = _read(lines, found, letter, commas, account)
     heard = accepted & ~_pass_by(letter, position, account, trust=trust)
@@ -260,7 +272,7 @@ def _batch(lines: Lines, account: Account, *, trust: bool) -> Events:
 
     unread = np.concatenate([found.start[~accepted], lines.end[rest], dropped.end])
     count = int(np.count_nonzero(heard))
-    velocity = (kind == VELOCITY) | (kind == VELOCITY_ALONE)
+    velocity = np.isin(kind, (VELOCITY, VELOCITY_ALONE, WATER))
     return Events(
         position=position[heard],
         kind=kind[heard],

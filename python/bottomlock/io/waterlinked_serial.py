@@ -1,8 +1,9 @@
 """Water Linked DVLs on a serial line: `wrz` (velocity) with four `wru` (transducers), each with its CRC-8.
 
 The instrument sends a `wrz` and then its transducers in order, so a `wru` belongs to the `wrz` before it unless a line
-between them was damaged or lost. The deprecated `wrx` is a velocity too; `wrt` holds distances alone, so logs of `wrx`
-and `wrt` have no beam velocities.
+between them was damaged or lost. In water tracking (version 2.7) a `wrs` stands in place of the `wrz`: it is a ping
+whose beams have no bottom, and a cell of the water. The deprecated `wrx` is a velocity too; `wrt` holds distances
+alone, so logs of `wrx` and `wrt` have no beam velocities.
 """
 
 import re
@@ -14,12 +15,16 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
 from bottomlock.io.framing import Stream, WaterLinkedLines
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty, whole_times
+from bottomlock.io.water_rows import make_water
+from bottomlock.io.water_table import WaterTable
+from bottomlock.io.waterlinked_json import WATER_RANGE_M
 from bottomlock.io.waterlinked_sentences import (
     LOST,
     TRANSDUCER,
     VELOCITY,
     VELOCITY_ALONE,
+    WATER,
     Events,
     read_events,
 )
@@ -27,7 +32,9 @@ from bottomlock.io.waterlinked_sentences import (
 NAME = "waterlinked-serial"
 STREAM = Stream(
     WaterLinkedLines,
-    transmission=re.compile(rb"wrz(?:,[^,*\n]{0,200}){9},([0-9]{1,18}),[^,*\n]{1,32},[^,*\n]{1,8}\*"),
+    transmission=re.compile(
+        rb"wr(?:z,[^,*\n]{0,200}|s)(?:,[^,*\n]{0,200}){8},([0-9]{1,18}),[^,*\n]{1,32},[^,*\n]{1,8}\*"
+    ),
     sums=True,
     lost=True,
 )
@@ -42,7 +49,7 @@ ADVICE = (
 
 def sniff(head: bytes) -> bool:
     """Whether the beginning of a file looks like this format."""
-    return re.search(rb"(^|[\s\x00,])wr[zuxtp],-?\d", head) is not None
+    return re.search(rb"(^|[\s\x00,])wr[zuxtps],-?\d", head) is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +62,7 @@ class _Pings:
         verdict: (n,) 1 and 0 as the instrument flags its velocity.
         validity_us: (n,) time of validity, None where there is none.
         lines: (n,).
+        water: (n,) the report is one of the water.
         joined: (n, 4) the transducer's report is there.
         beams: (n, 4, 4) by transducer: velocity, distance, rssi, nsd.
     """
@@ -64,6 +72,7 @@ class _Pings:
     verdict: Integers
     validity_us: list[int | None]
     lines: Integers
+    water: Flags
     joined: Flags
     beams: Floats
 
@@ -76,13 +85,14 @@ def _join(events: Events, data: bytes, account: Account) -> _Pings:
     shows a lost line.
     """
     kind = events.kind
-    opens = (kind == VELOCITY) | (kind == VELOCITY_ALONE)
+    with_beams = (kind == VELOCITY) | (kind == WATER)
+    opens = with_beams | (kind == VELOCITY_ALONE)
     report = np.flatnonzero(opens)
     ping = np.cumsum(opens) - 1
     # The report before each event; without any, the event itself.
     before = np.where(ping >= 0, report[ping] if len(report) else 0, np.arange(len(kind)))
     transducer = kind == TRANSDUCER
-    inside = transducer & (ping >= 0) & (kind[before] == VELOCITY)
+    inside = transducer & (ping >= 0) & with_beams[before]
     fits = inside & (events.flag == np.arange(len(kind)) - before - 1)
     fits &= _unbroken(fits | opens, events.lost, before)
     for k in np.flatnonzero(fits & (events.framed | events.framed[before])).tolist():
@@ -95,7 +105,7 @@ def _join(events: Events, data: bytes, account: Account) -> _Pings:
         ("transducer report without its velocity report", open_ & ~fits),
     ):
         account.skip_where(reason, transducer & those, events.position)
-    account.pass_by_where("wru (joined to its wrz)", fits, events.position)
+    account.pass_by_where("wru (joined to its wrz or wrs)", fits, events.position)
     # The lines of each ping that are there: those that count, and those that cannot be read.
     there = (transducer | (kind == LOST)) + events.lost[1:]
     lines = 1 + np.bincount(ping[ping >= 0], there[ping >= 0], minlength=len(report)).astype(np.int64)
@@ -109,6 +119,7 @@ def _join(events: Events, data: bytes, account: Account) -> _Pings:
         verdict=events.flag[report],
         validity_us=events.validity_us,
         lines=lines,
+        water=kind[report] == WATER,
         joined=joined,
         beams=beams,
     )
@@ -152,7 +163,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     if len(pings.position) and not with_beams and not options.instrument_only:
         raise DataError(f"{place}: {ADVICE}; --instrument-only converts the velocities as they are")
     absolute = bool(pings.validity_us) and None not in pings.validity_us
-    table = _table(pings, account, options, beams=_BEAMS if with_beams else 0, absolute=absolute)
+    table, water = _table(pings, account, options, beams=_BEAMS if with_beams else 0, absolute=absolute)
     raise_if_empty(account, place, "velocity report")
     return Recording(
         format=NAME,
@@ -168,11 +179,14 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             "a beam has no flag of its own: it counts as valid where its distance is not -1",
             *([] if absolute else ["the reports carry no clock: time is the sum of their intervals"]),
         ],
+        water=water,
     )
 
 
-def _table(pings: _Pings, account: Account, options: Options, *, beams: int, absolute: bool) -> BeamTable:
-    """The table; a beam is lost where its distance is negative."""
+def _table(
+    pings: _Pings, account: Account, options: Options, *, beams: int, absolute: bool
+) -> tuple[BeamTable, WaterTable | None]:
+    """The tables of beams and of water; a beam is lost where its distance is negative."""
     interval = pings.velocity[:, 5]
     usable = np.isfinite(interval) & (np.abs(interval) <= 1e9)
     account.skip_where("no interval since the last report", ~usable, pings.position)
@@ -185,19 +199,32 @@ def _table(pings: _Pings, account: Account, options: Options, *, beams: int, abs
         # Whole numbers of Python: a sum of absurd intervals goes beyond 64 bits.
         times = list(accumulate(np.rint(interval[usable] * 1e6).astype(np.int64).tolist()))
     found = np.where(pings.joined[..., None], pings.beams, NAN)[usable][:, :beams]
+    position, through_water = pings.position[usable], pings.water[usable]
+    water = make_water(
+        account,
+        position[through_water],
+        whole_times(times)[through_water],
+        np.ones(int(through_water.sum())),
+        np.full(int(through_water.sum()), WATER_RANGE_M),
+        found[through_water, :, 0],
+        found[through_water, :, 1] >= 0.0,
+        negate=options.negate_beams,
+    )
+    account.flag_where("velocity through the water: no beam has the bottom", through_water, position)
+    found[through_water] = NAN
     velocity, distance, rssi, noise = np.moveaxis(found, 2, 0)
-    altitude, fom = pings.velocity[usable, 3], pings.velocity[usable, 4]
-    return make_table(
+    altitude, fom = pings.velocity[usable, 3], np.where(through_water, NAN, pings.velocity[usable, 4])
+    table = make_table(
         account,
         beams,
-        pings.position[usable],
+        position,
         times,
         velocity,
         distance >= 0.0,
         range_m=np.where(distance >= 0.0, distance, NAN),
         quality=rssi,
-        instrument=pings.velocity[usable, :3],
-        verdict=pings.verdict[usable],
+        instrument=np.where(through_water[:, None], NAN, pings.velocity[usable, :3]),
+        verdict=np.where(through_water, 0, pings.verdict[usable]),
         extra={
             "altitude_m": np.where(altitude >= 0.0, altitude, NAN),
             "instrument_sd_mps": fom,
@@ -205,3 +232,4 @@ def _table(pings: _Pings, account: Account, options: Options, *, beams: int, abs
         },
         negate=options.negate_beams,
     )
+    return table, water

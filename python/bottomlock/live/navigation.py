@@ -337,7 +337,7 @@ class NavigationEstimator:
         self._water(self._navigator, time_ns, ping)
 
     def _water(self, navigator: Navigator, time_ns: int, ping: Ping) -> None:
-        """Takes the cells of the water that came with a ping."""
+        """Takes the cells of the water that came with a ping; `time_ns` is the ping's on our clock."""
         section = self._config.water_track
         if section is None or ping.water is None:
             return
@@ -351,19 +351,21 @@ class NavigationEstimator:
         )
         self.water_counts += counts
         for row in np.flatnonzero(rows.valid.any(axis=1)):
-            self._waters[time_ns] = rows.valid[row]
+            # Water of a record of its own was measured at another time than the bottom.
+            at_ns = time_ns + int(rows.time_ns[row]) - ping.time_ns
+            self._waters[at_ns] = rows.valid[row]
             while len(self._waters) > _PENDING:
                 del self._waters[next(iter(self._waters))]
             try:
                 reports = navigator.push_water_track(
-                    time_ns,
+                    at_ns,
                     rows.velocity_mps[row],
                     rows.valid[row],
                     sd_mps=rows.sd_mps[row],
                     range_m=float(rows.range_m[row]),
                 )
             except KernelError:
-                self._waters.pop(time_ns, None)
+                self._waters.pop(at_ns, None)
                 raise
             self._take(reports)
 

@@ -2,7 +2,8 @@
 
 A ping is what `bottomlock convert` makes of the same bytes, with three differences that follow from not knowing the
 future: a ping whose time does not rise is handed on (the engine counts it), a Water Linked serial report is taken as
-soon as its fourth transducer is in, and a sum of intervals begins with the first report after the start.
+soon as its fourth transducer is in, and a sum of intervals begins with the first report after the start. Water that a
+record of its own holds comes with the next ping of the bottom.
 """
 
 import re
@@ -15,8 +16,12 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable
 from bottomlock.io.formats import STREAMS
 from bottomlock.io.rows import Options
+from bottomlock.io.water_table import WaterTable, joined
 from bottomlock.live.reasons import Reasons
 from bottomlock.recordings.water_cells import CellTable
+
+_MOST_HELD = 16
+"""Records of the water that are held for the next ping of the bottom; of more the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +38,7 @@ class Ping:
         instrument_mps: (3,) the instrument's own velocity; NaN where there is none.
         instrument_valid: whether the instrument calls it valid; None without a flag.
         stale: the beams repeat those of the report before; none is valid.
-        water: cells of the water of this ping; None where the record has none.
+        water: cells of the water, of this ping or measured since the one before; None where there are none.
     """
 
     time_ns: int
@@ -83,7 +88,9 @@ class PingReader:
         self._read, self._stream = chosen.read, chosen.stream
         self.framer = self._stream.frame(self.beams)
         # A report whose transducers are all missing is a ping with all beams lost, not a log without beams.
-        self._settings = replace(self.options, instrument_only=True) if self._stream.lost else self.options
+        only = self._stream.lost or self.options.instrument_only
+        self._settings = replace(self.options, instrument_only=only, water_alone=True)
+        self._water: list[WaterTable] = []
         self._before: tuple[bytes, ...] | None = None
         self._absolute: bool | None = None
         self._sum_ns = 0
@@ -98,7 +105,7 @@ class PingReader:
 
     def _pings(self, record: bytes) -> list[Ping]:
         self.records += 1
-        if self._stream.kind is not None and record[2] != self._stream.kind:
+        if self._stream.kind is not None and record[2] not in {self._stream.kind, *self._stream.water}:
             self.skipped.add("another kind of record")
             return []
         try:
@@ -107,6 +114,10 @@ class PingReader:
             self.skipped.add(_reason(error))
             return []
         table = recording.table
+        if recording.water is not None:
+            self._water = [*self._water[1 - _MOST_HELD :], recording.water]
+        if not table.rows:
+            return []
         if table.beams > self.beams:
             self.skipped.add(f"{table.beams} beams, the geometry has {self.beams}")
             return []
@@ -120,12 +131,15 @@ class PingReader:
             return []
         found = []
         sum_ns = self._sum_ns
+        water, self._water = self._water, []
         for row in range(table.rows):
             time_ns = int(table.time_ns[row])
             if not absolute:
                 # The reader's sum begins with this record's first interval.
                 time_ns = self._sum_ns = sum_ns + time_ns
             found.append(self._ping(table, row, time_ns, record, only=table.rows == 1))
+        if water and found and absolute:
+            found[-1] = replace(found[-1], water=joined(water))
         return found
 
     def _ping(self, table: BeamTable, row: int, time_ns: int, record: bytes, *, only: bool) -> Ping:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bottomlock.files.atomic_write import write_parquet, write_text
 from bottomlock.files.overwriting import check_free
 from bottomlock.io.beam_table import Recording, sidecar, write_recording
+from bottomlock.io.water_table import water_file
 from bottomlock.replay.init.found import Found, Times
 
 Integers = NDArray[np.int64]
@@ -60,6 +61,7 @@ class Files:
         """Writes a beam table and its account."""
         path = self.beside("beams")
         self.check(sidecar(path))
+        self.check(water_file(path))
         write_recording(recording, path, source=source)
         self.written.append(path)
         return self.relative(path)
