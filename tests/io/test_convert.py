@@ -122,7 +122,9 @@ def test_the_examples_of_the_documentation(
     (third,) = re.findall(r"`(bottomlock convert data/logs/robosub[^`]*)`", page)
     done = [command(*line.split()[1:]) for line in (first, second, third)]
     assert [one.returncode for one in done] == [0, 0, 0], [one.stderr for one in done]
-    assert done[0].stdout == blocks[3].lstrip() + "wrote out/beams.parquet, beams_water.parquet and beams.json\n"
+    assert (
+        done[0].stdout == blocks[3].lstrip() + "wrote out/beams.parquet, beams_water.parquet and beams.json\n"
+    )
 
 
 def test_a_bag_that_is_a_folder(tmp_path: Path, convert: Run) -> None:

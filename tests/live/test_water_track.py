@@ -96,6 +96,30 @@ def test_the_water_takes_over_and_the_bottom_comes_back() -> None:
     assert (current[1] < 0.05).all()
 
 
+@pytest.mark.parametrize("form", ["pd0", "nortek-dvl"])
+def test_the_water_of_a_byte_stream(form: str) -> None:
+    """In the ensemble of the bottom, or in a record of its own behind it, which is taken with the next ping."""
+    engine = Engine(config("navigation", extra=SECTION, format=form))
+    sent = fly(engine, World(10.5, none_from_five, form=form, through_mps=THROUGH), imu=True)
+    assert states(sent) == ["OK", "WATER", "OK"]
+    current = engine.estimator.current
+    assert current is not None
+    assert (np.abs(current[0] - CURRENT[:2]) < 4.0 * current[1]).all()
+    assert (current[1] < 0.05).all()
+    assert engine.estimator.water_counts.used > 4 * 90
+
+
+def test_water_tracking_of_a_water_linked() -> None:
+    """It reports the water in place of the bottom: learnt before, the current is what a start with both would give."""
+    engine = Engine(config("navigation", extra=SECTION))
+    sent = fly(engine, World(8.5, none_from_five, through_mps=THROUGH), imu=True)
+    assert states(sent) == ["OK", "WATER"]
+    current = engine.estimator.current
+    assert current is not None
+    assert (np.abs(current[0] - CURRENT[:2]) < 4.0 * current[1]).all()
+    assert engine.estimator.water_counts.used > 4 * 30
+
+
 def test_without_the_section_the_water_is_not_used() -> None:
     chosen = config("navigation")
     sent = fly(with_water(chosen), World(7.0, none_from_five), imu=True)

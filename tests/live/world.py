@@ -148,6 +148,7 @@ class World:
         offset_ns: the DVL's clock minus the host's, at a time in s.
         seed: of every noise.
         outliers: fraction of the readings of beams with twelve times the noise.
+        through_mps: velocity through the water, which its beams measure with twice the noise; None without water.
     """
 
     seconds: float
@@ -156,6 +157,7 @@ class World:
     offset_ns: Callable[[float], int] = lambda _: -1_000_000_000_000
     seed: int = 1
     outliers: float = 0.0
+    through_mps: np.ndarray | None = None
     dvl_hz: float = 10.0
     imu_hz: float = 100.0
     pings: dict[int, np.ndarray] = field(default_factory=dict)
@@ -168,6 +170,7 @@ class World:
     def dvl(self) -> Iterator[tuple[int, int, bytes]]:
         """Reports of the DVL, 40 ms after the time of validity and up to 5 ms of delay."""
         random = np.random.default_rng([self.seed, 1])
+        of_water = np.random.default_rng([self.seed, 3])
         geometry = read_geometry("waterlinked_a50").geometry
         encode = encoder(self.form, geometry).encode
         before = 0
@@ -183,6 +186,10 @@ class World:
             ranges[lost] = np.nan
             offset = self.offset_ns(t)
             own = (valid_ns + offset) // 1000 * 1000
+            water = None
+            if self.through_mps is not None:
+                water = geometry.beam_velocities(self.through_mps[np.newaxis])[0]
+                water += 2.0 * BEAM_SD * of_water.standard_normal(4)
             whole = not lost
             solved = (
                 solve_velocity(geometry, beams[np.newaxis], [[True] * 4], method="lc", beam_sd_mps=BEAM_SD)
@@ -199,6 +206,9 @@ class World:
                 velocity_p_mps=None if solved is None else solved.velocity_p_mps[0],
                 covariance_m2ps2=None if solved is None else solved.cov_m2ps2[0],
                 altitude_m=11.0,
+                water_velocity_mps=water,
+                water_range_m=4.0,
+                water_sd_mps=2.0 * BEAM_SD,
             )
             before = own
             yield valid_ns + 40_000_000 + int(random.exponential(1e6)), 0, encode(ping)

@@ -1,4 +1,4 @@
-"""Nortek DVL500 and DVL1000: the bottom-track record of DF21 (id 0x1B).
+"""Nortek DVL500 and DVL1000: the bottom-track record of DF21 (id 0x1B) and, with water, that of water track (0x1D).
 
 Numbers are 32-bit floats; status bits say which velocities, distances and figures of merit are valid, of each beam and
 each axis; what is not holds Nortek's marks (-32.768 m/s, 0 m, 10 m/s). Distances are vertical. The clock is that of the
@@ -18,7 +18,7 @@ from bottomlock.io.columns import LATEST_NS
 from bottomlock.io.nortek_ascii import NO_VELOCITY_MPS, TILT_RAD
 
 NAME = "nortek-dvl"
-_KIND, _FAMILY = 0x1B, 0x16
+_BOTTOM, _WATER, _FAMILY = 0x1B, 0x1D, 0x16
 _VELOCITY, _DISTANCE, _FOM = 0, 4, 8
 _AXES, _AXES_FOM = 12, 16
 _LEAST, _MOST = -32_765, 32_765
@@ -61,12 +61,18 @@ def _both(values: list[float]) -> list[float]:
 
 
 def encode(ping: Ping, instrument: Instrument) -> bytes:
-    """The record of a ping.
+    """The record of a ping, and that of its water.
 
     Raises:
         DataError: for a velocity as far out as the mark for none, and a time outside the record's clock.
     """
     del instrument
+    water = ping.of_water
+    return _record(_BOTTOM, ping) + (b"" if water is None else _record(_WATER, water))
+
+
+def _record(kind: int, ping: Ping) -> bytes:
+    """A record of the layout that bottom and water share."""
     when, rest = calendar(steps_of(ping.sent_ns, 100_000, 0, LATEST_NS // 100_000, ping), 10_000)
     clock = bytes([when.year - 1900, when.month - 1, when.day, when.hour, when.minute, when.second])
     beams = range(4)
@@ -95,4 +101,4 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
     head = struct.pack(
         "<BBI6sHHII3f", 1, 36, _SERIAL, clock, rest, 4, 0, status, ping.sound_speed_mps, 12.0, 1.0
     )
-    return nortek_frame(_KIND, head + struct.pack("<44f", *numbers), _FAMILY)
+    return nortek_frame(kind, head + struct.pack("<44f", *numbers), _FAMILY)

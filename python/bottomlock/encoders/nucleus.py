@@ -1,4 +1,4 @@
-"""Nortek Nucleus1000: the bottom-track record of three beams (id 0xB4).
+"""Nortek Nucleus1000: the bottom-track record of three beams (id 0xB4) and, with water, that of water track (0xBE).
 
 Numbers are 32-bit floats; status bits say which velocities, distances and figures of merit are valid. The clock is that
 of the trigger, in s and µs since 1970; `dt` leads from there to the centre of the echo.
@@ -15,19 +15,25 @@ from bottomlock.encoders.nortek_dvl import axes_and_fom, beam_range, beam_veloci
 from bottomlock.encoders.ping import Ping
 
 NAME = "nucleus"
-_KIND, _FAMILY = 0xB4, 0x20
+_BOTTOM, _WATER, _FAMILY = 0xB4, 0xBE, 0x20
 _POSIX = 1
 _SERIAL = 4711
 _LATEST_US = 2**32 * 1_000_000 - 1
 
 
 def encode(ping: Ping, instrument: Instrument) -> bytes:
-    """The record of a ping.
+    """The record of a ping, and that of its water.
 
     Raises:
         DataError: for a velocity as far out as the mark for none, and a time outside the record's clock.
     """
     del instrument
+    water = ping.of_water
+    return _record(_BOTTOM, ping) + (b"" if water is None else _record(_WATER, water))
+
+
+def _record(kind: int, ping: Ping) -> bytes:
+    """A record of the layout that bottom and water share."""
     seconds, micros = divmod(steps_of(ping.sent_ns, 1000, 0, _LATEST_US, ping), 1_000_000)
     beams = range(3)
     axes, axes_fom, known = axes_and_fom(ping)
@@ -49,4 +55,4 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
     head = struct.pack(
         "<4B3I2I3f", 2, 36, _POSIX, 0, seconds, micros, status, _SERIAL, 0, ping.sound_speed_mps, 12.0, 1.0
     )
-    return nortek_frame(_KIND, head + struct.pack("<23f", *numbers), _FAMILY)
+    return nortek_frame(kind, head + struct.pack("<23f", *numbers), _FAMILY)

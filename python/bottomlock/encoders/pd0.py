@@ -1,4 +1,4 @@
-"""Teledyne PD0: an ensemble with its leaders and bottom track (0x0600) in beam coordinates.
+"""Teledyne PD0: an ensemble with its leaders, bottom track (0x0600) and, with water, a profile of one cell (0x0100).
 
 Ranges in cm with a third byte beyond 655.35 m, 0 for none; velocities in mm/s, -32768 for none; positive when the
 bottom comes nearer, our b . v. The clock is the ensemble's, when the ping was sent, to a hundredth of a second, with
@@ -21,15 +21,22 @@ BAD = -32768
 _CORRELATION, _LOST_CORRELATION = 200, 20
 _CONFIGURED_DEG = {15: 0, 20: 1, 30: 2}
 _OTHER_ANGLE = 3
+_CELL_CM = 200
 
 
-def _fixed(instrument: Instrument) -> bytes:
-    """The fixed leader: 600 kHz, convex, looking down, four beams, beam coordinates."""
+def _fixed(ping: Ping, instrument: Instrument) -> bytes:
+    """The fixed leader: 600 kHz, convex, looking down, four beams, beam coordinates, perhaps a cell of the water."""
     leader = bytearray(59)
     degrees = round(math.degrees(instrument.tilt_rad))
     angle = _CONFIGURED_DEG.get(degrees, _OTHER_ANGLE)
     struct.pack_into("<HBBH", leader, 0, 0x0000, 50, 1, 0x4000 | angle << 8 | 0x0B)
     leader[8], leader[25], leader[58] = 4, 0, degrees
+    if ping.water_velocity_mps is not None:
+        vertical_m = ping.water_range_m * math.cos(math.radians(degrees))
+        middle = whole(vertical_m, 0.01, 0, 0xFFFF, ping, "distance of the water, m")
+        leader[9] = 1
+        struct.pack_into("<H", leader, 12, _CELL_CM)
+        struct.pack_into("<H", leader, 32, middle)
     return bytes(leader)
 
 
@@ -61,18 +68,37 @@ def _bottom(ping: Ping) -> bytes:
         whole(float(r), 0.01, 1, 0xFFFFFF, ping, f"range of beam {k + 1}, m") if math.isfinite(r) else 0
         for k, r in enumerate(ping.range_m)
     ]
-    velocity = [
+    good = [100 if valid else 0 for valid in ping.valid]
+    struct.pack_into(
+        "<4H4h4B", track, 16, *(c & 0xFFFF for c in cm), *_velocities(ping), *_correlations(ping)
+    )
+    track[40:44] = bytes(good)
+    track[77:81] = bytes(c >> 16 for c in cm)
+    return bytes(track)
+
+
+def _velocities(ping: Ping) -> list[int]:
+    """Of the beams, mm/s."""
+    return [
         whole(float(v), 1e-3, -32767, 32767, ping, f"velocity of beam {k + 1}, m/s")
         if math.isfinite(v)
         else BAD
         for k, v in enumerate(ping.beam_velocity_mps)
     ]
-    correlation = [_CORRELATION if good else _LOST_CORRELATION for good in ping.valid]
-    good = [100 if valid else 0 for valid in ping.valid]
-    struct.pack_into("<4H4h4B", track, 16, *(c & 0xFFFF for c in cm), *velocity, *correlation)
-    track[40:44] = bytes(good)
-    track[77:81] = bytes(c >> 16 for c in cm)
-    return bytes(track)
+
+
+def _correlations(ping: Ping) -> list[int]:
+    return [_CORRELATION if good else _LOST_CORRELATION for good in ping.valid]
+
+
+def _water(water: Ping | None) -> list[bytes]:
+    """Velocities and correlations of the one cell of a profile."""
+    if water is None:
+        return []
+    return [
+        struct.pack("<H4h", 0x0100, *_velocities(water)),
+        struct.pack("<H4B", 0x0200, *_correlations(water)),
+    ]
 
 
 def encode(ping: Ping, instrument: Instrument) -> bytes:
@@ -81,4 +107,4 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
     Raises:
         DataError: for a number that its field does not hold.
     """
-    return pd0_wrap([_fixed(instrument), _variable(ping), _bottom(ping)])
+    return pd0_wrap([_fixed(ping, instrument), _variable(ping), *_water(ping.of_water), _bottom(ping)])

@@ -1,7 +1,7 @@
 """One ping of a DVL, as every encoder takes it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,9 @@ class Ping:
         altitude_m: distance to the bottom along the instrument's vertical; None where unknown.
         attitude_rad: (3,) roll, pitch, yaw, for the formats that state them; None writes zeros.
         sound_speed_mps: as set in the instrument.
+        water_velocity_mps: (n,) what the water returned in a cell; NaN where the beam is lost, None without water.
+        water_range_m: along the beams to the middle of that cell.
+        water_sd_mps: its figure of merit of each beam, 1 sigma, for the formats that state it.
 
     Raises:
         DataError: for shapes that do not fit, a time out of order, an infinite beam, a negative range, or a velocity
@@ -53,6 +56,9 @@ class Ping:
     altitude_m: float | None = None
     attitude_rad: Floats | None = None
     sound_speed_mps: float = 1500.0
+    water_velocity_mps: Floats | None = None
+    water_range_m: float = 0.0
+    water_sd_mps: float = 0.05
 
     def __post_init__(self) -> None:
         n = len(self.beam_velocity_mps)
@@ -70,8 +76,15 @@ class Ping:
             raise DataError(
                 f"{place}: interval_ns is {self.interval_ns}, expected 0 or more, and number from 1 on"
             )
+        water = np.full(n, np.nan) if self.water_velocity_mps is None else self.water_velocity_mps
+        if np.shape(water) != (n,) or not 0.0 <= self.water_range_m < np.inf:
+            raise DataError(
+                f"{place}: water_velocity_mps has shape {np.shape(water)} and water_range_m is {self.water_range_m}, "
+                f"expected ({n},), one per beam, and 0 m or more"
+            )
         if (
             np.isinf(self.beam_velocity_mps).any()
+            or np.isinf(water).any()
             or (np.asarray(self.range_m) < 0.0).any()
             or np.isinf(self.range_m).any()
         ):
@@ -93,6 +106,23 @@ class Ping:
             raise DataError(
                 f"{place}: velocity or covariance is not finite; None stands for an invalid velocity"
             )
+
+    @property
+    def of_water(self) -> "Ping | None":
+        """The ping with the water in place of the bottom, without a velocity over ground; None without water."""
+        if self.water_velocity_mps is None:
+            return None
+        return replace(
+            self,
+            beam_velocity_mps=self.water_velocity_mps,
+            range_m=np.where(np.isfinite(self.water_velocity_mps), self.water_range_m, np.nan),
+            velocity_p_mps=None,
+            covariance_m2ps2=None,
+            fom_mps=None,
+            altitude_m=None,
+            beam_sd_mps=self.water_sd_mps,
+            water_velocity_mps=None,
+        )
 
     @property
     def beams(self) -> int:

@@ -2,7 +2,8 @@
 
 `time_of_validity` is the reflection at the bottom, `time_of_transmission` the moment before sending, both µs. Numbers
 are written with all their digits. A lost beam has velocity 0 and distance -1, as recorded. A line ends with a carriage
-return and a line feed, where the maker's own client splits.
+return and a line feed, where the maker's own client splits. A ping of which only the water returned is a report of
+water tracking.
 
 Source: Water Linked, "DVL TCP JSON API", json_v3.3; key order and marks from its example and from a recorded A50.
 """
@@ -51,6 +52,8 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         DataError: for a number that is no measurement, and for times before 1970.
     """
     del instrument
+    through = ping.of_water is not None and not ping.valid.any()
+    ping = ping.of_water or ping if through else ping
     velocity, covariance, fom = ping.velocity_p_mps, ping.covariance_m2ps2, ping.figure_mps
     known = velocity is not None and covariance is not None and fom is not None
     rows = [[NO_FOM_MPS**2 if i == j else 0 for j in range(3)] for i in range(3)]
@@ -66,9 +69,9 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         "transducers": [_transducer(ping, k) for k in range(ping.beams)],
         "velocity_valid": known,
         "status": 0,
-        "tracking_mode": "bottom",
+        "tracking_mode": "water" if through else "bottom",
         "format": FORMAT,
-        "type": "velocity",
+        "type": "velocity_water" if through else "velocity",
         "time_of_validity": steps_of(ping.time_ns, 1000, 1, LATEST_NS // 1000, ping),
         "time_of_transmission": steps_of(ping.transmission_ns, 1000, 1, LATEST_NS // 1000, ping),
     }

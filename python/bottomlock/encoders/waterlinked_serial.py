@@ -1,9 +1,10 @@
 """Water Linked serial: `wrz` with the velocity, then a `wru` a transducer, each with a CRC-8.
 
 Velocities to 1 mm/s, distances to 1 cm. `wrz` has the time of validity (the reflection at the bottom) and that of
-transmission, in µs. A `wru` has no flag: a distance of -1 marks a lost beam, so that a beam that returns needs a range.
+transmission, in µs. Of a ping of which only the water returned the velocity is a `wrs`, which has no altitude. A `wru`
+has no flag: a distance of -1 marks a lost beam, so that a beam that returns needs a range.
 
-Source: Water Linked, "DVL serial protocol" 2.4; number of digits from its examples.
+Source: Water Linked, "DVL serial protocol" 2.4 and 2.7; number of digits from its examples.
 """
 
 import math
@@ -19,8 +20,8 @@ from bottomlock.io.columns import LATEST_NS
 NAME = "waterlinked-serial"
 
 
-def _velocity(ping: Ping) -> str:
-    """The fields of `wrz` behind its name."""
+def _velocity(ping: Ping, *, through: bool) -> str:
+    """The fields of `wrz` behind its name, or of `wrs` for a velocity through the water."""
     velocity, covariance, fom = ping.velocity_p_mps, ping.covariance_m2ps2, ping.figure_mps
     known = velocity is not None and covariance is not None and fom is not None
     rows = [NO_FOM_MPS**2 if k % 4 == 0 else 0.0 for k in range(9)]
@@ -30,7 +31,11 @@ def _velocity(ping: Ping) -> str:
     fields = [
         *(decimal(v, 3, ping, f"velocity {axis}, m/s") for v, axis in zip(axes, "xyz", strict=True)),
         "y" if known else "n",
-        decimal(-1.0 if ping.altitude_m is None else ping.altitude_m, 2, ping, "altitude, m"),
+        *(
+            []
+            if through
+            else [decimal(-1.0 if ping.altitude_m is None else ping.altitude_m, 2, ping, "altitude, m")]
+        ),
         decimal(NO_FOM_MPS if fom is None else fom, 3, ping, "figure of merit, m/s"),
         ";".join(f"{value:g}" for value in rows),
         *(str(steps_of(t, 1000, 1, LATEST_NS // 1000, ping)) for t in (ping.time_ns, ping.transmission_ns)),
@@ -62,5 +67,11 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         DataError: for a beam that returns without a range, a number that is no measurement, a time before 1970.
     """
     del instrument
-    lines = [f"wrz,{_velocity(ping)}", *(f"wru,{_transducer(ping, k)}" for k in range(ping.beams))]
+    through = ping.of_water is not None and not ping.valid.any()
+    ping = ping.of_water or ping if through else ping
+    name = "wrs" if through else "wrz"
+    lines = [
+        f"{name},{_velocity(ping, through=through)}",
+        *(f"wru,{_transducer(ping, k)}" for k in range(ping.beams)),
+    ]
     return b"".join(waterlinked_sentence(line.encode()) for line in lines)

@@ -1,6 +1,7 @@
 """Readings of one simulated run: its drawn sensor errors, its beams lost by the scenario's own rules."""
 
 import numpy as np
+import polars as pl
 from pydantic import ValidationError
 
 from bottomlock.config.scenario import Scenario
@@ -76,7 +77,20 @@ def readings_of_scenario(scenario: Scenario, *, run: int = 0, altitude_m: float 
         ),
         depth=Depths(depth["time_ns"].to_numpy(), depth["depth_m"].to_numpy()) if depth.height else None,
         truth=_states(truth, time_ns),
+        water_mps=_water(streams.get("beams_water"), time_ns, geometry.beams),
+        water_range_m=scenario.water_track.range_m,
+        water_sd_mps=scenario.water_track.noise_mps,
     )
+
+
+def _water(table: pl.DataFrame | None, time_ns: np.ndarray, beams: int) -> Floats | None:
+    """(n, beams) what the water returned at each ping of the bottom, NaN where nothing; None without water track."""
+    if table is None:
+        return None
+    water = np.full((len(time_ns), beams), np.nan)
+    rows = np.searchsorted(time_ns, table["time_ns"].to_numpy())
+    water[rows] = table.select(f"beam{k}_mps" for k in range(1, beams + 1)).fill_null(np.nan).to_numpy()
+    return water
 
 
 def _states(truth: Truth, time_ns: np.ndarray) -> TrueStates:

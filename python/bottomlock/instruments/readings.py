@@ -43,6 +43,9 @@ class Readings:
         imu: the IMU's readings, or None.
         depth: the depth sensor's readings, or None.
         truth: true states at the pings, or None for a recording.
+        water_mps: (n, beams) what the water returned at each ping, as `beam_mps`; None without water.
+        water_range_m: along the beams to the middle of its cell.
+        water_sd_mps: its noise, 1 sigma.
     """
 
     name: str
@@ -55,6 +58,9 @@ class Readings:
     imu: Inertial | None = None
     depth: Depths | None = None
     truth: TrueStates | None = None
+    water_mps: Floats | None = None
+    water_range_m: float = 0.0
+    water_sd_mps: float = 0.05
 
     @property
     def first_ns(self) -> int:
@@ -82,7 +88,8 @@ class Readings:
         if truth is not None:
             truth = TrueStates(truth.position_t_m[keep], truth.velocity_p_mps[keep], truth.rpy_rad[keep])
         parts = {name: getattr(self, name)[keep] for name in ("time_ns", "beam_mps", "range_m", "stated")}
-        return replace(self, **parts, imu=imu, depth=depth, truth=truth)
+        water = None if self.water_mps is None else self.water_mps[keep]
+        return replace(self, **parts, imu=imu, depth=depth, truth=truth, water_mps=water)
 
 
 def ranges_or_flat(
@@ -135,5 +142,16 @@ def pings(readings: Readings, *, latency_ns: int, offset_ns: int = 0) -> Iterato
             altitude_m=float((ranges * down)[there].mean()) if there.any() else None,
             attitude_rad=None if truth is None else truth.rpy_rad[k],
             sound_speed_mps=SOUND_SPEED_MPS,
+            water_velocity_mps=_water_of(readings, k),
+            water_range_m=readings.water_range_m,
+            water_sd_mps=readings.water_sd_mps,
         )
         before_ns = time
+
+
+def _water_of(readings: Readings, ping: int) -> Floats | None:
+    """(beams,) what the water returned at a ping; None where it returned nothing."""
+    if readings.water_mps is None:
+        return None
+    found: Floats = readings.water_mps[ping]
+    return found if np.isfinite(found).any() else None

@@ -90,7 +90,11 @@ def records(
 def _stale(ping: Ping, before: Ping) -> Ping:
     """A ping whose beams and number are still those of the one before, under its own times and velocity."""
     return replace(
-        ping, number=before.number, beam_velocity_mps=before.beam_velocity_mps, range_m=before.range_m
+        ping,
+        number=before.number,
+        beam_velocity_mps=before.beam_velocity_mps,
+        range_m=before.range_m,
+        water_velocity_mps=before.water_velocity_mps,
     )
 
 

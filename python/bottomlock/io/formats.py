@@ -33,7 +33,7 @@ from bottomlock.support.nearest import did_you_mean
 
 _HEAD = 65_536
 _TIMES_ITS_SIZE = 10.0
-"""Memory that reading a log takes, over its size (measured on PD0: 9 with profiles, 5 without; Water Linked JSON: 3)."""
+"""Memory that reading a log takes, over its size (measured: PD0 with profiles 9, without 5, Water Linked JSON 3)."""
 
 
 @dataclass(frozen=True)
