@@ -69,6 +69,12 @@ def convert(
             negative="", help="Reverse the sign of beam velocities that are positive away from the bottom."
         ),
     ] = False,
+    beams_from_axes: Annotated[
+        bool,
+        Parameter(
+            negative="", help="Recover the beams of PD0 in other coordinates from solutions of four beams."
+        ),
+    ] = False,
     ignore_checksum: Annotated[
         bool, Parameter(negative="", help="Keep text records with a wrong checksum, flagged.")
     ] = False,
@@ -105,6 +111,7 @@ def convert(
         instrument_only=instrument_only,
         keep_stale=keep_stale,
         negate_beams=negate_beams,
+        beams_from_axes=beams_from_axes,
         ignore_checksum=ignore_checksum,
         clock=clock,
         topic=topic,

@@ -23,6 +23,7 @@ from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers
 from bottomlock.io.binary_records import BLOCK, EMPTY, Headers, Places, blocks, bytes_of, fields_at, words_at
 from bottomlock.io.civil_time import minute_ns
 from bottomlock.io.framing import Stream, pd0
+from bottomlock.io.pd0_axes import beams_of_axes
 from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, raise_if_empty, running_sums
 from bottomlock.io.water_rows import make_water
 from bottomlock.io.water_table import WaterTable
@@ -55,6 +56,9 @@ _ATTITUDE = np.dtype(
     [("sound", "<u2"), ("depth", "<u2"), ("heading", "<u2"), ("pitch", "<i2"), ("roll", "<i2")]
 )
 _COARSE = np.dtype([("range", "<u2", 4), ("velocity", "<i2", 4), ("correlation", "u1", 4)])
+_USES_TILTS = 1 << 2
+# Bits of the configuration.
+_CONVEX, _LOOKS_UP = 1 << 3, 1 << 7
 _OF_WATER = ((_FIXED, _FIXED + 1), (_BOTTOM,), (_PROFILE,), (_PROFILE_CORRELATION,))
 _CELLS = np.dtype(
     {"names": ["cells", "size", "first"], "formats": ["u1", "<u2", "<u2"], "offsets": [9, 12, 32]}
@@ -159,7 +163,8 @@ class Ensembles:
         position: (n,) where they begin.
         time_ns: (n,).
         on_clock: (n,) the time is one that a clock can show.
-        frame: (n,) index in `FRAMES`.
+        recorded: (n,) index in `FRAMES`.
+        frame: (n,) the same of `velocity_mps`.
         bottom: (n,) there is a bottom track.
         velocity_mps: (n, 4), as `range_m` and `correlation`.
         range_m: (n, 4).
@@ -171,12 +176,14 @@ class Ensembles:
         config: (n,) the system's configuration word.
         angle_deg: (n,) of the beams, 0 where it is not stated.
         fine: (n,) velocities in 0.01 mm/s are there.
+        tilted: (n,) axes of ship and earth are levelled by the tilts.
         water: (n, 4, 2) place and length of fixed leader, bottom track, water profile and its correlations.
     """
 
     position: Places
     time_ns: Integers
     on_clock: Flags
+    recorded: Integers
     frame: Integers
     bottom: Flags
     velocity_mps: Floats
@@ -189,11 +196,19 @@ class Ensembles:
     config: Integers
     angle_deg: Integers
     fine: Flags
+    tilted: Flags
     water: Integers
 
     def where(self, chosen: Flags) -> Self:
         """The chosen ones."""
         return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
+
+    def beams(self, velocity: Floats, owner: Integers, angle_deg: int) -> Floats:
+        """(m, 4) beams of velocities of the ensembles `owner` (m,), in their coordinates."""
+        hpr_rad = np.stack([self.heading_rad, self.pitch_rad, self.roll_rad], axis=1)[owner]
+        convex = self.config[owner] & _CONVEX > 0
+        tilt_rad = float(np.radians(angle_deg))
+        return beams_of_axes(velocity, self.recorded[owner], self.tilted[owner], convex, tilt_rad, hpr_rad)
 
 
 def _times(data: bytes, leader: Places, length: Places) -> tuple[Integers, Flags]:
@@ -254,6 +269,7 @@ def ensembles(data: bytes, account: Account) -> Ensembles:
     fixed, leader = fixed[use], leader[use]
     time_ns, on_clock = _times(data, leader, leader_length[use])
     state = fields_at(data, leader + 14, _ATTITUDE)
+    frame = raw[fixed + 25].astype(np.int64) >> 3 & 3
     bottom, velocity, range_m, correlation, fine = _bottom(data, types, use)
     angle = np.zeros(len(use), dtype=np.int64)
     long = fixed_length[use] > 58
@@ -262,7 +278,9 @@ def ensembles(data: bytes, account: Account) -> Ensembles:
         position=start[use],
         time_ns=time_ns,
         on_clock=on_clock,
-        frame=raw[fixed + 25].astype(np.int64) >> 3 & 3,
+        recorded=frame,
+        frame=frame,
+        tilted=(raw[fixed + 25] & _USES_TILTS) > 0,
         bottom=bottom,
         velocity_mps=velocity,
         range_m=range_m,
@@ -281,15 +299,17 @@ def ensembles(data: bytes, account: Account) -> Ensembles:
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     """The bottom-track pings of a file.
 
-    Beam velocities where ensembles are in beam coordinates. In other coordinates there are none to be had, and only
-    `instrument_only` makes a table, of the instrument's velocity.
+    Beam velocities where ensembles are in beam coordinates. Of other coordinates `instrument_only` makes a table of the
+    instrument's velocity, and `beams_from_axes` one of the beams that went into it, where these were four.
 
     Raises:
-        DataError: where there is no bottom track, or it is not in beam coordinates and `instrument_only` is not set.
+        DataError: where there is no bottom track, or it is not in beam coordinates and neither option is set.
     """
     account = Account(unit="byte")
     found = ensembles(data, account)
     count = len(found.position)
+    if options.beams_from_axes and count:
+        found = _in_beams(found, place)
     without = ~found.bottom
     account.pass_by_where("ensemble without bottom track", without, found.position)
     pings = found.where(found.bottom)
@@ -303,7 +323,8 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     if any(counts) and not counts[0] and not options.instrument_only:
         raise DataError(
             f"{place}: {sum(counts)} pings in {ADVICE[FRAMES[most]]} hold no beam velocities; set the instrument to "
-            "beam coordinates (EX00000) and record again, or convert its own velocity with --instrument-only"
+            "beam coordinates (EX00000) and record again, recover the beams from solutions of four with "
+            "--beams-from-axes, or convert its own velocity with --instrument-only"
         )
     use = 0 if counts[0] and not options.instrument_only else most
     account.skip_where("clock out of range", ~pings.on_clock, pings.position)
@@ -355,6 +376,24 @@ def _beam_angle_deg(pings: Ensembles) -> int | None:
     return {0: 15, 1: 20, 2: 30}.get(int(pings.config[0]) >> 8 & 3, own if 0 < own < 60 else None)
 
 
+def _in_beams(e: Ensembles, place: str) -> Ensembles:
+    """The ensembles with the beams that went into their velocities.
+
+    Raises:
+        DataError: where the beams' angle is not stated, or the instrument looks up.
+    """
+    angle = _beam_angle_deg(e)
+    if angle is None or e.config[0] & _LOOKS_UP:
+        why = (
+            "do not state the angle of their beams" if angle is None else "are of an instrument that looks up"
+        )
+        raise DataError(
+            f"{place}: --beams-from-axes needs a known transducer that looks down; its ensembles {why}"
+        )
+    beams = e.beams(e.velocity_mps, np.arange(len(e.position)), angle)
+    return replace(e, velocity_mps=beams, frame=np.zeros_like(e.frame))
+
+
 def _water(data: bytes, e: Ensembles, account: Account, options: Options) -> WaterTable | None:
     """The cells of ensembles in beam coordinates: of their profiles or, where none has one, the water-mass layers."""
     angle = _beam_angle_deg(e) if len(e.position) else None
@@ -365,6 +404,8 @@ def _water(data: bytes, e: Ensembles, account: Account, options: Options) -> Wat
         owner, distance_m, velocity, correlation = _layer(data, e.water)
         cell = np.ones(len(owner), dtype=np.int64)
     velocity_mps = np.where(velocity == _BAD, NAN, velocity * 1e-3)
+    if e.recorded.any():
+        velocity_mps = e.beams(velocity_mps, owner, angle)
     return make_water(
         account,
         e.position[owner],
@@ -372,7 +413,7 @@ def _water(data: bytes, e: Ensembles, account: Account, options: Options) -> Wat
         cell,
         distance_m / np.cos(np.radians(angle)),
         velocity_mps,
-        velocity != _BAD,
+        np.isfinite(velocity_mps),
         quality=correlation,
         negate=options.negate_beams,
     )
@@ -419,7 +460,7 @@ def _recording(
     table: BeamTable, account: Account, pings: Ensembles, frame: int, water: WaterTable | None
 ) -> Recording:
     config, angle = int(pings.config[0]), _beam_angle_deg(pings)
-    up = bool(config & 0x80)
+    up = bool(config & _LOOKS_UP)
     notes = ["time is the ensemble's own clock, to a hundredth of a second"]
     if up:
         notes.append("the instrument is configured to look up, but the packaged geometry looks down")
@@ -429,6 +470,13 @@ def _recording(
         )
     if frame:
         notes.append("no beam velocities: the table holds the instrument's velocity alone")
+    corrected = []
+    if frame:
+        corrected.append(
+            f"{FRAMES[frame]} axes (starboard or east, forward or north, up) of the bottom to those of the vehicle"
+        )
+    elif pings.recorded.any():
+        corrected.append("beams recovered from axes and error velocity, of solutions of four beams")
     return Recording(
         format=NAME,
         table=table,
@@ -437,14 +485,10 @@ def _recording(
         clock="the instrument's real-time clock",
         time_of="record",
         quality="correlation, counts 0 to 255" if frame == 0 else "",
-        corrected=[]
-        if frame == 0
-        else [
-            f"{FRAMES[frame]} axes (starboard or east, forward or north, up) of the bottom to those of the vehicle"
-        ],
+        corrected=corrected,
         geometry=f"teledyne_{angle}" if frame == 0 and angle in {20, 30} and not up else "",
         resolution_mps=1e-5 if pings.fine[0] else 1e-3,
         notes=notes,
-        facts={"coordinates": FRAMES[frame], "beam_angle_deg": angle, "looks_up": up},
+        facts={"coordinates": FRAMES[pings.recorded[0]], "beam_angle_deg": angle, "looks_up": up},
         water=water,
     )

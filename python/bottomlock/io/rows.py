@@ -30,6 +30,7 @@ class Options:
         instrument_only: accept records without beam velocities, for the instrument's own velocity.
         keep_stale: keep beams valid that repeat the record before.
         negate_beams: beam velocities are positive away from the bottom in this file.
+        beams_from_axes: recover beams from velocities in axes and their error velocity.
         ignore_checksum: keep text records whose checksum does not fit, flagged.
         clock: of a sum of intervals: "reports" adds that of every report, "distinct" not those of exact repeats.
         water_alone: accept records of the water without any ping of the bottom.
@@ -40,6 +41,7 @@ class Options:
     instrument_only: bool = False
     keep_stale: bool = False
     negate_beams: bool = False
+    beams_from_axes: bool = False
     ignore_checksum: bool = False
     water_alone: bool = False
     clock: Literal["reports", "distinct"] = "reports"
