@@ -64,6 +64,16 @@ def test_readings_are_those_of_the_run_in_a_campaign() -> None:
     assert not np.array_equal(found.beam_mps, readings_of_scenario(scenario, run=4).beam_mps)
 
 
+def test_a_ping_without_an_echo_listens_as_long_as_the_one_before(readings: Readings) -> None:
+    """Else the clock of a record that states the trigger would seem to be set where the bottom is lost."""
+    lost = readings.range_m.copy()
+    lost[5:8] = np.nan
+    found = list(pings(replace(readings, range_m=lost), latency_ns=0, offset_ns=BASE_NS))
+    delays = {one.time_ns - one.sent_ns for one in found[4:8]}
+    assert len(delays) == 1
+    assert delays.pop() > 0
+
+
 def test_times_of_a_ping_are_an_echo_apart(readings: Readings) -> None:
     """Sent from the transducer R/c before the reflection; its record R/c and the latency after: 2R/c in all."""
     for ping in pings(readings, latency_ns=7_000_000, offset_ns=BASE_NS):

@@ -112,7 +112,8 @@ def pings(readings: Readings, *, latency_ns: int, offset_ns: int = 0) -> Iterato
 
     Yields:
         A ping each. It left the transducer half the longest echo before its time of validity, the reflection at the
-        bottom, and is sent half of it and the latency after: the echo's delay is 2R/c.
+        bottom, and is sent half of it and the latency after: the echo's delay is 2R/c. One without an echo listens as
+        long as the one before.
     """
     valid = np.isfinite(readings.beam_mps)
     fixes = solve_velocity(
@@ -122,11 +123,12 @@ def pings(readings: Readings, *, latency_ns: int, offset_ns: int = 0) -> Iterato
         np.isfinite(fixes.velocity_p_mps).all(axis=1) & (valid.sum(axis=1) >= LEAST_BEAMS) & readings.stated
     )
     down = np.asarray(readings.geometry.directions_p)[:, 2]
-    before_ns = None
+    before_ns, half_ns = None, 0
     for k, time in enumerate(readings.time_ns.tolist()):
         ranges = readings.range_m[k]
         there = np.isfinite(ranges)
-        half_ns = round(float(ranges[there].max()) / SOUND_SPEED_MPS * 1e9) if there.any() else 0
+        if there.any():
+            half_ns = round(float(ranges[there].max()) / SOUND_SPEED_MPS * 1e9)
         truth = readings.truth
         yield Ping(
             time_ns=time + offset_ns,
