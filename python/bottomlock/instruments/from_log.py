@@ -1,5 +1,6 @@
 """Readings of a recording: a beam table, a raw log of any known format, or a replay case with its IMU and depth."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ from bottomlock.instruments.readings import Readings, ranges_or_flat
 from bottomlock.io.beam_table import BeamTable, read_beam_table
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.formats import read_recording
+from bottomlock.io.water_table import WaterTable, read_water_table, water_file
+from bottomlock.recordings.water_cells import SAME_PING_S, nearest_rows
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 
@@ -28,9 +31,11 @@ def readings_of_log(path: Path, *, geometry: str | None, altitude_m: float = 20.
     known = geometry
     if path.suffix.lower() == ".parquet":
         table = read_beam_table(path)
+        beside = water_file(path)
+        water = read_water_table(beside) if beside.is_file() else None
     else:
         recording = read_recording(path)
-        table, known = recording.table, geometry or recording.geometry or None
+        table, water, known = recording.table, recording.water, geometry or recording.geometry or None
     if known is None:
         raise DataError(f"{path}: does not identify its instrument; name its geometry with --geometry")
     instrument = read_geometry(known)
@@ -40,7 +45,9 @@ def readings_of_log(path: Path, *, geometry: str | None, altitude_m: float = 20.
             f"as geometry {known} has"
         )
     beam_mps = np.where(table.valid, table.velocity_mps, np.nan)
-    return Readings(
+    if water is not None and water.beams != table.beams:
+        raise DataError(f"{path}: its water has {water.beams} beams, expected {table.beams} as its pings")
+    readings = Readings(
         name=path.name,
         geometry=instrument.geometry,
         beam_sd_mps=instrument.beam_sd_mps,
@@ -48,6 +55,25 @@ def readings_of_log(path: Path, *, geometry: str | None, altitude_m: float = 20.
         beam_mps=beam_mps,
         range_m=ranges_or_flat(table.range_m, beam_mps, instrument.geometry, altitude_m),
         stated=_stated(table),
+    )
+    return readings if water is None or not water.rows else _with_water(readings, water)
+
+
+def _with_water(readings: Readings, water: WaterTable) -> Readings:
+    """The nearest cell of the water at the pings that it was measured with: the records hold one."""
+    nearest = np.flatnonzero(water.cell == water.cell.min())
+    at = nearest_rows(readings.time_ns, water.time_ns[nearest])
+    same = np.abs(readings.time_ns[at] - water.time_ns[nearest]) <= SAME_PING_S * 1e9
+    found = np.full(readings.beam_mps.shape, np.nan)
+    rows = nearest[same]
+    found[at[same]] = np.where(water.valid[rows], water.velocity_mps[rows], np.nan)
+    sd = water.sd_mps[rows]
+    known = np.isfinite(sd)
+    return replace(
+        readings,
+        water_mps=found,
+        water_range_m=float(np.median(water.range_m[nearest])),
+        water_sd_mps=float(np.median(sd[known])) if known.any() else readings.water_sd_mps,
     )
 
 
