@@ -21,6 +21,8 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.report import drawings, make_replay_report, read_replay
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.tune.parameters import noise_of
+from bottomlock.replay.tune.run import tune_case
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
 from tools.recorded_dives import glider
 from tools.score_no_imu import case_of, summary, windows
@@ -299,3 +301,31 @@ def test_a_glider_without_the_bottom(recordings: Path, tmp_path: Path) -> None:
     assert errors[True]["tc"]["median_m"] < 0.4 * errors[False]["tc"]["median_m"]
     assert errors[True]["tc"]["p90_m"] < 0.4 * errors[False]["tc"]["p90_m"]
     assert errors[True]["tc"]["error_over_sigma"] < 1.0
+
+
+@pytest.mark.long
+def test_tune_finds_the_noise_of_the_water(tmp_path: Path) -> None:
+    """From three times the noise to within 3 sigma, on 200 s; seen: 0.0202 ± 0.0007, 0.0077 ± 0.0005 of the bottom."""
+    path = write(tmp_path, rov_dive(7, seconds=400.0))
+    one_cell = CASE.replace("noise_mps = 0.02", "noise_mps = 0.06\ncells = [1]")
+    path.write_text(one_cell.replace('["ins", "tc", "sway_current"]', '["tc"]'), encoding="utf-8")
+    tuned = {one.key: one for one in tune_case(load_case(path)).parameters}
+    for key, true in {"water_track.noise_mps": 0.02, "dvl.beam_noise_mps": 0.008}.items():
+        found = tuned[key]
+        assert found.value == pytest.approx(true, abs=3.0 * found.sd)
+        assert found.sd < 0.1 * true
+
+
+def test_what_of_the_water_is_tuned(case_file: Path, tmp_path: Path, dive: RovDive) -> None:
+    """Its noise, unless the instrument records one with each cell, and the current's own part of a layer."""
+    case = load_case(case_file)
+    keys = ["water_track.noise_mps", "filter.current_layers.sd_mps"]
+    found = [one for one in noise_of(case, read_streams(case)) if one.key in keys]
+    assert [(one.key, one.start) for one in found] == [(keys[0], 0.02), (keys[1], 0.04)]
+    water = water_of(dive)
+    recorded = replace(water, sd_mps=np.where(water.cell[:, None] == 1, 0.02, 0.03) * np.ones((1, 4)))
+    recorded.sd_mps[::3] *= 1.5
+    other = load_case(write(tmp_path, dive, recorded))
+    assert [one.key for one in noise_of(other, read_streams(other)) if one.key in keys] == keys[1:]
+    without = case.model_copy(update={"water_track": None})
+    assert not [one for one in noise_of(without, read_streams(without)) if one.key in keys]

@@ -36,6 +36,7 @@ _ACCEL_NOISE, _GYRO_NOISE = "imu.errors.accel_noise_mps_per_rt_h", "imu.errors.g
 _SLOW = ("roll_pitch", "yaw")
 """Axes of an attitude reference whose errors last."""
 BEAM_NOISE = "dvl.beam_noise_mps"
+WATER_NOISE, LAYERS = "water_track.noise_mps", "filter.current_layers.sd_mps"
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,8 @@ _KEYS: dict[str, str] = {
     "attitude.yaw_sd_deg": "yaw noise, deg",
     "attitude.yaw_walk_sd_deg": "yaw walk, deg",
     "depth.sd_m": "depth noise, m",
+    WATER_NOISE: "noise of a beam of the water, m/s",
+    LAYERS: "own part of a layer of current, m/s",
 }
 
 SWAY_KEYS: dict[str, str] = {
@@ -165,7 +168,7 @@ def noise_of(case: Case, streams: Streams) -> list[Parameter]:
     """The noise of a case that can be tuned: of the sensors that it uses."""
     found = []
     for key, words in _KEYS.items():
-        if not _applies(case, key):
+        if not _applies(case, streams, key):
             continue
         value = value_of(case, key)
         if value is None:
@@ -181,6 +184,8 @@ def _measured(case: Case, streams: Streams, key: str) -> float | None:
     """What a replay takes for a key that the case leaves out: of the geometry, or of the recording."""
     if key == BEAM_NOISE:
         return float(streams.instrument.beam_sd_mps.mean())
+    if key == WATER_NOISE and streams.water is not None:
+        return float(streams.water.sd_mps.mean())
     if isinstance(case.imu, ImuFromAttitude):
         imu = imu_model(case, streams)
         if key == _ACCEL_NOISE:
@@ -190,9 +195,14 @@ def _measured(case: Case, streams: Streams, key: str) -> float | None:
     return None
 
 
-def _applies(case: Case, key: str) -> bool:
+def _applies(case: Case, streams: Streams, key: str) -> bool:
     if key == BEAM_NOISE:
         return case.dvl.beam_noise_from != "recording"
+    if key == WATER_NOISE:
+        # Noise that the instrument records with each cell comes before that of the case.
+        return streams.water is not None and float(np.ptp(streams.water.sd_mps)) == 0.0
+    if key == LAYERS:
+        return streams.water is not None
     if key.startswith("attitude."):
         # The scatter of a reference whose errors last says nothing of them: its white noise alone would claim too much.
         aids = case.attitude is not None and case.attitude.aids

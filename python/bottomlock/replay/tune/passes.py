@@ -79,6 +79,7 @@ class Inputs:
     Attributes:
         model, options: of the filter.
         beam_sd_factor: on the noise of the beams.
+        water_sd_factor: on that of the beams of the water.
         geometry: of the beams; None for that of the recording.
         later_ns: what is added to the times of a stream, by the prefix of its keys in the log.
     """
@@ -86,8 +87,18 @@ class Inputs:
     model: Model
     options: Options
     beam_sd_factor: float = 1.0
+    water_sd_factor: float = 1.0
     geometry: BeamGeometry | None = None
     later_ns: Mapping[str, int] = field(default_factory=dict)
+
+    def with_noise(self, log: Mapping[str, Any]) -> Any:  # noqa: ANN401 - as the kernel takes it
+        """A log with the noise of the beams of bottom and water."""
+        changed = dict(log)
+        factors = {"beam_sd_mps": self.beam_sd_factor, "water_track_sd_mps": self.water_sd_factor}
+        for key, factor in factors.items():
+            if factor != 1.0:
+                changed[key] = log[key] * factor
+        return changed
 
 
 def horizons_of(duration_s: float, horizons_s: Sequence[float] = HORIZONS_S) -> tuple[float, ...]:
@@ -247,9 +258,7 @@ def fly(
     Raises:
         KernelError: where the filter ends in an error.
     """
-    log: Any = dict(one.log)
-    if inputs.beam_sd_factor != 1.0:
-        log["beam_sd_mps"] = log["beam_sd_mps"] * inputs.beam_sd_factor
+    log = inputs.with_noise(one.log)
     for prefix, later_ns in inputs.later_ns.items():
         if f"{prefix}_time_ns" in log:
             log[f"{prefix}_time_ns"] = log[f"{prefix}_time_ns"] + later_ns

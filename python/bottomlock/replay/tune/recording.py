@@ -27,11 +27,11 @@ from bottomlock.replay.tune.parameters import (
     DVL_FILE,
     MOUNTING,
     MOUNTING_SD_DEG,
+    WATER_NOISE,
     Parameter,
     constants_of,
     noise_of,
     sway_of,
-    value_of,
     with_values,
 )
 from bottomlock.replay.tune.passes import Inputs
@@ -74,12 +74,6 @@ class Recording:
     sway: tuple[Parameter, ...]
 
     @property
-    def beam_noise_mps(self) -> float:
-        """Noise of a beam that the log has."""
-        given = value_of(self.case, BEAM_NOISE)
-        return float(self.prepared.streams.instrument.beam_sd_mps.mean()) if given is None else given
-
-    @property
     def geometry(self) -> BeamGeometry:
         """The beams."""
         return self.prepared.streams.instrument.geometry
@@ -112,10 +106,16 @@ class Recording:
         return Inputs(
             model,
             options.replace(gate="off", robust=None, inflate_after_rejections=0),
-            values.get(BEAM_NOISE, self.beam_noise_mps) / self.beam_noise_mps,
-            self._geometry(values),
-            self._later_ns(values),
+            beam_sd_factor=self._factor(values, BEAM_NOISE),
+            water_sd_factor=self._factor(values, WATER_NOISE),
+            geometry=self._geometry(values),
+            later_ns=self._later_ns(values),
         )
+
+    def _factor(self, values: Mapping[str, float], key: str) -> float:
+        """What another value of a noise is to the one in the log."""
+        start = next((one.start for one in self.noise if one.key == key), None)
+        return 1.0 if start is None else values.get(key, start) / start
 
     def _geometry(self, values: Mapping[str, float]) -> BeamGeometry | None:
         angles = {key.removeprefix(DVL_FILE): values[key] for key in MOUNTING if key in values}
@@ -179,8 +179,7 @@ def without_outliers(recording: Recording, values: Mapping[str, float], loosenes
     starts = {one.key: one.start for one in recording.noise} | dict(values)
     inputs = recording.inputs({key: value * loose.get(key, 1.0) for key, value in starts.items()})
     robust = Robust(closure_gate=OUTLIER_GATE, beam_gate=OUTLIER_GATE, tail="gaussian")
-    log: Any = dict(recording.log)
-    log["beam_sd_mps"] = log["beam_sd_mps"] * inputs.beam_sd_factor
+    log = inputs.with_noise(recording.log)
     log["dvl_time_ns"] = log["dvl_time_ns"] + inputs.later_ns.get("dvl", 0)
     result = replay_log(
         inputs.geometry or recording.geometry, inputs.model, inputs.options.replace(robust=robust), ["tc"], log,
