@@ -9,7 +9,15 @@
 //! δ are Gauss–Markov processes with the correlation exp(−t/τ − s/L) after a time t and a way s over ground, so that what was
 //! measured at a depth counts when the vehicle returns to it, and the less the longer ago and the farther away. c has the time
 //! constant of tide and wind. Of the layers as many are states as a dive needs at a time: where it leaves their depths, the
-//! farthest one begins anew at another depth, from its prior.
+//! farthest one begins anew at another depth.
+//!
+//! The layers that enclosed the vehicle at the first measurement are independent, with the variance σ². Beyond them the current
+//! departs as a random walk with depth: the layer n places beyond has the variance σ² (1 + 2 n), so that neighbours differ by
+//! 2 σ² everywhere. One that begins anew follows from its neighbour, from m outwards to n
+//!
+//! ```text
+//! δ_n = δ_m + ε, ε² = V_n − V_m,      and inwards      δ_n = (V_n/V_m) δ_m + ε, ε² = V_n − V_n²/V_m
+//! ```
 //!
 //! Errors are expressed along the estimated north, as those of the current ([`crate::aiding::water`]).
 
@@ -81,6 +89,8 @@ pub struct Layers {
     prior: LayersPrior,
     /// Number of the uppermost one; layer j lies at the depth j h, and its states are those of the place j modulo [`LAYERS`].
     first: i64,
+    /// The same at the first measurement.
+    home: Option<i64>,
     estimate: LayerVector,
     /// Time since each place was measured last, s; infinite where it was not.
     age_s: [f64; LAYERS],
@@ -95,6 +105,16 @@ pub struct CurrentAt {
     weights: [f64; LAYERS],
     /// Its change with depth, north and east, 1/s.
     slope_n_per_s: Vector2<f64>,
+}
+
+/// A place that begins anew: `factor` times the layer at the place `neighbour`, and an independent part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Anew {
+    pub place: usize,
+    pub neighbour: usize,
+    pub factor: f64,
+    /// Of the independent part, (m/s)².
+    pub variance: f64,
 }
 
 /// A layer as estimated.
@@ -113,6 +133,7 @@ impl Layers {
         (prior.sd_mps > 0.0).then(|| Self {
             prior: *prior,
             first: 0,
+            home: None,
             estimate: LayerVector::zeros(),
             age_s: [f64::INFINITY; LAYERS],
         })
@@ -127,7 +148,21 @@ impl Layers {
     /// Variance of each state at the start and in the long run, (m/s)².
     #[must_use]
     pub fn variance(&self) -> LayerVector {
-        LayerVector::repeat(self.prior.sd_mps * self.prior.sd_mps)
+        let mut variance = LayerVector::zeros();
+        for number in (self.first..).take(LAYERS) {
+            let of_layer = self.variance_of(number);
+            variance.fixed_rows_mut::<2>(2 * place_of(number)).fill(of_layer);
+        }
+        variance
+    }
+
+    /// The same of a layer.
+    fn variance_of(&self, number: i64) -> f64 {
+        let beyond = self.home.map_or(0, |home| {
+            let last = home + LAYERS as i64 - 1;
+            (home - number).max(number - last).max(0)
+        });
+        self.prior.sd_mps * self.prior.sd_mps * (1.0 + 2.0 * beyond as f64)
     }
 
     /// The layers, the uppermost first.
@@ -143,9 +178,9 @@ impl Layers {
         (depth_m / self.prior.spacing_m).clamp(-DEEPEST, DEEPEST)
     }
 
-    /// Moves the layers so that they enclose two depths, the upper one where there is no room for both; returns the places that
-    /// begin anew.
-    pub(crate) fn enclose(&mut self, upper_m: f64, lower_m: f64) -> Vec<usize> {
+    /// Moves the layers so that they enclose two depths, the upper one where there is no room for both; returns those that begin
+    /// anew, in the order in which they follow from each other.
+    pub(crate) fn enclose(&mut self, upper_m: f64, lower_m: f64) -> Vec<Anew> {
         let last = LAYERS as i64 - 1;
         let (upper, lower) = (
             self.scaled(upper_m).floor() as i64,
@@ -154,13 +189,48 @@ impl Layers {
         let before = self.first;
         self.first = before.max(lower - last).min(upper);
         let is_kept = |number: i64| (before..=before + last).contains(&number);
-        let new = (self.first..=self.first + last).filter(|&number| !is_kept(number));
-        let places: Vec<usize> = new.map(place_of).collect();
-        for &place in &places {
-            self.estimate.fixed_rows_mut::<2>(2 * place).fill(0.0);
-            self.age_s[place] = f64::INFINITY;
+        let mut new: Vec<i64> = (self.first..=self.first + last)
+            .filter(|&number| !is_kept(number))
+            .collect();
+        let outwards = if self.first < before { -1 } else { 1 };
+        if outwards < 0 {
+            new.reverse();
         }
-        places
+        let is_apart = new.len() == LAYERS;
+        let each = new.into_iter().enumerate().map(|(step, number)| {
+            let has_neighbour = step > 0 || !is_apart;
+            self.begin(number, has_neighbour.then_some(number - outwards))
+        });
+        each.collect()
+    }
+
+    /// Begins a layer anew, beside a neighbour that there is.
+    fn begin(&mut self, number: i64, neighbour: Option<i64>) -> Anew {
+        let place = place_of(number);
+        let own = self.variance_of(number);
+        let apart = Anew {
+            place,
+            neighbour: place,
+            factor: 0.0,
+            variance: own,
+        };
+        let anew = neighbour.map_or(apart, |neighbour| {
+            let its = self.variance_of(neighbour);
+            // Neighbours of the same variance are independent.
+            let factor = if own == its { 0.0 } else { (own / its).min(1.0) };
+            Anew {
+                neighbour: place_of(neighbour),
+                factor,
+                variance: own - factor * factor * its,
+                ..apart
+            }
+        });
+        let of_neighbour = self.estimate.fixed_rows::<2>(2 * anew.neighbour).into_owned();
+        self.estimate
+            .fixed_rows_mut::<2>(2 * place)
+            .copy_from(&(of_neighbour * anew.factor));
+        self.age_s[place] = f64::INFINITY;
+        anew
     }
 
     /// Adds to the water states what the layers have at a depth; beyond them as at the nearest one.
@@ -187,6 +257,7 @@ impl Layers {
 
     /// Takes note that the current was measured.
     pub(crate) fn note(&mut self, at: &CurrentAt) {
+        self.home.get_or_insert(self.first);
         for (age_s, weight) in self.age_s.iter_mut().zip(at.weights) {
             if weight > 0.0 {
                 *age_s = 0.0;
@@ -220,7 +291,9 @@ impl Layers {
     pub(crate) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
         self.prior.validate()?;
         require_finite("current by depth", time_ns, self.estimate.as_slice())?;
-        let is_sound = self.age_s.iter().all(|age_s| *age_s >= 0.0) && self.first.unsigned_abs() <= 2 * DEEPEST as u64;
+        let is_sound = self.age_s.iter().all(|age_s| *age_s >= 0.0)
+            && self.first.unsigned_abs() <= 2 * DEEPEST as u64
+            && self.home.is_none_or(|home| home.unsigned_abs() <= 2 * DEEPEST as u64);
         if is_sound {
             return Ok(());
         }

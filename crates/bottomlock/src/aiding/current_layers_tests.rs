@@ -25,6 +25,10 @@ fn counted(upper_m: f64, lower_m: f64) -> Layers {
     layers
 }
 
+fn places(anew: &[Anew]) -> Vec<usize> {
+    anew.iter().map(|one| one.place).collect()
+}
+
 fn north(layers: &Layers, depth_m: f64) -> (f64, f64) {
     let at = layers.at(&WaterVector::zeros(), depth_m);
     (at.water[CURRENT], at.slope_n_per_s.x)
@@ -67,18 +71,63 @@ fn the_current_between_layers() {
 #[test]
 fn layers_move_with_the_depth() {
     let mut layers = counted(12.0, 38.0);
-    assert_eq!(layers.enclose(31.0, 55.0), vec![place_of(5), place_of(6)]);
+    assert_eq!(places(&layers.enclose(31.0, 55.0)), vec![place_of(5), place_of(6)]);
     assert_eq!(depths(&layers), vec![30.0, 40.0, 50.0, 60.0]);
     assert_eq!(
         (north(&layers, 30.0).0, north(&layers, 40.0).0, north(&layers, 55.0).0),
         (3.0, 4.0, 0.0)
     );
-    assert_eq!(layers.enclose(31.0, 55.0), Vec::<usize>::new());
+    assert_eq!(layers.enclose(31.0, 55.0), Vec::new());
     assert_eq!(layers.enclose(5.0, 500.0).len(), 3);
     assert_eq!(depths(&layers), vec![0.0, 10.0, 20.0, 30.0]);
     assert_eq!(layers.enclose(1e6, 1e6).len(), LAYERS);
     assert_eq!(layers.enclose(f64::MAX, f64::MAX).len(), LAYERS);
     assert_eq!(layers.enclose(-1e300, -1e300).len(), LAYERS);
+}
+
+/// Home is 10 to 40 m, σ² = 0.0016: two layers beyond it have 3 and 5 σ², and follow from the last, of 4 m/s; back again, the last of
+/// home keeps a third of its neighbour beyond; within home they are independent.
+#[test]
+fn beyond_the_first_layers_the_current_walks() {
+    let mut layers = counted(12.0, 38.0);
+    layers.note(&layers.at(&WaterVector::zeros(), 25.0));
+    let anew = layers.enclose(31.0, 55.0);
+    let follows = |place: i64, neighbour: i64, factor: f64, variance: f64| Anew {
+        place: place_of(place),
+        neighbour: place_of(neighbour),
+        factor,
+        variance,
+    };
+    let same = |found: &[Anew], expected: &[Anew]| {
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected) {
+            assert_eq!((found.place, found.neighbour), (expected.place, expected.neighbour));
+            assert!((found.factor - expected.factor).abs() < 1e-12, "{found:?}");
+            assert!((found.variance - expected.variance).abs() < 1e-15, "{found:?}");
+        }
+    };
+    let unit = 0.04 * 0.04;
+    same(&anew, &[follows(5, 4, 1.0, 2.0 * unit), follows(6, 5, 1.0, 2.0 * unit)]);
+    assert_eq!((north(&layers, 50.0).0, north(&layers, 60.0).0), (4.0, 4.0));
+    let variance = layers.variance();
+    for (number, times) in [(3, 1.0), (4, 1.0), (5, 3.0), (6, 5.0)] {
+        assert!((variance[2 * place_of(number)] - times * unit).abs() < 1e-15);
+    }
+    layers.enclose(71.0, 95.0);
+    same(
+        &layers.enclose(61.0, 85.0),
+        &[follows(6, 7, 5.0 / 7.0, 5.0 * unit * (1.0 - 5.0 / 7.0))],
+    );
+    layers.enclose(51.0, 75.0);
+    same(
+        &layers.enclose(41.0, 65.0),
+        &[follows(4, 5, 1.0 / 3.0, unit * (1.0 - 1.0 / 3.0))],
+    );
+    same(&layers.enclose(31.0, 55.0), &[follows(3, 4, 0.0, unit)]);
+    // Far off nothing follows from what was.
+    let far = layers.enclose(2010.0, 2015.0);
+    assert_eq!((far.len(), far[0].factor), (4, 0.0));
+    assert!(far[1..].iter().all(|one| one.factor == 1.0));
 }
 
 /// Half an hour leaves 1/e of what a layer has to itself, and so do 5 km; ages count from the last measurement.
@@ -105,6 +154,28 @@ fn layers_turn_with_the_yaw() {
 }
 
 proptest! {
+    /// However the layers move, each keeps the variance of its depth while nothing is measured, and they stay jointly possible.
+    #[test]
+    fn moves_keep_the_variance_of_each_depth(moves in prop::collection::vec((-300.0..300.0_f64, 0.0..35.0_f64), 1..20)) {
+        let mut layers = counted(0.0, 5.0);
+        layers.note(&layers.at(&WaterVector::zeros(), 3.0));
+        let mut covariance = nalgebra::DMatrix::from_diagonal_element(LAYERS, LAYERS, 0.04 * 0.04);
+        for (upper_m, span_m) in moves {
+            for one in layers.enclose(upper_m, upper_m + span_m) {
+                let mut map = nalgebra::DMatrix::identity(LAYERS, LAYERS);
+                let followed = map.row(one.neighbour) * one.factor;
+                map.set_row(one.place, &followed);
+                covariance = &map * covariance * map.transpose();
+                covariance[(one.place, one.place)] += one.variance;
+            }
+            let expected = layers.variance();
+            for place in 0..LAYERS {
+                prop_assert!((covariance[(place, place)] / expected[2 * place] - 1.0).abs() < 1e-9);
+            }
+            prop_assert!(covariance.clone().symmetric_eigenvalues().min() > 0.0);
+        }
+    }
+
     /// Both depths lie between layers wherever there is room, weights add up to one, and what is kept is kept.
     #[test]
     fn encloses_what_it_can(moves in prop::collection::vec((-300.0..300.0_f64, 0.0..35.0_f64), 1..20)) {
@@ -112,7 +183,7 @@ proptest! {
         for (upper_m, span_m) in moves {
             let before = layers.clone();
             let lower_m = upper_m + span_m;
-            let anew = layers.enclose(upper_m, lower_m);
+            let anew = places(&layers.enclose(upper_m, lower_m));
             let (first, last) = (depths(&layers)[0], depths(&layers)[LAYERS - 1]);
             prop_assert!(first <= upper_m && upper_m <= last);
             if span_m <= 20.0 {

@@ -102,18 +102,19 @@ impl Extensions {
             return;
         };
         let anew = layers.enclose(upper_m, lower_m);
-        let variance = layers.variance();
         if anew.is_empty() {
             return;
         }
-        let mut kept = DMatrix::identity(states, states);
-        for state in anew.into_iter().flat_map(|place| [2 * place, 2 * place + 1]) {
-            begun(&mut self.further).renew(FIRST_LAYERS + state, variance[state]);
-            let after = LAYER_STATES - state;
-            kept[(states - after, states - after)] = 0.0;
+        let first = states - LAYER_STATES;
+        let mut moves = DMatrix::identity(states, states);
+        for (one, axis) in anew.iter().flat_map(|one| [(one, 0), (one, 1)]) {
+            let (state, from) = (2 * one.place + axis, 2 * one.neighbour + axis);
+            begun(&mut self.further).follow(FIRST_LAYERS + state, FIRST_LAYERS + from, one.factor, one.variance);
+            let followed = moves.row(first + from) * one.factor;
+            moves.set_row(first + state, &followed);
         }
         if let Some(tape) = &mut self.tape {
-            tape.push(Step::Transition(kept));
+            tape.push(Step::Transition(moves));
         }
     }
 

@@ -124,6 +124,16 @@ impl FurtherStates {
         self.covariance[(state, state)] = variance;
     }
 
+    /// Begins a state of a block anew: so much of another one, and an independent part with this variance.
+    pub(super) fn follow(&mut self, state: usize, other: usize, factor: f64, variance: f64) {
+        let cross = self.cross.column(other) * factor;
+        let mut covariance = self.covariance.column(other) * factor;
+        covariance[state] = covariance[other] * factor + variance;
+        self.cross.column_mut(state).copy_from(&cross);
+        self.covariance.column_mut(state).copy_from(&covariance);
+        self.covariance.row_mut(state).tr_copy_from(&covariance);
+    }
+
     fn clear(&mut self, state: usize) {
         self.cross.column_mut(state).fill(0.0);
         self.covariance.column_mut(state).fill(0.0);
