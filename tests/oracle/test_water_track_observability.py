@@ -153,7 +153,7 @@ def test_a_bottom_ping_closes_it() -> None:
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_what_the_filter_neglects_of_the_current_shows_nothing_more(name: str) -> None:
-    """The filter neglects that the estimated north drifts with the gyro bias: the shift stays open, the rank the same."""
+    """The filter neglects that the estimated north drifts with the gyro bias: the shift is as open as before."""
     field = Field(PRIMES[0])
     exact, filters = (
         water_rows(name, PRIMES[0], yaw_drift=drift)[:, :4].reshape(-1, STATES) for drift in (True, False)
