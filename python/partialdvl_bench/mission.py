@@ -23,6 +23,21 @@ class Pings:
 
 
 @dataclass(frozen=True, eq=False)
+class WaterPings:
+    """Pings that the water returned, beam velocities relative to the water in a cell.
+
+    Times (k,), beam velocities (k, B) with NaN for a beam that did not return, validity and 1 sigma (k, B), and
+    distance along the beams from the transducer to the middle of the cell (k,), m.
+    """
+
+    time_ns: Times
+    velocity_mps: Floats
+    valid: Flags
+    sd_mps: Floats
+    range_m: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Scalars:
     """Readings of a scalar sensor, (n,): depth in m below the origin, or heading in rad from north."""
 
@@ -61,7 +76,7 @@ class Mission:
 
     `model` and `options` hold the claimed errors of every sensor and the lever arms; `grid_ns` (n,) are the times at
     which an estimate is asked, the first of them after the start. Inertial readings are means over the interval before
-    each time.
+    each time. `water` is None where the DVL has no water track.
     """
 
     name: str
@@ -76,6 +91,7 @@ class Mission:
     heading: Scalars
     grid_ns: Times
     truth: Truth | None
+    water: WaterPings | None = None
 
 
 def initial_state(mission: Mission) -> InitialState:
