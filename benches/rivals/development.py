@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from benches.rivals import rotations
 from bottomlock.config.scenario import Scenario
 from bottomlock.kernel.models import InitialModel
-from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.streams import Inertial, WaterBeams
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth import truth as truths
-from partialdvl_bench.mission import Mission, Pings, Scalars, Start, Truth, WaterPings
+from partialdvl_bench.mission import Mission, Pings, Scalars, Start, Truth
 
 Floats = NDArray[np.float64]
 
@@ -77,11 +77,11 @@ def mission_along(simulation: Simulation, truth: truths.Truth, *, run: int = 0) 
     )
 
 
-def _water(table: pl.DataFrame, count: int) -> WaterPings:
+def _water(table: pl.DataFrame, count: int) -> WaterBeams:
     def of_beams(name: str) -> Floats:
         return table.select(f"beam{k + 1}_{name}" for k in range(count)).fill_null(np.nan).to_numpy()
 
-    return WaterPings(
+    return WaterBeams(
         table["time_ns"].to_numpy(),
         of_beams("mps"),
         of_beams("valid").astype(np.bool_),

@@ -55,7 +55,9 @@ class _OnlyWater(Gate):
 
 
 class PoseUkf(UnscentedFilter):
-    """The unscented filter with their states of the water."""
+    """The unscented filter with their states of the water; flown from reading to reading, three seconds at most."""
+
+    period_ns = 3_000_000_000
 
     def __init__(self, mission: Mission) -> None:
         super().__init__(mission, solved_velocity=True, further_states=FURTHER)

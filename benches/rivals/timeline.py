@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.recordings.streams import Inertial
-from partialdvl_bench.mission import Mission, WaterPings
+from bottomlock.recordings.streams import Inertial, WaterBeams
+from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -95,7 +95,7 @@ def between(imu: Inertial, from_ns: int, to_ns: int) -> Stretch:
     return Stretch(step_s, imu.omega_p_radps[rows], imu.force_p_mps2[rows])
 
 
-def _water(water: WaterPings) -> Floats:
+def _water(water: WaterBeams) -> Floats:
     beams = np.where(water.valid, water.velocity_mps, np.nan)
     return np.stack([beams, water.sd_mps, np.broadcast_to(water.range_m[:, None], beams.shape)], axis=1)
 

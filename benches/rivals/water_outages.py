@@ -11,7 +11,6 @@ import argparse
 import csv
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,7 +22,7 @@ from benches.rivals.kinetic_model import Controls
 from benches.rivals.model_aided import estimate_with_controls
 from bottomlock.plant import Vehicle
 from bottomlock.simulation.build import Simulation, build_simulation
-from partialdvl_bench.methods import replayed
+from partialdvl_bench.methods import replayed, without_water
 from partialdvl_bench.mission import Estimates, Mission
 from tests.statistical import diving, glider
 
@@ -47,11 +46,6 @@ class Row(NamedTuple):
     method: str
     error_m: float
     error_over_sd: float
-
-
-def without_water(mission: Mission) -> Mission:
-    """The mission of a DVL that has no water track."""
-    return replace(mission, water=None, options=mission.options.replace(water_track=False))
 
 
 def ours() -> dict[str, Answer]:

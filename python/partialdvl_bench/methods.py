@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from bottomlock import METHODS, DataError, DepthModel, DvlModel, Navigator, replay_log
 from bottomlock.kernel import Method
 from bottomlock.own_method import DEAD_RECKONING
+from bottomlock.recordings.streams import WaterBeams
 from bottomlock.support.nearest import did_you_mean
 from partialdvl_bench import dead_reckoning
-from partialdvl_bench.mission import Estimates, Mission, WaterPings, initial_state
+from partialdvl_bench.mission import Estimates, Mission, initial_state
 
 Estimator = Callable[[Mission], Estimates]
 
@@ -129,7 +130,7 @@ def currents(mission: Mission, method: str) -> tuple[NDArray[np.float64], NDArra
     return value, cov
 
 
-def _push_water(navigator: Navigator, water: WaterPings, row: int) -> None:
+def _push_water(navigator: Navigator, water: WaterBeams, row: int) -> None:
     """One ping that the water returned."""
     velocity = np.where(water.valid[row], water.velocity_mps[row], 0.0)
     navigator.push_water_track(
@@ -142,6 +143,21 @@ def _due(rows: dict[str, int], sensor: str, times: NDArray[np.int64], now_ns: np
     """Rows of a sensor that have come up to now and were not given before."""
     first, rows[sensor] = rows[sensor], int(np.searchsorted(times, now_ns, side="right"))
     return range(first, rows[sensor])
+
+
+def without_water(mission: Mission) -> Mission:
+    """The mission of a DVL that has no water track."""
+    return replace(mission, water=None, options=mission.options.replace(water_track=False))
+
+
+def tc_without_water(mission: Mission) -> Estimates:
+    """`tc` where the water's beams are not used: what they are worth is the difference."""
+    return estimate(without_water(mission), "tc")
+
+
+def sway_current_without_water(mission: Mission) -> Estimates:
+    """`sway_current` where the water's beams are not used."""
+    return estimate(without_water(mission), "sway_current")
 
 
 def estimator(name: str) -> tuple[str, Estimator]:

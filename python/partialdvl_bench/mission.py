@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import BeamGeometry, InitialState, Model, Options
-from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.streams import Inertial, WaterBeams
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -20,21 +20,6 @@ class Pings:
     time_ns: Times
     velocity_mps: Floats
     valid: Flags
-
-
-@dataclass(frozen=True, eq=False)
-class WaterPings:
-    """Pings that the water returned, beam velocities relative to the water in a cell.
-
-    Times (k,), beam velocities (k, B) with NaN for a beam that did not return, validity and 1 sigma (k, B), and
-    distance along the beams from the transducer to the middle of the cell (k,), m.
-    """
-
-    time_ns: Times
-    velocity_mps: Floats
-    valid: Flags
-    sd_mps: Floats
-    range_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +76,7 @@ class Mission:
     heading: Scalars
     grid_ns: Times
     truth: Truth | None
-    water: WaterPings | None = None
+    water: WaterBeams | None = None
 
 
 def initial_state(mission: Mission) -> InitialState:

@@ -1,19 +1,25 @@
 """Rivals with water track by hand, and the page of the outages."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benches.rivals import pose_ukf, water_outages, water_reckoning
+from benches.rivals import pose_ukf, water_missions, water_outages, water_reckoning
 from benches.rivals.development import mission_of
 from benches.rivals.pose_ukf import ABOVE, BELOW, BIAS, PROFILE_M, PoseUkf
 from benches.rivals.state import Additive
 from benches.rivals.timeline import stops
 from bottomlock.config.scenario import load_scenario
-from bottomlock.recordings.streams import Inertial
-from partialdvl_bench.mission import Estimates, Mission, Pings, Scalars, Start, WaterPings
+from bottomlock.recordings.streams import Inertial, WaterBeams
+from partialdvl_bench.load import load_mission
+from partialdvl_bench.make import make_missions
+from partialdvl_bench.methods import without_water
+from partialdvl_bench.mission import Estimates, Mission, Pings, Scalars, Start
+from partialdvl_bench.mission_list import missions_of
+from partialdvl_bench.seeds import PUBLIC_SEED
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +52,7 @@ def exact(drawn: Mission) -> Mission:
             np.zeros((len(imu_ns), 3)),
         ),
         pings=Pings(ping_ns, np.tile(directions @ [2.0, 0.0, 0.0], (DURATION_S, 1)), bottom),
-        water=WaterPings(
+        water=WaterBeams(
             ping_ns,
             np.tile(directions @ ([2.0, 0.0, 0.0] - CURRENT_T_MPS), (DURATION_S, 1)),
             valid,
@@ -191,7 +197,7 @@ def test_stops_are_at_samples_where_nothing_is_asked(exact: Mission) -> None:
 
 
 def test_a_dvl_without_water_track_gives_none_to_rivals(exact: Mission) -> None:
-    dry = water_outages.without_water(exact)
+    dry = without_water(exact)
     assert not any(kind == "water" for stop in stops(dry) for kind, _ in stop.readings)
     assert any(kind == "water" for stop in stops(exact) for kind, _ in stop.readings)
 
@@ -211,3 +217,23 @@ def test_a_run_again_has_its_rows(world: str) -> None:
         before = published[row[:4]]
         assert row.error_m == pytest.approx(before.error_m, rel=1e-3, abs=1e-3), row.method
         assert row.error_over_sd == pytest.approx(before.error_over_sd, rel=1e-3, abs=1e-3, nan_ok=True)
+
+
+def test_the_table_of_the_missions_is_that_of_their_rows() -> None:
+    rows = water_missions.read_rows()
+    assert {row.mission for row in rows} == {spec.name for spec in missions_of(version="1.2")}
+    assert {row.method for row in rows} == set(water_missions.ANSWERS)
+    text = water_missions.PAGE.read_text(encoding="utf-8")
+    assert water_missions.FIRST_MARK + water_missions.table(rows) + water_missions.LAST_MARK in text
+
+
+@pytest.mark.long
+def test_a_mission_again_has_its_rows(tmp_path: Path) -> None:
+    """The last digits are the machine's."""
+    spec = next(spec for spec in missions_of(version="1.2") if spec.current == "steady")
+    make_missions([spec], lambda _: PUBLIC_SEED, tmp_path)
+    mission = load_mission(tmp_path / spec.split / spec.name)
+    published = {row.method: row for row in water_missions.read_rows() if row.mission == spec.name}
+    for name in water_missions.ANSWERS:
+        found = water_missions.row_of(mission, name)
+        np.testing.assert_allclose(found[2:], published[name][2:], rtol=1e-3, atol=1e-3, err_msg=name)

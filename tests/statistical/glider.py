@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import make_geometry, models
 from bottomlock.kernel.attitude_motion import divided, held, inertial_readings
-from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.streams import Inertial, WaterBeams
 from bottomlock.replay.vehicle_motion import vehicle_motion
-from partialdvl_bench.mission import Estimates, Mission, Pings, Scalars, Start, WaterPings
+from partialdvl_bench.mission import Estimates, Mission, Pings, Scalars, Start
 
 Floats = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ def mission_of_window(
         imu_sampling="averaged", max_imu_gap_s=100.0, imu_gap="inflate",
     )  # fmt: skip
     wet = np.flatnonzero(known(dive.water_mps[pings]))
-    returned = WaterPings(
+    returned = WaterBeams(
         dive.time_ns[wet], dive.beams(dive.water_mps)[wet], np.ones((len(wet), 4), dtype=np.bool_),
         np.full((len(wet), 4), WATER_SD_MPS), dive.range_m[wet],
     )  # fmt: skip
