@@ -47,7 +47,10 @@ def test_a_loaded_mission_has_the_water_that_was_made(mission: Mission) -> None:
     assert water is not None
     assert mission.options.water_track
     beams = table.select("beam2_mps").fill_null(np.nan).to_numpy()[:, 0]
-    np.testing.assert_array_equal(water.velocity_mps[:, 1], beams)
+    # A ping of four beams that do not agree is left out, as of any log.
+    kept = water.valid[:, 1]
+    assert kept.mean() > 0.98
+    np.testing.assert_array_equal(water.velocity_mps[kept, 1], beams[kept])
     np.testing.assert_allclose(water.sd_mps, level["noise_mps"], atol=1e-6)
     np.testing.assert_array_equal(water.range_m, level["range_m"])
     # In the current of 0.3 m/s bottom and water differ.
