@@ -55,9 +55,9 @@ class _OnlyWater(Gate):
 
 
 class PoseUkf(UnscentedFilter):
-    """The unscented filter with their states of the water; flown from reading to reading, three seconds at most."""
+    """The unscented filter with their states of the water; flown from reading to reading."""
 
-    period_ns = 3_000_000_000
+    period_ns = 10_000_000_000
 
     def __init__(self, mission: Mission) -> None:
         super().__init__(mission, solved_velocity=True, further_states=FURTHER)

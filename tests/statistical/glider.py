@@ -91,19 +91,28 @@ def windows(dive: Dive, seconds: float) -> Iterator[tuple[int, int]]:
 
 
 def mission_of_window(
-    dive: Dive, first: int, last: int, *, water: bool, layers: models.CurrentLayers = BY_DEPTH
+    dive: Dive,
+    first: int,
+    last: int,
+    *,
+    water: bool,
+    layers: models.CurrentLayers = BY_DEPTH,
+    begin: int = 0,
 ) -> Mission:
-    """The dive up to the ping before `last`, the bottom hidden from ping `first` on, asked from the ping before it."""
+    """The dive up to the ping before `last`, the bottom hidden from ping `first` on, asked from the ping before it.
+
+    It begins with ping `begin`.
+    """
     has_bottom = known(dive.bottom_mps)
-    pings = slice(0, last)
+    pings = slice(begin, last)
     seen = has_bottom[pings].copy()
-    seen[first:] = False
-    beams = dive.beams(dive.bottom_mps)
+    seen[first - begin :] = False
+    beams, time_ns = dive.beams(dive.bottom_mps), dive.time_ns[pings]
     velocity_p = beams @ np.linalg.pinv(np.asarray(JANUS.directions_p)).T
     motion = vehicle_motion(dive.time_ns[has_bottom], velocity_p[has_bottom])
-    imu_ns, attitude = divided(dive.time_ns[pings], dive.attitude[pings])
+    imu_ns, attitude = divided(time_ns, dive.attitude[pings])
     rows = np.flatnonzero(seen)
-    persists = held(imu_ns, dive.time_ns[rows], velocity_p[rows])
+    persists = held(imu_ns, time_ns[rows], velocity_p[pings][rows])
     omega, force = inertial_readings(imu_ns, attitude, persists, latitude_rad=LATITUDE)
     change = np.sqrt(2.0 * motion.fluctuation_sd_mps**2 / motion.fluctuation_time_s)
     model = models.Model(
@@ -129,7 +138,7 @@ def mission_of_window(
         water_track=water, current_layers=layers, motion=motion.prior, estimate_dvl=False,
         imu_sampling="averaged", max_imu_gap_s=100.0, imu_gap="inflate",
     )  # fmt: skip
-    wet = np.flatnonzero(known(dive.water_mps[pings]))
+    wet = begin + np.flatnonzero(known(dive.water_mps[pings]))
     returned = WaterBeams(
         dive.time_ns[wet], dive.beams(dive.water_mps)[wet], np.ones((len(wet), 4), dtype=np.bool_),
         np.full((len(wet), 4), WATER_SD_MPS), dive.range_m[wet],
@@ -141,14 +150,14 @@ def mission_of_window(
         model=model,
         options=options,
         start=Start(
-            time_ns=0,
-            position_t_m=np.array([0.0, 0.0, dive.depth_m[0]]),
-            velocity_p_mps=velocity_p[rows[0]],
+            time_ns=int(time_ns[0]),
+            position_t_m=np.array([0.0, 0.0, dive.depth_m[begin]]),
+            velocity_p_mps=velocity_p[pings][rows[0]],
             attitude_t_p=attitude[0].as_quat(scalar_first=True),
         ),
         imu=Inertial(imu_ns, force, omega),
-        pings=Pings(dive.time_ns[pings], beams[pings], np.repeat(seen[:, None], 4, axis=1)),
-        depth=Scalars(dive.time_ns[pings], dive.depth_m[pings]),
+        pings=Pings(time_ns, beams[pings], np.repeat(seen[:, None], 4, axis=1)),
+        depth=Scalars(time_ns, dive.depth_m[pings]),
         heading=Scalars(np.empty(0, dtype=np.int64), np.empty(0)),
         grid_ns=dive.time_ns[first - 1 : last],
         truth=None,
