@@ -68,7 +68,7 @@ WITHOUT_IMU: Mapping[str, Answer] = {
 """On the glider: it has no inertial sensor, and no model of the vehicle is at hand."""
 
 LEAD = 200
-"""Pings before a window, ten minutes, with which rivals begin on the glider, for their cost; ours have all of the dive."""
+"""Pings before a window, ten minutes, with which rivals begin on the glider, for their cost; ours have all before."""
 
 
 def simulated_methods(simulation: Simulation) -> dict[str, Answer]:
