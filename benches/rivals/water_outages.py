@@ -1,6 +1,6 @@
 """Rivals where no beam returns from the bottom, beside our methods: a glider's dive, and simulated ten minutes.
 
-    python -m benches.rivals.water_outages --runs 40    # water_outages.csv, a row a case and method; then water.md
+    python -m benches.rivals.water_outages --runs 20    # water_outages.csv, a row a case and method; then water.md
 
 Rows that are there are kept, so that a run that was cut off goes on. The glider's windows need its recording
 (`BOTTOMLOCK_RECORDINGS`); without it they are left out. Everything is fixed beforehand: the windows are those of
@@ -186,7 +186,7 @@ def write_page(rows: list[Row], page: Path = PAGE) -> None:
 def main() -> None:
     """Adds the rows that are missing, and writes the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--rows", type=Path, default=ROWS)
     parser.add_argument("--worlds", nargs="+", choices=(GLIDER, *SIMULATED), default=(GLIDER, *SIMULATED))
     words = parser.parse_args()
