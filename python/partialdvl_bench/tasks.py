@@ -108,7 +108,7 @@ def without_bottom(mission: Mission) -> Flags:
     seen = mission.pings.time_ns[mission.pings.valid.any(axis=1)]
     before = np.concatenate([[mission.start.time_ns], seen])
     after = np.concatenate([seen, [mission.grid_ns[-1] + 1]])
-    long = (after - before) * 1e-9 >= BLACKOUT_S
+    long = after - before >= round(1e9 * BLACKOUT_S)
     between = (mission.grid_ns[:, None] > before[long]) & (mission.grid_ns[:, None] < after[long])
     return np.asarray(between.any(axis=1))
 
