@@ -7,6 +7,7 @@ uncertain heading across the way from the start.
 """
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from benches.rivals.held_velocity import WINDOW, memory_at_start
 from benches.rivals.sensors import Sensors
 from benches.rivals.state import at_start
 from benches.rivals.strapdown import Earth, Motion, advance
-from benches.rivals.timeline import Stretch, stops
+from benches.rivals.timeline import PERIOD_NS, Stretch, stops
 from bottomlock.kernel.models import DvlModel
 from partialdvl_bench.mission import Estimates, Mission
 
@@ -25,6 +26,9 @@ Floats = NDArray[np.float64]
 
 class DeadReckoner:
     """Attitude, the velocity that is held, and the position."""
+
+    period_ns = PERIOD_NS
+    """The longest stretch that is advanced at once."""
 
     def __init__(self, mission: Mission, window: int) -> None:
         initial = mission.model.initial
@@ -51,6 +55,11 @@ class DeadReckoner:
         self.velocity_cov = self.velocity_cov + walk
         # A velocity is held for about a second, and so is its error.
         self.walked_cov = self.walked_cov + self.rotation @ self.velocity_cov @ self.rotation.T * duration
+
+    def measure(self, kind: str, value: Floats) -> None:
+        """A reading; all but pings of the bottom are left out."""
+        if kind == "ping":
+            self.ping(value)
 
     def ping(self, beams_mps: Floats) -> None:
         """The velocity that the beams determine, or the one that is held."""
@@ -87,25 +96,24 @@ class DeadReckoner:
 
 def estimate(mission: Mission) -> Estimates:
     """Holds the last velocity where the beams determine none."""
-    return dead_reckoned(mission, window=1)
+    return dead_reckoned(mission, lambda: DeadReckoner(mission, window=1))
 
 
 def estimate_moving_average(mission: Mission) -> Estimates:
     """Holds the mean of the last velocities where the beams determine none."""
-    return dead_reckoned(mission, window=WINDOW)
+    return dead_reckoned(mission, lambda: DeadReckoner(mission, window=WINDOW))
 
 
-def dead_reckoned(mission: Mission, *, window: int) -> Estimates:
+def dead_reckoned(mission: Mission, make: Callable[[], DeadReckoner]) -> Estimates:
     """Velocity, position and attitude at the grid's times."""
-    began, reckoner = time.perf_counter(), DeadReckoner(mission, window)
+    began, reckoner = time.perf_counter(), make()
     rows = len(mission.grid_ns)
     velocity, position, attitude = np.empty((rows, 3)), np.empty((rows, 3)), np.empty((rows, 4))
     velocity_cov, position_cov = np.empty((rows, 3, 3)), np.empty((rows, 3, 3))
-    for stop in stops(mission):
+    for stop in stops(mission, period_ns=reckoner.period_ns):
         reckoner.advance(stop.stretch)
         for kind, value in stop.readings:
-            if kind == "ping":
-                reckoner.ping(value)
+            reckoner.measure(kind, value)
         if stop.grid_row is None:
             continue
         row = stop.grid_row

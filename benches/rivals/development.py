@@ -1,12 +1,13 @@
 """Missions from a scenario, for tests and the study of convergence: the benchmark's own come from its data."""
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from benches.rivals import rotations
 from bottomlock.config.scenario import Scenario
 from bottomlock.kernel.models import InitialModel
-from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.streams import Inertial, WaterBeams
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth import truth as truths
@@ -72,6 +73,20 @@ def mission_along(simulation: Simulation, truth: truths.Truth, *, run: int = 0) 
             attitude_t_p=truth.attitude_t_p[rows],
             current_t_mps=np.full((len(rows), 2), np.nan),
         ),
+        water=_water(streams["beams_water"], count) if "beams_water" in streams else None,
+    )
+
+
+def _water(table: pl.DataFrame, count: int) -> WaterBeams:
+    def of_beams(name: str) -> Floats:
+        return table.select(f"beam{k + 1}_{name}" for k in range(count)).fill_null(np.nan).to_numpy()
+
+    return WaterBeams(
+        table["time_ns"].to_numpy(),
+        of_beams("mps"),
+        of_beams("valid").astype(np.bool_),
+        of_beams("sd_mps"),
+        table["range_m"].to_numpy(),
     )
 
 

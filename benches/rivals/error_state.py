@@ -102,6 +102,8 @@ class ErrorStateFilter:
             return self.sensors.depth(value)
         if kind == "heading":
             return self.sensors.heading(value)
+        if kind == "water":
+            return None
         assert positions is not None
         return self.sensors.position(value, positions.sd_m)
 

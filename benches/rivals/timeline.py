@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.streams import Inertial, WaterBeams
 from partialdvl_bench.mission import Mission
 
 Floats = NDArray[np.float64]
@@ -50,15 +50,16 @@ class Stop:
     grid_row: int | None
 
 
-ORDER = ("ping", "depth", "heading", "position")
+ORDER = ("ping", "water", "depth", "heading", "position")
 """Of readings at one time, as in the kernel."""
 
 
 def stops(mission: Mission, positions: Positions | None = None, period_ns: int = PERIOD_NS) -> Iterator[Stop]:
-    """Every stop after the start, in order of time, none later than the period after the one before.
+    """Every stop after the start, in order of time, by a sample no later than the period after the one before.
 
-    A lost beam is NaN in the value of a ping. Where a stop is not at the time of a sample, the last sample that was
-    received is held, so that nothing comes from the future.
+    A lost beam is NaN in the value of a ping; that of one that the water returned is (3, B), beams, their 1 sigma and
+    the range. Where a stop is not at the time of a sample, the last sample that was received is held, so that nothing
+    comes from the future.
 
     Raises:
         DataError: for inertial samples that end before the grid does.
@@ -71,8 +72,10 @@ def stops(mission: Mission, positions: Positions | None = None, period_ns: int =
         )
     readings = _readings(mission, positions)
     grid = {int(time_ns): row for row, time_ns in enumerate(mission.grid_ns)}
-    regular = range(start_ns, last_ns + period_ns, period_ns)
-    times = sorted(t for t in {*regular, *readings, *grid} if start_ns <= t <= last_ns)
+    regular = np.arange(start_ns, last_ns + period_ns, period_ns)
+    # At the sample before, where there is none at that time: so nothing is held for a stop that nothing asks for.
+    sampled = mission.imu.time_ns[np.searchsorted(mission.imu.time_ns, regular, side="right") - 1]
+    times = sorted(t for t in {*sampled.tolist(), *readings, *grid} if start_ns <= t <= last_ns)
     before = start_ns
     for time_ns in times:
         stretch = between(mission.imu, before, time_ns)
@@ -92,6 +95,11 @@ def between(imu: Inertial, from_ns: int, to_ns: int) -> Stretch:
     return Stretch(step_s, imu.omega_p_radps[rows], imu.force_p_mps2[rows])
 
 
+def _water(water: WaterBeams) -> Floats:
+    beams = np.where(water.valid, water.velocity_mps, np.nan)
+    return np.stack([beams, water.sd_mps, np.broadcast_to(water.range_m[:, None], beams.shape)], axis=1)
+
+
 def _readings(mission: Mission, positions: Positions | None) -> dict[int, list[tuple[str, Floats]]]:
     beams = np.where(mission.pings.valid, mission.pings.velocity_mps, np.nan)
     streams: dict[str, tuple[Times, Floats]] = {
@@ -99,6 +107,8 @@ def _readings(mission: Mission, positions: Positions | None) -> dict[int, list[t
         "depth": (mission.depth.time_ns, mission.depth.value[:, None]),
         "heading": (mission.heading.time_ns, mission.heading.value[:, None]),
     }
+    if mission.water is not None:
+        streams["water"] = (mission.water.time_ns, _water(mission.water))
     if positions is not None:
         streams["position"] = (positions.time_ns, positions.position_t_m)
     by_time: dict[int, list[tuple[str, Floats]]] = {}

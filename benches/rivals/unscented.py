@@ -72,8 +72,20 @@ class UnscentedFilter(ErrorStateFilter):
 
     period_ns = 1_000_000_000
 
-    def __init__(self, mission: Mission, chart: Chart | None = None) -> None:
-        super().__init__(mission, chart or RightInvariant())
+    def __init__(
+        self,
+        mission: Mission,
+        chart: Chart | None = None,
+        *,
+        solved_velocity: bool = False,
+        further_states: int = 0,
+    ) -> None:
+        super().__init__(
+            mission,
+            chart or RightInvariant(),
+            solved_velocity=solved_velocity,
+            further_states=further_states,
+        )
 
     def predict(self, stretch: Stretch) -> None:
         """Every point is flown; the mean is where the centre arrives, moved by the mean of the errors about it."""

@@ -34,6 +34,7 @@ def case_text(
         ("imu.errors", imu),
         ("dvl", {"file": "beams.parquet", "geometry": "dvl.toml"}),
         ("dvl.errors", {key: getattr(scenario.dvl, key) for key in _DVL_ERRORS}),
+        *([("water_track", {"file": "water.parquet", "cells": [1]})] if spec.water else []),
         ("depth", {
             "file": "depth.parquet", "clock": _CLOCK, "column": "depth_m",
             "sd_m": depth.noise_pa / (depth.water_density_kg_per_m3 * gravity),

@@ -22,8 +22,9 @@ STEPS: Mapping[str, float] = {
     "m": 2.0**-13,
     "rad": 2.0**-20,
     "attitude": 2.0**-30,
+    "quality": 1.0,
 }
-"""Step of a column by the last word of its name (rad/s, m/s², m/s, m, rad), and of the parts of a quaternion."""
+"""Step of a column by the last word of its name (rad/s, m/s², m/s, m, rad, counts), and of parts of a quaternion."""
 
 MISSING = np.iinfo(np.int64).min
 

@@ -58,6 +58,7 @@ def load_mission(folder: str | Path, *, truth: bool = True) -> Mission:
         heading=_heading(prepared),
         grid_ns=grid_ns,
         truth=_truth(folder, grid_ns) if truth else None,
+        water=prepared.streams.water,
     )
 
 

@@ -76,6 +76,8 @@ def make_mission(spec: MissionSpec, seed: int) -> MadeMission:
         "depth": rounded(streams["depth"]),
         "heading": rounded(heading.with_columns(roll_rad=pl.lit(0.0), pitch_rad=pl.lit(0.0))),
     }
+    if spec.water:
+        tables["water"] = rounded(streams["beams_water"])
     start = _start(spec, seed, simulation.scenario, truth)
     return MadeMission(
         spec=spec,

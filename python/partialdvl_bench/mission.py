@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import BeamGeometry, InitialState, Model, Options
-from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.streams import Inertial, WaterBeams
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -61,7 +61,7 @@ class Mission:
 
     `model` and `options` hold the claimed errors of every sensor and the lever arms; `grid_ns` (n,) are the times at
     which an estimate is asked, the first of them after the start. Inertial readings are means over the interval before
-    each time.
+    each time. `water` is None where the DVL has no water track.
     """
 
     name: str
@@ -76,6 +76,7 @@ class Mission:
     heading: Scalars
     grid_ns: Times
     truth: Truth | None
+    water: WaterBeams | None = None
 
 
 def initial_state(mission: Mission) -> InitialState:

@@ -10,8 +10,8 @@ from bottomlock.config.toml_file import parse_toml
 from bottomlock.support.nearest import did_you_mean
 
 SPLITS = ("train", "validation", "test")
-FACTORS = ("vehicle", "imu", "heading", "slip", "seabed", "current", "dvl", "loss", "noise")
-"""What a name states of a mission, in this order, before path and duration; heading and slip where not empty."""
+FACTORS = ("vehicle", "imu", "heading", "slip", "seabed", "current", "dvl", "loss", "noise", "water")
+"""What a name states of a mission, in this order, before path and duration; heading, slip and water where not empty."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class MissionSpec:
     """A mission of the list: its split, the level of each factor, the kind of its path, and its duration.
 
     Since version 1.1 `heading` is a heading reference with slow errors, empty where the heading sensor is the IMU's,
-    and `slip` the sway through the water that is added to the vehicle's own, empty for none.
+    and `slip` the sway through the water that is added to the vehicle's own, empty for none. Since version 1.2 `water`
+    is the DVL's water track, empty where it has none.
     """
 
     split: str
@@ -34,6 +35,7 @@ class MissionSpec:
     duration_s: float
     heading: str = ""
     slip: str = ""
+    water: str = ""
     version: str = "1"
 
     @property

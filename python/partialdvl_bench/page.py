@@ -21,7 +21,7 @@ from partialdvl_bench.figure import leaderboard_figure
 from partialdvl_bench.leaderboard import OVERALL, leaderboard
 from partialdvl_bench.mission_list import FACTORS, SPLITS, levels, mission_list
 from partialdvl_bench.tables import SCORES
-from partialdvl_bench.tasks import CURRENT, NAVIGATION, RANKED, RECOVERY
+from partialdvl_bench.tasks import BLACKOUT, CURRENT, NAVIGATION, RANKED, RECOVERY
 
 NAME = "leaderboard"
 """Of the written files: `leaderboard.html`, `.parquet` and `.csv`."""
@@ -47,17 +47,22 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
         "velocity energy score, m/s", "surge RMS, m/s", "sway RMS, m/s", "heave RMS, m/s",
         "velocity NEES a component", "velocity availability",
     ),
+    BLACKOUT: (
+        "horizontal error at the end, m", "error at the end over σ", "position energy score, m", "velocity RMS, m/s",
+        "velocity NEES a component", "position NEES a component", "velocity availability",
+    ),
     CURRENT: ("current energy score, m/s", "current RMS, m/s", "current NEES a component", "current availability"),
     PINGS_TASK: ("energy score, m/s", "RMS, m/s", "NEES a component", "availability"),
 }  # fmt: skip
 """Scores beside the ranking one, by task."""
 
 WORDS: Mapping[str, str] = {
-    OVERALL: "Mean over T2, T3 and T4 of the ranking score.",
+    OVERALL: "Mean over T2, T3, T4 and, where there is one, T6 of the ranking score.",
     VELOCITY_TASK: "The velocity from the beams of one ping, for every set of beams that could be left.",
     NAVIGATION: "Velocity and position at every second of every mission.",
     RECOVERY: "Velocity in the 30 s after beams determine it again, where they had not for 15 s or more.",
     CURRENT: "The velocity of the water at every second.",
+    BLACKOUT: "Velocity and position while no beam returns from the bottom for a minute or more, with water track.",
     PINGS_TASK: "Pings of a RiverPro with four beams: what the beams left out read, from the others and earlier pings.",
 }
 

@@ -1,4 +1,4 @@
-"""The tasks T2 to T4: which rows of a mission each scores, and its scores from estimates and truth."""
+"""The tasks T2 to T4 and T6: which rows of a mission each scores, and its scores from estimates and truth."""
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -19,7 +19,8 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 NAVIGATION, RECOVERY, CURRENT = "T2 navigation", "T3 recovery", "T4 current"
-TASKS = (NAVIGATION, RECOVERY, CURRENT)
+BLACKOUT = "T6 without bottom"
+TASKS = (NAVIGATION, RECOVERY, CURRENT, BLACKOUT)
 
 SEGMENT_M = 100.0
 """Distance travelled over which the drift of T2 is taken."""
@@ -27,6 +28,9 @@ OUTAGE_S = 15.0
 """T3 begins when the beams determine the velocity again after at least this time in which they did not."""
 RECOVERY_S = 30.0
 """Time after an outage that T3 scores."""
+
+BLACKOUT_S = 60.0
+"""T6 scores the time without any beam of the bottom, of at least this length, of missions with water track."""
 
 RANKED = "nats a component"
 """The score that ranks: negative log-likelihood over the number of components, mean over the rows of a mission."""
@@ -74,6 +78,12 @@ def scores_of(mission: Mission, estimates: Estimates, method: str) -> pl.DataFra
     if after.any():
         add(RECOVERY, _proper([velocity], after))
         add(RECOVERY, _of_block("velocity", velocity, after, BODY))
+    without = without_bottom(mission)
+    if without.any():
+        add(BLACKOUT, _proper([velocity, position], without))
+        add(BLACKOUT, _of_block("velocity", velocity, without, BODY))
+        add(BLACKOUT, _of_block("position", position, without, ()))
+        add(BLACKOUT, _at_the_end(position, without))
     add(CURRENT, _proper([current], every))
     add(CURRENT, _of_block("current", current, every, ()))
     return pl.DataFrame(rows, schema=dict(SCORES), orient="row")
@@ -89,6 +99,18 @@ def after_outages(mission: Mission) -> Flags:
     ends = times[(times - before) * 1e-9 >= OUTAGE_S]
     since = (mission.grid_ns[:, None] - ends[None, :]) * 1e-9
     return np.asarray(((since >= 0.0) & (since < RECOVERY_S)).any(axis=1))
+
+
+def without_bottom(mission: Mission) -> Flags:
+    """(n,) times of the grid in `BLACKOUT_S` or more without a beam of the bottom; none of missions without water."""
+    if mission.water is None:
+        return np.zeros(len(mission.grid_ns), dtype=np.bool_)
+    seen = mission.pings.time_ns[mission.pings.valid.any(axis=1)]
+    before = np.concatenate([[mission.start.time_ns], seen])
+    after = np.concatenate([seen, [mission.grid_ns[-1] + 1]])
+    long = after - before >= round(1e9 * BLACKOUT_S)
+    between = (mission.grid_ns[:, None] > before[long]) & (mission.grid_ns[:, None] < after[long])
+    return np.asarray(between.any(axis=1))
 
 
 class _Block:
@@ -128,3 +150,13 @@ def _of_block(name: str, block: _Block, rows: Flags, axes: Sequence[str]) -> Ite
         yield f"{axis} RMS, {unit}", float(rms(column)), count
     yield f"{name} NEES a component", float(nees(error, cov).mean()) / size, count
     yield f"{name} availability", float(block.answered[rows].mean()), count
+
+
+def _at_the_end(position: _Block, rows: Flags) -> Iterator[tuple[str, float, int]]:
+    """Horizontal error of the last row of each stretch of rows, and the same over the claimed σ, RMS over them."""
+    last = np.flatnonzero(rows & ~np.append(rows[1:], False))
+    error, cov = position.error[last][:, :2], position.cov[last][:, :2, :2]
+    off = np.linalg.norm(error, axis=1)
+    yield "horizontal error at the end, m", float(rms(off)), len(last)
+    ratio = off / np.sqrt(np.trace(cov, axis1=1, axis2=2))
+    yield "error at the end over σ", float(rms(ratio)), len(last)

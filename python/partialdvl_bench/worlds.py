@@ -65,7 +65,7 @@ def scenario_of(spec: MissionSpec, seed: int) -> Scenario:
         "heading": {"rate_hz": 1.0} | (table["heading"][spec.heading] if spec.heading else imu["heading"]),
         "initial": imu["initial"],
         "campaign": {"seed": kernel_seed(seed, spec.name)},
-    }  # fmt: skip
+    } | ({"water_track": table["water"][spec.water]} if spec.water else {})  # fmt: skip
     return Scenario.model_validate(content)
 
 
@@ -175,6 +175,14 @@ def _losses(spec: MissionSpec, seed: int) -> dict[str, Any]:
     beams = len(levels()["dvl"][spec.dvl].get("azimuths_deg", range(4)))
     if spec.loss == "markov":
         return {"dropouts": [{"beams": list(range(1, beams + 1))} | level]}
+    if spec.loss == "blackout":
+        draw = stream(seed, spec.name, "loss")
+        lost_s = draw.uniform(*level["lock_s"])
+        end_s = lost_s + draw.uniform(*level["lasting_s"])
+        whole = {
+            "beams": list(range(1, beams + 1)), "from_s": round(lost_s, 2), "to_s": round(end_s, 2)
+        }  # fmt: skip
+        return {"outages": [whole]}
     if spec.loss != "schedule":
         return {}
     draw = stream(seed, spec.name, "loss")

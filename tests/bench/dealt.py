@@ -79,3 +79,21 @@ def second_list() -> list[MissionSpec]:
         taken |= names
         found += part
     return found
+
+
+def water_list() -> list[MissionSpec]:
+    """The missions of version 1.2."""
+    draw, count = np.random.default_rng([PUBLIC_SEED, 3]), 6
+    vehicle, imu = dealt(draw, ("remus100", "tauv"), count), dealt(draw, tuple(IMU_OF.values()), count)
+    seabed, current, dvl, noise, path = (
+        dealt(draw, named, count) for named in (SEABEDS[:3], (*CURRENTS[1:], "turning"), DVLS, NOISES, PATHS)
+    )
+    validation = set(draw.permutation(count)[: count // 3].tolist())
+    return [
+        MissionSpec(
+            split="validation" if k in validation else "train",
+            vehicle=vehicle[k], imu=imu[k], seabed=seabed[k], current=current[k], dvl=dvl[k], loss="blackout",
+            noise=noise[k], path=path[k], duration_s=900.0, water="water_track", version="1.2",
+        )
+        for k in range(count)
+    ]  # fmt: skip

@@ -21,6 +21,7 @@ from partialdvl_bench.methods import estimate
 from partialdvl_bench.mission import Mission
 from partialdvl_bench.mission_list import levels, mission_list, missions_of
 from partialdvl_bench.seeds import PUBLIC_SEED
+from tests.bench.dealt import CURRENTS, DVLS, LOSSES, NOISES, SEABEDS
 
 LONG = (True, False, False, True, True, False)
 IMU_OF = {"magnetic": "mems", "mti_ahrs": "tactical", "gyrocompass": "fibre_optic"}
@@ -35,11 +36,10 @@ def _dealt() -> list[tuple[object, ...]]:
         return [str(one) for one in np.concatenate(rounds)[:count]]
 
     seabed, current, dvl, noise, loss = (
-        dealt([level for level in levels()[factor] if level != "inshore"])
-        for factor in ("seabed", "current", "dvl", "noise", "loss")
+        dealt(list(named)) for named in (SEABEDS, CURRENTS, DVLS, NOISES, LOSSES)
     )
     while ("flat", "geometric") in zip(seabed, loss, strict=True):
-        loss = dealt(list(levels()["loss"]))
+        loss = dealt(list(LOSSES))
     near, others = iter(dealt(["box", "lawn"], 3)), iter(dealt(["line", "zigzag", "lawn", "box"], 3))
     path = [next(near if long else others) for long in LONG]
     kinds = [(vehicle, heading) for heading in IMU_OF for vehicle in ("remus100", "tauv")]
@@ -66,12 +66,12 @@ def test_the_list_is_what_the_rule_deals() -> None:
 
 
 def test_versions_stand_apart_and_old_names_have_no_heading() -> None:
-    first, later = missions_of(), missions_of(version="1.1")
-    assert (*first, *later) == mission_list()
+    first, later, last = (missions_of(version=version) for version in ("1", "1.1", "1.2"))
+    assert (*first, *later, *last) == mission_list()
     assert {(spec.heading, spec.slip) for spec in first} == {("", "")}
     assert all(spec.name.split("-")[2] == (spec.heading or spec.slip or spec.seabed) for spec in later)
     assert missions_of(names=(later[0].name,)) == later[:1]
-    with pytest.raises(DataError, match=r"no version is called '2' \(known: 1, 1\.1\)"):
+    with pytest.raises(DataError, match=r"no version is called '2' \(known: 1, 1\.1, 1\.2\)"):
         missions_of(version="2")
     assert len(missions_of(("test",), version="1.1")) == 18
 

@@ -247,4 +247,4 @@ def test_a_later_version_is_made_on_request(tmp_path: Path) -> None:
     assert "of version 1;" in command(*run).stderr
     assert "2 of 2 run" in command(*run, "--version", "1.1").stdout
     refused = command("bench", "run", "--data", out, "--out", tmp_path / "run", "--version", "3")
-    assert "no version is called '3' (known: 1, 1.1)" in refused.stderr
+    assert "no version is called '3' (known: 1, 1.1, 1.2)" in refused.stderr

@@ -48,6 +48,16 @@ def current(names: dict[str, Any]) -> None:
         assert rows[across, method][0] == pytest.approx(rows[still, method][0], rel=0.3)
 
 
+def lost_bottom(names: dict[str, Any]) -> None:
+    """The water bounds the error of both methods; without it tc is lost, and sway_current several times as far off."""
+    error = {(returns, method): value for returns, method, value, _ in names["rows"]}
+    wet, dry = "bottom and water", "bottom alone"
+    assert max(error[wet, method] for method in names["METHODS"]) < 16.0
+    assert error[dry, "tc"] > 50.0 * error[wet, "tc"]
+    assert error[dry, "sway_current"] > 2.0 * error[wet, "sway_current"]
+    assert error[dry, "sway_current"] < 0.1 * error[dry, "tc"]
+
+
 def slope(names: dict[str, Any]) -> None:
     """The rules of the scenario lose beams, and each part of the text has its number."""
     lost = names["valid"].sum(axis=1)
@@ -156,6 +166,7 @@ CLAIMS = {
     "paper_in_five_minutes": paper,
     "one_beam_only": one_beam,
     "cross_current": current,
+    "lost_bottom": lost_bottom,
     "slope": slope,
     "planner": planner,
     "method_of_my_own": own_method,

@@ -12,38 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import Method, run_batch
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics.chi_squared import mean_band
+from tests.statistical.diving import DURATION_S, STEADY, WORLDS, diving, scenario
 
 pytestmark = [pytest.mark.statistical, pytest.mark.long]
-RUNS, DURATION_S, LOCK_S = 40, 660.0, 60.0
+RUNS = 40
 PROBABILITY = 1.0 - 1e-3
 METHODS: tuple[Method, ...] = ("tc", "sway_current")
-STEADY = {"speed_mps": 0.3, "towards_deg": 40.0}
-
-
-def scenario(**sections: dict[str, Any]) -> Simulation:
-    """Tactical IMU, depth and heading; the bottom is lost after a minute."""
-    content = load_scenario("straight").model_dump(exclude_unset=True)
-    dvl = {key: value for key, value in content["dvl"].items() if key != "beams_lost"}
-    lost = {"beams": [1, 2, 3, 4], "from_s": LOCK_S, "to_s": 1e6}
-    content |= {"imu": {"grade": "tactical"}, "dvl": dvl | {"outages": [lost]}}
-    content |= {"depth": {}, "heading": {"noise_deg": 0.5}}
-    return build_simulation(Scenario.model_validate(content | sections))
-
-
-def diving(current: dict[str, Any], **sections: dict[str, Any]) -> Simulation:
-    """A vehicle that turns twice and goes between 20 and 50 m of depth."""
-    mission = {
-        "waypoints_m": [[0, 0], [500, 0], [500, 400], [0, 400], [0, 800]],
-        "depth_profile": [[0, 20], [60, 20], [180, 50], [300, 20], [420, 50], [540, 20], [660, 50]],
-        "duration_s": DURATION_S,
-        "current": current,
-    }
-    return scenario(trajectory={"kind": "waypoints"}, mission=mission, **sections)
 
 
 def run(
@@ -67,22 +45,14 @@ def run(
     }
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {},
-        {"shear_east_mps_per_m": 0.002},
-        {"turn_deg_per_h": 30.0},
-        {"turn_deg_per_h": 30.0, "shear_east_mps_per_m": 0.001},
-    ],
-    ids=["steady", "sheared", "turning", "both"],
-)
-def test_it_bounds_the_error_and_is_not_overconfident(change: dict[str, Any]) -> None:
+@pytest.mark.parametrize("world", WORLDS)
+def test_it_bounds_the_error_and_is_not_overconfident(world: str) -> None:
     """0.3 m/s that stays, changes by 0.06 m/s over the depths, or turns by 5 degrees in the ten minutes.
 
     The filter has the current by depth with its default prior, which is conservative here.
     """
-    with_it, without = run(diving(STEADY | change, water_track={})), run(diving(STEADY | change))
+    current = STEADY | WORLDS[world]
+    with_it, without = run(diving(current, water_track={})), run(diving(current))
     medians = np.median(with_it["error_m"], axis=0), np.median(without["error_m"], axis=0)
     # Seen: 13 to 18 m; without it 3000 m of tc, and 33 to 46 m of sway_current, which coasts on its assumptions.
     assert (medians[0] < 23.0).all()
@@ -102,13 +72,13 @@ def test_its_errors_are_as_claimed() -> None:
             "speed_mps": float(np.hypot(north, east)),
             "towards_deg": float(np.degrees(np.arctan2(east, north))),
         }
-        simulation = scenario(
+        world = scenario(
             trajectory=motion | {"dive_s": 60.0, "leg_s": 120.0, "turn_s": 20.0},
             mission={},
             water_track={"current": drawn},
             filter={"water": {"current_time_s": 1e9}, "current_layers": {"sd_mps": 0.0}},
         )
-        for name, values in run(simulation, ("tc",), first=number, runs=1).items():
+        for name, values in run(build_simulation(world), ("tc",), first=number, runs=1).items():
             found.setdefault(name, []).append(float(values[0, 0]))
     for name, degrees in {"position": 2, "velocity": 3, "attitude and velocity": 6}.items():
         low, high = mean_band(degrees, RUNS, PROBABILITY)

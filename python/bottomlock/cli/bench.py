@@ -61,7 +61,8 @@ Data = Annotated[Path, Parameter(help="Directory of the missions that `bottomloc
 Version = Annotated[
     str,
     Parameter(
-        help="Version of the list of missions: 1, or 1.1: slow errors of the heading, slip, a hovering vehicle."
+        help="Version of the list of missions: 1; 1.1: slow errors of the heading, slip, a hovering vehicle; 1.2: "
+        "water track, and minutes without the bottom."
     ),
 ]
 SeedFile = Annotated[
