@@ -241,7 +241,7 @@ def test_the_depth_changes_as_the_mounting_says(dive: Dive) -> None:
 
 
 def test_side_lobes_slow_the_water_near_the_bottom(dive: Dive) -> None:
-    """A lobe straight down sees no motion ahead. Seen of the speed: 0.52 to 2 m of range, 0.69 at 3 m, 1.01 from 7 m."""
+    """A lobe straight down sees no motion. Of the speed it shows 0.52 to 2 m of range, 0.69 at 3 m, 1.01 from 7 m."""
     first = dive.table.cell == 1
     good = dive.table.valid[first].all(axis=1) & known(dive.velocity_p_mps)
     ahead = (dive.table.velocity_mps[first] @ TO_VELOCITY.T)[:, 0], dive.velocity_p_mps[:, 0]
