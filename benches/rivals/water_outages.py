@@ -12,6 +12,7 @@ import csv
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -115,22 +116,22 @@ def simulated_rows(world: str, runs: int, done: set[tuple[str, int, int, str]]) 
             yield Row(world, hidden_s, run, name, *at_the_end(mission, methods[name](mission)))
 
 
-def glider_rows(path: Path, done: set[tuple[str, int, int, str]]) -> Iterator[Row]:
+def glider_rows(recordings: Path, done: set[tuple[str, int, int, str]]) -> Iterator[Row]:
     """Every window by every method that is not done yet; a case is the first ping that is hidden."""
-    dive = glider.read_dive(path)
+    with TemporaryDirectory() as folder:
+        dive = glider.read_dive(recordings, Path(folder))
     for seconds in HIDDEN_S:
         for first, last in glider.windows(dive, seconds):
             due = [name for name in WITHOUT_IMU if (GLIDER, round(seconds), first, name) not in done]
             if not due:
                 continue
             whole = glider.mission_of_window(dive, first, last, water=True)
-            begin = int(np.flatnonzero(glider.known(dive.bottom_mps)[: max(first - LEAD, 0) + 1])[-1])
+            begin = int(np.flatnonzero(glider.known(dive.velocity_p_mps)[: max(first - LEAD, 0) + 1])[-1])
             late = glider.mission_of_window(dive, first, last, water=True, begin=begin)
             for name in due:
                 answer = WITHOUT_IMU[name](whole if name in ours() else late)
-                yield Row(
-                    GLIDER, round(seconds), first, name, *glider.error_of_window(dive, first, last, answer)
-                )
+                found = glider.errors_of_window(dive, first, last, answer)
+                yield Row(GLIDER, round(seconds), first, name, found.error_m, found.over_sd)
 
 
 def read_rows(path: Path = ROWS) -> list[Row]:
@@ -201,7 +202,7 @@ def main() -> None:
             if world == GLIDER:
                 if recordings is None:
                     continue
-                found = glider_rows(Path(recordings) / glider.RECORDING, done)
+                found = glider_rows(Path(recordings), done)
             else:
                 found = simulated_rows(world, words.runs, done)
             for row in found:

@@ -1,11 +1,10 @@
 """Windows of a glider's dive as missions: bottom hidden, two nearest cells, attitude, depth; no inertial sensor.
 
-The recording (`glider_pathfinder`) is not republished. The cells are left out where the four beams disagree (error
-velocity over 0.05 m/s); everything else is as `replay` has it for a vehicle without an IMU. Errors are those of the
-velocity summed over the pings whose water and bottom are both there; windows begin every 150 s.
+The recording (`glider_pathfinder`: attitude, bottom track and cells of 2 m) is not republished. Its tables are those of
+`tools/recorded_dives.py`, and its two nearest cells are screened as `replay` screens them. Errors are those of the
+displacement in the pings whose water and bottom are both there, unless stated otherwise; windows begin every 150 s.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,18 +13,29 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.kernel import make_geometry, models
+from bottomlock.config.water_cells import WaterCells
+from bottomlock.io.water_table import WaterTable, read_water_table, water_file
+from bottomlock.kernel import BeamGeometry, models
 from bottomlock.kernel.attitude_motion import divided, held, inertial_readings
 from bottomlock.recordings.streams import Inertial, WaterBeams
+from bottomlock.recordings.water_cells import water_beams
 from bottomlock.replay.vehicle_motion import vehicle_motion
 from partialdvl_bench.mission import Estimates, Mission, Pings, Scalars, Start
+from tools import recorded_dives
 
 Floats = NDArray[np.float64]
 
-PING_S, FIRST, EVERY = 3.0, 233, 50
-CELLS, FIRST_CELL_M, CELL_M, DISAGREE_MPS = 2, 2.93, 2.0, 0.05
 BEAM_ANGLE = np.radians(30.0)
-JANUS = make_geometry("x", tilt_rad=BEAM_ANGLE)
+PING_S, FIRST, EVERY = 3.0, 233, 50
+MOUNTING_PITCH = np.radians(-27.1)
+"""Of the DVL: with it the velocities change the depth as the depth sensor says; the instrument left it out."""
+JANUS = BeamGeometry.from_angles(
+    [BEAM_ANGLE] * 4,
+    np.radians([45.0, 225.0, 315.0, 135.0]),
+    mounting_rpy_rad=[0.0, MOUNTING_PITCH, 0.0],
+)
+TO_VELOCITY = np.linalg.pinv(np.asarray(JANUS.directions_p))
+CELLS = WaterCells(cells=(1, 2), max_closure_mps=0.035)
 BOTTOM_SD_MPS, WATER_SD_MPS = 0.03, 0.05
 BY_DEPTH = models.CurrentLayers()
 LATITUDE = np.radians(41.6)
@@ -38,56 +48,82 @@ def known(velocity_mps: Floats) -> NDArray[np.bool_]:
 
 
 class Dive(NamedTuple):
-    """Pings (n,): times, attitudes, depth, and what bottom and water say, east, north, up and error; NaN where lost."""
+    """Pings (n,): times, attitudes, depth, beams of the bottom, the velocity they make and the range of side lobes.
+
+    The water is screened, and `table` has all cells.
+    """
 
     time_ns: NDArray[np.int64]
     attitude: Rotation
     depth_m: Floats
-    bottom_mps: Floats
-    water_mps: Floats
+    beams_mps: Floats
+    velocity_p_mps: Floats
+    water: WaterBeams
+    table: WaterTable
     range_m: Floats
 
-    def beams(self, velocity_enu_mps: Floats) -> Floats:
-        """(n, 4) beams of (n, 3) velocities, 0 where they are lost."""
-        ned = np.nan_to_num(velocity_enu_mps[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
-        turned: Floats = self.attitude.inv().apply(ned)
-        return turned @ np.asarray(JANUS.directions_p).T
+    @property
+    def ned_mps(self) -> Floats:
+        """(n, 3) velocity over ground; NaN where the bottom is lost."""
+        turned: Floats = self.attitude.apply(np.nan_to_num(self.velocity_p_mps))
+        return np.where(known(self.velocity_p_mps)[:, None], turned, np.nan)
 
-
-def read_dive(path: Path) -> Dive:
-    """The dive from its table."""
-    log = pl.read_csv(path, infer_schema_length=5000)
-
-    def column(name: str) -> Floats:
-        found: Floats = log[name].to_numpy().astype(np.float64)
+    @property
+    def water_ned_mps(self) -> Floats:
+        """(n, 3) velocity through the screened water; NaN where it is not determined."""
+        whole = self.water.valid.all(axis=1)
+        at = np.searchsorted(self.time_ns, self.water.time_ns[whole])
+        found = np.full((len(self.time_ns), 3), np.nan)
+        found[at] = self.attitude[at].apply(self.water.velocity_mps[whole] @ TO_VELOCITY.T)
         return found
 
-    def four(name: str) -> Floats:
-        return -np.stack([column(name.format(beam)) for beam in range(4)], axis=1)
 
-    cells = np.stack([four(f"vel_bin{cell}_beam{{}}") for cell in range(CELLS)], axis=1)
-    good = known(cells) & (np.abs(cells[:, :, 3]) < DISAGREE_MPS)
-    weight = good / np.maximum(good.sum(axis=1, keepdims=True), 1)
-    mean = (np.nan_to_num(cells) * weight[:, :, None]).sum(axis=1)
-    below_m = (weight * (FIRST_CELL_M + CELL_M * np.arange(CELLS))).sum(axis=1)
-    angles = np.radians(np.stack([column(name) for name in ("heading", "pitch", "roll")], axis=1))
+def read_dive(recordings: Path, folder: Path) -> Dive:
+    """The dive; its tables are written to a folder."""
+    recorded_dives.glider(recordings, folder)
+
+    def table(name: str, *columns: str) -> Floats:
+        found: Floats = (
+            pl.read_csv(folder / f"{name}.csv", infer_schema_length=None).select(columns).to_numpy()
+        )
+        return found.astype(np.float64)
+
+    bottom = table(
+        "dvl_beams", "time", *(f"beam{k}_{what}" for what in ("mps", "range_m") for k in range(1, 5))
+    )
+    time_s, beams, ranges = bottom[:, 0], bottom[:, 1:5], bottom[:, 5:]
+    attitude = table("attitude", "time", "roll", "pitch", "heading")
+    # As the table's velocities were turned: by the attitude before each ping.
+    rows = np.searchsorted(attitude[:, 0], time_s, side="right") - 1
+    depth = table("depth", "time", "depth")
+    time_ns = np.round(time_s * 1e9).astype(np.int64)
+    cells, noise = read_water_table(water_file(folder / "dvl_beams.csv")), np.full(4, WATER_SD_MPS)
+    water, _ = water_beams(cells, JANUS, CELLS, beam_sd_mps=noise, bottom=(time_ns, ranges))
     return Dive(
-        np.round((column("time") - column("time")[0]) * 1e9).astype(np.int64),
-        Rotation.from_euler("ZYX", angles),
-        column("depth"),
-        four("btm_beam{}_velocity")[:, :3],
-        np.where(good.any(axis=1, keepdims=True), mean[:, :3], np.nan),
-        below_m / np.cos(BEAM_ANGLE),
+        time_ns,
+        Rotation.from_euler("ZYX", np.radians(attitude[rows, :0:-1])),
+        np.interp(time_s, depth[:, 0], depth[:, 1]),
+        beams,
+        beams @ TO_VELOCITY.T,
+        water,
+        cells,
+        ranges.min(axis=1) * np.cos(BEAM_ANGLE),
     )
 
 
-def windows(dive: Dive, seconds: float) -> Iterator[tuple[int, int]]:
-    """First ping and the one after the last of every window in half of which the bottom is known."""
-    length = round(seconds / PING_S)
-    has_bottom = known(dive.bottom_mps)
-    for first in range(FIRST, len(dive.time_ns) - length, EVERY):
-        if has_bottom[first : first + length].mean() >= 0.5:
-            yield first, first + length
+class Errors(NamedTuple):
+    """Of the displacement: with water, m; of all pings with a bottom, m, and over its sigma, NaN without one."""
+
+    error_m: float
+    of_all_m: float
+    over_sd: float
+
+
+def windows(dive: Dive, seconds: float) -> list[tuple[int, int]]:
+    """First ping of each window in half of which the bottom is known, and the first after it."""
+    length, has_bottom = round(seconds / PING_S), known(dive.velocity_p_mps)
+    firsts = range(FIRST, len(dive.time_ns) - length, EVERY)
+    return [(first, first + length) for first in firsts if has_bottom[first : first + length].mean() >= 0.5]
 
 
 def mission_of_window(
@@ -103,12 +139,11 @@ def mission_of_window(
 
     It begins with ping `begin`.
     """
-    has_bottom = known(dive.bottom_mps)
+    has_bottom, velocity_p = known(dive.velocity_p_mps), dive.velocity_p_mps
     pings = slice(begin, last)
     seen = has_bottom[pings].copy()
     seen[first - begin :] = False
-    beams, time_ns = dive.beams(dive.bottom_mps), dive.time_ns[pings]
-    velocity_p = beams @ np.linalg.pinv(np.asarray(JANUS.directions_p)).T
+    time_ns = dive.time_ns[pings]
     motion = vehicle_motion(dive.time_ns[has_bottom], velocity_p[has_bottom])
     imu_ns, attitude = divided(time_ns, dive.attitude[pings])
     rows = np.flatnonzero(seen)
@@ -138,10 +173,10 @@ def mission_of_window(
         water_track=water, current_layers=layers, motion=motion.prior, estimate_dvl=False,
         imu_sampling="averaged", max_imu_gap_s=100.0, imu_gap="inflate",
     )  # fmt: skip
-    wet = begin + np.flatnonzero(known(dive.water_mps[pings]))
+    wet = slice(*np.searchsorted(dive.water.time_ns, [time_ns[0], dive.time_ns[last]]))
     returned = WaterBeams(
-        dive.time_ns[wet], dive.beams(dive.water_mps)[wet], np.ones((len(wet), 4), dtype=np.bool_),
-        np.full((len(wet), 4), WATER_SD_MPS), dive.range_m[wet],
+        dive.water.time_ns[wet], np.nan_to_num(dive.water.velocity_mps[wet]), dive.water.valid[wet],
+        dive.water.sd_mps[wet], dive.water.range_m[wet],
     )  # fmt: skip
     return Mission(
         name=f"glider-{first}-{last}",
@@ -156,7 +191,7 @@ def mission_of_window(
             attitude_t_p=attitude[0].as_quat(scalar_first=True),
         ),
         imu=Inertial(imu_ns, force, omega),
-        pings=Pings(time_ns, beams[pings], np.repeat(seen[:, None], 4, axis=1)),
+        pings=Pings(time_ns, np.nan_to_num(dive.beams_mps[pings]), np.repeat(seen[:, None], 4, axis=1)),
         depth=Scalars(time_ns, dive.depth_m[pings]),
         heading=Scalars(np.empty(0, dtype=np.int64), np.empty(0)),
         grid_ns=dive.time_ns[first - 1 : last],
@@ -165,14 +200,17 @@ def mission_of_window(
     )
 
 
-def error_of_window(dive: Dive, first: int, last: int, estimates: Estimates) -> tuple[float, float]:
-    """Horizontal error gathered in the window, m, and the same over its sigma; NaN where none is claimed."""
+def errors_of_window(dive: Dive, first: int, last: int, estimates: Estimates) -> Errors:
+    """Horizontal errors gathered in the window."""
     assert estimates.attitude_t_p is not None
     turned = Rotation.from_quat(estimates.attitude_t_p, scalar_first=True)
-    faster = turned.apply(estimates.velocity_p_mps)[1:, :2] - dive.bottom_mps[first:last, [1, 0]]
-    counted = (known(dive.bottom_mps) & known(dive.water_mps))[first:last]
-    error_m = float(np.hypot(*(faster[counted].sum(axis=0) * PING_S)))
+    faster = turned.apply(estimates.velocity_p_mps)[1:, :2] - dive.ned_mps[first:last, :2]
+    seen_again = known(dive.velocity_p_mps)[first:last]
+    with_water, of_all = (
+        float(np.hypot(*(faster[counted].sum(axis=0) * PING_S)))
+        for counted in (seen_again & known(dive.water_ned_mps)[first:last], seen_again)
+    )
     if estimates.position_cov is None:
-        return error_m, float("nan")
+        return Errors(with_water, of_all, float("nan"))
     before, after = estimates.position_cov[[0, -1]][:, :2, :2]
-    return error_m, error_m / float(np.sqrt(np.trace(after - before)))
+    return Errors(with_water, of_all, of_all / float(np.sqrt(np.trace(after - before))))
