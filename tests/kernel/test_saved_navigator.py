@@ -174,8 +174,8 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda data: data[:-1], "damaged or were cut short"),
         (lambda data: data + b"\0", "damaged or were cut short"),
         (
-            lambda data: data[:8] + struct.pack("<H", 12) + data[10:],
-            "format 12, expected 11: another version",
+            lambda data: data[:8] + struct.pack("<H", 13) + data[10:],
+            "format 13, expected 12: another version",
         ),
         (lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:], "damaged or were cut short"),
     ],

@@ -56,6 +56,8 @@ impl Case {
             earth_rate_t_radps: Vector3::zeros(),
             gyro_variance: 0.0,
             level: LocalLevel::of_plane(&self.state.position_t_m),
+            water: None,
+            revolutions_per_m: 0.0,
         };
         beam_terms(&motion, &self.geometry, ping)
     }

@@ -17,7 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
 use crate::aiding::closure::push_closure;
-use crate::aiding::{InformationPort, Innovation};
+use crate::aiding::registry::Measurement;
+use crate::aiding::{Corrects, InformationPort, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
 use crate::error::NavError;
@@ -275,9 +276,15 @@ impl Navigator {
                 report(&outcome);
             }
             Event::Aiding(measurement) => {
+                let mut corrects = Corrects::All;
+                if let Measurement::Thrust(_) = measurement {
+                    corrects = self.options.thrust.corrects();
+                    filters.each_mut().for_each(|filter| filter.prepare_for_water(None));
+                }
                 for sensor in measurement.reports() {
-                    report(&filters.update_or_inflate(sensor, &|filter| {
-                        filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers))
+                    report(&filters.update_or_inflate(sensor, &|filter| Innovation {
+                        corrects,
+                        ..filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers))
                     })?);
                 }
             }
@@ -374,8 +381,8 @@ fn is_exact(method: PartialMethod, fix: &FixEstimator) -> bool {
     method == PartialMethod::VirtualBeamExact && fix.virtual_beams[0].is_some()
 }
 
-/// The water states of the filter on the measurements alone, where the water is measured.
+/// The water states of the filter on the measurements alone, where a reading tells of the current.
 fn measured_water(options: &Options) -> Option<WaterBlock> {
     let water = || WaterBlock::new(&options.water).with_layers(&options.current_layers);
-    options.water_track.then(water)
+    options.measures_current().then(water)
 }
