@@ -229,8 +229,8 @@ class WaterStateDict(TypedDict):
 
 @type_check_only
 class ThrustStateDict(TypedDict):
-    revolutions_per_m: float
-    slip_hz: float
+    advance_m: float
+    slip_mps: float
     covariance: NDArray[np.float64]
 
 @type_check_only
@@ -524,7 +524,7 @@ class Navigator:
     def push_velocity(
         self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike
     ) -> list[ReportDict]: ...
-    def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_hz: float) -> list[ReportDict]: ...
+    def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_mps: float) -> list[ReportDict]: ...
     def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[ReportDict]: ...
     def push_attitude(
         self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float

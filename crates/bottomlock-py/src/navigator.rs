@@ -238,20 +238,20 @@ impl Navigator {
         self.push(py, [Event::from(sample)])
     }
 
-    /// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward, with their white noise. For options
-    /// with `thrust`.
-    #[pyo3(signature = (time_ns, revolutions_hz, *, sd_hz))]
+    /// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward; `sd_mps` is the white noise of the speed
+    /// that they say. For options with `thrust`.
+    #[pyo3(signature = (time_ns, revolutions_hz, *, sd_mps))]
     fn push_thrust<'py>(
         &self,
         py: Python<'py>,
         time_ns: i64,
         revolutions_hz: f64,
-        sd_hz: f64,
+        sd_mps: f64,
     ) -> PyResult<Bound<'py, PyList>> {
         let sample = ThrustSample {
             time_ns,
             revolutions_hz,
-            sd_hz,
+            sd_mps,
         };
         self.push(py, [Event::from(sample)])
     }
@@ -423,15 +423,15 @@ impl Navigator {
 
     /// Estimate of what the propeller makes of its revolutions after the last update; None where `options.thrust` is off.
     ///
-    /// revolutions_per_m through the water; slip_hz, the revolutions beside; and the (2, 2) covariance of both.
+    /// advance_m per revolution; slip_mps, what the vehicle is faster through the water; and the (2, 2) covariance of both.
     fn thrust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let estimated = self.with(py, |inner| inner.navigators().selected().filter().thrust())?;
         let Some((estimate, covariance)) = estimated else {
             return Ok(None);
         };
         let out = PyDict::new(py);
-        out.set_item("revolutions_per_m", estimate[thrust::PER_METRE])?;
-        out.set_item("slip_hz", estimate[thrust::SLIP])?;
+        out.set_item("advance_m", estimate[thrust::ADVANCE])?;
+        out.set_item("slip_mps", estimate[thrust::SLIP])?;
         let covariance = covariance.as_slice().to_vec();
         out.set_item("covariance", array(py, covariance, &[thrust::THRUST, thrust::THRUST])?)?;
         Ok(Some(out))

@@ -242,7 +242,7 @@ THRUST = Sensor(
     columns={"thrust_revolutions_hz": ("revolutions_hz",)},
     model=lambda thrust, _: thrust.kernel_model(),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_thrust(
-        time_ns, float(drawn["thrust_revolutions_hz"][k]), sd_hz=model.noise_sd_hz
+        time_ns, float(drawn["thrust_revolutions_hz"][k]), sd_mps=model.noise_sd_mps
     ),
     options=lambda thrust: {"thrust": thrust.corrects if thrust.enabled else "off"},
 )

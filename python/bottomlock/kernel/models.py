@@ -261,19 +261,19 @@ class WaterTrackModel(Settings):
 
 @_settings
 class ThrustModel(Settings):
-    """Revolutions of the propeller, 1 sigma.
+    """Speed through the water by the propeller's revolutions, 1 sigma.
 
-    Revolutions per metre through the water with their uncertainty, 1/m, and their mean of simulated vehicles, 0 for the
-    same; slip, the revolutions beside, with its correlation time; and white noise of a reading.
+    Advance per revolution with its uncertainty, m, and the mean of simulated vehicles, 0 for the same; slip with its
+    correlation time; and white noise of a reading, as a speed.
     """
 
     place: ClassVar[str] = "thrust"
-    revolutions_per_m: float
-    revolutions_per_m_sd: float
-    true_revolutions_per_m: float = 0.0
-    slip_sd_hz: float = 0.2
+    advance_m: float
+    advance_sd_m: float
+    true_advance_m: float = 0.0
+    slip_sd_mps: float = 0.02
     slip_time_s: float = 5.0
-    noise_sd_hz: float = 0.1
+    noise_sd_mps: float = 0.01
 
 
 @_settings

@@ -28,7 +28,6 @@ fn motion_of(state: &NavState) -> Motion<'_> {
         gyro_variance: 0.0,
         level: LocalLevel::of_plane(&state.position_t_m),
         water: None,
-        revolutions_per_m: 0.0,
     }
 }
 

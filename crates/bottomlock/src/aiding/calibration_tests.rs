@@ -58,7 +58,6 @@ fn by_hand() {
         gyro_variance: 0.0,
         level: LocalLevel::of_plane(&state.position_t_m),
         water: None,
-        revolutions_per_m: 0.0,
     };
     let sample = ping(BeamMask::all(4));
     let change = still([0.5, 0.0, 0.0]);
@@ -118,7 +117,6 @@ fn terms_at(state: &NavState, estimate: &Calibration) -> BeamTerms {
         gyro_variance: 1e-6,
         level: LocalLevel::of_plane(&state.position_t_m),
         water: None,
-        revolutions_per_m: 0.0,
     };
     let levers = [[1.0, 0.1, 0.2], [0.9, 0.1, 0.2], [0.9, -0.1, 0.2], [1.0, -0.1, 0.3]].map(Vec3::from_array);
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
@@ -181,7 +179,6 @@ fn what_no_beam_sees() {
             gyro_variance: 0.0,
             level: LocalLevel::of_plane(&state.position_t_m),
             water: None,
-            revolutions_per_m: 0.0,
         };
         let sample = ping(BeamMask::all(4));
         let terms = calibrated_beam_terms(&motion, &still([0.0; 3]), &geometry, &Calibration::default(), &sample);

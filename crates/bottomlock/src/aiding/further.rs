@@ -33,7 +33,7 @@ pub const FIRST_HEADING_ERROR: usize = FIRST_ATTITUDE_ERROR + ATTITUDE_ERROR;
 /// First index of the motion of the vehicle: mean of surge, sway and heave, then their changes, m/s
 /// ([`crate::aiding::motion_prior`]).
 pub const FIRST_MOTION: usize = FIRST_HEADING_ERROR + HEADING_ERROR;
-/// First index of the thrust: revolutions per metre, 1/m, then slip, 1/s ([`crate::aiding::thrust`]).
+/// First index of the thrust: advance per revolution, m, then slip, m/s ([`crate::aiding::thrust`]).
 pub const FIRST_THRUST: usize = FIRST_MOTION + MOTION;
 /// First index of the motion through the water ([`crate::aiding::water`]); it and its layers are last, since a filter may begin or
 /// end them while it runs, and the states of a smoother's tape then keep their places.

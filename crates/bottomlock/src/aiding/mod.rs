@@ -58,8 +58,6 @@ pub struct Motion<'a> {
     pub level: LocalLevel,
     /// The water states with the current at the vehicle, where the filter has them.
     pub water: Option<CurrentAt>,
-    /// Revolutions of the propeller per metre through the water, 1/m, where the filter has them as a state, else 0.
-    pub revolutions_per_m: f64,
 }
 
 impl Motion<'_> {
@@ -87,7 +85,6 @@ impl<'a> Motion<'a> {
             gyro_variance: 0.0,
             level: LocalLevel::of_plane(&state.position_t_m),
             water: None,
-            revolutions_per_m: 0.0,
         }
     }
 }

@@ -57,7 +57,6 @@ impl Case {
             gyro_variance: 0.0,
             level: LocalLevel::of_plane(&self.state.position_t_m),
             water: None,
-            revolutions_per_m: 0.0,
         };
         beam_terms(&motion, &self.geometry, ping)
     }

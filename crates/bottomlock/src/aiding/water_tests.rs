@@ -15,7 +15,6 @@ pub(in crate::aiding) fn motion(state: &NavState, rate_p_radps: [f64; 3]) -> Mot
         gyro_variance: 1e-6,
         level: LocalLevel::of_plane(&state.position_t_m),
         water: None,
-        revolutions_per_m: 0.0,
     }
 }
 

@@ -4,7 +4,7 @@
 //! from one reading to the next, but tide, density and the sensor's own offset move all of them by decimetres; the yaw of a
 //! magnetic attitude reference scatters by a tenth of a degree about a value that iron and declination move by degrees. Taken
 //! for white noise such an error is averaged away in the covariance, and not in the world. The others are mean and change of
-//! a vehicle's velocity ([`crate::aiding::motion_prior`]), and the revolutions of its propeller ([`crate::aiding::thrust`]). With standard deviation and correlation time (none for a constant)
+//! a vehicle's velocity ([`crate::aiding::motion_prior`]), and advance and slip of its propeller ([`crate::aiding::thrust`]). With standard deviation and correlation time (none for a constant)
 //! each is estimated:
 //!
 //! ```text
@@ -17,7 +17,7 @@ use crate::aiding::further::{
     FurtherVector,
 };
 use crate::aiding::registry::SensorModels;
-use crate::aiding::thrust::{PER_METRE, SLIP, ThrustUse};
+use crate::aiding::thrust::{ADVANCE, SLIP, ThrustUse};
 use crate::error::{NavError, require_finite};
 use crate::filter::options::Options;
 use std::ops::Range;
@@ -71,9 +71,9 @@ impl GaussMarkovStates {
         }
         if options.thrust != ThrustUse::Off {
             let thrust = &models.thrust;
-            initial[FIRST_THRUST + PER_METRE] = thrust.revolutions_per_m;
-            variance[FIRST_THRUST + PER_METRE] = thrust.revolutions_per_m_sd.powi(2);
-            variance[FIRST_THRUST + SLIP] = thrust.slip_sd_hz.powi(2);
+            initial[FIRST_THRUST + ADVANCE] = thrust.advance_m;
+            variance[FIRST_THRUST + ADVANCE] = thrust.advance_sd_m.powi(2);
+            variance[FIRST_THRUST + SLIP] = thrust.slip_sd_mps.powi(2);
             rate_per_s[FIRST_THRUST + SLIP] = 1.0 / thrust.slip_time_s.0;
         }
         Self {

@@ -47,8 +47,8 @@ use self::linear_range::Measured;
 use self::prediction::Settings;
 use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::further::{DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_HEADING_ERROR, FIRST_THRUST};
-use crate::aiding::thrust::{PER_METRE, ThrustUse};
+use crate::aiding::further::{DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_HEADING_ERROR};
+use crate::aiding::thrust::ThrustUse;
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::earth::{Earth, EarthTerms};
 use crate::error::{NavError, require_finite, require_finite_squares};
@@ -256,7 +256,6 @@ impl Eskf {
             gyro_variance,
             level,
             water,
-            revolutions_per_m: self.extensions.processes.estimate()[FIRST_THRUST + PER_METRE],
         }
     }
 

@@ -18,7 +18,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::aiding;
 use crate::aiding::closure::push_closure;
 use crate::aiding::registry::Measurement;
-use crate::aiding::{Corrects, InformationPort, Innovation};
+use crate::aiding::{InformationPort, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
 use crate::error::NavError;
@@ -276,15 +276,17 @@ impl Navigator {
                 report(&outcome);
             }
             Event::Aiding(measurement) => {
-                let mut corrects = Corrects::All;
                 if let Measurement::Thrust(_) = measurement {
-                    corrects = self.options.thrust.corrects();
-                    filters.each_mut().for_each(|filter| filter.prepare_for_water(None));
+                    filters.each_mut().for_each(Eskf::prepare_for_thrust);
                 }
+                let used = self.options.thrust;
                 for sensor in measurement.reports() {
-                    report(&filters.update_or_inflate(sensor, &|filter| Innovation {
-                        corrects,
-                        ..filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers))
+                    report(&filters.update_or_inflate(sensor, &|filter| {
+                        let row = filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers));
+                        match sensor {
+                            Sensor::Thrust => filter.without_slip(row, used),
+                            _ => row,
+                        }
                     })?);
                 }
             }

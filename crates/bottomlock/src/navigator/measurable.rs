@@ -52,7 +52,7 @@ pub(crate) fn require_current(event: &Event, filter: &Eskf) -> Result<(), NavErr
         Event::Aiding(Measurement::Thrust(_)) => (
             filter.thrust().is_none(),
             "options.thrust",
-            "\"velocity\" or \"all\", for revolutions: their number per metre and the current are then states",
+            "\"velocity\" or \"all\", for revolutions: advance and current are then states",
         ),
         _ => return Ok(()),
     };

@@ -169,7 +169,6 @@ fn rows(
         gyro_variance: 0.0,
         level: LocalLevel::of_plane(&state.position_t_m),
         water: None,
-        revolutions_per_m: 0.0,
     };
     let mut parts: Vec<(Innovation, f64)> = Vec::new();
     if which.beams.count() > 0 {
