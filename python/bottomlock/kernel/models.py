@@ -329,8 +329,8 @@ class Water(Settings):
 class CurrentLayers(Settings):
     """Prior of the current by depth, with `Options.water_track` or `thrust` (docs/sensors.md#water-track).
 
-    `sd_mps` is 1 sigma of a layer's own part, 0 for no layers, which is forgotten in `time_s` and on `way_m` over ground; layers are
-    `spacing_m` apart; `mean_time_s` is the correlation time of what all depths have in common.
+    `sd_mps` is 1 sigma of a layer's own part, 0 for no layers, which is forgotten in `time_s` and on `way_m` over
+    ground; layers are `spacing_m` apart; `mean_time_s` is the correlation time of what all depths have in common.
     """
 
     place: ClassVar[str] = "options.current_layers"
@@ -388,8 +388,8 @@ class Robust(Settings):
 class Options(Settings):
     """Options of the filters (`Scenario.kernel_options` makes them); docs/event_loop.md explains each.
 
-    `robust` None is no treatment of outliers; `thrust` is what the propeller's revolutions correct; a
-    lever arm (3,) is the place of a sensor in the platform frame, m.
+    `robust` None is no treatment of outliers; `thrust` is what the propeller's revolutions correct; a lever arm (3,) is
+    the place of a sensor in the platform frame, m.
     """
 
     place: ClassVar[str] = "options"

@@ -234,7 +234,8 @@ def measurement_schedule(
         `dvl_time_ns`, `sample_time_ns` and the epochs of the other sensors, int64 ns; `beam_valid` (epochs, beams), or
         (runs, epochs, beams) where it is random; `depth_offset_m`, `yaw_offset_rad` and `gps_received` if the scenario
         has these sensors; with thrust `thrust_current_mps`, the current along the vehicle's axis; with water track
-        `water_track_time_ns`, `water_track_valid`, and the current at depth 0 and its change with depth along north and east, `water_current_n_mps` and `water_shear_n_ps`, (epochs, 2).
+        `water_track_time_ns`, `water_track_valid`, and the current at depth 0 and its change with depth along north and
+        east, `water_current_n_mps` and `water_shear_n_ps`, (epochs, 2).
 
     Raises:
         DataError: for a truth of less than a second.

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::RowJacobian;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::further::{FIRST_MOTION, FURTHER, FurtherRows};
+use crate::aiding::further::{FIRST_MOTION, FIRST_THRUST, FURTHER, FurtherRows};
 use crate::layout::{DIM, POSITION, VELOCITY};
 
 /// A measurement in the form that the filter processes: z = H δx + n.
@@ -57,6 +57,8 @@ pub enum Corrects {
     Depth,
     /// The velocity alone, and of the further states those of motion, thrust and water.
     Velocity,
+    /// No state of the error state, and of the further states those of thrust and water.
+    ThroughWater,
 }
 
 impl Corrects {
@@ -67,6 +69,7 @@ impl Corrects {
             Self::All => 0..DIM,
             Self::Depth => POSITION + 2..POSITION + 3,
             Self::Velocity => VELOCITY..VELOCITY + 3,
+            Self::ThroughWater => 0..0,
         }
     }
 
@@ -77,6 +80,7 @@ impl Corrects {
             Self::All => 0..FURTHER,
             Self::Depth => 0..0,
             Self::Velocity => FIRST_MOTION..FURTHER,
+            Self::ThroughWater => FIRST_THRUST..FURTHER,
         }
     }
 }

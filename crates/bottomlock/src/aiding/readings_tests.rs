@@ -53,12 +53,12 @@ fn models() -> SensorModels {
             ..AcousticPositionModel::default()
         },
         thrust: ThrustModel {
-            revolutions_per_m: 10.0,
-            true_revolutions_per_m: 12.0,
-            revolutions_per_m_sd: 1.0,
-            slip_sd_hz: 0.2,
+            advance_m: 0.1,
+            true_advance_m: 0.12,
+            advance_sd_m: 0.01,
+            slip_sd_mps: 0.2,
             slip_time_s: TimeConstant(5.0),
-            noise_sd_hz: 0.3,
+            noise_sd_mps: 0.3,
         },
         ..SensorModels::default()
     }
@@ -74,7 +74,7 @@ fn claimed() -> SensorModels {
     models.gps.position_sd_m = [0.1, 0.2, 0.4];
     models.gps.velocity_sd_mps = [0.01, 0.02, 0.03];
     models.acoustic_position.sd_m = 0.3;
-    models.thrust.noise_sd_hz = 0.03;
+    models.thrust.noise_sd_mps = 0.03;
     models
 }
 
@@ -263,19 +263,22 @@ fn acoustic_fixes() {
     assert!((read.position_t_m.0 - transponder_t_m).norm() < 1e-12 && read.sd_m == [0.3; 3]);
 }
 
-/// The speed along the platform's forward axis less the current, by the turns per metre of the simulated vehicle, which are not
-/// what the filter assumes, with slip and noise; what is read off the truth has the assumed ones.
+/// The speed along the platform's forward axis less the current, slip and noise, over the advance of the simulated vehicle, which is
+/// not what the filter assumes; what is read off the truth has the assumed one.
 #[test]
 fn revolutions() {
     let (reading, mut draws) = simulated::<ThrustSample>(0.4);
-    let per_metre = 12.0 + draws[2].one();
-    let expected = per_metre * 1.6 + 0.2 * draws[1].one() + 0.3 * draws[0].one();
-    assert!((reading.revolutions_hz - expected).abs() < 1e-12);
-    assert_eq!((reading.sd_hz, reading.numbers()), (0.03, vec![reading.revolutions_hz]));
+    let speed_mps = 2.0 - 0.4 - 0.2 * draws[1].one() - 0.3 * draws[0].one();
+    let advance_m = 0.12 + 0.01 * draws[2].one();
+    assert!((reading.revolutions_hz - speed_mps / advance_m).abs() < 1e-12);
+    assert_eq!(
+        (reading.sd_mps, reading.numbers()),
+        (0.03, vec![reading.revolutions_hz])
+    );
     let read: ThrustSample = of_row(&[Some(&[14.5])]);
-    assert_eq!((read.revolutions_hz, read.sd_hz), (14.5, 0.03));
+    assert_eq!((read.revolutions_hz, read.sd_mps), (14.5, 0.03));
     let read: ThrustSample = of_truth();
-    assert!((read.revolutions_hz - 20.0).abs() < 1e-12 && read.sd_hz == 0.03);
+    assert!((read.revolutions_hz - 20.0).abs() < 1e-12 && read.sd_mps == 0.03);
 }
 
 /// A velocity of an instrument without beams is neither simulated nor in a log; its noise is that of a beam.

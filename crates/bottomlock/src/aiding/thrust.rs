@@ -38,6 +38,9 @@ pub const ADVANCE: usize = 0;
 /// Index of the slip, m/s.
 pub const SLIP: usize = 1;
 
+/// Time after a ping that determines the whole velocity for which it is held, ns.
+pub(crate) const HELD_NS: i64 = 2_000_000_000;
+
 /// Bound of the revolutions, 1/s: thirty times those of a small thruster.
 const MOST_REVOLUTIONS_HZ: f64 = 1e3;
 
@@ -86,7 +89,8 @@ pub enum ThrustUse {
     /// Nothing: they are refused.
     #[default]
     Off,
-    /// The velocity, and the states of motion, thrust and water: a wrong advance then spoils no attitude and no bias.
+    /// The states of thrust and water, and where the bottom's beams do not determine it the velocity: a wrong advance then spoils no
+    /// attitude and no bias, and nothing at all before the bottom is lost.
     Velocity,
     /// All states.
     All,
@@ -96,11 +100,13 @@ impl ThrustUse {
     /// The names of the uses.
     pub const NAMES: [(Self, &str); 3] = [(Self::Off, "off"), (Self::Velocity, "velocity"), (Self::All, "all")];
 
-    /// The states that a row corrects.
-    pub(crate) const fn corrects(self) -> Corrects {
+    /// The states that a row corrects, and that it does not where the bottom's beams hold the velocity: it then learns advance and
+    /// current from it.
+    pub(crate) const fn corrects(self, is_velocity_held: bool) -> Corrects {
         match self {
-            Self::Off | Self::Velocity => Corrects::Velocity,
             Self::All => Corrects::All,
+            Self::Off | Self::Velocity if is_velocity_held => Corrects::ThroughWater,
+            Self::Off | Self::Velocity => Corrects::Velocity,
         }
     }
 }

@@ -51,14 +51,14 @@ fn scalars() {
     let thrust = ThrustSample {
         time_ns: 7,
         revolutions_hz: -20.0,
-        sd_hz: 0.1,
+        sd_mps: 0.01,
     };
     check(
         &thrust,
         &[
             ("revolutions_hz", &|r| r.revolutions_hz = f64::NAN),
             ("are they per minute", &|r| r.revolutions_hz = -1500.0),
-            ("thrust sd_hz", &|r| r.sd_hz = 0.0),
+            ("thrust sd_mps", &|r| r.sd_mps = 0.0),
         ],
     );
 }

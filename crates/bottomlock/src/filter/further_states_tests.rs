@@ -57,9 +57,9 @@ fn filter() -> Eskf {
         walk_time_s: WalkTime(200.0),
     };
     model.sensors.thrust = ThrustModel {
-        revolutions_per_m: 10.0,
-        revolutions_per_m_sd: 1.0,
-        slip_sd_hz: 0.2,
+        advance_m: 0.1,
+        advance_sd_m: 0.01,
+        slip_sd_mps: 0.02,
         slip_time_s: TimeConstant(5.0),
         ..ThrustModel::default()
     };
@@ -126,7 +126,7 @@ fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
         (attitude_reading(filter), Sensor::Attitude),
         (heading(&Motion::still(&filter.state()), 0.07, 0.01), Sensor::Heading),
         (MOTION.innovation(&filter.state()), Sensor::Motion),
-        (filter.with_motion(|motion| thrust(motion, 19.0, 0.1)), Sensor::Thrust),
+        (filter.with_motion(|motion| thrust(motion, 19.0, 0.01)), Sensor::Thrust),
     ]
 }
 

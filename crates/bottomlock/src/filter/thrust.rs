@@ -15,9 +15,9 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::Eskf;
 use super::joseph::PredictedInnovation;
-use crate::aiding::Innovation;
 use crate::aiding::further::FIRST_THRUST;
-use crate::aiding::thrust::{ADVANCE, SLIP, THRUST, ThrustUse};
+use crate::aiding::thrust::{ADVANCE, SLIP, THRUST};
+use crate::aiding::{Corrects, Innovation};
 use crate::filter::report::Sensor;
 
 /// The advance among the further states.
@@ -44,7 +44,7 @@ impl Eskf {
 
     /// The innovation of revolutions with the column of the advance at the revolutions without slip and noise, and with the states
     /// that it corrects; [`Eskf::prepare_for_thrust`] has gone before.
-    pub(crate) fn without_slip(&self, innovation: Innovation, used: ThrustUse) -> Innovation {
+    pub(crate) fn without_slip(&self, innovation: Innovation, corrects: Corrects) -> Innovation {
         let advance_m = self.extensions.processes.estimate()[OWN];
         let found = self.with_further_noise(&innovation).and_then(|whole| {
             let s = PredictedInnovation::<1>::of(&self.covariance, &whole)?.s[(0, 0)];
@@ -52,10 +52,7 @@ impl Eskf {
             let own = self.extensions.further().covariance()[(slip, slip)] + innovation.noise[(0, 0)];
             Some(whole.residual[0] * (own / s).min(1.0))
         });
-        let mut innovation = Innovation {
-            corrects: used.corrects(),
-            ..innovation
-        };
+        let mut innovation = Innovation { corrects, ..innovation };
         if let (Some(slip_mps), Some(rows)) = (found, &mut innovation.by_further)
             && advance_m != 0.0
         {
@@ -64,6 +61,18 @@ impl Eskf {
             innovation.residual[0] += slip_mps;
         }
         innovation
+    }
+
+    /// Begins the slip anew, with a variance of its own.
+    #[cfg(test)]
+    pub(super) fn renew_slip(&mut self, variance: f64) {
+        if let Some(further) = &mut self.extensions.further {
+            further.renew(FIRST_THRUST + SLIP, variance);
+        }
+        let slip = FIRST_THRUST + SLIP;
+        let mut back = crate::aiding::further::FurtherVector::zeros();
+        back[slip] = -self.extensions.processes.estimate()[slip];
+        self.extensions.processes.inject(&back);
     }
 
     /// Counts the rejection of revolutions with this innovation; the variance to be added to their advance, m², where it is one too
