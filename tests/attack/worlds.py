@@ -60,6 +60,7 @@ def options(rng: Random) -> dict[str, Any]:
         "depth_lever_p_m": lever,
         "gps_lever_p_m": lever,
         "acoustic_position_lever_p_m": lever,
+        "thrust": rng.choice(("off", "velocity", "all")),
     }
 
 

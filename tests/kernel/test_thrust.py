@@ -85,11 +85,12 @@ def test_a_current_moves_the_row() -> None:
 
 
 def after_the_bottom(*, turns: bool) -> Navigator:
-    """After half a minute at 2 m/s with four beams, and another with none."""
-    flown = Navigator(example.janus, MODEL, ON, example.initial)
+    """After half a minute at 2 m/s with four beams, and three with none."""
+    steady = ON.replace(water=ON.water.replace(current_time_s=1e9))
+    flown = Navigator(example.janus, MODEL, steady, example.initial)
     every, sd = np.ones(4, dtype=bool), np.full(4, 0.02)
     ahead = example.janus.beam_velocities([[2.0, 0.0, 0.0]])[0]
-    for step in range(6001):
+    for step in range(21001):
         still(flown, step * 10_000_000)
         if step % 50 == 25 and step < 3000:
             flown.push_beams(step * 10_000_000, ahead, every, sd_mps=sd)
@@ -99,11 +100,10 @@ def after_the_bottom(*, turns: bool) -> Navigator:
 
 
 def test_the_speed_is_kept_when_the_bottom_is_lost() -> None:
-    """Of 2 m/s ahead it is as certain as the slip; across, as without revolutions. Seen: 0.04 m/s of 0.11."""
+    """Of 2 m/s ahead it is as certain as the slip; without them as the biases. Seen: 0.04 m/s and 0.32."""
     flown, without = after_the_bottom(turns=True), after_the_bottom(turns=False)
-    ahead, across = (np.sqrt(np.diag(one.covariance())[6:8]) for one in (flown, without))
-    assert ahead[0] < 0.5 * across[0]
-    assert ahead[1] == pytest.approx(across[1], rel=0.02)
+    with_it, alone = (np.sqrt(one.covariance()[6, 6]) for one in (flown, without))
+    assert with_it < 0.2 * alone
     assert flown.state()["velocity_p_mps"][0] == pytest.approx(2.0, abs=0.02)
     learned: Any = flown.thrust()
     water: Any = flown.water()

@@ -1,4 +1,4 @@
-"""Ten minutes without any bottom after ten with it, with the propeller's revolutions: what they are worth, and consistency.
+"""Ten minutes without any bottom after ten with it, with revolutions: what they are worth, and consistency.
 
 A torpedo dives between 20 and 50 m and turns, in 0.3 m/s of current, with a tactical IMU. The advance of each run is
 drawn about one that is as the filter expects or wrong by a fifth, which is two of its sigmas. A single sample of a seed
