@@ -305,6 +305,7 @@ class AidingDict(TypedDict):
     gps_position: bool
     gps_velocity: bool
     acoustic_position: NotRequired[bool]
+    thrust: NotRequired[bool]
     depth_lever_p_m: NotRequired[ArrayLike]
     gps_lever_p_m: NotRequired[ArrayLike]
     acoustic_position_lever_p_m: NotRequired[ArrayLike]
@@ -320,6 +321,7 @@ class AidingScheduleDict(TypedDict):
     gps_position: NDArray[np.bool_]
     gps_velocity: NDArray[np.bool_]
     acoustic_position: NotRequired[NDArray[np.bool_]]
+    thrust: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
 class ObservabilityDict(TypedDict):

@@ -3,8 +3,9 @@
 //!
 //! # The Jacobian by the advance
 //! The row is â n + ŝ − û with n as it was read, and its column of the advance is n̄, the revolutions without slip and noise. Of the
-//! innovation z these have the part (P_ss + R)/S; n̄ = n − z (P_ss + R)/(S â). While advance and current are open, S is large and n̄
-//! is what was read; later it is what is expected, û/â, which the noise of this reading has no part in.
+//! innovation z these have the part (P_ss + R)/S, and n̄ = n − z/â times as much. While advance and current are open, S is large and
+//! n̄ is what was read; later it is what is expected, û/â, which the noise of this reading has no part in. It is that from ten
+//! times on: half of a reading's noise in n̄, time and again, would still let the advance shrink.
 //!
 //! # Where they contradict the beams
 //! The bottom's beams know the velocity, so what revolutions contradict for long is their advance, or the current that was taken off
@@ -22,6 +23,9 @@ use crate::filter::report::Sensor;
 
 /// The advance among the further states.
 const OWN: usize = FIRST_THRUST + ADVANCE;
+
+/// S over the variance of slip and noise up to which all of the innovation is theirs.
+const KNOWN: f64 = 10.0;
 
 impl Eskf {
     /// Advance per revolution, m, and slip of the propeller, m/s, with the covariance of their errors; `None` where they are not
@@ -50,7 +54,7 @@ impl Eskf {
             let s = PredictedInnovation::<1>::of(&self.covariance, &whole)?.s[(0, 0)];
             let slip = FIRST_THRUST + SLIP;
             let own = self.extensions.further().covariance()[(slip, slip)] + innovation.noise[(0, 0)];
-            Some(whole.residual[0] * (own / s).min(1.0))
+            Some(whole.residual[0] * (KNOWN * own / s).min(1.0))
         });
         let mut innovation = Innovation { corrects, ..innovation };
         if let (Some(slip_mps), Some(rows)) = (found, &mut innovation.by_further)

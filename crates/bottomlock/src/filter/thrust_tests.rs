@@ -48,8 +48,8 @@ fn update(filter: &mut Eskf, revolutions_hz: f64, corrects: Corrects) -> UpdateR
 
 /// Hand-worked: level and heading north at 2 m/s with σ 0.05 m/s, 22 turns a second of 0.1 m say 2.2 m/s. Variances with 22 turns in
 /// the column of the advance: velocity 0.0025, current 0.09, advance (22 · 0.01)² = 0.0484, slip 0.0004, noise 0.0001, together
-/// 0.1414 m²/s². Slip and noise are 1/282.8 of it, so that 22 − 2/282.8 turns are without them; of the 0.2 m/s each then takes by its
-/// variance.
+/// 0.1414 m²/s². Slip and noise are 1/282.8 of it, so that 22 − 20/282.8 turns are without ten times as much; of the 0.2 m/s each
+/// then takes by its variance.
 #[test]
 fn by_hand() {
     let mut state = NavState::at_rest(0);
@@ -60,7 +60,7 @@ fn by_hand() {
         assert_eq!([before[ADVANCE], before[SLIP]], [0.1, 0.0]);
         let report = update(&mut filter, 22.0, corrects);
         assert!((report.residual[0] - 0.2).abs() < 1e-12);
-        let turns: f64 = 22.0 - 2.0 / 282.8;
+        let turns: f64 = 22.0 - 20.0 / 282.8;
         let share = 0.2 / (0.093 + (turns * 0.01).powi(2));
         let (estimate, covariance) = filter.thrust().unwrap();
         assert!((estimate[ADVANCE] - (0.1 - share * turns * 1e-4)).abs() < 1e-12);
