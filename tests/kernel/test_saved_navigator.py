@@ -80,7 +80,9 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
         "student_t_degrees": 4.0,
         "huber_threshold": 1.5,
     }
-    options = settings.options(gate="joint", inflate_after_rejections=3, robust=robust) | {"thrust": "velocity"}
+    options = settings.options(gate="joint", inflate_after_rejections=3, robust=robust) | {
+        "thrust": "velocity"
+    }
     return Navigator(JANUS, model, options, start, method=method)
 
 
