@@ -37,7 +37,7 @@ def jacobian(n: float, attitude_t_p: Array, current: Array) -> Array:
 def without_slip(n: float, z: float, P: Array, H: Array, R: float, advance: float) -> float:
     """The revolutions less ten times what slip and noise have of the innovation, and at most all of it."""
     S = float((H @ P @ H.T)[0, 0]) + R
-    return n - z * min(10.0 * (P[SLIP, SLIP] + R) / S, 1.0) / advance
+    return n - z * min(10.0 * (float(P[SLIP, SLIP]) + R) / S, 1.0) / advance
 
 
 def update(P: Array, H: Array, R: float, z: float, corrected: Array) -> tuple[Array, Array]:

@@ -82,7 +82,7 @@ def test_advance_slip_and_noise_are_as_stated() -> None:
     def turns(run: int, one: Any) -> Any:  # noqa: ANN401 - a model
         return simulate_sensors(
             simulated.geometry, arrays, one, plan, seed=9, trajectory_key=key, run=run, options=options
-        )["thrust_revolutions_hz"]  # type: ignore[typeddict-item]
+        )["thrust_revolutions_hz"]
 
     quiet = model.replace(thrust=model.thrust.replace(slip_sd_mps=1e-300, noise_sd_mps=0.0))
     certain = quiet.replace(thrust=quiet.of(type(model.thrust)).replace(advance_sd_m=0.0))
