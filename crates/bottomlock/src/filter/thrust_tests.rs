@@ -172,25 +172,28 @@ fn a_held_velocity_is_left_alone() {
 }
 
 /// At 2 m/s and 20 turns of 0.1 m, read with white noise of 0.2 turns (2 cm/s) but a speed that does not change: a thousand readings
-/// say the sum of advance and current, and nothing of the two apart, whatever the readings' own noise does.
+/// say the sum of advance and current and nothing of the two apart, whatever their own noise does. With half of it in the
+/// Jacobian the advance ends 1.2 of its σ off. The first readings, before anything is known, still tell up to a twentieth of it apart.
 #[test]
 fn noise_is_no_change_of_speed() {
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
-    let mut filter = filter(state);
-    let mut random = crate::random::Normals::new([5; 32], 1);
-    let certain = crate::state::Covariance::from_diagonal(&crate::state::ErrorVector::repeat(1e-8));
-    filter.set_covariance(&certain).unwrap();
-    for _ in 0..1000 {
-        // The velocity stays as certain as beams make it.
-        filter.renew_slip(4e-4);
-        update(&mut filter, 20.0 + 0.2 * random.one(), Corrects::ThroughWater);
+    for stream in 1..6 {
+        let mut filter = filter(state);
+        let mut random = crate::random::Normals::new([5; 32], stream);
+        let certain = crate::state::Covariance::from_diagonal(&crate::state::ErrorVector::repeat(1e-8));
+        filter.set_covariance(&certain).unwrap();
+        for _ in 0..1000 {
+            filter.renew_slip(4e-4);
+            update(&mut filter, 20.0 + 0.2 * random.one(), Corrects::ThroughWater);
+        }
+        let (estimate, covariance) = filter.thrust().unwrap();
+        // Beside a current of σ 0.3 m/s the prior's 0.01 m · 20/s = 0.2 m/s leave of it 0.3/√(0.3² + 0.2²).
+        let sd_m = covariance[(ADVANCE, ADVANCE)].sqrt();
+        assert!((sd_m / (0.01 * 0.3 / 0.13_f64.sqrt()) - 1.0).abs() < 0.1, "{sd_m}");
+        let off = (estimate[ADVANCE] - 0.1) / sd_m;
+        assert!(off.abs() < 1.0, "stream {stream}: {off} of its sigma");
     }
-    let (estimate, covariance) = filter.thrust().unwrap();
-    // 0.1 m · 20/s and a current of σ 0.3 m/s: of the prior's 0.01 m are left 0.01 · 0.3/√(0.3² + 0.2²).
-    let sd_m = covariance[(ADVANCE, ADVANCE)].sqrt();
-    assert!((sd_m / (0.01 * 0.3 / 0.13_f64.sqrt()) - 1.0).abs() < 0.02, "{sd_m}");
-    assert!((estimate[ADVANCE] - 0.1).abs() < 2e-4, "{}", estimate[ADVANCE]);
 }
 
 /// Five rejections that agree widen the advance by what explains them, and no more than by itself; others do not.
