@@ -325,11 +325,17 @@ pub(crate) fn check_cases() {
             .count()
     };
     assert!(cases.iter().map(equal).sum::<usize>() > 100);
-    assert!(
-        cases
-            .iter()
-            .all(|case| case.sensors.iter().all(|column| column.len() > 2))
-    );
+    let is_used = |case: &Case| case.options.thrust != ThrustUse::Off;
+    let is_filled = |case: &Case| {
+        let sensors = if is_used(case) {
+            SENSORS
+        } else {
+            SensorKind::Thrust as usize
+        };
+        case.sensors[..sensors].iter().all(|column| column.len() > 2)
+    };
+    assert!(cases.iter().all(is_filled));
+    assert!(cases.iter().any(is_used) && !cases.iter().all(is_used));
     for (seed, case) in (0..).zip(&cases) {
         let arrival = case.arrival(seed, 900 * MS);
         assert!(arrival.len() == case.log.len() && arrival != case.log);
