@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         Motion,
         Options,
         Robust,
+        ThrustModel,
         Water,
         WaterTrackModel,
     )
@@ -96,6 +97,7 @@ __all__ = [
     "ScenarioError",
     "Shard",
     "Simulation",
+    "ThrustModel",
     "Truth",
     "VelocityFixes",
     "Water",
@@ -154,6 +156,7 @@ _LAZY = {
     "ScenarioError": "bottomlock.errors",
     "Shard": "bottomlock.campaign.partition",
     "Simulation": "bottomlock.simulation.build",
+    "ThrustModel": "bottomlock.kernel.models",
     "Truth": "bottomlock.truth.truth",
     "VelocityFixes": "bottomlock.kernel",
     "Water": "bottomlock.kernel.models",

@@ -118,6 +118,7 @@ class DefaultOptionsDict(TypedDict):
     calibration: CalibrationDict
     motion: MotionDict
     water_track: bool
+    thrust: Literal["off", "velocity", "all"]
     speed_sd_mps: float
     speed_time_s: float
     robust: RobustDict
@@ -145,6 +146,8 @@ class ScheduleDict(TypedDict):
     gps_received: NotRequired[NDArray[np.bool_]]
     acoustic_position_time_ns: NotRequired[NDArray[np.int64]]
     acoustic_position_received: NotRequired[NDArray[np.bool_]]
+    thrust_time_ns: NotRequired[NDArray[np.int64]]
+    thrust_current_mps: NotRequired[NDArray[np.float64]]
     water_track_time_ns: NotRequired[NDArray[np.int64]]
     water_track_valid: NotRequired[NDArray[np.bool_]]
     water_current_n_mps: NotRequired[NDArray[np.float64]]
@@ -225,6 +228,12 @@ class WaterStateDict(TypedDict):
     layers: LayersStateDict
 
 @type_check_only
+class ThrustStateDict(TypedDict):
+    advance_m: float
+    slip_mps: float
+    covariance: NDArray[np.float64]
+
+@type_check_only
 class ReportDict(TypedDict):
     sensor: str
     time_ns: int
@@ -296,6 +305,7 @@ class AidingDict(TypedDict):
     gps_position: bool
     gps_velocity: bool
     acoustic_position: NotRequired[bool]
+    thrust: NotRequired[bool]
     depth_lever_p_m: NotRequired[ArrayLike]
     gps_lever_p_m: NotRequired[ArrayLike]
     acoustic_position_lever_p_m: NotRequired[ArrayLike]
@@ -311,6 +321,7 @@ class AidingScheduleDict(TypedDict):
     gps_position: NDArray[np.bool_]
     gps_velocity: NDArray[np.bool_]
     acoustic_position: NotRequired[NDArray[np.bool_]]
+    thrust: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
 class ObservabilityDict(TypedDict):
@@ -358,6 +369,8 @@ class LogDict(TypedDict):
     acoustic_position_time_ns: NotRequired[NDArray[np.int64]]
     acoustic_position_t_m: NotRequired[ArrayLike]
     acoustic_position_sd_m: NotRequired[ArrayLike]
+    thrust_time_ns: NotRequired[NDArray[np.int64]]
+    thrust_revolutions_hz: NotRequired[ArrayLike]
     water_track_time_ns: NotRequired[NDArray[np.int64]]
     water_track_velocity_mps: NotRequired[ArrayLike]
     water_track_valid: NotRequired[NDArray[np.bool_]]
@@ -370,6 +383,7 @@ class LogDict(TypedDict):
     heading_withheld: NotRequired[NDArray[np.bool_]]
     gps_withheld: NotRequired[NDArray[np.bool_]]
     acoustic_position_withheld: NotRequired[NDArray[np.bool_]]
+    thrust_withheld: NotRequired[NDArray[np.bool_]]
     water_track_withheld: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
@@ -512,6 +526,7 @@ class Navigator:
     def push_velocity(
         self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike
     ) -> list[ReportDict]: ...
+    def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_mps: float) -> list[ReportDict]: ...
     def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[ReportDict]: ...
     def push_attitude(
         self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
@@ -538,6 +553,7 @@ class Navigator:
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
+    def thrust(self) -> ThrustStateDict | None: ...
     def attitude_error(self) -> SlowErrorDict | None: ...
     def heading_error(self) -> SlowErrorDict | None: ...
     def calibration(self) -> CalibrationStateDict | None: ...

@@ -43,6 +43,10 @@ def model() -> dict[str, Any]:
             "sd_m": 1.0, "sd_per_range": 0.01, "transceiver_t_m": [0.0, 0.0, 0.0], "outlier_fraction": 0.1,
             "outlier_factor": 10.0,
         },
+        "thrust": {
+            "advance_m": 0.1, "advance_sd_m": 0.01, "true_advance_m": 0.0, "slip_sd_mps": 0.02, "slip_time_s": 5.0,
+            "noise_sd_mps": 0.01,
+        },
     }  # fmt: skip
 
 
@@ -60,6 +64,7 @@ def options(rng: Random) -> dict[str, Any]:
         "depth_lever_p_m": lever,
         "gps_lever_p_m": lever,
         "acoustic_position_lever_p_m": lever,
+        "thrust": rng.choice(("off", "velocity", "all")),
     }
 
 

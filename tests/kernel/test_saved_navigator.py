@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import METHODS, SENSORS, BeamGeometry, KernelError, Navigator
+from bottomlock.kernel.models import ThrustModel
 from tests.property import settings
 
 JANUS = BeamGeometry.janus(0.35, lever_arms_p_m=[[1.0, 0.1, 0.5]] * 4, sound_speed_scale=1.01)
@@ -49,12 +50,13 @@ PUSH: dict[str, Push] = {
     "acoustic_position": lambda to, time_ns, draw: to.push_acoustic_position(
         time_ns=time_ns, position_t_m=2.0 * draw.normal(size=3)
     ),
+    "thrust": lambda to, time_ns, draw: to.push_thrust(time_ns, draw.normal(), sd_mps=0.05),
 }
 """A measurement of every sensor."""
 
 
 def navigator(method: Any) -> Navigator:  # noqa: ANN401
-    """At rest, with a depth sensor whose bias is estimated."""
+    """At rest, with a depth sensor whose bias is estimated, and a propeller."""
     model: Any = settings.table_2()
     model["depth"] = {**model["depth"], "bias_sd_m": 0.3}
     model["acoustic_position"] = {
@@ -64,6 +66,7 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
         "outlier_fraction": 0.0,
         "outlier_factor": 1.0,
     }
+    model["thrust"] = ThrustModel(advance_m=0.1, advance_sd_m=0.01).as_dict()
     start: Any = {
         "time_ns": 0,
         "position_t_m": np.zeros(3),
@@ -77,7 +80,9 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
         "student_t_degrees": 4.0,
         "huber_threshold": 1.5,
     }
-    options = settings.options(gate="joint", inflate_after_rejections=3, robust=robust)
+    options = settings.options(gate="joint", inflate_after_rejections=3, robust=robust) | {
+        "thrust": "velocity"
+    }
     return Navigator(JANUS, model, options, start, method=method)
 
 
@@ -103,7 +108,7 @@ def everything(of: Navigator) -> bytes:
     """All that a caller can read, as bits."""
     values: list[Any] = [*of.state().values(), of.covariance(), *of.late_events().values()]
     water: dict[str, Any] = dict(of.water() or {"layers": {}})
-    values += [*water.pop("layers").values(), *water.values()]
+    values += [*water.pop("layers").values(), *water.values(), *(of.thrust() or {}).values()]
     return b"".join(np.asarray(value).tobytes() for value in values)
 
 
@@ -174,8 +179,8 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda data: data[:-1], "damaged or were cut short"),
         (lambda data: data + b"\0", "damaged or were cut short"),
         (
-            lambda data: data[:8] + struct.pack("<H", 12) + data[10:],
-            "format 12, expected 11: another version",
+            lambda data: data[:8] + struct.pack("<H", 13) + data[10:],
+            "format 13, expected 12: another version",
         ),
         (lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:], "damaged or were cut short"),
     ],

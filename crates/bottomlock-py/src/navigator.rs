@@ -7,15 +7,15 @@ use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::calibration::{CALIBRATION, CLOCK};
 use bottomlock::aiding::current_layers::Layer;
 use bottomlock::aiding::registry::SensorModels;
-use bottomlock::aiding::water;
 use bottomlock::aiding::water::WATER;
+use bottomlock::aiding::{thrust, water};
 use bottomlock::filter::current::CurrentEstimate;
 use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
-    WaterSample,
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, ThrustSample,
+    VelocitySample, WaterSample,
 };
 use bottomlock::navigator::{LiveNavigator, Snapshot};
 use nalgebra::Matrix3;
@@ -238,6 +238,24 @@ impl Navigator {
         self.push(py, [Event::from(sample)])
     }
 
+    /// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward; `sd_mps` is the white noise of the speed
+    /// that they say. For options with `thrust`.
+    #[pyo3(signature = (time_ns, revolutions_hz, *, sd_mps))]
+    fn push_thrust<'py>(
+        &self,
+        py: Python<'py>,
+        time_ns: i64,
+        revolutions_hz: f64,
+        sd_mps: f64,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let sample = ThrustSample {
+            time_ns,
+            revolutions_hz,
+            sd_mps,
+        };
+        self.push(py, [Event::from(sample)])
+    }
+
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, velocity_t_mps, *, position_sd_m, velocity_sd_mps))]
     fn push_gps<'py>(
@@ -356,7 +374,7 @@ impl Navigator {
         array(py, covariance.as_slice().to_vec(), &[DIM, DIM])
     }
 
-    /// Estimate of the motion through the water after the last update, by every method with `options.water_track`, else by
+    /// Estimate of the motion through the water after the last update, by every method with `options.water_track` or `thrust`, else by
     /// "sway_current", and by "consistent" where that is the filter it has selected; None elsewhere.
     ///
     /// current_t_mps (2,), north and east at the vehicle's depth, with its covariance current_covariance (2, 2), in which the
@@ -400,6 +418,22 @@ impl Navigator {
         let covariance = covariance.as_slice().to_vec();
         out.set_item("covariance", array(py, covariance, &[WATER, WATER])?)?;
         out.set_item("layers", layers_dict(py, &layers)?)?;
+        Ok(Some(out))
+    }
+
+    /// Estimate of what the propeller makes of its revolutions after the last update; None where `options.thrust` is off.
+    ///
+    /// advance_m per revolution; slip_mps, what the vehicle is faster through the water; and the (2, 2) covariance of both.
+    fn thrust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let estimated = self.with(py, |inner| inner.navigators().selected().filter().thrust())?;
+        let Some((estimate, covariance)) = estimated else {
+            return Ok(None);
+        };
+        let out = PyDict::new(py);
+        out.set_item("advance_m", estimate[thrust::ADVANCE])?;
+        out.set_item("slip_mps", estimate[thrust::SLIP])?;
+        let covariance = covariance.as_slice().to_vec();
+        out.set_item("covariance", array(py, covariance, &[thrust::THRUST, thrust::THRUST])?)?;
         Ok(Some(out))
     }
 

@@ -8,6 +8,7 @@ use bottomlock::aiding::outliers::{Robust, Tail};
 use bottomlock::aiding::registry::{Levers, SectionReader, SensorKind, SensorModels};
 use bottomlock::aiding::sensor::{Numbers, Section};
 use bottomlock::aiding::speed_bound::SpeedBound;
+use bottomlock::aiding::thrust::ThrustUse;
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::dvl::partial::Assumptions;
@@ -199,6 +200,11 @@ fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
         },
         imu_limits: imu_faults::limits(keys)?,
         water_track: keys.has("water_track")? && keys.extract("water_track", "True or False")?,
+        thrust: if keys.has("thrust")? {
+            thrust_use(&keys.text("thrust")?)?
+        } else {
+            default.thrust
+        },
         current_layers: if keys.has("current_layers")? {
             keys.section("current_layers", current_layers)?
         } else {
@@ -229,6 +235,16 @@ fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
         },
         information_port,
         levers: levers(keys)?,
+    })
+}
+
+/// What the revolutions correct.
+fn thrust_use(text: &str) -> PyResult<ThrustUse> {
+    let found = ThrustUse::NAMES.into_iter().find(|(_, name)| *name == text);
+    found.map(|(used, _)| used).ok_or_else(|| {
+        invalid(format!(
+            "options.thrust is '{text}', expected 'off', 'velocity' or 'all'"
+        ))
     })
 }
 
@@ -369,6 +385,8 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     motion.set_item("change_time_s", options.motion.change_time_s)?;
     dict.set_item("motion", motion)?;
     dict.set_item("water_track", options.water_track)?;
+    let name_of = |(used, name)| (used == options.thrust).then_some(name);
+    dict.set_item("thrust", ThrustUse::NAMES.into_iter().find_map(name_of))?;
     dict.set_item("speed_sd_mps", options.speed_bound.sd_mps)?;
     dict.set_item("speed_time_s", options.speed_bound.time_s)?;
     imu_faults::put_limits(&dict, &options.imu_limits)?;

@@ -25,6 +25,7 @@ from bottomlock.config.scenario_sections import (
 )
 from bottomlock.config.scenario_words import line_of, table_of
 from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Heading, Magnetometer
+from bottomlock.config.thrust import Thrust
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.config.water_track import WaterTrack
@@ -65,6 +66,7 @@ class Scenario(Section):
     gps: Gps = Gps(enabled=False)
     acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
     water_track: WaterTrack = WaterTrack(enabled=False)
+    thrust: Thrust = Thrust(enabled=False)
     initial: Initial = Initial()
     filter: Filter = Filter()
     robust: Robust = Robust(enabled=False)
@@ -100,7 +102,7 @@ class Scenario(Section):
         # What is switched off decides nothing.
         exclude |= {sensor.name: True for sensor in SENSORS if not getattr(self, sensor.name).enabled}
         exclude |= {} if self.robust.enabled else {"robust": True}
-        exclude |= {} if self.water_track.enabled else {"water_track": True}
+        exclude |= {} if self.water_track.enabled or self.thrust.enabled else {"water_track": True}
         # The name of a vehicle is words too: its numbers stand beside it.
         exclude["filter"] = {"water": {"vehicle"}}
         exclude["filter"] |= {} if self.filter.speed_sd_mps else {"speed_sd_mps": True, "speed_time_s": True}

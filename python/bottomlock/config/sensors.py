@@ -19,6 +19,7 @@ from bottomlock.config.scenario_sections import (
     Section,
     Vector,
 )
+from bottomlock.config.thrust import Thrust
 from bottomlock.kernel import models
 
 AXES = ("north", "east", "down")
@@ -233,5 +234,18 @@ ACOUSTIC_POSITION = Sensor(
     options=lambda fixes: {"acoustic_position_lever_p_m": fixes.lever_arm_m},
 )
 
-SENSORS = (DEPTH, MAGNETOMETER, HEADING, GPS, ACOUSTIC_POSITION)
+THRUST = Sensor(
+    name="thrust",
+    section=Thrust,
+    updates=("thrust",),
+    table="thrust",
+    columns={"thrust_revolutions_hz": ("revolutions_hz",)},
+    model=lambda thrust, _: thrust.kernel_model(),
+    push=lambda navigator, time_ns, drawn, k, model: navigator.push_thrust(
+        time_ns, float(drawn["thrust_revolutions_hz"][k]), sd_mps=model.noise_sd_mps
+    ),
+    options=lambda thrust: {"thrust": thrust.corrects if thrust.enabled else "off"},
+)
+
+SENSORS = (DEPTH, MAGNETOMETER, HEADING, GPS, ACOUSTIC_POSITION, THRUST)
 """In the order in which the kernel takes measurements of the same time, after the DVL's."""

@@ -260,6 +260,23 @@ class WaterTrackModel(Settings):
 
 
 @_settings
+class ThrustModel(Settings):
+    """Speed through the water by the propeller's revolutions, 1 sigma.
+
+    Advance per revolution with its uncertainty, m, and the mean of simulated vehicles, 0 for the same; slip with its
+    correlation time; and white noise of a reading, as a speed.
+    """
+
+    place: ClassVar[str] = "thrust"
+    advance_m: float
+    advance_sd_m: float
+    true_advance_m: float = 0.0
+    slip_sd_mps: float = 0.02
+    slip_time_s: float = 5.0
+    noise_sd_mps: float = 0.01
+
+
+@_settings
 class Model(Settings):
     """Environment, and errors of the sensors: what `Scenario.kernel_model` returns.
 
@@ -278,6 +295,7 @@ class Model(Settings):
     heading: HeadingModel | None = None
     acoustic_position: AcousticPositionModel | None = None
     water_track: WaterTrackModel | None = None
+    thrust: ThrustModel | None = None
 
     def of(self, kind: type[_Errors]) -> _Errors:
         """The errors of a sensor that has to be there.
@@ -309,10 +327,10 @@ class Water(Settings):
 
 @_settings
 class CurrentLayers(Settings):
-    """Prior of the current by depth, with `Options.water_track` (docs/sensors.md#water-track); `sd_mps` 0 is no layers.
+    """Prior of the current by depth, with `Options.water_track` or `thrust` (docs/sensors.md#water-track).
 
-    `sd_mps` is 1 sigma of a layer's own part, which is forgotten in `time_s` and on `way_m` over ground; layers are
-    `spacing_m` apart; `mean_time_s` is the correlation time of what all depths have in common.
+    `sd_mps` is 1 sigma of a layer's own part, 0 for no layers, which is forgotten in `time_s` and on `way_m` over
+    ground; layers are `spacing_m` apart; `mean_time_s` is the correlation time of what all depths have in common.
     """
 
     place: ClassVar[str] = "options.current_layers"
@@ -370,7 +388,8 @@ class Robust(Settings):
 class Options(Settings):
     """Options of the filters (`Scenario.kernel_options` makes them); docs/event_loop.md explains each.
 
-    `robust` None is no treatment of outliers; a lever arm (3,) is the place of a sensor in the platform frame, m.
+    `robust` None is no treatment of outliers; `thrust` is what the propeller's revolutions correct; a lever arm (3,) is
+    the place of a sensor in the platform frame, m.
     """
 
     place: ClassVar[str] = "options"
@@ -385,6 +404,7 @@ class Options(Settings):
     weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"]
     information_port: Literal["axes", "full"] = DEFAULT_OPTIONS["information_port"]
     water_track: bool = DEFAULT_OPTIONS["water_track"]
+    thrust: Literal["off", "velocity", "all"] = DEFAULT_OPTIONS["thrust"]
     speed_sd_mps: float = DEFAULT_OPTIONS["speed_sd_mps"]
     speed_time_s: float = DEFAULT_OPTIONS["speed_time_s"]
     max_imu_rate_radps: float = DEFAULT_OPTIONS["max_imu_rate_radps"]

@@ -47,6 +47,8 @@ LEAST_GAP = 1e3
 class Aiding:
     """A set of aiding sensors; beams are numbered from 1, lever arms lie in the platform frame (m).
 
+    `thrust` reads nothing here: it measures the speed relative to a current, which is no state of these models.
+
     Examples:
         >>> Aiding(beams=(1, 2), depth=True).name
         'beams 12 + depth'
@@ -60,6 +62,7 @@ class Aiding:
     gps_position: bool = False
     gps_velocity: bool = False
     acoustic_position: bool = False
+    thrust: bool = False
     depth_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gps_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     acoustic_position_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)

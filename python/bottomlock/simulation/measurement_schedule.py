@@ -64,7 +64,10 @@ class MeasurementSchedule:
             )
         valid = self._unconditional(trajectory_key, first_run, runs)
         self._valid = np.repeat(valid, vehicles_per_run, axis=0) if valid.ndim == 3 else valid
-        self._current = self._current_at(last_ns) if scenario.water_track.enabled else None
+        moving = {"dvl": scenario.water_track.enabled, "thrust": scenario.thrust.enabled}
+        self._current = {
+            name: self._current_at(name, last_ns) for name, is_measured in moving.items() if is_measured
+        }
         self._environment = scenario.kernel_model(simulation.gravity_mps2).environment
         self._gps = GpsReception(scenario.gps.antenna_depth_m, scenario.gps.acquire_s)
 
@@ -84,7 +87,7 @@ class MeasurementSchedule:
             The schedule, and footprints (vehicles, epochs, beams) or None without a seabed.
         """
         scenario = self._simulation.scenario
-        position_t_m = self._below_the_sea(position_t_m)
+        in_tangent_frame, position_t_m = position_t_m, self._below_the_sea(position_t_m)
         within = {name: (times > time_ns[0]) & (times <= time_ns[-1]) for name, times in self._times.items()}
         now = {name: times[within[name]] for name, times in self._times.items()}
         valid = self._valid[..., within["dvl"], :]
@@ -93,8 +96,15 @@ class MeasurementSchedule:
             valid = combine(valid, _flat(self._limits().valid(hits)))
         schedule: dict[str, Any] = {f"{name}_time_ns": times for name, times in now.items()}
         schedule["beam_valid"] = valid
-        if self._current is not None:
-            schedule |= self._water(now["dvl"], self._current[within["dvl"]], valid)
+        if "dvl" in self._current:
+            schedule |= self._water(now["dvl"], self._current["dvl"][within["dvl"]], valid)
+        if len(now["thrust"]):
+            poses = [
+                _between(time_ns, one, now["thrust"])
+                for one in (in_tangent_frame, position_t_m, attitude_t_p)
+            ]
+            current = self._current["thrust"][within["thrust"]]
+            schedule["thrust_current_mps"] = _flat(self._current_ahead_mps(current, *poses))
         if len(now["depth"]):
             depth_m = _between(time_ns, position_t_m, now["depth"])[..., 2]
             pressure = _pressure(self._simulation)
@@ -106,11 +116,24 @@ class MeasurementSchedule:
             schedule["gps_received"] = _flat(self._gps.received(time_ns, position_t_m[..., 2], now["gps"]))
         return schedule, hits
 
-    def _current_at(self, last_ns: int) -> Floats:
-        """Surface current (N, E), its rate and the shear (N, E) at every ping, (pings, 6)."""
+    def _current_at(self, name: str, last_ns: int) -> Floats:
+        """Surface current (N, E), its rate and the shear (N, E) at every epoch of a sensor, (epochs, 6)."""
         # As over the whole truth, so that it is the current in which the vehicle swims.
-        time_s = np.append(self._times["dvl"], last_ns) * 1e-9
+        time_s = np.append(self._times[name], last_ns) * 1e-9
         return self._simulation.current.columns(time_s)[:-1]
+
+    def _current_ahead_mps(
+        self, current: Floats, position_t_m: Floats, level_m: Floats, attitude: Floats
+    ) -> Floats:
+        """The current at the vehicle along its forward axis, (vehicles, epochs), by its positions and attitudes."""
+        north_east = current[:, 0:2] + current[:, 4:6] * level_m[..., 2:3]
+        flat = np.concatenate([north_east, np.zeros_like(level_m[..., 2:3])], axis=-1).reshape(-1, 3)
+        if self._simulation.scenario.environment.earth == "ellipsoid":
+            rotation = kernel.local_earth(self._environment, position_t_m.reshape(-1, 3))["rotation_t_n"]
+            flat = np.einsum("nij,nj->ni", rotation, flat)
+        w, x, y, z = np.moveaxis(attitude / np.linalg.norm(attitude, axis=-1, keepdims=True), -1, 0)
+        ahead = np.stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)], axis=-1)
+        return np.asarray(np.einsum("...i,...i->...", ahead, flat.reshape(ahead.shape)))
 
     def _water(self, time_ns: Times, current: Floats, beam_valid: NDArray[np.bool_]) -> dict[str, Any]:
         """The part of the kernel's schedule for the beams that the water returns."""
@@ -210,8 +233,9 @@ def measurement_schedule(
     Returns:
         `dvl_time_ns`, `sample_time_ns` and the epochs of the other sensors, int64 ns; `beam_valid` (epochs, beams), or
         (runs, epochs, beams) where it is random; `depth_offset_m`, `yaw_offset_rad` and `gps_received` if the scenario
-        has these sensors; with water track `water_track_time_ns`, `water_track_valid`, and the current at depth 0 and
-        its change with depth along north and east, `water_current_n_mps` and `water_shear_n_ps`, (epochs, 2).
+        has these sensors; with thrust `thrust_current_mps`, the current along the vehicle's axis; with water track
+        `water_track_time_ns`, `water_track_valid`, and the current at depth 0 and its change with depth along north and
+        east, `water_current_n_mps` and `water_shear_n_ps`, (epochs, 2).
 
     Raises:
         DataError: for a truth of less than a second.

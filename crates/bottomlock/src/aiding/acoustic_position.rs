@@ -75,7 +75,7 @@ impl AidingSensor for AcousticPositionSample {
     const STREAM: &'static str = "acoustic_position";
     const REPORTS: &'static [Report] = &[Report {
         sensor: Sensor::AcousticPosition,
-        quantity: Quantity::Position,
+        quantity: Some(Quantity::Position),
     }];
     const LEVER: Option<&'static str> = Some("acoustic_position_lever_p_m");
     const LOG: &'static [Column] = &[

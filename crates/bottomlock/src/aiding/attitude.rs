@@ -105,7 +105,7 @@ impl AidingSensor for AttitudeSample {
     const STREAM: &'static str = "attitude";
     const REPORTS: &'static [Report] = &[Report {
         sensor: Sensor::Attitude,
-        quantity: Quantity::Angle,
+        quantity: Some(Quantity::Angle),
     }];
     const LOG: &'static [Column] = &[Column::new("attitude_rpy_rad", 3)];
     const SIMULATION: Option<Simulation> = Some(Simulation {

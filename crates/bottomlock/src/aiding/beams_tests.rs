@@ -28,6 +28,7 @@ fn motion_of(state: &NavState) -> Motion<'_> {
         earth_rate_t_radps: Vector3::zeros(),
         gyro_variance: 0.04,
         level: LocalLevel::of_plane(&state.position_t_m),
+        water: None,
     }
 }
 

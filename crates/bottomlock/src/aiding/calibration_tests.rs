@@ -57,6 +57,7 @@ fn by_hand() {
         earth_rate_t_radps: Vector3::zeros(),
         gyro_variance: 0.0,
         level: LocalLevel::of_plane(&state.position_t_m),
+        water: None,
     };
     let sample = ping(BeamMask::all(4));
     let change = still([0.5, 0.0, 0.0]);
@@ -115,6 +116,7 @@ fn terms_at(state: &NavState, estimate: &Calibration) -> BeamTerms {
         earth_rate_t_radps: earth_rate,
         gyro_variance: 1e-6,
         level: LocalLevel::of_plane(&state.position_t_m),
+        water: None,
     };
     let levers = [[1.0, 0.1, 0.2], [0.9, 0.1, 0.2], [0.9, -0.1, 0.2], [1.0, -0.1, 0.3]].map(Vec3::from_array);
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
@@ -176,6 +178,7 @@ fn what_no_beam_sees() {
             earth_rate_t_radps: Vector3::zeros(),
             gyro_variance: 0.0,
             level: LocalLevel::of_plane(&state.position_t_m),
+            water: None,
         };
         let sample = ping(BeamMask::all(4));
         let terms = calibrated_beam_terms(&motion, &still([0.0; 3]), &geometry, &Calibration::default(), &sample);

@@ -50,7 +50,7 @@ macro_rules! sensors {
                     Self::Sway | Self::Heave | Self::Speed | Self::Motion | Self::WaterTrack => None,
                     other => reports()
                         .find(|(_, report)| report.sensor == other)
-                        .map(|(_, report)| report.quantity),
+                        .and_then(|(_, report)| report.quantity),
                 }
             }
 

@@ -41,7 +41,7 @@ impl AidingSensor for DepthSample {
     const STREAM: &'static str = "depth";
     const REPORTS: &'static [Report] = &[Report {
         sensor: Sensor::Depth,
-        quantity: Quantity::Position,
+        quantity: Some(Quantity::Position),
     }];
     const LEVER: Option<&'static str> = Some("depth_lever_p_m");
     const LOG: &'static [Column] = &[Column::new("depth_m", 1)];

@@ -48,11 +48,11 @@ impl AidingSensor for GpsSample {
     const REPORTS: &'static [Report] = &[
         Report {
             sensor: Sensor::GpsPosition,
-            quantity: Quantity::Position,
+            quantity: Some(Quantity::Position),
         },
         Report {
             sensor: Sensor::GpsVelocity,
-            quantity: Quantity::Velocity,
+            quantity: Some(Quantity::Velocity),
         },
     ];
     const LEVER: Option<&'static str> = Some("gps_lever_p_m");

@@ -60,7 +60,7 @@ impl AidingSensor for HeadingSample {
     const STREAM: &'static str = "heading";
     const REPORTS: &'static [Report] = &[Report {
         sensor: Sensor::Heading,
-        quantity: Quantity::Angle,
+        quantity: Some(Quantity::Angle),
     }];
     const LOG: &'static [Column] = &[Column::new("heading_rad", 1)];
     const SIMULATION: Option<Simulation> = Some(Simulation {

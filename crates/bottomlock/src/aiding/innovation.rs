@@ -1,11 +1,13 @@
 //! A measurement in the form that the filter processes, for any sensor.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::RowJacobian;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::further::FurtherRows;
-use crate::layout::DIM;
+use crate::aiding::further::{FIRST_MOTION, FIRST_THRUST, FURTHER, FurtherRows};
+use crate::layout::{DIM, POSITION, VELOCITY};
 
 /// A measurement in the form that the filter processes: z = H δx + n.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +30,8 @@ pub struct Innovation {
     pub by_further: Option<Box<FurtherRows>>,
     /// What the rows measure in the tangent frame.
     pub tangent_rows: TangentRows,
-    /// True where a depth corrects its own axis of the position alone.
-    pub corrects_depth_alone: bool,
+    /// The states that the rows correct.
+    pub corrects: Corrects,
     /// Where given, an update moves the error state to it.
     pub corrected_path: Option<Box<CorrectedPath>>,
 }
@@ -43,6 +45,44 @@ pub struct CorrectedPath {
     pub by_misalignment: Matrix3<f64>,
     /// c, which the residual is without.
     pub offset_t_m: Vector3<f64>,
+}
+
+/// The states that rows correct; of the others they change covariances only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Corrects {
+    /// All.
+    #[default]
+    All,
+    /// A depth its own axis of the position alone, and no further state.
+    Depth,
+    /// The velocity alone, and of the further states those of motion, thrust and water.
+    Velocity,
+    /// No state of the error state, and of the further states those of thrust and water.
+    ThroughWater,
+}
+
+impl Corrects {
+    /// The corrected states of the error state.
+    #[must_use]
+    pub const fn states(self) -> Range<usize> {
+        match self {
+            Self::All => 0..DIM,
+            Self::Depth => POSITION + 2..POSITION + 3,
+            Self::Velocity => VELOCITY..VELOCITY + 3,
+            Self::ThroughWater => 0..0,
+        }
+    }
+
+    /// The corrected further states.
+    #[must_use]
+    pub const fn further_states(self) -> Range<usize> {
+        match self {
+            Self::All => 0..FURTHER,
+            Self::Depth => 0..0,
+            Self::Velocity => FIRST_MOTION..FURTHER,
+            Self::ThroughWater => FIRST_THRUST..FURTHER,
+        }
+    }
 }
 
 /// What rows measure in the tangent frame, where the linear model leaves a product of errors out.
@@ -102,7 +142,7 @@ impl Innovation {
             correlated_noise: None,
             by_further: None,
             tangent_rows: TangentRows::None,
-            corrects_depth_alone: false,
+            corrects: Corrects::default(),
             corrected_path: None,
         }
     }
@@ -152,6 +192,7 @@ impl Innovation {
             }
             Box::new(kept_cross)
         });
+        out.corrects = self.corrects;
         out.corrected_path.clone_from(&self.corrected_path);
         let selection = || {
             let mut selection = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();

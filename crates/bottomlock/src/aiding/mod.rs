@@ -21,19 +21,21 @@ pub mod position;
 pub mod registry;
 pub mod sensor;
 pub mod speed_bound;
+pub mod thrust;
 pub mod velocity;
 pub mod water;
 pub mod water_track;
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+use crate::aiding::current_layers::CurrentAt;
 use crate::earth::LocalLevel;
 use crate::frames::skew;
 use crate::layout::DIM;
 use crate::state::NavState;
 
 pub use self::beams::{BeamTerms, InformationPort, beam_terms, loosely_coupled, tightly_coupled};
-pub use self::innovation::{CorrectedPath, CorrelatedNoise, Innovation, TangentRows};
+pub use self::innovation::{CorrectedPath, Corrects, CorrelatedNoise, Innovation, TangentRows};
 
 /// Largest number of rows of one measurement.
 pub const MAX_ROWS: usize = 8;
@@ -54,6 +56,8 @@ pub struct Motion<'a> {
     pub gyro_variance: f64,
     /// North, east, down and depth at the state's position.
     pub level: LocalLevel,
+    /// The water states with the current at the vehicle, where the filter has them.
+    pub water: Option<CurrentAt>,
 }
 
 impl Motion<'_> {
@@ -80,6 +84,7 @@ impl<'a> Motion<'a> {
             earth_rate_t_radps: Vector3::zeros(),
             gyro_variance: 0.0,
             level: LocalLevel::of_plane(&state.position_t_m),
+            water: None,
         }
     }
 }

@@ -56,6 +56,7 @@ impl Case {
             earth_rate_t_radps: Vector3::zeros(),
             gyro_variance: 0.0,
             level: LocalLevel::of_plane(&self.state.position_t_m),
+            water: None,
         };
         beam_terms(&motion, &self.geometry, ping)
     }

@@ -10,6 +10,7 @@ use super::gps::{GpsModel, GpsSample, GpsVelocity};
 use super::heading::{HeadingModel, HeadingSample};
 use super::registry::{Sensor, SensorModels};
 use super::sensor::{AidingSensor, Fraction, Scene, TimeConstant, TrueMotion};
+use super::thrust::{ThrustModel, ThrustSample};
 use super::velocity::VelocitySample;
 use crate::earth::LocalLevel;
 use crate::frames::{Platform, Rot, Tangent, Vec3};
@@ -51,6 +52,14 @@ fn models() -> SensorModels {
             outlier_fraction: Fraction(0.0),
             ..AcousticPositionModel::default()
         },
+        thrust: ThrustModel {
+            advance_m: 0.1,
+            true_advance_m: 0.12,
+            advance_sd_m: 0.01,
+            slip_sd_mps: 0.2,
+            slip_time_s: TimeConstant(5.0),
+            noise_sd_mps: 0.3,
+        },
         ..SensorModels::default()
     }
 }
@@ -65,6 +74,7 @@ fn claimed() -> SensorModels {
     models.gps.position_sd_m = [0.1, 0.2, 0.4];
     models.gps.velocity_sd_mps = [0.01, 0.02, 0.03];
     models.acoustic_position.sd_m = 0.3;
+    models.thrust.noise_sd_mps = 0.03;
     models
 }
 
@@ -85,6 +95,7 @@ fn still(state: &NavState) -> Motion<'_> {
         earth_rate_t_radps: Vector3::zeros(),
         gyro_variance: 0.0,
         level: LocalLevel::of_plane(&state.position_t_m),
+        water: None,
     }
 }
 
@@ -250,6 +261,24 @@ fn acoustic_fixes() {
     assert_eq!(stated.sd_m, [4.0, 5.0, 6.0]);
     let read: AcousticPositionSample = of_truth();
     assert!((read.position_t_m.0 - transponder_t_m).norm() < 1e-12 && read.sd_m == [0.3; 3]);
+}
+
+/// The speed along the platform's forward axis less the current, slip and noise, over the advance of the simulated vehicle, which is
+/// not what the filter assumes; what is read off the truth has the assumed one.
+#[test]
+fn revolutions() {
+    let (reading, mut draws) = simulated::<ThrustSample>(0.4);
+    let speed_mps = 2.0 - 0.4 - 0.2 * draws[1].one() - 0.3 * draws[0].one();
+    let advance_m = 0.12 + 0.01 * draws[2].one();
+    assert!((reading.revolutions_hz - speed_mps / advance_m).abs() < 1e-12);
+    assert_eq!(
+        (reading.sd_mps, reading.numbers()),
+        (0.03, vec![reading.revolutions_hz])
+    );
+    let read: ThrustSample = of_row(&[Some(&[14.5])]);
+    assert_eq!((read.revolutions_hz, read.sd_mps), (14.5, 0.03));
+    let read: ThrustSample = of_truth();
+    assert!((read.revolutions_hz - 20.0).abs() < 1e-12 && read.sd_mps == 0.03);
 }
 
 /// A velocity of an instrument without beams is neither simulated nor in a log; its noise is that of a beam.

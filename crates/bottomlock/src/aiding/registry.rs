@@ -8,6 +8,7 @@ use crate::aiding::depth::{DepthModel, DepthSample};
 use crate::aiding::gps::{GpsModel, GpsSample};
 use crate::aiding::heading::{HeadingModel, HeadingSample};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
+use crate::aiding::thrust::{ThrustModel, ThrustSample};
 use crate::aiding::velocity::VelocitySample;
 use crate::aiding::water_track::WaterTrackModel;
 use crate::aiding::{Innovation, Motion};
@@ -23,6 +24,7 @@ sensors! {
     Heading(HeadingSample): Heading = "heading";
     Gps(GpsSample): GpsPosition = "gps_position", GpsVelocity = "gps_velocity";
     AcousticPosition(AcousticPositionSample): AcousticPosition = "acoustic_position";
+    Thrust(ThrustSample): Thrust = "thrust";
 }
 
 models! {
@@ -34,6 +36,7 @@ models! {
     gps: GpsModel,
     acoustic_position: AcousticPositionModel,
     water_track: WaterTrackModel,
+    thrust: ThrustModel,
 }
 
 /// [`AidingSensor::of_row`] of a sensor.

@@ -64,8 +64,8 @@ pub trait AidingSensor: Copy + Into<Measurement> {
 pub struct Report {
     /// Its name.
     pub sensor: Sensor,
-    /// What it measures.
-    pub quantity: Quantity,
+    /// What it measures; `None` for a reading that is no evidence against the filter.
+    pub quantity: Option<Quantity>,
 }
 
 /// Quantity measured by an update.

@@ -41,6 +41,7 @@ fn motion_of(state: &NavState) -> Motion<'_> {
         earth_rate_t_radps: Vector3::from(EARTH),
         gyro_variance: 1e-6,
         level: LocalLevel::of_plane(&state.position_t_m),
+        water: None,
     }
 }
 

@@ -7,6 +7,7 @@ use super::depth::DepthSample;
 use super::gps::{GpsSample, GpsVelocity};
 use super::heading::HeadingSample;
 use super::sensor::AidingSensor;
+use super::thrust::ThrustSample;
 use super::velocity::VelocitySample;
 use crate::frames::{Rot, Vec3};
 
@@ -45,6 +46,19 @@ fn scalars() {
         &[
             ("yaw_rad", &|r| r.yaw_rad = f64::INFINITY),
             ("sd_rad", &|r| r.sd_rad = -0.1),
+        ],
+    );
+    let thrust = ThrustSample {
+        time_ns: 7,
+        revolutions_hz: -20.0,
+        sd_mps: 0.01,
+    };
+    check(
+        &thrust,
+        &[
+            ("revolutions_hz", &|r| r.revolutions_hz = f64::NAN),
+            ("are they per minute", &|r| r.revolutions_hz = -1500.0),
+            ("thrust sd_mps", &|r| r.sd_mps = 0.0),
         ],
     );
 }

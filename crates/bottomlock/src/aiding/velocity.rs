@@ -27,7 +27,7 @@ impl AidingSensor for VelocitySample {
     const STREAM: &'static str = "velocity";
     const REPORTS: &'static [Report] = &[Report {
         sensor: Sensor::Velocity,
-        quantity: Quantity::Velocity,
+        quantity: Some(Quantity::Velocity),
     }];
 
     fn time_ns(&self) -> i64 {

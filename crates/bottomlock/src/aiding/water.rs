@@ -212,29 +212,53 @@ pub fn heave_row(motion: &Motion<'_>, water: &WaterVector) -> WaterRow {
 
 /// `axis · (v − Rᵀc) − slip = 0`.
 fn slip_row(motion: &Motion<'_>, water: &WaterVector, axis: &Vector3<f64>, slip: usize) -> WaterRow {
-    let axis_t = motion.rotation() * axis;
-    let level = &motion.level;
-    let current_t = level.rotation_t_n * Vector3::new(water[CURRENT], water[CURRENT + 1], 0.0);
-    let relative = axis.dot(&motion.state.velocity_p_mps.0) - axis_t.dot(&current_t);
-    let mut row = WaterRow {
+    let along = SpeedThroughWater::along(axis, motion, water);
+    let mut by_water = along.by_water;
+    by_water[slip] = -1.0;
+    WaterRow {
         slip,
         turning_mps: 0.0,
-        residual: water[slip] - relative,
-        by_state: SVector::zeros(),
-        by_water: WaterVector::zeros(),
+        residual: water[slip] - along.speed_mps,
+        by_state: along.by_state,
+        by_water,
         variance: 0.0,
-    };
-    row.by_state.fixed_rows_mut::<3>(VELOCITY).copy_from(axis);
-    // R = Exp([ρ×]) R̂ gives Rᵀc = R̂ᵀ(c + [c×]ρ); the part about the vertical belongs to the current's own error.
-    let (turned, down_t) = (skew(&current_t) * axis_t, level.down_t());
-    row.by_state
-        .fixed_rows_mut::<3>(ATTITUDE)
-        .copy_from(&(turned - down_t * down_t.dot(&turned)));
-    let axis_n = level.rotation_t_n.tr_mul(&axis_t);
-    row.by_water[CURRENT] = -axis_n.x;
-    row.by_water[CURRENT + 1] = -axis_n.y;
-    row.by_water[slip] = -1.0;
-    row
+    }
+}
+
+/// Component of the velocity relative to the water along an axis of the platform.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SpeedThroughWater {
+    /// `axis · (v − Rᵀc)`, m/s.
+    pub(super) speed_mps: f64,
+    /// By the error state.
+    pub(super) by_state: SVector<f64, DIM>,
+    /// By the water states.
+    pub(super) by_water: WaterVector,
+}
+
+impl SpeedThroughWater {
+    /// Along an axis, with the current of the water states.
+    pub(super) fn along(axis: &Vector3<f64>, motion: &Motion<'_>, water: &WaterVector) -> Self {
+        let axis_t = motion.rotation() * axis;
+        let level = &motion.level;
+        let current_t = level.rotation_t_n * Vector3::new(water[CURRENT], water[CURRENT + 1], 0.0);
+        let mut along = Self {
+            speed_mps: axis.dot(&motion.state.velocity_p_mps.0) - axis_t.dot(&current_t),
+            by_state: SVector::zeros(),
+            by_water: WaterVector::zeros(),
+        };
+        along.by_state.fixed_rows_mut::<3>(VELOCITY).copy_from(axis);
+        // R = Exp([ρ×]) R̂ gives Rᵀc = R̂ᵀ(c + [c×]ρ); the part about the vertical belongs to the current's own error.
+        let (turned, down_t) = (skew(&current_t) * axis_t, level.down_t());
+        along
+            .by_state
+            .fixed_rows_mut::<3>(ATTITUDE)
+            .copy_from(&(turned - down_t * down_t.dot(&turned)));
+        let axis_n = level.rotation_t_n.tr_mul(&axis_t);
+        along.by_water[CURRENT] = -axis_n.x;
+        along.by_water[CURRENT + 1] = -axis_n.y;
+        along
+    }
 }
 
 #[cfg(test)]

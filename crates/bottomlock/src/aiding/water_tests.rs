@@ -14,6 +14,7 @@ pub(in crate::aiding) fn motion(state: &NavState, rate_p_radps: [f64; 3]) -> Mot
         earth_rate_t_radps: Vector3::from(EARTH),
         gyro_variance: 1e-6,
         level: LocalLevel::of_plane(&state.position_t_m),
+        water: None,
     }
 }
 

@@ -119,11 +119,6 @@ impl Eskf {
 
     /// The current at the vehicle, where it is estimated.
     pub(crate) fn current_at_vehicle(&self) -> Option<CurrentAt> {
-        let water = self.water()?;
-        // Without layers it is the same at all depths.
-        let depth_m = water
-            .layers()
-            .map_or(0.0, |_| self.with_motion(|motion| motion.level.depth_m));
-        Some(water.at(depth_m))
+        self.with_motion(|motion| motion.water)
     }
 }

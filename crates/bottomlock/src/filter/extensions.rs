@@ -41,7 +41,7 @@ impl Extensions {
     pub(super) fn new(models: &SensorModels, options: &Options, calibration: Option<CalibrationBlock>) -> Self {
         let mut extensions = Self {
             further: None,
-            processes: Box::new(GaussMarkovStates::new(models, &options.motion)),
+            processes: Box::new(GaussMarkovStates::new(models, options)),
             calibration: calibration.map(Box::new),
             water: None,
             tape: None,

@@ -252,7 +252,7 @@ impl FurtherStates {
 
     /// Updates with an update of the error state; returns the gain, transposed, which is zero for a state that is none.
     ///
-    /// What corrects the depth alone leaves the further states.
+    /// The gain is zero too for a state that the rows do not correct.
     pub(super) fn update<const M: usize>(
         &mut self,
         update: &Update<'_, M>,
@@ -277,7 +277,7 @@ impl FurtherStates {
                 }
             }
             x.set_column(k, &own);
-            if !innovation.corrects_depth_alone {
+            if innovation.corrects.further_states().contains(&k) {
                 let solved = update.factor.solve(&own);
                 s_gain.set_column(k, &(update.s * solved));
                 gain.set_column(k, &solved);

@@ -11,6 +11,7 @@ use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_WATER};
 use crate::aiding::heading::{HeadingModel, heading};
 use crate::aiding::motion_prior::MotionPrior;
 use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime};
+use crate::aiding::thrust::{ThrustModel, ThrustUse, thrust};
 use crate::aiding::water::{WATER, sway_row};
 use crate::aiding::{RowJacobian, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
@@ -55,6 +56,13 @@ fn filter() -> Eskf {
         walk_sd_rad: SlowSd(0.01),
         walk_time_s: WalkTime(200.0),
     };
+    model.sensors.thrust = ThrustModel {
+        advance_m: 0.1,
+        advance_sd_m: 0.01,
+        slip_sd_mps: 0.02,
+        slip_time_s: TimeConstant(5.0),
+        ..ThrustModel::default()
+    };
     // Within the linear range.
     model.initial.attitude_sd_rad = [1e-3; 3];
     let options = Options {
@@ -65,6 +73,7 @@ fn filter() -> Eskf {
             clock_sd_s: 0.1,
         },
         motion: MOTION,
+        thrust: ThrustUse::All,
         ..Options::default()
     };
     let mut state = NavState::at_rest(0);
@@ -117,6 +126,7 @@ fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
         (attitude_reading(filter), Sensor::Attitude),
         (heading(&Motion::still(&filter.state()), 0.07, 0.01), Sensor::Heading),
         (MOTION.innovation(&filter.state()), Sensor::Motion),
+        (filter.with_motion(|motion| thrust(motion, 19.0, 0.01)), Sensor::Thrust),
     ]
 }
 
@@ -137,13 +147,13 @@ fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) 
     (p - &gain * h * p, gain * z)
 }
 
-/// Pings of four, two and one beam, depths, attitudes, headings and assumptions by turns: covariance of all states and
+/// Pings of four, two and one beam, depths, attitudes, headings, revolutions and assumptions by turns: covariance of all states and
 /// estimates of the slow errors are the textbook's.
 #[test]
 fn updates_are_the_textbook_updates_of_all_states() {
     let mut filter = filter();
     for round in 0..3 {
-        for kind in 0..5 {
+        for kind in 0..6 {
             advance(&mut filter, 30);
             let (innovation, sensor) = readings(&mut filter, round).swap_remove(kind);
             let (p, before) = (filter.joint_covariance(), *filter.extensions.processes.estimate());
@@ -186,7 +196,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
 #[test]
 fn propagation_is_that_of_all_states() {
     let mut filter = filter();
-    for kind in 0..5 {
+    for kind in 0..6 {
         let (innovation, sensor) = readings(&mut filter, 0).swap_remove(kind);
         filter.update(&innovation, sensor).unwrap();
         advance(&mut filter, 1);
@@ -259,7 +269,7 @@ fn blocks_begin_and_end() {
 #[test]
 fn water_states_start_anew() {
     let mut filter = filter();
-    for kind in 0..5 {
+    for kind in 0..6 {
         let (innovation, sensor) = readings(&mut filter, 0).swap_remove(kind);
         filter.update(&innovation, sensor).unwrap();
     }

@@ -4,7 +4,7 @@
 //! from one reading to the next, but tide, density and the sensor's own offset move all of them by decimetres; the yaw of a
 //! magnetic attitude reference scatters by a tenth of a degree about a value that iron and declination move by degrees. Taken
 //! for white noise such an error is averaged away in the covariance, and not in the world. The others are mean and change of
-//! a vehicle's velocity ([`crate::aiding::motion_prior`]). With standard deviation and correlation time (none for a constant)
+//! a vehicle's velocity ([`crate::aiding::motion_prior`]), and advance and slip of its propeller ([`crate::aiding::thrust`]). With standard deviation and correlation time (none for a constant)
 //! each is estimated:
 //!
 //! ```text
@@ -13,19 +13,22 @@
 
 use crate::aiding::attitude::SlowAngleModel;
 use crate::aiding::further::{
-    DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_WATER, FurtherVector,
+    DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST, FIRST_WATER,
+    FurtherVector,
 };
-use crate::aiding::motion_prior::MotionPrior;
 use crate::aiding::registry::SensorModels;
+use crate::aiding::thrust::{ADVANCE, SLIP, ThrustUse};
 use crate::error::{NavError, require_finite};
+use crate::filter::options::Options;
 use std::ops::Range;
 
 /// Blocks of such states.
-pub(super) const BLOCKS: [Range<usize>; 4] = [
+pub(super) const BLOCKS: [Range<usize>; 5] = [
     DEPTH_BIAS..FIRST_CALIBRATION,
     FIRST_ATTITUDE_ERROR..FIRST_HEADING_ERROR,
     FIRST_HEADING_ERROR..FIRST_MOTION,
-    FIRST_MOTION..FIRST_WATER,
+    FIRST_MOTION..FIRST_THRUST,
+    FIRST_THRUST..FIRST_WATER,
 ];
 
 /// Their estimates with what is known of them beforehand.
@@ -35,13 +38,17 @@ pub(super) struct GaussMarkovStates {
     variance: FurtherVector,
     /// Inverse of the correlation time, 1/s; 0 for a constant.
     rate_per_s: FurtherVector,
+    /// Estimate at the start; zero but for constants.
+    initial: FurtherVector,
     estimate: FurtherVector,
 }
 
 impl GaussMarkovStates {
-    /// The slow errors of the sensors of a model, and the motion.
-    pub(super) fn new(models: &SensorModels, motion: &MotionPrior) -> Self {
+    /// The slow errors of the sensors of a model, the motion, and the thrust where the options use it.
+    pub(super) fn new(models: &SensorModels, options: &Options) -> Self {
+        let motion = &options.motion;
         let (mut variance, mut rate_per_s) = (FurtherVector::zeros(), FurtherVector::zeros());
+        let mut initial = FurtherVector::zeros();
         variance[DEPTH_BIAS] = models.depth.bias_sd_m.powi(2);
         rate_per_s[DEPTH_BIAS] = 1.0 / models.depth.bias_time_s.0;
         let attitude = &models.magnetometer;
@@ -62,10 +69,18 @@ impl GaussMarkovStates {
             variance[change] = motion.change_sd_mps[axis].powi(2);
             rate_per_s[change] = 1.0 / motion.change_time_s[axis];
         }
+        if options.thrust != ThrustUse::Off {
+            let thrust = &models.thrust;
+            initial[FIRST_THRUST + ADVANCE] = thrust.advance_m;
+            variance[FIRST_THRUST + ADVANCE] = thrust.advance_sd_m.powi(2);
+            variance[FIRST_THRUST + SLIP] = thrust.slip_sd_mps.powi(2);
+            rate_per_s[FIRST_THRUST + SLIP] = 1.0 / thrust.slip_time_s.0;
+        }
         Self {
             variance,
             rate_per_s,
-            estimate: FurtherVector::zeros(),
+            initial,
+            estimate: initial,
         }
     }
 
@@ -87,7 +102,7 @@ impl GaussMarkovStates {
 
     /// Forgets the estimates.
     pub(super) fn restart(&mut self) {
-        self.estimate = FurtherVector::zeros();
+        self.estimate = self.initial;
     }
 
     /// Fraction of each error that is left after `duration_s`; 1 for a state that is none.
@@ -116,7 +131,7 @@ impl GaussMarkovStates {
     /// # Errors
     /// [`NavError::NotFinite`].
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
-        [&self.variance, &self.rate_per_s, &self.estimate]
+        [&self.variance, &self.rate_per_s, &self.initial, &self.estimate]
             .into_iter()
             .try_for_each(|numbers| require_finite("slow errors and motion", time_ns, numbers.as_slice()))
     }

@@ -223,7 +223,7 @@ fn only_what_is_unknown_is_a_state() {
     let none = filter_of(|_| ());
     assert!(none.extensions.is_empty() && none.attitude_error_rad().is_none());
     assert!(none.heading_error_rad().is_none() && none.depth_bias_m().is_none());
-    let good = GaussMarkovStates::new(&Model::table_2().sensors, &MotionPrior::default());
+    let good = GaussMarkovStates::new(&Model::table_2().sensors, &Options::default());
     assert_eq!(good.check_restored(3), Ok(()));
     let faults: [fn(&mut GaussMarkovStates); 3] = [
         |slow| slow.variance[0] = f64::NAN,

@@ -72,6 +72,11 @@ pub(super) struct ConsecutiveRejections {
 }
 
 impl ConsecutiveRejections {
+    /// The count of a sensor.
+    pub(super) fn explained(&mut self, sensor: Sensor) -> &mut Count {
+        &mut self.explained[sensor as usize]
+    }
+
     /// Checks counts that were read from bytes.
     ///
     /// # Errors

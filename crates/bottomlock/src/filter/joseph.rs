@@ -12,12 +12,14 @@
 //! enters as E (I − K H)ᵀ: the variance after a precise measurement keeps its digits, as in the dense product. Forms
 //! without A, P − K S Kᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ, leave errors of 2e-16 P there.
 
+use std::ops::Range;
+
 use nalgebra::{Cholesky, Const, SMatrix};
 
 use super::definite::factorises;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::{Innovation, RowJacobian};
-use crate::layout::{DIM, POSITION};
+use crate::aiding::{Corrects, Innovation, RowJacobian};
+use crate::layout::DIM;
 use crate::simd::{Column, Simd, WIDTH, are_zero, four, load_four, make_symmetric, plus, with_vectors};
 use crate::state::{Covariance, ErrorVector};
 
@@ -171,8 +173,8 @@ impl<const M: usize> PredictedInnovation<M> {
         innovation: &Innovation,
     ) -> Result<Correction<M>, Indefinite> {
         let mut gain = self.factor.solve(simd, &self.cross_covariance.data.0);
-        if innovation.corrects_depth_alone {
-            correct_depth_alone(simd, &mut gain);
+        if innovation.corrects != Corrects::All {
+            keep(simd, &mut gain, innovation.corrects.states());
         }
         let mut corrected = *covariance;
         let p = &mut corrected.data.0;
@@ -293,13 +295,13 @@ impl<const M: usize> Factor<M> {
     }
 }
 
-/// Zeroes a gain but for the row of the depth.
-fn correct_depth_alone<S: Simd>(simd: S, gain: &mut [Column<S>]) {
+/// Zeroes a gain but for some states.
+fn keep<S: Simd>(simd: S, gain: &mut [Column<S>], states: Range<usize>) {
     for column in gain {
         let mut numbers = [0.0; DIM];
         column.store(&mut numbers);
-        numbers[..POSITION + 2].fill(0.0);
-        numbers[POSITION + 3..].fill(0.0);
+        numbers[..states.start].fill(0.0);
+        numbers[states.end..].fill(0.0);
         *column = Column::load(simd, &numbers);
     }
 }

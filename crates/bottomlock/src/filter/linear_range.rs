@@ -20,7 +20,7 @@
 use nalgebra::Matrix3;
 
 use super::Eskf;
-use crate::aiding::{Innovation, TangentRows};
+use crate::aiding::{Corrects, Innovation, TangentRows};
 use crate::error::NavError;
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::frames::skew;
@@ -83,7 +83,7 @@ impl Eskf {
                 let product_m2ps2 = self.vertical_product_variance();
                 if product_m2ps2 > LINEAR_RANGE_MPS * LINEAR_RANGE_MPS {
                     let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
-                    innovation.corrects_depth_alone = true;
+                    innovation.corrects = Corrects::Depth;
                     self.covariance[DOWN] += product_m2ps2 * since_s * since_s;
                 }
             }

@@ -32,6 +32,7 @@ mod slip_model;
 pub(crate) mod slip_test;
 mod streams;
 pub mod tape;
+mod thrust;
 mod update;
 pub mod water_block;
 
@@ -47,6 +48,7 @@ use self::prediction::Settings;
 use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
 use crate::aiding::further::{DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_HEADING_ERROR};
+use crate::aiding::thrust::ThrustUse;
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::earth::{Earth, EarthTerms};
 use crate::error::{NavError, require_finite, require_finite_squares};
@@ -94,6 +96,9 @@ impl Eskf {
         model.validate()?;
         options.validate()?;
         state.validate()?;
+        if options.thrust != ThrustUse::Off {
+            model.sensors.thrust.require_usable()?;
+        }
         let kinematics = state.kinematics();
         let earth = Earth::from(&model.environment);
         let calibration = CalibrationBlock::new(&options.calibration, &kinematics);
@@ -242,12 +247,15 @@ impl Eskf {
         } else {
             0.0
         };
+        let level = self.settings.earth.level(&state.position_t_m);
+        let water = self.water().map(|water| water.at(level.depth_m));
         Motion {
             state,
             rate_ip_p_radps: self.last_rate_p_radps - state.gyro_bias_p_radps.0,
             earth_rate_t_radps: self.settings.earth.rate_t.into(),
             gyro_variance,
-            level: self.settings.earth.level(&state.position_t_m),
+            level,
+            water,
         }
     }
 

@@ -7,6 +7,7 @@ use crate::aiding::motion_prior::MotionPrior;
 use crate::aiding::outliers::Robust;
 use crate::aiding::registry::Levers;
 use crate::aiding::speed_bound::SpeedBound;
+use crate::aiding::thrust::ThrustUse;
 use crate::aiding::water::WaterPrior;
 use crate::dvl::partial::Assumptions;
 use crate::error::NavError;
@@ -36,7 +37,9 @@ pub struct Options {
     pub water: WaterPrior,
     /// Whether beams that the water returns are used: every method then has the current of `water` as states.
     pub water_track: bool,
-    /// Prior of the current by depth, with `water_track`.
+    /// What the revolutions of the propeller correct; where they are used, every method has the current of `water` as states.
+    pub thrust: ThrustUse,
+    /// Prior of the current by depth, with `water_track` or `thrust`.
     pub current_layers: LayersPrior,
     /// Prior of the DVL's mounting and clock, as states beside the others; off where all of it is zero.
     pub calibration: CalibrationPrior,
@@ -65,6 +68,7 @@ impl Default for Options {
             information_port: InformationPort::Axes,
             water: WaterPrior::default(),
             water_track: false,
+            thrust: ThrustUse::Off,
             current_layers: LayersPrior::default(),
             calibration: CalibrationPrior::default(),
             speed_bound: SpeedBound::default(),
@@ -76,6 +80,12 @@ impl Default for Options {
 }
 
 impl Options {
+    /// Whether a reading tells of the current, so that every method has it as states.
+    #[must_use]
+    pub fn measures_current(&self) -> bool {
+        self.water_track || self.thrust != ThrustUse::Off
+    }
+
     /// Checks every number.
     ///
     /// # Errors

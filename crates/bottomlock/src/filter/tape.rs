@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 use super::Eskf;
 use super::extensions::Extensions;
 use super::further_states::Update;
-use crate::aiding::Innovation;
 use crate::aiding::further::FURTHER;
+use crate::aiding::{Corrects, Innovation};
 use crate::error_model::Interval;
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
@@ -120,8 +120,8 @@ impl Eskf {
             gain.row_mut(at)
                 .copy_from(&further_gain.rows(0, rows).column(k).transpose());
         }
-        // What corrects the depth alone is no information on any other state.
-        let informs = if innovation.corrects_depth_alone { 0.0 } else { 1.0 };
+        // What corrects some states alone is no information on any other.
+        let informs = if innovation.corrects == Corrects::All { 1.0 } else { 0.0 };
         let (weighted_innovation, weight) = (
             update.factor.solve(update.z) * informs,
             update.factor.inverse() * informs,

@@ -177,6 +177,8 @@ impl DualFilter {
         if let Some(filter) = &mut self.constrained {
             let innovation = innovation_of(filter);
             let is_plausible = filter.update_with_verdict(&innovation, sensor, report.verdict)?;
+            // A wrong advance says nothing of sway and heave.
+            let is_plausible = is_plausible || sensor == Sensor::Thrust;
             self.implausible = if is_plausible { 0 } else { self.implausible + 1 };
             if self.implausible > 0 && self.implausible == filter.rejections_allowed() {
                 self.widen_slip(BOTH_LARGER);
@@ -200,6 +202,18 @@ impl DualFilter {
             return Ok(report);
         }
         let rejected = innovation_of(&self.measurements_only);
+        if sensor == Sensor::Thrust {
+            let Some(variance) = self.measurements_only.note_rejected_thrust(&rejected) else {
+                return Ok(report);
+            };
+            let factor = self.measurements_only.widen_thrust(variance);
+            self.constrained.iter_mut().for_each(|filter| {
+                filter.widen_thrust(variance);
+            });
+            let report = self.update(sensor, innovation_of)?;
+            let inflation = Some(factor);
+            return Ok(UpdateReport { inflation, ..report });
+        }
         let admissible = self.measurements_only.admissible_error(sensor);
         let inflation = self.note_rejected(&rejected, sensor, admissible)?;
         if inflation.is_none() {

@@ -17,6 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
 use crate::aiding::closure::push_closure;
+use crate::aiding::registry::Measurement;
+use crate::aiding::thrust::HELD_NS;
 use crate::aiding::{InformationPort, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
@@ -62,6 +64,8 @@ pub struct Navigator {
     last_ns: [Option<i64>; STREAMS],
     /// Time of the last ping that the filters have taken; `last_ns` also has those that wait.
     last_ping_ns: Option<i64>,
+    /// Time of the last of which the accepted beams determine the whole velocity.
+    last_whole_ns: Option<i64>,
     /// Time from which on the next epoch of the prior of the motion is due.
     next_motion_ns: Option<i64>,
     /// Beams that were accepted at least once.
@@ -92,6 +96,7 @@ impl Navigator {
             waiting: VecDeque::new(),
             last_ns: [None; STREAMS],
             last_ping_ns: None,
+            last_whole_ns: None,
             next_motion_ns: None,
             confirmed: BeamMask::NONE,
         })
@@ -255,6 +260,7 @@ impl Navigator {
                     .flatten();
                 self.filters.assume(whole.as_ref(), &mut *report)?;
                 if is_whole {
+                    self.last_whole_ns = Some(ping.time_ns);
                     return self.learn_motion(ping.time_ns, before_ns, report);
                 }
             }
@@ -275,9 +281,20 @@ impl Navigator {
                 report(&outcome);
             }
             Event::Aiding(measurement) => {
+                if let Measurement::Thrust(_) = measurement {
+                    filters.each_mut().for_each(Eskf::prepare_for_thrust);
+                }
+                let is_held = self
+                    .last_whole_ns
+                    .is_some_and(|last_ns| event.time_ns() - last_ns <= HELD_NS);
+                let corrects = self.options.thrust.corrects(is_held);
                 for sensor in measurement.reports() {
                     report(&filters.update_or_inflate(sensor, &|filter| {
-                        filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers))
+                        let row = filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers));
+                        match sensor {
+                            Sensor::Thrust => filter.without_slip(row, corrects),
+                            _ => row,
+                        }
                     })?);
                 }
             }
@@ -374,8 +391,8 @@ fn is_exact(method: PartialMethod, fix: &FixEstimator) -> bool {
     method == PartialMethod::VirtualBeamExact && fix.virtual_beams[0].is_some()
 }
 
-/// The water states of the filter on the measurements alone, where the water is measured.
+/// The water states of the filter on the measurements alone, where a reading tells of the current.
 fn measured_water(options: &Options) -> Option<WaterBlock> {
     let water = || WaterBlock::new(&options.water).with_layers(&options.current_layers);
-    options.water_track.then(water)
+    options.measures_current().then(water)
 }

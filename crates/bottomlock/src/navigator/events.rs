@@ -10,6 +10,7 @@ pub use crate::aiding::depth::DepthSample;
 pub use crate::aiding::gps::{GpsSample, GpsVelocity};
 pub use crate::aiding::heading::HeadingSample;
 pub use crate::aiding::registry::{STREAM_NAMES, STREAMS, WATER_TRACK};
+pub use crate::aiding::thrust::ThrustSample;
 pub use crate::aiding::velocity::VelocitySample;
 pub use crate::aiding::water_track::WaterSample;
 

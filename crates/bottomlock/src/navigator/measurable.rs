@@ -1,6 +1,6 @@
 //! Measurements that no instrument makes: finite numbers whose squares are none.
 
-use crate::aiding::registry::Levers;
+use crate::aiding::registry::{Levers, Measurement};
 use crate::aiding::water_track::WaterSample;
 use crate::dvl::geometry::BeamSample;
 use crate::error::{LARGEST, NavError, UNIT, require_plausible};
@@ -38,17 +38,27 @@ pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) 
     }
 }
 
-/// Checks that a filter has the current as states where an event measures the velocity relative to the water.
+/// Checks that a filter has the states that an event measures, where they are not those of every filter.
 ///
 /// # Errors
 /// [`NavError::OutOfRange`] that names the option.
 pub(crate) fn require_current(event: &Event, filter: &Eskf) -> Result<(), NavError> {
-    if matches!(event, Event::WaterTrack(_)) && filter.water().is_none() {
-        return Err(NavError::OutOfRange {
-            field: "options.water_track",
-            value: 0.0,
-            expected: "true, for beams that the water returned: the current is then a state",
-        });
+    let (is_missing, field, expected) = match event {
+        Event::WaterTrack(_) => (
+            filter.water().is_none(),
+            "options.water_track",
+            "true, for beams that the water returned: the current is then a state",
+        ),
+        Event::Aiding(Measurement::Thrust(_)) => (
+            filter.thrust().is_none(),
+            "options.thrust",
+            "\"velocity\" or \"all\", for revolutions: advance and current are then states",
+        ),
+        _ => return Ok(()),
+    };
+    if is_missing {
+        let value = 0.0;
+        return Err(NavError::OutOfRange { field, value, expected });
     }
     Ok(())
 }

@@ -26,7 +26,8 @@ impl Navigator {
         };
         let has_assumptions = self.filters.constrained_water().is_some();
         let has_current = self.filters.measurements_only.water().is_some();
-        if (self.aiding == BeamAiding::SwayCurrent) != has_assumptions || self.options.water_track != has_current {
+        if (self.aiding == BeamAiding::SwayCurrent) != has_assumptions || self.options.measures_current() != has_current
+        {
             return refusal("its filters are not those of its method");
         }
         if matches!(self.aiding, BeamAiding::Own(own) if !own.is_registered()) {

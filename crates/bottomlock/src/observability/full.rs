@@ -168,6 +168,7 @@ fn rows(
         earth_rate_t_radps: model.environment.earth_rate_t_radps().0,
         gyro_variance: 0.0,
         level: LocalLevel::of_plane(&state.position_t_m),
+        water: None,
     };
     let mut parts: Vec<(Innovation, f64)> = Vec::new();
     if which.beams.count() > 0 {
@@ -182,9 +183,9 @@ fn rows(
     }
     for (kind, report) in reports().filter(|(_, report)| which.sensors.contains(report.sensor)) {
         let size = match report.quantity {
-            Quantity::Position => duration_s,
-            Quantity::Velocity => 1.0,
-            Quantity::Angle => tilt,
+            Some(Quantity::Position) => duration_s,
+            Some(Quantity::Velocity) | None => 1.0,
+            Some(Quantity::Angle) => tilt,
         };
         let measurement = kind
             .declaration()

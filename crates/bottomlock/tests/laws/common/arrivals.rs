@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::outliers::{Robust, Tail};
-use bottomlock::aiding::registry::{Measurement, SENSORS};
+use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
+use bottomlock::aiding::thrust::{ThrustModel, ThrustUse};
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
 use bottomlock::filter::options::Options;
@@ -12,7 +13,8 @@ use bottomlock::frames::{Rot, Vec3};
 use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample, WATER_TRACK, WaterSample,
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, ThrustSample, VelocitySample,
+    WATER_TRACK, WaterSample,
 };
 use bottomlock::navigator::{Finding, LiveNavigator, Method, Notice, Standing};
 use nalgebra::Matrix3;
@@ -54,7 +56,7 @@ impl Case {
             pings.push(ping(&mut random, time_ns));
             time_ns = later(&mut random, time_ns, 130 * MS);
         }
-        for (sensor, column) in sensors.iter_mut().enumerate() {
+        for (sensor, column) in sensors.iter_mut().enumerate().take(SensorKind::Thrust as usize) {
             let mut time_ns = random.random_range(0..300 * MS);
             while time_ns <= last_ns {
                 column.push(measurement(&mut random, sensor, time_ns));
@@ -77,6 +79,15 @@ impl Case {
                 time_ns = later(&mut water, time_ns, 200 * MS);
             }
         }
+        let mut propeller = ChaCha8Rng::seed_from_u64(seed ^ 0x5052_4f50);
+        let thrust = [ThrustUse::Off, ThrustUse::Velocity, ThrustUse::All][propeller.random_range(0..3)];
+        if thrust != ThrustUse::Off {
+            let mut time_ns = 0;
+            while time_ns <= last_ns {
+                sensors[SensorKind::Thrust as usize].push(revolutions(&mut propeller, time_ns));
+                time_ns = later(&mut propeller, time_ns, 200 * MS);
+            }
+        }
         let mut log: Vec<Event> = imu.iter().copied().map(Event::Imu).collect();
         log.extend(pings.iter().copied().map(Event::Beams));
         log.extend(sensors.iter().flatten().copied().map(Event::Aiding));
@@ -85,11 +96,18 @@ impl Case {
         log.sort_by_key(Event::time_ns);
         let mut model = Model::table_2();
         model.sensors.depth.bias_sd_m = if random.random() { 0.3 } else { 0.0 };
+        model.sensors.thrust = ThrustModel {
+            advance_m: 0.1,
+            advance_sd_m: 0.01,
+            slip_sd_mps: 0.02,
+            ..ThrustModel::default()
+        };
         Self {
             method,
             model,
             options: Options {
                 water_track: !water_track.is_empty(),
+                thrust,
                 ..options(&mut random)
             },
             log,
@@ -196,6 +214,21 @@ fn ping(random: &mut ChaCha8Rng, time_ns: i64) -> BeamSample {
     }
 }
 
+fn revolutions(random: &mut ChaCha8Rng, time_ns: i64) -> Measurement {
+    let wild = if random.random_bool(0.15) { 30.0 } else { 1.0 };
+    let revolutions_hz = if random.random_bool(0.1) {
+        0.0
+    } else {
+        wild * normal(random)
+    };
+    ThrustSample {
+        time_ns,
+        revolutions_hz,
+        sd_mps: 0.05,
+    }
+    .into()
+}
+
 fn measurement(random: &mut ChaCha8Rng, sensor: usize, time_ns: i64) -> Measurement {
     let wild = if random.random_bool(0.15) { 30.0 } else { 1.0 };
     match sensor {
@@ -292,11 +325,17 @@ pub(crate) fn check_cases() {
             .count()
     };
     assert!(cases.iter().map(equal).sum::<usize>() > 100);
-    assert!(
-        cases
-            .iter()
-            .all(|case| case.sensors.iter().all(|column| column.len() > 2))
-    );
+    let is_used = |case: &Case| case.options.thrust != ThrustUse::Off;
+    let is_filled = |case: &Case| {
+        let sensors = if is_used(case) {
+            SENSORS
+        } else {
+            SensorKind::Thrust as usize
+        };
+        case.sensors[..sensors].iter().all(|column| column.len() > 2)
+    };
+    assert!(cases.iter().all(is_filled));
+    assert!(cases.iter().any(is_used) && !cases.iter().all(is_used));
     for (seed, case) in (0..).zip(&cases) {
         let arrival = case.arrival(seed, 900 * MS);
         assert!(arrival.len() == case.log.len() && arrival != case.log);

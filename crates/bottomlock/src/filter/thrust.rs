@@ -1,0 +1,116 @@
+//! Revolutions of the propeller in a filter: advance and slip as estimated, the Jacobian by the advance, and what is done where
+//! the revolutions contradict the beams.
+//!
+//! # The Jacobian by the advance
+//! The row is â n + ŝ − û with n as it was read, and its column of the advance is n̄, the revolutions without slip and noise. Of the
+//! innovation z these have the part (P_ss + R)/S, and n̄ = n − z/â times as much. While advance and current are open, S is large and
+//! n̄ is what was read; later it is what is expected, û/â, which the noise of this reading has no part in. It is that from ten
+//! times on: half of a reading's noise in n̄, time and again, would still let the advance shrink.
+//!
+//! # Where they contradict the beams
+//! The bottom's beams know the velocity, so what revolutions contradict for long is their advance, or the current that was taken off
+//! them at another heading. With the gate alone they would be lost for good: after as many rejections in a row as inflate a
+//! covariance ([`super::inflation`]), which agree, the advance becomes uncertain by what explains them.
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use super::Eskf;
+use super::joseph::PredictedInnovation;
+use crate::aiding::further::FIRST_THRUST;
+use crate::aiding::thrust::{ADVANCE, SLIP, THRUST};
+use crate::aiding::{Corrects, Innovation};
+use crate::filter::report::Sensor;
+
+/// The advance among the further states.
+const OWN: usize = FIRST_THRUST + ADVANCE;
+
+/// S over the variance of slip and noise up to which all of the innovation is theirs.
+const KNOWN: f64 = 10.0;
+
+impl Eskf {
+    /// Advance per revolution, m, and slip of the propeller, m/s, with the covariance of their errors; `None` where they are not
+    /// estimated.
+    #[must_use]
+    pub fn thrust(&self) -> Option<(SVector<f64, THRUST>, SMatrix<f64, THRUST, THRUST>)> {
+        let processes = &self.extensions.processes;
+        let is_estimated = processes.unknown().any(|block| block.start == FIRST_THRUST);
+        is_estimated.then(|| {
+            let estimate = processes.estimate().fixed_rows::<THRUST>(FIRST_THRUST).into_owned();
+            (estimate, self.extensions.covariance_of(FIRST_THRUST))
+        })
+    }
+
+    /// Brings current and covariance up to date before revolutions are taken.
+    pub(crate) fn prepare_for_thrust(&mut self) {
+        self.propagate_covariance();
+        self.prepare_for_water(None);
+    }
+
+    /// The innovation of revolutions with the column of the advance at the revolutions without slip and noise, and with the states
+    /// that it corrects; [`Eskf::prepare_for_thrust`] has gone before.
+    pub(crate) fn without_slip(&self, innovation: Innovation, corrects: Corrects) -> Innovation {
+        let advance_m = self.extensions.processes.estimate()[OWN];
+        let found = self.with_further_noise(&innovation).and_then(|whole| {
+            let s = PredictedInnovation::<1>::of(&self.covariance, &whole)?.s[(0, 0)];
+            let slip = FIRST_THRUST + SLIP;
+            let own = self.extensions.further().covariance()[(slip, slip)] + innovation.noise[(0, 0)];
+            Some(whole.residual[0] * (KNOWN * own / s).min(1.0))
+        });
+        let mut innovation = Innovation { corrects, ..innovation };
+        if let (Some(slip_mps), Some(rows)) = (found, &mut innovation.by_further)
+            && advance_m != 0.0
+        {
+            // The filter adds â n̄ to the residual, which has â n.
+            rows[(0, OWN)] += slip_mps / advance_m;
+            innovation.residual[0] += slip_mps;
+        }
+        innovation
+    }
+
+    /// Begins the slip anew, with a variance of its own.
+    #[cfg(test)]
+    pub(super) fn renew_slip(&mut self, variance: f64) {
+        if let Some(further) = &mut self.extensions.further {
+            further.renew(FIRST_THRUST + SLIP, variance);
+        }
+        let slip = FIRST_THRUST + SLIP;
+        let mut back = crate::aiding::further::FurtherVector::zeros();
+        back[slip] = -self.extensions.processes.estimate()[slip];
+        self.extensions.processes.inject(&back);
+    }
+
+    /// Counts the rejection of revolutions with this innovation; the variance to be added to their advance, m², where it is one too
+    /// many.
+    pub(crate) fn note_rejected_thrust(&mut self, innovation: &Innovation) -> Option<f64> {
+        if self.inflate_after_rejections == 0 || innovation.rows == 0 {
+            return None;
+        }
+        let residual_mps = self.with_further_noise(innovation)?.residual[0];
+        let needed = (self.inflate_after_rejections, 0);
+        let correction = Vector3::x() * residual_mps;
+        let count = self.consecutive_rejections.explained(Sensor::Thrust);
+        count.rejection(1.0, correction, needed, self.state.time_ns)?;
+        let advance_m = self.extensions.processes.estimate()[OWN];
+        let revolutions_hz = innovation.by_further.as_ref()?[(0, OWN)];
+        // As uncertain as it is large at most, also where hardly anything turns.
+        Some((residual_mps / revolutions_hz).powi(2).min(advance_m * advance_m))
+    }
+
+    /// Adds to the variance of the advance, m²; returns the factor on it.
+    pub(crate) fn widen_thrust(&mut self, variance: f64) -> f64 {
+        let Some(further) = &mut self.extensions.further else {
+            return 1.0;
+        };
+        let before = further.covariance()[(OWN, OWN)];
+        further.add_variance(OWN, variance);
+        if before > 0.0 {
+            (before + variance) / before
+        } else {
+            1.0
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "thrust_tests.rs"]
+mod tests;

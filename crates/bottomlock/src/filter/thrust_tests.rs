@@ -1,0 +1,217 @@
+//! Advance and slip by hand, and what a row corrects.
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::aiding::further::FURTHER;
+use crate::aiding::sensor::TimeConstant;
+use crate::aiding::thrust::{ADVANCE, SLIP, ThrustModel, ThrustUse, thrust};
+use crate::aiding::{Corrects, Innovation};
+use crate::filter::gate::Gate;
+use crate::filter::options::Options;
+use crate::filter::report::{Sensor, UpdateReport};
+use crate::filter::water_block::WaterBlock;
+use crate::frames::{Rot, Vec3};
+use crate::layout::{DIM, VELOCITY};
+use crate::model::Model;
+use crate::state::NavState;
+
+fn filter(state: NavState) -> Eskf {
+    let options = Options {
+        gate: Gate::Off,
+        thrust: ThrustUse::Velocity,
+        covariance_period_ns: 0,
+        ..Options::default()
+    };
+    let mut model = Model::table_2();
+    model.sensors.thrust = ThrustModel {
+        advance_m: 0.1,
+        advance_sd_m: 0.01,
+        slip_sd_mps: 0.02,
+        slip_time_s: TimeConstant(5.0),
+        noise_sd_mps: 0.01,
+        ..ThrustModel::default()
+    };
+    let water = WaterBlock::new(&options.water);
+    Eskf::new(state, &model, &options).unwrap().with_water(Some(water))
+}
+
+fn row_of(filter: &Eskf, revolutions_hz: f64) -> Innovation {
+    filter.with_motion(|motion| thrust(motion, revolutions_hz, 0.01))
+}
+
+fn update(filter: &mut Eskf, revolutions_hz: f64, corrects: Corrects) -> UpdateReport {
+    filter.prepare_for_thrust();
+    let row = filter.without_slip(row_of(filter, revolutions_hz), corrects);
+    filter.update(&row, Sensor::Thrust).unwrap()
+}
+
+/// Hand-worked: level and heading north at 2 m/s with σ 0.05 m/s, 22 turns a second of 0.1 m say 2.2 m/s. Variances with 22 turns in
+/// the column of the advance: velocity 0.0025, current 0.09, advance (22 · 0.01)² = 0.0484, slip 0.0004, noise 0.0001, together
+/// 0.1414 m²/s². Slip and noise are 1/282.8 of it, so that 22 − 20/282.8 turns are without ten times as much; of the 0.2 m/s each
+/// then takes by its variance.
+#[test]
+fn by_hand() {
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
+    for corrects in [Corrects::All, Corrects::Velocity] {
+        let mut filter = filter(state);
+        let (before, _) = filter.thrust().unwrap();
+        assert_eq!([before[ADVANCE], before[SLIP]], [0.1, 0.0]);
+        let report = update(&mut filter, 22.0, corrects);
+        assert!((report.residual[0] - 0.2).abs() < 1e-12);
+        let turns: f64 = 22.0 - 20.0 / 282.8;
+        let share = 0.2 / (0.093 + (turns * 0.01).powi(2));
+        let (estimate, covariance) = filter.thrust().unwrap();
+        assert!((estimate[ADVANCE] - (0.1 - share * turns * 1e-4)).abs() < 1e-12);
+        assert!((estimate[SLIP] + share * 4e-4).abs() < 1e-12);
+        assert!((filter.state().velocity_p_mps.0.x - (2.0 + share * 0.0025)).abs() < 1e-12);
+        assert!((filter.current().unwrap().0.x + share * 0.09).abs() < 1e-12);
+        let left = 1e-4 - (turns * 1e-4).powi(2) * share / 0.2;
+        assert!((covariance[(ADVANCE, ADVANCE)] - left).abs() < 1e-12);
+    }
+    assert!(filter(state).with_water(None).thrust().is_some());
+    let off = Eskf::new(state, &Model::table_2(), &Options::default()).unwrap();
+    assert!(off.thrust().is_none());
+}
+
+/// The options need a model of the propeller.
+#[test]
+fn a_model_is_needed() {
+    let options = Options {
+        thrust: ThrustUse::All,
+        ..Options::default()
+    };
+    let error = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap_err();
+    assert!(error.to_string().contains("thrust.advance_m"), "{error}");
+}
+
+proptest! {
+    /// Whatever the attitude, the covariance and the revolutions, a row that corrects the velocity alone leaves position, attitude,
+    /// biases and the DVL's errors as they are; its covariance is that of Schmidt's filter: no variance is
+    /// below that of the optimal update, and all of it is Joseph's form of its gain, written out over all states.
+    #[test]
+    fn the_velocity_alone(
+        angles in prop::array::uniform3(-3.0..3.0_f64),
+        revolutions_hz in prop_oneof![-40.0..-1.0_f64, 1.0..40.0_f64],
+        seed in prop::collection::vec(-1.0..1.0_f64, DIM * DIM),
+    ) {
+        let mut state = NavState::at_rest(0);
+        state.attitude_t_p = Rot::from_euler_rad(angles[0], angles[1] / 2.0, angles[2]);
+        state.velocity_p_mps = Vec3::new(2.0, 0.1, -0.2);
+        let mut before = filter(state);
+        let prior = before.covariance();
+        let root = crate::state::Covariance::from_vec(seed);
+        let sd = prior.diagonal().map(f64::sqrt);
+        let mixed = crate::state::Covariance::from_diagonal(&sd) * root * 0.3;
+        before.set_covariance(&{
+            let joint = prior + mixed * mixed.transpose();
+            (joint + joint.transpose()) * 0.5
+        }).unwrap();
+        before.set_water(Some(WaterBlock::new(&Options::default().water)));
+        let (mut partial, mut whole) = (before.clone(), before.clone());
+        update(&mut partial, revolutions_hz, Corrects::Velocity);
+        update(&mut whole, revolutions_hz, Corrects::All);
+        let (was, is) = (before.state(), partial.state());
+        prop_assert_eq!(was.position_t_m, is.position_t_m);
+        let turned = (was.attitude_t_p.inverse() * is.attitude_t_p).log();
+        prop_assert!(turned.amax() < 1e-15);
+        prop_assert_eq!(was.accel_bias_p_mps2, is.accel_bias_p_mps2);
+        prop_assert_eq!(was.gyro_bias_p_radps, is.gyro_bias_p_radps);
+        prop_assert_eq!(was.dvl_bias_mps, is.dvl_bias_mps);
+        prop_assert!((whole.state().velocity_p_mps.0 - is.velocity_p_mps.0).amax() < 1e-12);
+
+        let joint = before.joint_covariance();
+        let row = before.without_slip(row_of(&before, revolutions_hz), Corrects::All);
+        let further: Vec<usize> = before.extensions.further().states().collect();
+        let h = nalgebra::DMatrix::from_fn(1, joint.nrows(), |_, k| {
+            if k < DIM { row.jacobian[(0, k)] } else { row.by_further.as_ref().unwrap()[(0, further[k - DIM])] }
+        });
+        let s = (&h * &joint * h.transpose())[0] + 1e-4;
+        let mut gain = &joint * h.transpose() / s;
+        for k in (0..DIM).filter(|k| !(VELOCITY..VELOCITY + 3).contains(k)) {
+            gain[k] = 0.0;
+        }
+        let reduce = nalgebra::DMatrix::identity(joint.nrows(), joint.nrows()) - &gain * h;
+        let expected = &reduce * &joint * reduce.transpose() + &gain * gain.transpose() * 1e-4;
+        let (found, optimal) = (partial.joint_covariance(), whole.joint_covariance());
+        for i in 0..joint.nrows() {
+            for k in 0..joint.nrows() {
+                let scale = (joint[(i, i)] * joint[(k, k)]).sqrt();
+                prop_assert!((found[(i, k)] - expected[(i, k)]).abs() <= 1e-9 * scale, "{i}, {k}");
+            }
+            prop_assert!(optimal[(i, i)] <= found[(i, i)] * (1.0 + 1e-9));
+        }
+    }
+}
+
+/// The corrected further states are those of motion, thrust and water, and none where a depth corrects itself.
+#[test]
+fn further_states_that_are_corrected() {
+    assert_eq!(Corrects::All.further_states(), 0..FURTHER);
+    assert!(Corrects::Depth.further_states().is_empty());
+    let alone = Corrects::Velocity.further_states();
+    assert!(alone.contains(&FIRST_THRUST) && alone.end == FURTHER);
+    assert!(!alone.contains(&(crate::aiding::further::FIRST_MOTION - 1)));
+    assert_eq!(Corrects::ThroughWater.further_states(), FIRST_THRUST..FURTHER);
+}
+
+/// While the velocity is held, a row learns current and advance and leaves the error state as it is, covariance included.
+#[test]
+fn a_held_velocity_is_left_alone() {
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
+    let mut filter = filter(state);
+    let (before, covariance) = (filter.state(), filter.covariance());
+    update(&mut filter, 22.0, Corrects::ThroughWater);
+    assert_eq!((filter.state(), filter.covariance()), (before, covariance));
+    assert!(filter.thrust().unwrap().0[ADVANCE] < 0.0999 && filter.current().unwrap().0.x < -0.1);
+    let used = [ThrustUse::Velocity, ThrustUse::All].map(|used| [true, false].map(|is_held| used.corrects(is_held)));
+    let expected = [[Corrects::ThroughWater, Corrects::Velocity], [Corrects::All; 2]];
+    assert_eq!(used, expected);
+}
+
+/// At 2 m/s and 20 turns of 0.1 m, read with white noise of 0.2 turns (2 cm/s) but a speed that does not change: a thousand readings
+/// say the sum of advance and current and nothing of the two apart, whatever their own noise does. With half of it in the
+/// Jacobian the advance ends 1.2 of its σ off. The first readings, before anything is known, still tell up to a twentieth of it apart.
+#[test]
+fn noise_is_no_change_of_speed() {
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
+    for stream in 1..6 {
+        let mut filter = filter(state);
+        let mut random = crate::random::Normals::new([5; 32], stream);
+        let certain = crate::state::Covariance::from_diagonal(&crate::state::ErrorVector::repeat(1e-8));
+        filter.set_covariance(&certain).unwrap();
+        for _ in 0..1000 {
+            filter.renew_slip(4e-4);
+            update(&mut filter, 20.0 + 0.2 * random.one(), Corrects::ThroughWater);
+        }
+        let (estimate, covariance) = filter.thrust().unwrap();
+        // Beside a current of σ 0.3 m/s the prior's 0.01 m · 20/s = 0.2 m/s leave of it 0.3/√(0.3² + 0.2²).
+        let sd_m = covariance[(ADVANCE, ADVANCE)].sqrt();
+        assert!((sd_m / (0.01 * 0.3 / 0.13_f64.sqrt()) - 1.0).abs() < 0.1, "{sd_m}");
+        let off = (estimate[ADVANCE] - 0.1) / sd_m;
+        assert!(off.abs() < 1.0, "stream {stream}: {off} of its sigma");
+    }
+}
+
+/// Five rejections that agree widen the advance by what explains them, and no more than by itself; others do not.
+#[test]
+fn rejections_widen_the_advance() {
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
+    let mut once = filter(state);
+    for (turns, expected) in [(30.0, (1.0_f64 / 30.0).powi(2)), (0.5, 0.01)] {
+        let row = row_of(&once, turns);
+        let counted: Vec<Option<f64>> = (0..5).map(|_| once.note_rejected_thrust(&row)).collect();
+        assert_eq!(counted[..4], [None; 4]);
+        assert!((counted[4].unwrap() / expected - 1.0).abs() < 1e-12, "{counted:?}");
+    }
+    let before = once.thrust().unwrap().1[(ADVANCE, ADVANCE)];
+    assert!((once.widen_thrust(3.0 * before) - 4.0).abs() < 1e-12);
+    assert!((once.thrust().unwrap().1[(ADVANCE, ADVANCE)] / before - 4.0).abs() < 1e-12);
+    // Ahead and astern by turns is noise.
+    let rows = [30.0, 10.0].map(|turns| row_of(&once, turns));
+    assert!((0..20).all(|k| once.note_rejected_thrust(&rows[k % 2]).is_none()));
+}
