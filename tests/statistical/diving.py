@@ -18,6 +18,10 @@ WORLDS: dict[str, dict[str, Any]] = {
 """What the current does beside being 0.3 m/s: it changes by 0.06 m/s over the depths, or turns by 5 degrees."""
 
 
+DESCENT_S, DEEPEST_M = 900.0, 199.0
+"""The packaged vehicle goes no deeper than 200 m."""
+
+
 def scenario(**sections: dict[str, Any]) -> Scenario:
     """Tactical IMU, depth and heading; the bottom is lost after a minute."""
     content = load_scenario("straight").model_dump(exclude_unset=True)
@@ -42,3 +46,21 @@ def diving_scenario(current: dict[str, Any], **sections: dict[str, Any]) -> Scen
 def diving(current: dict[str, Any], **sections: dict[str, Any]) -> Simulation:
     """The same, built."""
     return build_simulation(diving_scenario(current, **sections))
+
+
+def descending(current: dict[str, Any], **sections: dict[str, Any]) -> Simulation:
+    """A vehicle that goes down from the surface for a quarter of an hour, and has the bottom only then."""
+    made = scenario().model_dump(exclude_unset=True)
+    lost = {"beams": [1, 2, 3, 4], "from_s": 0.0, "to_s": DESCENT_S}
+    mission = {
+        "waypoints_m": [[0, 0], [2000, 0]],
+        "depth_profile": [[0, 1], [DESCENT_S, DEEPEST_M]],
+        "duration_s": DESCENT_S + 20.0,
+        "current": current,
+    }
+    made |= {
+        "dvl": made["dvl"] | {"outages": [lost]},
+        "trajectory": {"kind": "waypoints"},
+        "mission": mission,
+    }
+    return build_simulation(Scenario.model_validate(made | sections))

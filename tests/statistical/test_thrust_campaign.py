@@ -122,7 +122,7 @@ def test_what_it_is_worth(current: str) -> None:
 
 
 def test_before_the_bottom_is_lost_it_changes_nothing() -> None:
-    """Every bit of `tc`, with a wrong advance too."""
+    """Of `tc`, with a wrong advance too, but for rounding: states beside the 20 are added up in another order."""
     with_it, without = run("turns", "steady", 20.0)["locked"], run("turns", "steady", None)["locked"]
     assert np.abs(without[:, 0, :2]).max() > 1.0
-    np.testing.assert_array_equal(with_it[:, 0], without[:, 0])
+    np.testing.assert_allclose(with_it[:, 0], without[:, 0], rtol=1e-9, atol=1e-12)
