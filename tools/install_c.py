@@ -2,8 +2,8 @@
 
     python tools/install_c.py --prefix /usr/local
 
-Cargo builds it without the simulation, and Python's standard library does the rest. An install can be moved: its files name
-one another relatively. Linux only.
+Cargo builds it without the simulation, and Python's standard library does the rest. An install can be moved: its
+files name one another relatively. Linux only.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def build() -> tuple[Path, list[str]]:
     command = ["cargo", "rustc", "--release", "--locked", "--package", "bottomlock-c", "--"]
     command += ["-C", "strip=symbols", "-C", f"link-arg=-Wl,-soname,{soname(version())}"]
     command += ["--print", "native-static-libs"]
-    done = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, check=False)  # noqa: S603 - our own arguments
     if done.returncode:
         sys.stderr.write(done.stderr)
         raise SystemExit(done.returncode)
@@ -113,7 +113,10 @@ def main() -> int:
     parser.add_argument("--prefix", type=Path, required=True, help="folder of include/ and lib/")
     chosen = parser.parse_args()
     if not sys.platform.startswith("linux"):
-        print("install_c.py: Linux only; elsewhere `cargo build --release -p bottomlock-c` and copy", file=sys.stderr)
+        print(
+            "install_c.py: Linux only; elsewhere `cargo build --release -p bottomlock-c` and copy",
+            file=sys.stderr,
+        )
         return 2
     for path in install(chosen.prefix.resolve()):
         print(path)

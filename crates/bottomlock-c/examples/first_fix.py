@@ -1,4 +1,4 @@
-"""first_fix.c by ctypes, for programs that must not import the package: python first_fix.py libbottomlock.so"""
+"""first_fix.c by ctypes, for programs that do not import the package: python first_fix.py libbottomlock.so."""
 
 import ctypes
 import sys
