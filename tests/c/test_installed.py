@@ -58,7 +58,8 @@ def flags(prefix: Path, folder: Path, *which: str) -> list[str]:
 def test_c_by_pkg_config(prefix: Path, folder: Path, standard: str) -> None:
     """The example is thirty lines at most, and is compiled without a warning."""
     needed("cc", "pkg-config")
-    assert len((folder / "first_fix.c").read_text(encoding="utf-8").splitlines()) <= 30
+    example = (folder / "first_fix.c").read_text(encoding="utf-8")
+    assert len(example.splitlines()) <= 30
     how = flags(prefix, folder, "--cflags", "--libs")
     run("cc", f"-std={standard}", *WARNINGS, "first_fix.c", *how, "-o", "first_fix", cwd=folder)
     assert run("./first_fix", cwd=folder, LD_LIBRARY_PATH=str(prefix / "lib")).strip() == VELOCITY
@@ -193,6 +194,13 @@ def test_nothing_of_the_simulation_is_linked(root: Path) -> None:
     )
     crates = {line.split()[0] for line in tree.splitlines() if line}
     assert not crates & {"rand", "rand_distr", "chacha20", "rayon", "rayon-core"}
+
+
+def test_the_page_has_the_example(root: Path) -> None:
+    page = (root / "docs" / "howto" / "c_and_cpp.md").read_text(encoding="utf-8")
+    example = (root / "crates" / "bottomlock-c" / "examples" / "first_fix.c").read_text(encoding="utf-8")
+    assert f"```c\n{example}```" in page
+    assert VELOCITY in page
 
 
 def test_soname(prefix: Path) -> None:

@@ -2,7 +2,7 @@
  * bottomlock: aided inertial navigation with whatever Doppler velocity log (DVL) beams are left.
  *
  * Made from crates/bottomlock-c by cbindgen (`make header`); do not edit. How it is used: docs/howto/c_and_cpp.md.
- * A wrapper for C++17 is in bottomlock.hpp.
+ * A wrapper for C++17 is bottomlock.hpp.
  *
  * Frames, units, signs. `_t` is the tangent frame north-east-down, fixed to the Earth; `_p` the platform frame forward-right-down,
  * fixed to the vehicle. SI units, radians, time in integer nanoseconds from any origin that all streams share. Attitudes are unit
