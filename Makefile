@@ -45,7 +45,7 @@ pytest := $(bin)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-r
 
 # Rust tests on the kernel that the wheel is made of: naming the bindings gives their dependencies the same features, so that
 # nothing is compiled twice.
-released := cargo test --locked --release --package bottomlock --package bottomlock-py
+released := cargo test --locked --release --package bottomlock --package bottomlock-c --package bottomlock-py
 
 # Whatever ends in the wheel; a change to any of it rebuilds and reinstalls.
 wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Cargo.toml Cargo.lock .cargo/config.toml \

@@ -175,3 +175,56 @@ pub extern "C" fn bl_version() -> *const c_char {
     const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
     VERSION.as_ptr().cast()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn last() -> (Status, String) {
+        // SAFETY: the message of this thread, which nothing changes meanwhile.
+        let text = unsafe { CStr::from_ptr(bl_last_error()) };
+        (bl_last_status(), text.to_str().expect("UTF-8").to_owned())
+    }
+
+    /// A panic is a status with its words, and none reaches the caller; the thread goes on.
+    #[test]
+    #[allow(clippy::panic)]
+    fn a_panic_is_a_status() {
+        let hook = std::panic::take_hook();
+        std::panic::set_hook(Box::new(|_| {}));
+        assert_eq!(status(|| panic!("place {}", 7)), Status::Internal);
+        assert_eq!(last().0, Status::Internal);
+        assert!(
+            last().1.ends_with("please report it with the call: place 7"),
+            "{}",
+            last().1
+        );
+        assert!(made::<u8>(|| panic!("words")).is_null());
+        assert!(last().1.ends_with(": words"));
+        assert_eq!(value(3, || std::panic::panic_any(5_u8)), 3);
+        assert!(last().1.ends_with(": no words"));
+        std::panic::set_hook(hook);
+        assert_eq!(status(|| Ok(())), Status::Ok);
+    }
+
+    /// A thread has its own last error, which a success keeps; a NUL within a message does not cut it.
+    #[test]
+    fn a_thread_has_its_own_error() {
+        assert_eq!(status(|| Err(Failure::invalid("one\0two"))), Status::InvalidValue);
+        assert_eq!(last(), (Status::InvalidValue, "one\u{fffd}two".to_owned()));
+        let other = std::thread::spawn(last).join().expect("no panic");
+        assert_eq!(other, (Status::Ok, String::new()));
+        assert_eq!(status(|| Ok(())), Status::Ok);
+        assert_eq!(last().1, "one\u{fffd}two");
+    }
+
+    /// What is made is freed once, and NULL is nothing.
+    #[test]
+    fn what_is_made_is_freed() {
+        let object = made(|| Ok(vec![1_u8; 1000]));
+        // SAFETY: just made.
+        unsafe { free(object) };
+        // SAFETY: NULL.
+        unsafe { free(ptr::null_mut::<u8>()) };
+    }
+}

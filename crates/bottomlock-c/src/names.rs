@@ -60,3 +60,31 @@ fn distance(one: &str, two: &str) -> usize {
     }
     row[two.len()]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Letters to change, whatever their case; and a name too far from all known ones gets the list.
+    #[test]
+    fn the_nearest_name_is_proposed() {
+        assert_eq!(distance("kitten", "Sitting"), 3);
+        assert_eq!(
+            (distance("", "abc"), distance("abc", ""), distance("abc", "abc")),
+            (3, 3, 0)
+        );
+        assert_eq!(hint("gaate", &["gps", "gate", "water"]), "did you mean 'gate'?");
+        assert_eq!(hint("xyz", &["gps", "gate"]), "known: gps, gate");
+        assert_eq!(hint("x", &[]), "known: ");
+    }
+
+    /// A name is made once, and is the same text ever after.
+    #[test]
+    fn a_name_stays() {
+        // SAFETY: names live as long as the process.
+        let text = unsafe { CStr::from_ptr(c_name("depth")) };
+        assert_eq!(text, c"depth");
+        assert_eq!(c_name("depth"), text.as_ptr());
+        assert!(bl_method_name(METHODS.len()).is_null() && !bl_method_name(0).is_null());
+    }
+}
