@@ -137,6 +137,7 @@ def random_calls(prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
         pytest.skip(str(error))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [11, 12])
 def test_random_calls(random_calls: Path, tmp_path: Path, seed: int) -> None:
     """No crash, no finding of the sanitizers, no leak; a refused call changes nothing."""
