@@ -1,10 +1,11 @@
 # The same verbs by hand, in hooks and in CI: demo, test, test-long, test-deep, test-all, test-others, lint, docs, bench, golden, pages,
-# consistency, develop, clean. Of the site also: docs-links, notebooks, figures.
+# consistency, develop, install-c, clean. Of the site also: docs-links, notebooks, figures.
 # What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
 #
 #   make demo RUNS=500      a larger campaign
 #   make test VENV=/tmp/v   another environment
 #   make test WORKERS=1     one test process
+#   make install-c PREFIX=/tmp/b    the C library somewhere else
 VENV    ?= .venv
 PYTHON  ?= python3
 WORKERS ?= auto
@@ -13,15 +14,19 @@ OUT     ?= out/demo
 SECONDS ?= 60
 HOURS   ?= 24
 LIVE_HOURS ?= 1
+PREFIX  ?= /usr/local
 
 # Tools beside the tests', pinned as these are. The Rust ones are compiled once, unoptimised, into `tools`.
 CARGO_DENY      := 0.20.2
 CARGO_CYCLONEDX := 0.5.9
+CBINDGEN        := 0.29.2
 ATHERIS         := 3.0.0
 UV              := 0.13.9
 CYCLONEDX_BOM   := 7.5.0
 ZIGLANG         := 0.17.1
 tools           := target/tools
+cbindgen        := $(tools)/cbindgen-$(CBINDGEN)/bin/cbindgen
+make_header     := $(cbindgen) --quiet --output crates/bottomlock-c/include/bottomlock.h crates/bottomlock-c
 
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
@@ -40,15 +45,15 @@ pytest := $(bin)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-r
 
 # Rust tests on the kernel that the wheel is made of: naming the bindings gives their dependencies the same features, so that
 # nothing is compiled twice.
-released := cargo test --locked --release --package bottomlock --package bottomlock-py
+released := cargo test --locked --release --package bottomlock --package bottomlock-c --package bottomlock-py
 
 # Whatever ends in the wheel; a change to any of it rebuilds and reinstalls.
 wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Cargo.toml Cargo.lock .cargo/config.toml \
-    $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
+    $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*' -not -path '*-c/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
 .PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-deep test-all test-others \
-    lint lint-rust lint-python deny bench golden pages consistency develop attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
+    lint lint-rust lint-python deny bench golden pages consistency develop header install-c attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -102,10 +107,13 @@ mutants-rust:
 
 lint: lint-rust lint-python
 
-lint-rust: deny
+# The kernel once more as a vehicle has it, without the simulation; and the header of the C library is that of its sources.
+lint-rust: deny $(cbindgen)
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
+	cargo clippy --package bottomlock --package bottomlock-c --no-default-features --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+	$(make_header) --verify
 
 lint-python: $(VENV)/.tools $(VENV)/.installed spelling
 	$(bin)/ruff check .
@@ -120,6 +128,14 @@ deny: $(tools)/cargo-deny-$(CARGO_DENY)/bin/cargo-deny
 	$< --locked check licenses bans sources
 	@if $< --locked fetch db >/dev/null 2>&1; then $< --locked --offline check advisories; \
 	    else echo "make deny: the advisory database cannot be reached, so advisories are not checked" >&2; fi
+
+# Makes the header of the C library again.
+header: $(cbindgen)
+	$(make_header)
+
+# The C library under PREFIX: headers, libraries, CMake package, pkg-config file.
+install-c:
+	$(PYTHON) tools/install_c.py --prefix $(PREFIX)
 
 bench: $(VENV)/.tools $(VENV)/.installed
 	cargo bench --locked --package bottomlock-benches
@@ -162,7 +178,7 @@ consistency: $(VENV)/.installed
 	$(bin)/python tools/make_pages.py docs/consistency.md docs/consistency_survey.md docs/consistency_hovering.md \
 	    docs/masks_survey.md docs/methods/index.md
 
-# A million random calls of the kernel, 200,000 mutated records, 100 kills, 200 bit flips; ATTACK="calls --calls 5000" is
+# A million random calls of the kernel, and of the C library under sanitizers, 200,000 mutated records, 100 kills, 200 bit flips; ATTACK="calls --calls 5000" is
 # a part of it, `python -m tests.attack --help` has the rest.
 attack: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/python -m tests.attack $(ATTACK)
@@ -256,6 +272,9 @@ $(tools)/zig/.ready: Makefile
 # A version has a folder of its own, so that a new one is installed.
 $(tools)/cargo-deny-$(CARGO_DENY)/bin/cargo-deny:
 	cargo install --quiet --locked --debug --root $(tools)/cargo-deny-$(CARGO_DENY) cargo-deny@$(CARGO_DENY)
+
+$(cbindgen):
+	cargo install --quiet --locked --debug --root $(tools)/cbindgen-$(CBINDGEN) cbindgen@$(CBINDGEN)
 
 $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/cargo-cyclonedx:
 	cargo install --quiet --locked --debug --root $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX) cargo-cyclonedx@$(CARGO_CYCLONEDX)

@@ -1,8 +1,9 @@
 """Attacks what takes input: `python -m tests.attack`, or a part of it by name, `python -m tests.attack calls`.
 
-The parts are random calls of the kernel, mutated records in the readers, kills of campaigns, and bit flips in every
-kind of file that is read back. Prints a summary and ends with exit code 1 if anything failed. A random call that failed
-is made again, with its arguments printed, by `python -m tests.attack calls --seed SEED --case CASE`.
+The parts are random calls of the kernel, the same of the C library under sanitizers, mutated records in the readers,
+kills of campaigns, and bit flips in every kind of file that is read back. Prints a summary and ends with exit code 1 if
+anything failed. A random call that failed is made again, with its arguments printed, by `python -m tests.attack calls
+--seed SEED --case CASE`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tests.attack.pool import attack as attack_calls
 from tests.attack.subjects import run_case
 from tests.attack.trial import Trial
 
-COUNTS = {"calls": 1_000_000, "records": 200_000, "kills": 100, "bit_flips": 200}
+COUNTS = {"calls": 1_000_000, "c_calls": 1_000_000, "records": 200_000, "kills": 100, "bit_flips": 200}
 """How many of each part, by default."""
 
 

@@ -63,6 +63,7 @@ LEVELS = {
     "attack",
     "bench",
     "benchmarks",
+    "c",
     "golden",
     "oracle",
     "property",

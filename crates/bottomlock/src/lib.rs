@@ -84,6 +84,9 @@
 //!
 //! The code holds the corrected equations. `docs/equations.md` lists the errata of the papers.
 
+// A vehicle's kernel lacks what calls the rest of these.
+#![cfg_attr(not(feature = "simulation"), allow(dead_code, unused_imports))]
+
 pub mod aiding;
 mod chi_squared;
 pub mod dvl;
@@ -96,15 +99,20 @@ pub mod layout;
 pub mod mechanisation;
 pub mod model;
 pub mod navigator;
+#[cfg(feature = "simulation")]
 pub mod observability;
+#[cfg(feature = "simulation")]
 pub mod random;
+#[cfg(feature = "simulation")]
 pub mod replay;
 mod saved;
 pub mod simd;
+#[cfg(feature = "simulation")]
 pub mod simulation;
 pub mod smoother;
 pub mod state;
 pub mod stop;
+#[cfg(feature = "simulation")]
 mod workers;
 
 pub use error::NavError;

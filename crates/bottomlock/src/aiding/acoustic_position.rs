@@ -15,6 +15,7 @@ use crate::aiding::sensor::{AidingSensor, Column, Fraction, Quantity, Report, Sc
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Tangent, Vec3};
+#[cfg(feature = "simulation")]
 use crate::random::Normals;
 
 model_section! {
@@ -125,6 +126,7 @@ impl AidingSensor for AcousticPositionSample {
     }
 
     /// Each fix draws the same number of random values, outlier or not, so that outliers do not change the noise of other fixes.
+    #[cfg(feature = "simulation")]
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let [noise, outliers] = random else { return None };
         let (truth, actual) = (scene.truth, &scene.actual.acoustic_position);

@@ -15,6 +15,7 @@ use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_angle_sd, require_finite};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::layout::{ATTITUDE, POSITION};
+#[cfg(feature = "simulation")]
 use crate::random::Normals;
 
 model_section! {
@@ -50,6 +51,7 @@ pub(crate) struct SlowAngleModel {
 
 impl SlowAngleModel {
     /// A drawn error at a time, rad, of the streams of offset and walk.
+    #[cfg(feature = "simulation")]
     pub(crate) fn draw(&self, offset: &mut Normals, walk: &mut Normals, time_ns: i64) -> f64 {
         offset.gauss_markov(self.offset_sd_rad, f64::INFINITY, time_ns)
             + walk.gauss_markov(self.walk_sd_rad, self.walk_time_s, time_ns)
@@ -148,6 +150,7 @@ impl AidingSensor for AttitudeSample {
     }
 
     /// With its yaw offset by declination and iron, and its slow errors drawn per run.
+    #[cfg(feature = "simulation")]
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let model = scene.actual.magnetometer;
         let [roll, pitch, yaw] = scene.level.to_euler_rad(scene.truth.attitude_t_p);

@@ -11,6 +11,7 @@ use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
 use crate::layout::{ATTITUDE, POSITION};
+#[cfg(feature = "simulation")]
 use crate::random::Normals;
 
 model_section! {
@@ -82,6 +83,7 @@ impl AidingSensor for DepthSample {
     }
 
     /// With its offset by density, tide and barometer, and a bias drawn per run.
+    #[cfg(feature = "simulation")]
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let [noise, bias] = random else { return None };
         let actual = &scene.actual.depth;

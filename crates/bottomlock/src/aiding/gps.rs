@@ -8,6 +8,7 @@ use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Tangent, Vec3, skew};
 use crate::layout::{ATTITUDE, GYRO_BIAS, VELOCITY};
+#[cfg(feature = "simulation")]
 use crate::random::Normals;
 
 model_section! {
@@ -113,6 +114,7 @@ impl AidingSensor for GpsSample {
         })
     }
 
+    #[cfg(feature = "simulation")]
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let (truth, actual, claimed) = (scene.truth, scene.actual.gps, scene.claimed.gps);
         let [of_position, of_velocity] = random else {

@@ -14,6 +14,7 @@ use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_angle_sd, require_finite, require_plausible};
 use crate::frames::{Platform, Vec3};
 use crate::layout::{ATTITUDE, POSITION};
+#[cfg(feature = "simulation")]
 use crate::random::Normals;
 
 model_section! {
@@ -103,6 +104,7 @@ impl AidingSensor for HeadingSample {
         })
     }
 
+    #[cfg(feature = "simulation")]
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let [noise, offset, walk] = random else { return None };
         let model = &scene.actual.heading;

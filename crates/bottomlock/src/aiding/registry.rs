@@ -14,6 +14,7 @@ use crate::aiding::water_track::WaterTrackModel;
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
+#[cfg(feature = "simulation")]
 use crate::random::Normals;
 
 // In the order in which measurements of the same time are taken: variant (sample): name of each of its reports.
@@ -57,6 +58,7 @@ pub struct Declaration {
     pub simulation: Option<Simulation>,
     of_truth: fn(&Motion<'_>, &Vec3<Platform>, &SensorModels) -> Measurement,
     of_row: OfRow,
+    #[cfg(feature = "simulation")]
     simulate: fn(&Scene<'_>, &mut [Normals]) -> Option<Measurement>,
 }
 
@@ -70,6 +72,7 @@ impl Declaration {
             simulation: S::SIMULATION,
             of_truth: |motion, lever, models| S::of_truth(motion, lever, models).into(),
             of_row: |time_ns, values, models| S::of_row(time_ns, values, models).map(Into::into),
+            #[cfg(feature = "simulation")]
             simulate: |scene, random| S::simulate(scene, random).map(Into::into),
         }
     }
@@ -87,6 +90,7 @@ impl Declaration {
     }
 
     /// [`AidingSensor::simulate`].
+    #[cfg(feature = "simulation")]
     #[must_use]
     pub fn simulate(&self, scene: &Scene<'_>, random: &mut [Normals]) -> Option<Measurement> {
         (self.simulate)(scene, random)

@@ -5,6 +5,7 @@ use crate::aiding::{Innovation, Motion};
 use crate::earth::LocalLevel;
 use crate::error::{NavError, require_finite, require_non_negative, require_positive};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
+#[cfg(feature = "simulation")]
 use crate::random::Normals;
 use nalgebra::Vector3;
 
@@ -49,6 +50,7 @@ pub trait AidingSensor: Copy + Into<Measurement> {
     }
 
     /// A simulated sample.
+    #[cfg(feature = "simulation")]
     fn simulate(_scene: &Scene<'_>, _random: &mut [Normals]) -> Option<Self> {
         None
     }

@@ -29,6 +29,7 @@ use crate::aiding::water::{SpeedThroughWater, WATER};
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite, require_magnitude, require_positive};
 use crate::frames::{Platform, Vec3};
+#[cfg(feature = "simulation")]
 use crate::random::Normals;
 
 /// Number of further states.
@@ -175,6 +176,7 @@ impl AidingSensor for ThrustSample {
     }
 
     /// With advance and slip drawn per run; the offset is the component of the current along the platform's forward axis.
+    #[cfg(feature = "simulation")]
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let [noise, slip, advance] = random else { return None };
         let actual = &scene.actual.thrust;

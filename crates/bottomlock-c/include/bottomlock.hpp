@@ -1,0 +1,469 @@
+// bottomlock for C++17 and later: the objects of bottomlock.h with owners, views and exceptions. Header only.
+//
+// Frames, units and thread rules are those of bottomlock.h. A call that fails throws bottomlock::Error with its status.
+// Views take arrays, std::array, std::vector, std::span of C++20 and Eigen vectors: whatever has data() and size(). With
+// BOTTOMLOCK_EIGEN defined, or Eigen included before, `eigen` maps results to its vectors and matrices.
+#pragma once
+
+#include "bottomlock.h"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#ifdef BOTTOMLOCK_EIGEN
+#include <Eigen/Core>
+#endif
+
+namespace bottomlock {
+
+/// A call that failed: the message of the library, and its code.
+class Error : public std::runtime_error {
+public:
+    Error(bl_status status, const std::string &message) : std::runtime_error(message), status_(status) {}
+    bl_status status() const noexcept { return status_; }
+
+private:
+    bl_status status_;
+};
+
+namespace detail {
+
+inline void check(bl_status status) {
+    if (status != BL_STATUS_OK) throw Error(status, bl_last_error());
+}
+
+template <class T> T *check(T *made) {
+    if (made == nullptr) throw Error(bl_last_status(), bl_last_error());
+    return made;
+}
+
+inline void require(std::size_t got, std::size_t expected, const char *what) {
+    if (got != expected) {
+        throw Error(BL_STATUS_INVALID_VALUE, std::string(what) + ": got " + std::to_string(got) + " numbers, expected " +
+                                                 std::to_string(expected));
+    }
+}
+
+template <class T, void (*Free)(T *)> struct Deleter {
+    void operator()(T *object) const noexcept { Free(object); }
+};
+template <class T, void (*Free)(T *)> using Owned = std::unique_ptr<T, Deleter<T, Free>>;
+
+} // namespace detail
+
+/// Numbers that somebody else owns.
+template <class T> class View {
+public:
+    View() = default;
+    View(const T *data, std::size_t size) : data_(data), size_(size) {}
+    template <std::size_t N> View(const T (&values)[N]) : data_(values), size_(N) {}
+    /// Whatever has data() and size(): std::array, std::vector, std::span, an Eigen vector.
+    template <class C,
+              class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<const C &>().data()), const T *> &&
+                                       std::is_convertible_v<decltype(std::declval<const C &>().size()), std::size_t>>>
+    View(const C &values) : data_(values.data()), size_(static_cast<std::size_t>(values.size())) {}
+
+    const T *data() const noexcept { return data_; }
+    std::size_t size() const noexcept { return size_; }
+
+    /// The pointer of exactly `count` numbers.
+    const T *of(std::size_t count, const char *what) const {
+        detail::require(size_, count, what);
+        return data_;
+    }
+
+private:
+    const T *data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+using Numbers = View<double>;
+/// 1 for a valid beam, 0 for a lost one.
+using Flags = View<std::uint8_t>;
+using Vec3 = std::array<double, 3>;
+using Quaternion = std::array<double, 4>;
+using State = bl_state;
+using Report = bl_report;
+using Velocity = bl_velocity;
+
+inline std::string version() { return bl_version(); }
+
+/// The state at rest at the origin, level, heading north.
+inline State at_rest(std::int64_t time_ns) { return bl_state_at_rest(time_ns); }
+
+inline Quaternion attitude_from_euler(double roll_rad, double pitch_rad, double yaw_rad) {
+    Quaternion attitude{};
+    detail::check(bl_attitude_from_euler(roll_rad, pitch_rad, yaw_rad, attitude.data()));
+    return attitude;
+}
+
+/// Roll, pitch and yaw, rad.
+inline Vec3 euler_from_attitude(Numbers attitude_t_p) {
+    Vec3 angles{};
+    detail::check(bl_euler_from_attitude(attitude_t_p.of(4, "attitude_t_p"), angles.data()));
+    return angles;
+}
+
+/// Directions and places of the beams of a DVL.
+class Geometry {
+public:
+    static Geometry preset(const std::string &name) { return Geometry(bl_geometry_preset(name.c_str())); }
+    static Geometry janus(const std::string &configuration, double tilt_rad) {
+        return Geometry(bl_geometry_janus(configuration.c_str(), tilt_rad));
+    }
+    static Geometry from_angles(Numbers tilts_rad, Numbers azimuths_rad) {
+        detail::require(azimuths_rad.size(), tilts_rad.size(), "azimuths_rad");
+        return Geometry(bl_geometry_from_angles(tilts_rad.size(), tilts_rad.data(), azimuths_rad.data()));
+    }
+    /// Rows of three numbers.
+    static Geometry from_directions(Numbers directions_d) {
+        detail::require(directions_d.size() % 3, 0, "directions_d, over rows of three");
+        return Geometry(bl_geometry_from_directions(directions_d.size() / 3, directions_d.data()));
+    }
+    static std::vector<std::string> presets() {
+        std::vector<std::string> names;
+        while (const char *name = bl_geometry_preset_name(names.size())) names.emplace_back(name);
+        return names;
+    }
+
+    Geometry(const Geometry &other) : Geometry(bl_geometry_copy(other.get())) {}
+    Geometry(Geometry &&) noexcept = default;
+    Geometry &operator=(Geometry other) noexcept {
+        owned_.swap(other.owned_);
+        return *this;
+    }
+
+    Geometry &mount(Numbers roll_pitch_yaw_rad) {
+        detail::check(bl_geometry_mount(get(), roll_pitch_yaw_rad.of(3, "roll_pitch_yaw_rad")));
+        return *this;
+    }
+    /// Rows of three numbers, one for each beam.
+    Geometry &set_lever_arms(Numbers lever_arms_p_m) {
+        const double *rows = lever_arms_p_m.of(3 * beams(), "lever_arms_p_m");
+        detail::check(bl_geometry_set_lever_arms(get(), beams(), rows));
+        return *this;
+    }
+    Geometry &set_sound_speed_scale(double scale) {
+        detail::check(bl_geometry_set_sound_speed_scale(get(), scale));
+        return *this;
+    }
+    std::size_t beams() const { return bl_geometry_beams(get()); }
+    Vec3 direction(std::size_t beam) const {
+        Vec3 direction_p{};
+        detail::check(bl_geometry_direction(get(), beam, direction_p.data()));
+        return direction_p;
+    }
+    bl_geometry *get() const noexcept { return owned_.get(); }
+
+private:
+    explicit Geometry(bl_geometry *made) : owned_(detail::check(made)) {}
+    detail::Owned<bl_geometry, bl_geometry_free> owned_;
+};
+
+/// Environment and errors of the sensors.
+class Model {
+public:
+    static Model preset(const std::string &name, double latitude_rad) {
+        return Model(bl_model_preset(name.c_str(), latitude_rad));
+    }
+    static std::vector<std::string> presets() {
+        std::vector<std::string> names;
+        while (const char *name = bl_model_preset_name(names.size())) names.emplace_back(name);
+        return names;
+    }
+    static std::vector<std::string> keys() {
+        std::vector<std::string> names;
+        while (const char *name = bl_model_key(names.size())) names.emplace_back(name);
+        return names;
+    }
+
+    Model(const Model &other) : Model(bl_model_copy(other.get())) {}
+    Model(Model &&) noexcept = default;
+    Model &operator=(Model other) noexcept {
+        owned_.swap(other.owned_);
+        return *this;
+    }
+
+    Model &set(const std::string &key, double value) {
+        detail::check(bl_model_set(get(), key.c_str(), value));
+        return *this;
+    }
+    Model &set(const std::string &key, Numbers values) {
+        detail::check(bl_model_set_vector(get(), key.c_str(), values.data(), values.size()));
+        return *this;
+    }
+    Model &set(const std::string &key, const char *value) {
+        detail::check(bl_model_set_text(get(), key.c_str(), value));
+        return *this;
+    }
+    std::vector<double> numbers(const std::string &key) const {
+        std::vector<double> values(BL_STATES);
+        std::size_t count = 0;
+        detail::check(bl_model_get(get(), key.c_str(), values.data(), values.size(), &count));
+        values.resize(count);
+        return values;
+    }
+    std::string text(const std::string &key) const {
+        const char *value = nullptr;
+        detail::check(bl_model_get_text(get(), key.c_str(), &value));
+        return value;
+    }
+    bl_model *get() const noexcept { return owned_.get(); }
+
+private:
+    explicit Model(bl_model *made) : owned_(detail::check(made)) {}
+    detail::Owned<bl_model, bl_model_free> owned_;
+};
+
+/// Options of the filter.
+class Options {
+public:
+    Options() : Options(bl_options_default()) {}
+    static std::vector<std::string> keys() {
+        std::vector<std::string> names;
+        while (const char *name = bl_options_key(names.size())) names.emplace_back(name);
+        return names;
+    }
+
+    Options(const Options &other) : Options(bl_options_copy(other.get())) {}
+    Options(Options &&) noexcept = default;
+    Options &operator=(Options other) noexcept {
+        owned_.swap(other.owned_);
+        return *this;
+    }
+
+    Options &set(const std::string &key, double value) {
+        detail::check(bl_options_set(get(), key.c_str(), value));
+        return *this;
+    }
+    Options &set(const std::string &key, Numbers values) {
+        detail::check(bl_options_set_vector(get(), key.c_str(), values.data(), values.size()));
+        return *this;
+    }
+    Options &set(const std::string &key, const char *value) {
+        detail::check(bl_options_set_text(get(), key.c_str(), value));
+        return *this;
+    }
+    std::vector<double> numbers(const std::string &key) const {
+        std::vector<double> values(BL_STATES);
+        std::size_t count = 0;
+        detail::check(bl_options_get(get(), key.c_str(), values.data(), values.size(), &count));
+        values.resize(count);
+        return values;
+    }
+    std::string text(const std::string &key) const {
+        const char *value = nullptr;
+        detail::check(bl_options_get_text(get(), key.c_str(), &value));
+        return value;
+    }
+    bl_options *get() const noexcept { return owned_.get(); }
+
+private:
+    explicit Options(bl_options *made) : owned_(detail::check(made)) {}
+    detail::Owned<bl_options, bl_options_free> owned_;
+};
+
+/// An aided inertial navigator for live use. Pushes return the number of reports; `report` reads them.
+class Navigator {
+public:
+    /// `options` may be left out: Navigator(geometry, model, state, "sway_current").
+    Navigator(const Geometry &geometry, const Model &model, const State &initial, const std::string &method = "tc",
+              std::int64_t horizon_ns = BL_DEFAULT_HORIZON_NS)
+        : owned_(detail::check(
+              bl_navigator_new(geometry.get(), model.get(), nullptr, method.c_str(), &initial, horizon_ns))) {}
+    Navigator(const Geometry &geometry, const Model &model, const Options &options, const State &initial,
+              const std::string &method = "tc", std::int64_t horizon_ns = BL_DEFAULT_HORIZON_NS)
+        : owned_(detail::check(
+              bl_navigator_new(geometry.get(), model.get(), options.get(), method.c_str(), &initial, horizon_ns))) {}
+    static Navigator load(View<std::uint8_t> bytes) { return Navigator(bl_navigator_load(bytes.data(), bytes.size())); }
+    static std::vector<std::string> methods() {
+        std::vector<std::string> names;
+        while (const char *name = bl_method_name(names.size())) names.emplace_back(name);
+        return names;
+    }
+
+    Navigator(const Navigator &other) : Navigator(bl_navigator_copy(other.get())) {}
+    Navigator(Navigator &&) noexcept = default;
+    Navigator &operator=(Navigator other) noexcept {
+        owned_.swap(other.owned_);
+        return *this;
+    }
+
+    std::size_t push_imu(std::int64_t time_ns, Numbers omega_p_radps, Numbers force_p_mps2) {
+        return pushed(bl_push_imu(get(), time_ns, omega_p_radps.of(3, "omega_p_radps"), force_p_mps2.of(3, "force_p_mps2")));
+    }
+    /// Times, and as many rows of three numbers each. `taken` is the number of readings before one that is refused.
+    std::size_t push_imu_block(View<std::int64_t> time_ns, Numbers omega_p_radps, Numbers force_p_mps2,
+                               std::size_t *taken = nullptr) {
+        const std::size_t count = time_ns.size();
+        return pushed(bl_push_imu_block(get(), count, time_ns.data(), omega_p_radps.of(3 * count, "omega_p_radps"),
+                                        force_p_mps2.of(3 * count, "force_p_mps2"), taken));
+    }
+    std::size_t push_beams(std::int64_t time_ns, Numbers velocity_mps, Flags valid, Numbers sd_mps) {
+        const std::size_t beams = velocity_mps.size();
+        return pushed(bl_push_beams(get(), time_ns, beams, velocity_mps.data(), valid.of(beams, "valid"),
+                                    sd_mps.of(beams, "sd_mps")));
+    }
+    std::size_t push_water_track(std::int64_t time_ns, Numbers velocity_mps, Flags valid, Numbers sd_mps, double range_m) {
+        const std::size_t beams = velocity_mps.size();
+        return pushed(bl_push_water_track(get(), time_ns, beams, velocity_mps.data(), valid.of(beams, "valid"),
+                                          sd_mps.of(beams, "sd_mps"), range_m));
+    }
+    std::size_t push_velocity(std::int64_t time_ns, Numbers velocity_p_mps, Numbers cov_m2ps2) {
+        return pushed(bl_push_velocity(get(), time_ns, velocity_p_mps.of(3, "velocity_p_mps"), cov_m2ps2.of(9, "cov_m2ps2")));
+    }
+    std::size_t push_depth(std::int64_t time_ns, double depth_m, double sd_m) {
+        return pushed(bl_push_depth(get(), time_ns, depth_m, sd_m));
+    }
+    std::size_t push_attitude(std::int64_t time_ns, Numbers attitude_t_p, double roll_pitch_sd_rad, double yaw_sd_rad) {
+        return pushed(bl_push_attitude(get(), time_ns, attitude_t_p.of(4, "attitude_t_p"), roll_pitch_sd_rad, yaw_sd_rad));
+    }
+    std::size_t push_heading(std::int64_t time_ns, double yaw_rad, double sd_rad) {
+        return pushed(bl_push_heading(get(), time_ns, yaw_rad, sd_rad));
+    }
+    std::size_t push_gps(std::int64_t time_ns, Numbers position_t_m, Numbers position_sd_m, Numbers velocity_t_mps,
+                         Numbers velocity_sd_mps) {
+        return pushed(bl_push_gps(get(), time_ns, position_t_m.of(3, "position_t_m"), position_sd_m.of(3, "position_sd_m"),
+                                  velocity_t_mps.of(3, "velocity_t_mps"), velocity_sd_mps.of(3, "velocity_sd_mps")));
+    }
+    /// A GPS position without a velocity.
+    std::size_t push_position(std::int64_t time_ns, Numbers position_t_m, Numbers position_sd_m) {
+        return pushed(bl_push_gps(get(), time_ns, position_t_m.of(3, "position_t_m"), position_sd_m.of(3, "position_sd_m"),
+                                  nullptr, nullptr));
+    }
+    std::size_t push_acoustic_position(std::int64_t time_ns, Numbers position_t_m) {
+        return pushed(bl_push_acoustic_position(get(), time_ns, position_t_m.of(3, "position_t_m"), nullptr));
+    }
+    std::size_t push_acoustic_position(std::int64_t time_ns, Numbers position_t_m, Numbers sd_m) {
+        return pushed(bl_push_acoustic_position(get(), time_ns, position_t_m.of(3, "position_t_m"), sd_m.of(3, "sd_m")));
+    }
+
+    /// Reports of the last push, also of one that threw.
+    std::size_t report_count() const { return bl_report_count(get()); }
+    Report report(std::size_t number) const {
+        Report report{};
+        detail::check(bl_report_get(get(), number, &report));
+        return report;
+    }
+    std::vector<Report> reports() const {
+        std::vector<Report> all(report_count());
+        for (std::size_t k = 0; k < all.size(); ++k) all[k] = report(k);
+        return all;
+    }
+
+    State state() const {
+        State state{};
+        detail::check(bl_navigator_state(get(), &state));
+        return state;
+    }
+    /// Row by row.
+    std::array<double, BL_STATES * BL_STATES> covariance() const {
+        std::array<double, BL_STATES * BL_STATES> covariance{};
+        detail::check(bl_navigator_covariance(get(), covariance.data()));
+        return covariance;
+    }
+    void set_covariance(Numbers covariance) {
+        detail::check(bl_navigator_set_covariance(get(), covariance.of(BL_STATES * BL_STATES, "covariance")));
+    }
+
+    /// Names and numbers of readings that came too late.
+    std::vector<std::pair<std::string, std::uint64_t>> late_events() const {
+        return counts(bl_navigator_late_events, bl_stream_name);
+    }
+    std::vector<std::pair<std::string, std::uint64_t>> imu_faults() const {
+        return counts(bl_navigator_imu_faults, bl_imu_fault_name);
+    }
+    std::size_t discard_waiting() {
+        std::size_t dropped = 0;
+        detail::check(bl_navigator_discard_waiting(get(), &dropped));
+        return dropped;
+    }
+
+    /// Nothing where it is not estimated.
+    std::optional<bl_water> water() const { return estimate<bl_water>(bl_navigator_water); }
+    std::optional<bl_calibration> calibration() const { return estimate<bl_calibration>(bl_navigator_calibration); }
+    /// The current by depth; empty where it is not estimated.
+    std::vector<bl_layer> layers() const {
+        std::size_t count = 0;
+        const bl_status first = bl_navigator_layers(get(), nullptr, 0, &count);
+        if (first != BL_STATUS_BUFFER_TOO_SMALL) detail::check(first);
+        std::vector<bl_layer> layers(count);
+        detail::check(bl_navigator_layers(get(), layers.data(), layers.size(), &count));
+        layers.resize(count);
+        return layers;
+    }
+
+    /// The whole navigator as bytes, which `load` takes. Nothing may be pushed meanwhile.
+    std::vector<std::uint8_t> save() const {
+        std::size_t size = 0;
+        const bl_status first = bl_navigator_save(get(), nullptr, 0, &size);
+        if (first != BL_STATUS_BUFFER_TOO_SMALL) detail::check(first);
+        std::vector<std::uint8_t> bytes(size);
+        detail::check(bl_navigator_save(get(), bytes.data(), bytes.size(), &size));
+        return bytes;
+    }
+    bl_navigator *get() const noexcept { return owned_.get(); }
+
+private:
+    explicit Navigator(bl_navigator *made) : owned_(detail::check(made)) {}
+    std::size_t pushed(bl_status status) const {
+        detail::check(status);
+        return report_count();
+    }
+    template <class T> std::optional<T> estimate(bl_status (*of)(const bl_navigator *, T *)) const {
+        T found{};
+        const bl_status status = of(get(), &found);
+        if (status == BL_STATUS_NOT_AVAILABLE) return std::nullopt;
+        detail::check(status);
+        return found;
+    }
+    std::vector<std::pair<std::string, std::uint64_t>>
+    counts(bl_status (*of)(const bl_navigator *, std::uint64_t *, std::size_t, std::size_t *),
+           const char *(*name)(std::size_t)) const {
+        std::array<std::uint64_t, 32> numbers{};
+        std::size_t count = 0;
+        detail::check(of(get(), numbers.data(), numbers.size(), &count));
+        std::vector<std::pair<std::string, std::uint64_t>> named;
+        for (std::size_t k = 0; k < count; ++k) named.emplace_back(name(k), numbers[k]);
+        return named;
+    }
+    detail::Owned<bl_navigator, bl_navigator_free> owned_;
+};
+
+/// Velocity of one ping with its covariance. Without a prior, views of it are left out.
+inline Velocity solve_velocity(const Geometry &geometry, const std::string &method, Numbers velocity_mps, Flags valid,
+                               Numbers sd_mps, Numbers prior_velocity_p_mps = {}, Numbers prior_cov_m2ps2 = {},
+                               Numbers omega_tp_p_radps = {}, const Options *options = nullptr) {
+    const auto optional = [](Numbers values, std::size_t count, const char *what) {
+        return values.size() == 0 ? nullptr : values.of(count, what);
+    };
+    const std::size_t beams = velocity_mps.size();
+    Velocity velocity{};
+    detail::check(bl_solve_velocity(geometry.get(), method.c_str(), beams, velocity_mps.data(), valid.of(beams, "valid"),
+                                    sd_mps.of(beams, "sd_mps"), optional(prior_velocity_p_mps, 3, "prior_velocity_p_mps"),
+                                    optional(prior_cov_m2ps2, 9, "prior_cov_m2ps2"),
+                                    optional(omega_tp_p_radps, 3, "omega_tp_p_radps"),
+                                    options == nullptr ? nullptr : options->get(), &velocity));
+    return velocity;
+}
+
+#if defined(BOTTOMLOCK_EIGEN) || defined(EIGEN_WORLD_VERSION)
+/// An array of the library as an Eigen vector, without a copy; it must outlive the map.
+template <std::size_t N> Eigen::Map<const Eigen::Matrix<double, static_cast<int>(N), 1>> eigen(const double (&values)[N]) {
+    return Eigen::Map<const Eigen::Matrix<double, static_cast<int>(N), 1>>(values);
+}
+/// A covariance as an Eigen matrix.
+inline Eigen::Matrix<double, BL_STATES, BL_STATES> eigen(const std::array<double, BL_STATES * BL_STATES> &covariance) {
+    return Eigen::Map<const Eigen::Matrix<double, BL_STATES, BL_STATES, Eigen::RowMajor>>(covariance.data());
+}
+#endif
+
+} // namespace bottomlock

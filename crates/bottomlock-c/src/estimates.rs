@@ -1,0 +1,208 @@
+//! What a navigator estimates beside its state: motion through the water, current by depth, slow errors, mounting and clock.
+
+use bottomlock::aiding::calibration::CLOCK;
+use bottomlock::aiding::water;
+
+use crate::calls::{Failure, Outcome, Status, status};
+use crate::navigator::Navigator;
+use crate::pointers::{at, fill, put};
+
+/// Estimate of the motion through the water, with options of "water_track" or the method sway_current.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub struct Water {
+    /// Current north and east at the vehicle's depth, m/s.
+    pub current_t_mps: [f64; 2],
+    /// Its covariance, in which the heading's error is, (m/s)^2.
+    pub current_covariance: [[f64; 2]; 2],
+    /// Sway gain, m.
+    pub sway_gain_m: f64,
+    /// Heave by trim, m/s.
+    pub trim_heave_mps: f64,
+    /// Slip along sway and heave, m/s.
+    pub sway_slip_mps: f64,
+    /// The same along heave, m/s.
+    pub heave_slip_mps: f64,
+    /// Estimated standard deviation of the slip along sway, m/s.
+    pub sway_slip_sd_mps: f64,
+    /// The same along heave, m/s.
+    pub heave_slip_sd_mps: f64,
+    /// Estimated time constant of the slip along sway, s.
+    pub sway_slip_time_s: f64,
+    /// The same along heave, s.
+    pub heave_slip_time_s: f64,
+    /// Number of restarts of the assumptions.
+    pub restarts: u64,
+    /// Number of alarms that widened the slip.
+    pub alarms: u64,
+}
+
+/// The current at one depth, with options of "current_layers.sd_mps" and "water_track".
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub struct Layer {
+    /// Depth, m.
+    pub depth_m: f64,
+    /// Current north and east, m/s.
+    pub current_t_mps: [f64; 2],
+    /// Its covariance, (m/s)^2.
+    pub current_covariance: [[f64; 2]; 2],
+    /// Time since the layer was measured last, s; infinite for one that was not.
+    pub age_s: f64,
+}
+
+/// Estimate of the mounting and clock of the DVL, with options of "calibration".
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub struct Calibration {
+    /// Rotation from the stated mounting about forward, right and down, rad.
+    pub mounting_rad: [f64; 3],
+    /// Time to add to the stamps, s.
+    pub clock_s: f64,
+    /// Covariance of both, mounting first.
+    pub covariance: [[f64; 4]; 4],
+}
+
+fn not_available(what: &str, where_it_is: &str) -> Failure {
+    Failure::new(Status::NotAvailable, format!("{what} is not estimated: {where_it_is}"))
+}
+
+/// The motion through the water after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_navigator_water(navigator: *const Navigator, water: *mut Water) -> Status {
+    status(|| {
+        // SAFETY: as the header asks.
+        let held = unsafe { at("navigator", navigator) }?.locked()?;
+        let navigators = held.live.navigators();
+        let found = navigators.water().zip(navigators.selected().filter().current());
+        let (block, (current, covariance)) = found.ok_or_else(|| {
+            not_available(
+                "the motion through the water",
+                "set the option 'water_track', or take the method 'sway_current'",
+            )
+        })?;
+        let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
+        let [sway_s, heave_s] = block.slip_time_s();
+        let made = Water {
+            current_t_mps: current.into(),
+            current_covariance: covariance.into(),
+            sway_gain_m: estimate[water::GAIN],
+            trim_heave_mps: estimate[water::TRIM],
+            sway_slip_mps: estimate[water::SWAY],
+            heave_slip_mps: estimate[water::HEAVE],
+            sway_slip_sd_mps: slip_sd_mps[water::SWAY],
+            heave_slip_sd_mps: slip_sd_mps[water::HEAVE],
+            sway_slip_time_s: sway_s,
+            heave_slip_time_s: heave_s,
+            restarts: block.restarts(),
+            alarms: block.alarms(),
+        };
+        // SAFETY: as the header asks.
+        unsafe { put("water", water, made) }
+    })
+}
+
+/// The current by depth; `count` is the number of layers, 0 where none is estimated.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_navigator_layers(
+    navigator: *const Navigator,
+    layers: *mut Layer,
+    capacity: usize,
+    count: *mut usize,
+) -> Status {
+    status(|| {
+        // SAFETY: as the header asks.
+        let found = unsafe { at("navigator", navigator) }?
+            .locked()?
+            .live
+            .navigators()
+            .selected()
+            .filter()
+            .layers();
+        let made: Vec<_> = found
+            .into_iter()
+            .map(|(layer, (current, covariance))| Layer {
+                depth_m: layer.depth_m,
+                current_t_mps: current.into(),
+                current_covariance: covariance.into(),
+                age_s: layer.age_s,
+            })
+            .collect();
+        // SAFETY: as the header asks.
+        unsafe {
+            put("count", count, made.len())?;
+            fill("layers", layers, capacity, &made)
+        }
+    })
+}
+
+/// Writes errors and their standard deviations.
+unsafe fn put_errors<const N: usize>(errors: [(f64, f64); N], error_rad: *mut f64, sd_rad: *mut f64) -> Outcome<()> {
+    // SAFETY: as the header asks.
+    unsafe {
+        at("sd_rad", sd_rad)?;
+        fill("error_rad", error_rad, N, &errors.map(|(error, _)| error))?;
+        fill("sd_rad", sd_rad, N, &errors.map(|(_, sd)| sd))
+    }
+}
+
+/// Estimated error of the attitude reference in roll, pitch and yaw with its standard deviation, 3 numbers each, rad;
+/// `BL_STATUS_NOT_AVAILABLE` where the model's magnetometer has no slow errors.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_navigator_attitude_error(
+    navigator: *const Navigator,
+    error_rad: *mut f64,
+    sd_rad: *mut f64,
+) -> Status {
+    status(|| {
+        // SAFETY: as the header asks.
+        let held = unsafe { at("navigator", navigator) }?.locked()?;
+        let found = held.live.navigators().selected().filter().attitude_error_rad();
+        let where_it_is = "set 'magnetometer.yaw_offset_sd_rad' or another of its slow errors in the model";
+        let errors = found.ok_or_else(|| not_available("the error of the attitude reference", where_it_is))?;
+        // SAFETY: as the header asks.
+        unsafe { put_errors(errors, error_rad, sd_rad) }
+    })
+}
+
+/// Estimated error of the heading sensor with its standard deviation, rad; `BL_STATUS_NOT_AVAILABLE` where the model's heading has no
+/// slow errors.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_navigator_heading_error(
+    navigator: *const Navigator,
+    error_rad: *mut f64,
+    sd_rad: *mut f64,
+) -> Status {
+    status(|| {
+        // SAFETY: as the header asks.
+        let held = unsafe { at("navigator", navigator) }?.locked()?;
+        let found = held.live.navigators().selected().filter().heading_error_rad();
+        let where_it_is = "set 'heading.offset_sd_rad' or 'heading.walk_sd_rad' in the model";
+        let error = found.ok_or_else(|| not_available("the error of the heading sensor", where_it_is))?;
+        // SAFETY: as the header asks.
+        unsafe { put_errors([error], error_rad, sd_rad) }
+    })
+}
+
+/// The mounting and clock of the DVL after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_navigator_calibration(
+    navigator: *const Navigator,
+    calibration: *mut Calibration,
+) -> Status {
+    status(|| {
+        // SAFETY: as the header asks.
+        let held = unsafe { at("navigator", navigator) }?.locked()?;
+        let found = held.live.navigators().selected().filter().calibration();
+        let where_it_is = "set 'calibration.mounting_sd_rad' or 'calibration.clock_sd_s' among the options";
+        let (estimate, covariance) = found.ok_or_else(|| not_available("the calibration of the DVL", where_it_is))?;
+        let numbers = estimate.numbers();
+        let made = Calibration {
+            mounting_rad: [numbers[0], numbers[1], numbers[2]],
+            clock_s: numbers[CLOCK],
+            covariance: covariance.into(),
+        };
+        // SAFETY: as the header asks.
+        unsafe { put("calibration", calibration, made) }
+    })
+}

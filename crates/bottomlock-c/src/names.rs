@@ -1,0 +1,90 @@
+//! Names by number, for lists and menus; and the known name nearest to one given.
+
+use std::collections::BTreeMap;
+use std::ffi::{CStr, CString, c_char};
+use std::ptr;
+use std::sync::{Mutex, PoisonError};
+
+use bottomlock::mechanisation::IMU_FAULTS;
+use bottomlock::navigator::METHODS;
+use bottomlock::navigator::events::STREAM_NAMES;
+
+/// A known name as a C text. The kernel's names have no NUL, so every one gets its own, once for the life of the process.
+pub(crate) fn c_name(name: &'static str) -> *const c_char {
+    static NAMES: Mutex<BTreeMap<&'static str, &'static CStr>> = Mutex::new(BTreeMap::new());
+    let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+    let made = names
+        .entry(name)
+        .or_insert_with(|| Box::leak(CString::new(name).unwrap_or_default().into_boxed_c_str()));
+    made.as_ptr()
+}
+
+/// Name of an aiding method by its number from 0, NULL beyond the last: "ins", "lc", "tc" and so on.
+#[unsafe(no_mangle)]
+pub extern "C" fn bl_method_name(number: usize) -> *const c_char {
+    METHODS.get(number).map_or(ptr::null(), |method| c_name(method.name))
+}
+
+/// Name of a stream by its number from 0, NULL beyond the last: "imu", "dvl", "depth" and so on.
+#[unsafe(no_mangle)]
+pub extern "C" fn bl_stream_name(number: usize) -> *const c_char {
+    STREAM_NAMES.get(number).map_or(ptr::null(), |name| c_name(name))
+}
+
+/// Name of a fault of inertial readings by its number from 0, NULL beyond the last.
+#[unsafe(no_mangle)]
+pub extern "C" fn bl_imu_fault_name(number: usize) -> *const c_char {
+    IMU_FAULTS.get(number).map_or(ptr::null(), |name| c_name(name))
+}
+
+/// Words that follow an unknown name: the nearest known one, or all of them.
+pub(crate) fn hint(name: &str, known: &[&str]) -> String {
+    let near = known.iter().min_by_key(|one| distance(name, one));
+    match near {
+        Some(near) if 2 * distance(name, near) <= near.len() => format!("did you mean '{near}'?"),
+        _ => format!("known: {}", known.join(", ")),
+    }
+}
+
+/// Number of letters to insert, drop or change (Levenshtein), whatever their case.
+fn distance(one: &str, two: &str) -> usize {
+    let two: Vec<u8> = two.to_ascii_lowercase().into_bytes();
+    let mut row: Vec<usize> = (0..=two.len()).collect();
+    for (i, letter) in one.to_ascii_lowercase().bytes().take(80).enumerate() {
+        let mut corner = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in two.iter().enumerate() {
+            let changed = corner + usize::from(letter != *other);
+            corner = row[j + 1];
+            row[j + 1] = changed.min(row[j] + 1).min(corner + 1);
+        }
+    }
+    row[two.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Letters to change, whatever their case; and a name too far from all known ones gets the list.
+    #[test]
+    fn the_nearest_name_is_proposed() {
+        assert_eq!(distance("kitten", "Sitting"), 3);
+        assert_eq!(
+            (distance("", "abc"), distance("abc", ""), distance("abc", "abc")),
+            (3, 3, 0)
+        );
+        assert_eq!(hint("gaate", &["gps", "gate", "water"]), "did you mean 'gate'?");
+        assert_eq!(hint("xyz", &["gps", "gate"]), "known: gps, gate");
+        assert_eq!(hint("x", &[]), "known: ");
+    }
+
+    /// A name is made once, and is the same text ever after.
+    #[test]
+    fn a_name_stays() {
+        // SAFETY: names live as long as the process.
+        let text = unsafe { CStr::from_ptr(c_name("depth")) };
+        assert_eq!(text, c"depth");
+        assert_eq!(c_name("depth"), text.as_ptr());
+        assert!(bl_method_name(METHODS.len()).is_null() && !bl_method_name(0).is_null());
+    }
+}

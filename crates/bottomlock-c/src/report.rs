@@ -1,0 +1,216 @@
+//! Reports of the last push: innovation, its covariance, NIS, verdict.
+
+use std::ffi::{CString, c_char};
+use std::ptr;
+
+use bottomlock::aiding::MAX_ROWS;
+use bottomlock::dvl::geometry::MAX_BEAMS;
+use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict as Outcomes};
+use bottomlock::navigator::{Finding, Notice, SELECTOR_METHODS, Standing};
+
+use crate::calls::{Failure, Status, status, value};
+use crate::names::c_name;
+use crate::navigator::Navigator;
+use crate::pointers::{at, put};
+use crate::velocity::source_code;
+
+/// Most rows of a measurement.
+pub const ROWS: usize = 8;
+/// Most beams of an instrument.
+pub const BEAMS: usize = 8;
+/// Letters of the reason of a rejected inertial reading, with the NUL at its end.
+pub const REASON: usize = 160;
+const _: () = assert!(ROWS == MAX_ROWS && BEAMS == MAX_BEAMS);
+
+/// What became of a measurement or of an inertial reading.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(C)]
+pub enum Verdict {
+    /// All rows were used.
+    Accepted = 0,
+    /// The gate rejected some rows; the others were used.
+    AcceptedInPart = 1,
+    /// It was not used.
+    Rejected = 2,
+    /// It had no row.
+    NoInformation = 3,
+    /// A yaw near the vertical; it was not used.
+    Withheld = 4,
+    /// A report before no longer holds, with nothing in its place.
+    Withdrawn = 5,
+}
+
+/// Report of one measurement, or of an inertial reading that was rejected.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub struct Report {
+    /// Name of the sensor: "beams", "depth", "imu" and so on. It lives as long as the library.
+    pub sensor: *const c_char,
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// What became of it.
+    pub verdict: Verdict,
+    /// 1 where it corrects an earlier report, which a late reading has changed.
+    pub revised: u8,
+    /// 1 where the velocity was so uncertain before the update that the linear model no longer holds.
+    pub beyond_linear_range: u8,
+    /// 1 for every row that was rejected.
+    pub rejected_rows: [u8; ROWS],
+    /// Number of rows; further entries are 0.
+    pub rows: u32,
+    /// Degrees of freedom of the NIS.
+    pub degrees: u32,
+    /// Innovation, in the unit of each row.
+    pub residual: [f64; ROWS],
+    /// Its covariance, row by row: entry (i, j) is `covariance[i][j]`.
+    pub covariance: [[f64; ROWS]; ROWS],
+    /// Normalised innovation squared.
+    pub nis: f64,
+    /// Its threshold; infinite without one.
+    pub threshold: f64,
+    /// Factor by which the covariance was inflated after rejections; 1 for none.
+    pub inflation: f64,
+    /// 1 where `beam_weight` is set.
+    pub has_beam_weight: u8,
+    /// Weight of each beam with outlier detection: 0 for a rejected beam, NaN for a lost one.
+    pub beam_weight: [f64; BEAMS],
+    /// Method that the consistent selector took, NULL otherwise, with its reason: "no_gain", "smallest_variance" or
+    /// "beams_contradict".
+    pub selected_method: *const c_char,
+    /// The reason, NULL otherwise.
+    pub selection_reason: *const c_char,
+    /// Statistic of the selection, and its threshold.
+    pub selection_statistic: f64,
+    /// The threshold.
+    pub selection_threshold: f64,
+    /// Methods that surge, sway and heave come from, by the codes of `bl_velocity`; 0 for none.
+    pub component_source: [u8; 3],
+    /// Why an inertial reading was rejected; empty otherwise.
+    pub reason: [c_char; REASON],
+}
+
+impl Report {
+    fn empty(sensor: &'static str, time_ns: i64, verdict: Verdict) -> Self {
+        Self {
+            sensor: c_name(sensor),
+            time_ns,
+            verdict,
+            revised: 0,
+            beyond_linear_range: 0,
+            rejected_rows: [0; ROWS],
+            rows: 0,
+            degrees: 0,
+            residual: [0.0; ROWS],
+            covariance: [[0.0; ROWS]; ROWS],
+            nis: 0.0,
+            threshold: f64::INFINITY,
+            inflation: 1.0,
+            has_beam_weight: 0,
+            beam_weight: [0.0; BEAMS],
+            selected_method: ptr::null(),
+            selection_reason: ptr::null(),
+            selection_statistic: 0.0,
+            selection_threshold: 0.0,
+            component_source: [0; 3],
+            reason: [0; REASON],
+        }
+    }
+
+    fn of_update(update: &UpdateReport) -> Self {
+        let (verdict, rejected) = match update.verdict {
+            Outcomes::Accepted => (Verdict::Accepted, 0),
+            Outcomes::AcceptedInPart { rejected_rows } => (Verdict::AcceptedInPart, rejected_rows),
+            Outcomes::Rejected => (Verdict::Rejected, u8::MAX),
+            Outcomes::NoInformation => (Verdict::NoInformation, 0),
+            Outcomes::Withheld => (Verdict::Withheld, 0),
+        };
+        let rows = update.rows;
+        let mut report = Self {
+            beyond_linear_range: u8::from(update.is_beyond_linear_range),
+            rows: rows as u32,
+            degrees: update.degrees as u32,
+            nis: update.nis,
+            threshold: update.threshold,
+            inflation: update.inflation.unwrap_or(1.0),
+            has_beam_weight: u8::from(update.beam_weight.is_some()),
+            beam_weight: update.beam_weight.unwrap_or([0.0; BEAMS]),
+            ..Self::empty(update.sensor.name(), update.time_ns, verdict)
+        };
+        for i in 0..rows {
+            report.residual[i] = update.residual[i];
+            report.rejected_rows[i] = rejected >> i & 1;
+            for j in 0..rows {
+                report.covariance[i][j] = update.covariance[(i, j)];
+            }
+        }
+        match update.choice {
+            None => {}
+            Some(Choice::Components(sources)) => {
+                report.component_source = sources.map(|source| source.map_or(0, source_code));
+            }
+            Some(Choice::Method {
+                method,
+                reason,
+                statistic,
+                threshold,
+            }) => {
+                let reason = match reason {
+                    SelectionReason::NoGain => "no_gain",
+                    SelectionReason::SmallestVariance => "smallest_variance",
+                    SelectionReason::BeamsContradict => "beams_contradict",
+                };
+                report.selected_method = c_name(SELECTOR_METHODS[method].0);
+                report.selection_reason = c_name(reason);
+                report.selection_statistic = statistic;
+                report.selection_threshold = threshold;
+            }
+        }
+        report
+    }
+
+    fn of(notice: &Notice) -> Self {
+        let mut report = match &notice.finding {
+            Finding::Update(update) => Self::of_update(update),
+            Finding::Rejected { time_ns, fault } => {
+                let mut report = Self::empty("imu", *time_ns, Verdict::Rejected);
+                let text = CString::new(fault.to_string()).unwrap_or_default();
+                let bytes = text.as_bytes().iter().take(REASON - 1);
+                for (letter, byte) in report.reason.iter_mut().zip(bytes) {
+                    *letter = *byte as c_char;
+                }
+                report
+            }
+        };
+        report.revised = u8::from(notice.standing != Standing::New);
+        if notice.standing == Standing::Withdrawn {
+            report.verdict = Verdict::Withdrawn;
+        }
+        report
+    }
+}
+
+/// Number of reports of the last push: of the measurements that it processed, and of those before whose reports it changed. 0 for
+/// an error.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_report_count(navigator: *const Navigator) -> usize {
+    // SAFETY: as the header asks.
+    value(0, || Ok(unsafe { at("navigator", navigator) }?.locked()?.notices.len()))
+}
+
+/// A report of the last push by its number from 0; the order is that in which they were processed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_report_get(navigator: *const Navigator, number: usize, report: *mut Report) -> Status {
+    status(|| {
+        // SAFETY: as the header asks.
+        let held = unsafe { at("navigator", navigator) }?.locked()?;
+        let notice = held.notices.get(number).ok_or_else(|| {
+            let count = held.notices.len();
+            Failure::new(
+                Status::NotAvailable,
+                format!("report {number} of {count}: they are counted from 0"),
+            )
+        })?;
+        // SAFETY: as the header asks.
+        unsafe { put("report", report, Report::of(notice)) }
+    })
+}

@@ -1,0 +1,216 @@
+//! Velocity of one ping.
+
+use std::ffi::c_char;
+
+use bottomlock::dvl::fix::{FixOutcome, PingContext, VelocityFix, VelocityPrior, solve};
+use bottomlock::dvl::partial::{Component, PartialMethod, Reason};
+use bottomlock::frames::Vec3;
+use nalgebra::{Matrix3, Vector3};
+
+use crate::calls::{Failure, Outcome, Status, status};
+use crate::geometry::Geometry;
+use crate::names::hint;
+use crate::options::Options;
+use crate::pointers::{BeamPointers, at, given, put, text};
+
+/// How much of a velocity a ping determines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(C)]
+pub enum Fix {
+    /// Surge, sway and heave are solved.
+    Complete = 0,
+    /// Some of them are; the others are NaN.
+    Partial = 1,
+    /// None of them is, though there are beams.
+    Unobservable = 2,
+    /// No beam is valid.
+    NoBeams = 3,
+    /// The method needs a prior.
+    PriorRequired = 4,
+}
+
+/// A velocity from one ping.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub struct Velocity {
+    /// How much is solved.
+    pub fix: Fix,
+    /// Surge, sway and heave over ground, platform frame, m/s; NaN for a component that is not solved.
+    pub velocity_p_mps: [f64; 3],
+    /// Covariance, (m/s)^2; NaN likewise.
+    pub cov_m2ps2: [[f64; 3]; 3],
+    /// Why a component is not solved: 0 solved, 1 no beams, 2 outside what the beams measure, 3 the assumption does not help, 4 a
+    /// prior is required, 5 known from the prior alone.
+    pub component: [u8; 3],
+    /// Method a component comes from: 1 least_squares, 2 virtual_beam, 3 nullified_sway, 4 partial_loose, 5 virtual_heave,
+    /// 6 information, 7 weak_sway; 0 for none.
+    pub source: [u8; 3],
+    /// Number of independent directions.
+    pub rank: u8,
+    /// The velocity along what is observed, m/s; zero across it.
+    pub observed_velocity_p_mps: [f64; 3],
+    /// Its information matrix, (s/m)^2.
+    pub information_s2pm2: [[f64; 3]; 3],
+}
+
+const METHODS: [(&str, PartialMethod); 8] = [
+    ("least_squares", PartialMethod::LeastSquares),
+    ("virtual_beam", PartialMethod::VirtualBeam),
+    ("nullified_sway", PartialMethod::NullifiedSway),
+    ("partial_loose", PartialMethod::PartialLoose),
+    ("virtual_heave", PartialMethod::VirtualHeave),
+    ("selector", PartialMethod::Selector),
+    ("information", PartialMethod::Information),
+    ("weak_sway", PartialMethod::WeakSway),
+];
+
+fn method_of(name: &str) -> Outcome<PartialMethod> {
+    let found = METHODS.iter().find(|(known, _)| *known == name);
+    found.map(|(_, method)| *method).ok_or_else(|| {
+        let known = METHODS.map(|(known, _)| known);
+        let all = known.join(", ");
+        let message = format!(
+            "unknown method '{name}', expected one of {all} ({})",
+            hint(name, &known)
+        );
+        Failure::new(Status::UnknownName, message)
+    })
+}
+
+/// Code of the method that a component comes from.
+pub(crate) fn source_code(method: PartialMethod) -> u8 {
+    match method {
+        PartialMethod::LeastSquares => 1,
+        PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact => 2,
+        PartialMethod::NullifiedSway => 3,
+        PartialMethod::PartialLoose => 4,
+        PartialMethod::VirtualHeave => 5,
+        PartialMethod::Selector => 0,
+        PartialMethod::Information => 6,
+        PartialMethod::WeakSway => 7,
+    }
+}
+
+fn reason_code(component: Component) -> u8 {
+    match component {
+        Component::Solved => 0,
+        Component::Unobservable(Reason::NoBeams) => 1,
+        Component::Unobservable(Reason::OutsideRowSpace) => 2,
+        Component::Unobservable(Reason::ConstraintSingular) => 3,
+        Component::Unobservable(Reason::PriorRequired) => 4,
+        Component::Unobservable(Reason::PriorOnly) => 5,
+    }
+}
+
+impl Velocity {
+    fn none(fix: Fix, reason: Reason) -> Self {
+        Self {
+            fix,
+            velocity_p_mps: [f64::NAN; 3],
+            cov_m2ps2: [[f64::NAN; 3]; 3],
+            component: [reason_code(Component::Unobservable(reason)); 3],
+            source: [0; 3],
+            rank: 0,
+            observed_velocity_p_mps: [0.0; 3],
+            information_s2pm2: [[0.0; 3]; 3],
+        }
+    }
+
+    fn of_fix(fix: Fix, solved: &VelocityFix) -> Self {
+        let estimator = &solved.estimator;
+        let (axes, variances) = estimator.solution.principal_axes();
+        let weights = variances.map(|variance| if variance > 0.0 { variance.recip() } else { 0.0 });
+        let information: Matrix3<f64> = axes * Matrix3::from_diagonal(&weights) * axes.transpose();
+        let mut made = Self {
+            fix,
+            component: estimator.components.map(reason_code),
+            rank: estimator.solution.rank as u8,
+            observed_velocity_p_mps: solved.velocity_p_mps.to_array(),
+            information_s2pm2: information.into(),
+            ..Self::none(fix, Reason::NoBeams)
+        };
+        for k in (0..3).filter(|&k| estimator.is_solved(k)) {
+            made.velocity_p_mps[k] = solved.velocity_p_mps.0[k];
+            made.source[k] = source_code(estimator.sources[k]);
+            for l in (0..3).filter(|&l| estimator.is_solved(l)) {
+                made.cov_m2ps2[k][l] = estimator.covariance[(k, l)];
+            }
+        }
+        made
+    }
+
+    fn of(outcome: &FixOutcome) -> Self {
+        match outcome {
+            FixOutcome::Fix(fix) => Self::of_fix(Fix::Complete, fix),
+            FixOutcome::Unobservable(fix) => {
+                let any = (0..3).any(|k| fix.estimator.is_solved(k));
+                Self::of_fix(if any { Fix::Partial } else { Fix::Unobservable }, fix)
+            }
+            FixOutcome::TooFewBeams => Self::none(Fix::NoBeams, Reason::NoBeams),
+            FixOutcome::PriorRequired => Self::none(Fix::PriorRequired, Reason::PriorRequired),
+        }
+    }
+}
+
+/// Velocity of one ping with its covariance, without a navigator.
+///
+/// `method`: least_squares, virtual_beam, nullified_sway, partial_loose, virtual_heave, selector, information or weak_sway. Beams as
+/// in `bl_push_beams`. `prior_velocity_p_mps` (3 numbers) and `prior_cov_m2ps2` (3 by 3) are those of an inertial navigator for the
+/// methods that use one, both NULL otherwise. `omega_tp_p_radps` (3 numbers) is the angular rate for the lever arms, NULL for none.
+/// `options` has the parameters of the methods, NULL for the default ones. Beams too few for a velocity are no error: `fix` says it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_solve_velocity(
+    geometry: *const Geometry,
+    method: *const c_char,
+    beams: usize,
+    velocity_mps: *const f64,
+    valid: *const u8,
+    sd_mps: *const f64,
+    prior_velocity_p_mps: *const f64,
+    prior_cov_m2ps2: *const f64,
+    omega_tp_p_radps: *const f64,
+    options: *const Options,
+    velocity: *mut Velocity,
+) -> Status {
+    let pointers = BeamPointers {
+        velocity_mps,
+        valid,
+        sd_mps,
+        count: beams,
+    };
+    status(|| {
+        // SAFETY: as the header asks.
+        let (geometry, method, prior_velocity, prior_cov, rate, options) = unsafe {
+            (
+                &at("geometry", geometry)?.inner,
+                method_of(text("method", method)?)?,
+                given::<3>(prior_velocity_p_mps),
+                given::<9>(prior_cov_m2ps2),
+                given::<3>(omega_tp_p_radps),
+                options.as_ref().map(Options::made).unwrap_or_default(),
+            )
+        };
+        // SAFETY: as the header asks.
+        let ping = unsafe { pointers.ping(0, geometry.beams()) }?;
+        let prior = match (prior_velocity, prior_cov) {
+            (Some(velocity), Some(cov)) => Some(VelocityPrior {
+                velocity_p_mps: Vec3::from_array(velocity),
+                cov_m2ps2: Matrix3::from_row_slice(&cov),
+            }),
+            (None, None) => None,
+            _ => {
+                return Err(Failure::invalid(
+                    "prior_velocity_p_mps and prior_cov_m2ps2 go together: give both or neither",
+                ));
+            }
+        };
+        let context = PingContext {
+            omega_tp_p_radps: rate.map_or(Vector3::zeros(), Vector3::from),
+            prior,
+        };
+        let outcome = solve(method, geometry, &ping, &context, &options.assumptions)
+            .map_err(|error| Failure::timeless(&error))?;
+        // SAFETY: as the header asks.
+        unsafe { put("velocity", velocity, Velocity::of(&outcome)) }
+    })
+}

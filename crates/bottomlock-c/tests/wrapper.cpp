@@ -1,0 +1,119 @@
+// Every call of bottomlock.hpp once: prints "as expected", or the line that was not.
+#include <bottomlock.hpp>
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#ifdef __cpp_lib_span
+#include <span>
+#endif
+
+namespace bl = bottomlock;
+
+#define EXPECT(condition)                                                                                                        \
+    do {                                                                                                                         \
+        if (!(condition)) return std::printf("line %d: %s\n", __LINE__, #condition), 1;                                          \
+    } while (0)
+
+template <class F> static bl_status thrown(F call) {
+    try {
+        call();
+    } catch (const bl::Error &error) {
+        return std::strlen(error.what()) > 0 ? error.status() : BL_STATUS_INTERNAL;
+    }
+    return BL_STATUS_OK;
+}
+
+int main() {
+    EXPECT(!bl::version().empty());
+    const bl::Vec3 angles = bl::euler_from_attitude(bl::attitude_from_euler(0.1, -0.2, 0.3));
+    EXPECT(std::abs(angles[0] - 0.1) < 1e-12 && std::abs(angles[1] + 0.2) < 1e-12 && std::abs(angles[2] - 0.3) < 1e-12);
+
+    const auto presets = bl::Geometry::presets();
+    EXPECT(presets.size() == 7);
+    EXPECT(thrown([] { bl::Geometry::preset("none"); }) == BL_STATUS_UNKNOWN_NAME);
+    auto geometry = bl::Geometry::janus("x", 0.4);
+    const double tilts[] = {0.4, 0.4, 0.4, 0.4}, azimuths[] = {0.7853981633974483, 2.356194490192345, -2.356194490192345, -0.7853981633974483};
+    const auto by_angles = bl::Geometry::from_angles(tilts, azimuths);
+    EXPECT(std::abs(by_angles.direction(3)[0] - geometry.direction(3)[0]) < 1e-12);
+    EXPECT(bl::Geometry::from_directions(bl::Vec3{0.0, 0.0, 1.0}).beams() == 1);
+    EXPECT(thrown([] { bl::Geometry::from_directions(std::vector<double>{1.0, 0.0}); }) == BL_STATUS_INVALID_VALUE);
+    bl::Geometry mounted = geometry;
+    mounted.mount(bl::Vec3{0.0, 0.0, 0.5}).set_lever_arms(std::vector<double>(12, 0.1)).set_sound_speed_scale(1.01);
+    EXPECT(mounted.direction(0) != geometry.direction(0));
+    EXPECT(thrown([&] { mounted.direction(9); }) == BL_STATUS_INVALID_VALUE);
+    mounted = bl::Geometry::preset(presets[0]);
+    EXPECT(mounted.beams() == 4);
+
+    auto model = bl::Model::preset("mti", 0.7);
+    EXPECT(bl::Model::presets().size() == 7 && bl::Model::keys().size() > 30 && bl::Options::keys().size() > 40);
+    EXPECT(bl::Navigator::methods().size() == 13);
+    model.set("initial.velocity_sd_mps", bl::Vec3{0.2, 0.3, 0.4}).set("environment.earth", "tangent_plane").set("depth.sd_m", 0.5);
+    EXPECT(model.numbers("initial.velocity_sd_mps") == (std::vector<double>{0.2, 0.3, 0.4}));
+    EXPECT(model.numbers("depth.sd_m") == std::vector<double>{0.5} && model.text("environment.earth") == "tangent_plane");
+    const bl::Model kept = model;
+    model.set("depth.sd_m", 0.7);
+    EXPECT(kept.numbers("depth.sd_m")[0] == 0.5);
+    EXPECT(thrown([&] { model.set("depth.sdm", 0.5); }) == BL_STATUS_UNKNOWN_NAME);
+    bl::Options options;
+    options.set("water_track", 1.0).set("gate", "off").set("calibration.mounting_sd_rad", bl::Vec3{0.01, 0.01, 0.01});
+    options.set("current_layers.sd_mps", 0.1);
+    EXPECT(options.text("gate") == "off" && options.numbers("water_track")[0] == 1.0);
+
+    bl::Navigator plain(geometry, model, bl::at_rest(0));
+    bl::Navigator navigator(geometry, model, options, bl::at_rest(0), "tc", 1'000'000'000);
+    EXPECT(!plain.water() && !plain.calibration() && plain.layers().empty());
+    const std::vector<double> still(4, 0.0), sd(4, 0.02);
+    const std::array<std::uint8_t, 4> valid{1, 1, 1, 1};
+    const bl::Vec3 zero{}, level{0.0, 0.0, -9.8}, two{2.0, 2.0, 2.0};
+    for (std::int64_t step = 1; step <= 500; ++step) {
+        const std::int64_t time_ns = step * 10'000'000;
+        navigator.push_imu(time_ns, zero, level);
+        if (step % 100 != 0) continue;
+        EXPECT(navigator.push_beams(time_ns, still, valid, sd) > 0);
+        EXPECT(navigator.report(0).rows == 4 && navigator.reports().size() == navigator.report_count());
+        navigator.push_water_track(time_ns, still, valid, sd, 5.0);
+        navigator.push_depth(time_ns, 0.0, 0.1);
+        navigator.push_heading(time_ns, 0.0, 0.1);
+        navigator.push_attitude(time_ns, bl::Quaternion{1.0, 0.0, 0.0, 0.0}, 0.02, 0.1);
+        navigator.push_gps(time_ns, zero, two, zero, two);
+        navigator.push_velocity(time_ns, zero, std::vector<double>{0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1});
+        navigator.push_position(time_ns - 1, zero, two);
+        navigator.push_acoustic_position(time_ns, zero, two);
+    }
+    EXPECT(thrown([&] { navigator.push_imu(1, zero, level); }) == BL_STATUS_TOO_LATE);
+    EXPECT(thrown([&] { navigator.push_imu(1, zero, still); }) == BL_STATUS_INVALID_VALUE);
+    EXPECT(thrown([&] { navigator.push_depth(INT64_C(1) << 60, 0.0, 0.1); }) == BL_STATUS_TOO_FAR_AHEAD);
+    EXPECT(navigator.late_events().front() == std::make_pair(std::string("imu"), std::uint64_t{1}));
+    EXPECT(navigator.imu_faults().size() == 4);
+    EXPECT(navigator.water() && navigator.calibration() && !navigator.layers().empty());
+    EXPECT(navigator.push_depth(5'100'000'000, 0.0, 0.1) == 0 && navigator.discard_waiting() == 1);
+
+    const std::vector<std::uint8_t> saved = navigator.save();
+    bl::Navigator loaded = bl::Navigator::load(saved), copied = navigator, moved = std::move(copied);
+    EXPECT(loaded.save() == saved && moved.save() == saved);
+    EXPECT(thrown([&] { bl::Navigator::load(bl::View<std::uint8_t>(saved.data(), 60)); }) == BL_STATUS_NOT_RESTORED);
+    const std::vector<std::int64_t> times{5'010'000'000, 5'020'000'000, 5'020'000'000};
+    std::size_t taken = 0;
+    const std::vector<double> rates(9, 0.0), forces{0.0, 0.0, -9.8, 0.0, 0.0, -9.8, 0.0, 0.0, -9.8};
+    EXPECT(thrown([&] { loaded.push_imu_block(times, rates, forces, &taken); }) == BL_STATUS_TIME_NOT_INCREASING && taken == 2);
+    EXPECT(loaded.state().time_ns == 5'020'000'000 && navigator.state().time_ns == 5'000'000'000);
+    auto covariance = navigator.covariance();
+    covariance[0] = 100.0;
+    navigator.set_covariance(covariance);
+    EXPECT(navigator.covariance()[0] == 100.0);
+    EXPECT(thrown([&] { navigator.set_covariance(zero); }) == BL_STATUS_INVALID_VALUE);
+#ifdef __cpp_lib_span
+    loaded.push_imu(5'030'000'000, std::span<const double, 3>(zero), std::span<const double>(level));
+#endif
+
+    const double one[] = {0.3, 0.3, -0.3, -0.3};
+    const bl::Velocity velocity = bl::solve_velocity(geometry, "least_squares", one, valid, sd);
+    EXPECT(velocity.fix == BL_FIX_COMPLETE && velocity.rank == 3);
+    const std::uint8_t two_beams[] = {1, 1, 0, 0};
+    const double prior[] = {0.5, 0.0, 0.0}, prior_cov[] = {0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1};
+    EXPECT(bl::solve_velocity(geometry, "virtual_beam", one, two_beams, sd, prior, prior_cov, zero, &options).fix == BL_FIX_COMPLETE);
+    EXPECT(bl::solve_velocity(geometry, "virtual_beam", one, two_beams, sd).fix == BL_FIX_PRIOR_REQUIRED);
+    std::puts("as expected");
+    return 0;
+}

@@ -1,0 +1,240 @@
+"""A navigator of the C library with the calls of the package's, for tests that compare both."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bottomlock.kernel.models import InitialState, Model, Options
+from tests.c.header import Header
+
+
+class CError(Exception):
+    """A call that failed, with its status."""
+
+    def __init__(self, status: int, message: str) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+def flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Settings by dotted keys."""
+    found: dict[str, Any] = {}
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            found |= flat(value, f"{prefix}{key}.")
+        else:
+            found[prefix + key] = value
+    return found
+
+
+class CLibrary:
+    """The library and its header, with failures raised as CError."""
+
+    def __init__(self, prefix: Path) -> None:
+        self.header = Header(prefix / "include" / "bottomlock.h")
+        self.raw = self.header.load(prefix / "lib" / "libbottomlock.so")
+
+    def __call__(self, name: str, *arguments: Any) -> Any:  # noqa: ANN401 - what the call returns
+        """A call; texts, arrays and None are passed as C takes them."""
+        result = getattr(self.raw, f"bl_{name}")(*[_passed(one) for one in arguments])
+        kind, _ = self.header.functions[f"bl_{name}"]
+        if kind is ctypes.c_int and name != "last_status" and result:
+            raise CError(result, self.raw.bl_last_error().decode())
+        if kind is ctypes.c_void_p and result is None:
+            raise CError(self.raw.bl_last_status(), self.raw.bl_last_error().decode())
+        return result
+
+    def names(self, function: str) -> list[str]:
+        """Every name of a list."""
+        found: list[str] = []
+        while (name := self(function, len(found))) is not None:
+            found.append(name.decode())
+        return found
+
+    def structure(self, name: str) -> ctypes.Structure:
+        """An empty structure."""
+        return self.header.structures[f"bl_{name}"]()
+
+    def set_all(self, kind: str, object_: int, settings: Mapping[str, Any]) -> None:
+        """Sets every key of "model" or "options" that C has."""
+        for key in self.names(f"{kind}_key"):
+            value = settings[key]
+            if isinstance(value, str):
+                self(f"{kind}_set_text", object_, key, value)
+            elif isinstance(value, tuple):
+                self(f"{kind}_set_vector", object_, key, value, len(value))
+            else:
+                self(f"{kind}_set", object_, key, 1.0 if value is None else float(value))
+
+
+def _passed(value: Any) -> Any:  # noqa: ANN401 - what ctypes takes
+    if isinstance(value, str):
+        return value.encode()
+    if isinstance(value, ctypes.Structure):
+        return ctypes.addressof(value)
+    if isinstance(value, tuple | list):
+        value = np.array(value, dtype=np.float64)
+    if isinstance(value, np.ndarray):
+        assert value.flags.c_contiguous
+        return _Kept(value)
+    return value
+
+
+class _Kept:
+    """An array that lives as long as the call that is passed its address."""
+
+    def __init__(self, values: NDArray[Any]) -> None:
+        self._values = values
+        self._as_parameter_ = values.ctypes.data
+
+
+def _zero_or_time(c: CLibrary, model: int, key: str) -> Any:  # noqa: ANN401 - a number or a vector
+    count, numbers = ctypes.c_size_t(), np.zeros(4)
+    c("model_get", model, key, numbers, len(numbers), ctypes.addressof(count))
+    if key.endswith("time_s"):
+        return float(numbers[0])
+    return 0.0 if count.value == 1 else (0.0,) * count.value
+
+
+class CNavigator:
+    """A navigator of the C library."""
+
+    def __init__(
+        self,
+        c: CLibrary,
+        directions: NDArray[np.float64],
+        model: Model,
+        options: Options,
+        start: InitialState,
+        method: str,
+    ) -> None:
+        self.c = c
+        geometry = c("geometry_from_directions", len(directions), np.ascontiguousarray(directions))
+        of_model, of_options = c("model_preset", "table_2", 0.5), c("options_default")
+        sections = {key: value for key, value in flat(model.as_dict()).items() if value is not None}
+        for key in c.names("model_key"):
+            # Of a sensor that the model does not have all is zero but its times.
+            if key not in sections:
+                sections[key] = _zero_or_time(c, of_model, key)
+        c.set_all("model", of_model, sections)
+        c.set_all("options", of_options, flat(options.as_dict()))
+        state = c.structure("state")
+        for name, value in start.as_dict().items():
+            if isinstance(value, tuple):
+                getattr(state, name)[:] = value
+            else:
+                setattr(state, name, value)
+        self.pointer = c("navigator_new", geometry, of_model, of_options, method, state, -1)
+        c("geometry_free", geometry)
+        c("model_free", of_model)
+        c("options_free", of_options)
+
+    def push(self, name: str, *arguments: Any) -> list[Any]:  # noqa: ANN401 - as the call takes them
+        """Pushes; the reports."""
+        self.c(f"push_{name}", self.pointer, *arguments)
+        return self.reports()
+
+    def push_imu(self, time_ns: int, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike) -> list[Any]:
+        """As the package's."""
+        return self.push("imu", time_ns, floats(omega_p_radps), floats(force_p_mps2))
+
+    def push_beams(
+        self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
+    ) -> list[Any]:
+        """As the package's."""
+        velocity, flags = floats(velocity_mps), np.ascontiguousarray(valid, dtype=np.uint8)
+        return self.push("beams", time_ns, len(velocity), velocity, flags, floats(sd_mps))
+
+    def push_water_track(
+        self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike, range_m: float
+    ) -> list[Any]:
+        """As the package's."""
+        velocity, flags = floats(velocity_mps), np.ascontiguousarray(valid, dtype=np.uint8)
+        return self.push("water_track", time_ns, len(velocity), velocity, flags, floats(sd_mps), range_m)
+
+    def push_velocity(self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike) -> list[Any]:
+        """As the package's."""
+        return self.push("velocity", time_ns, floats(velocity_p_mps), floats(cov_m2ps2))
+
+    def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[Any]:
+        """As the package's."""
+        return self.push("depth", time_ns, depth_m, sd_m)
+
+    def push_attitude(
+        self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
+    ) -> list[Any]:
+        """As the package's."""
+        return self.push("attitude", time_ns, floats(attitude_t_p), roll_pitch_sd_rad, yaw_sd_rad)
+
+    def push_heading(self, time_ns: int, yaw_rad: float, *, sd_rad: float) -> list[Any]:
+        """As the package's."""
+        return self.push("heading", time_ns, yaw_rad, sd_rad)
+
+    def push_gps(
+        self,
+        time_ns: int,
+        position_t_m: ArrayLike,
+        velocity_t_mps: ArrayLike,
+        *,
+        position_sd_m: ArrayLike,
+        velocity_sd_mps: ArrayLike,
+    ) -> list[Any]:
+        """As the package's."""
+        places = floats(position_t_m), floats(position_sd_m)
+        return self.push("gps", time_ns, *places, floats(velocity_t_mps), floats(velocity_sd_mps))
+
+    def push_position(self, time_ns: int, position_t_m: ArrayLike, *, position_sd_m: ArrayLike) -> list[Any]:
+        """As the package's."""
+        return self.push("gps", time_ns, floats(position_t_m), floats(position_sd_m), None, None)
+
+    def push_acoustic_position(
+        self, *, time_ns: int, position_t_m: ArrayLike, sd_m: ArrayLike | None = None
+    ) -> list[Any]:
+        """As the package's."""
+        given = None if sd_m is None else floats(sd_m)
+        return self.push("acoustic_position", time_ns, floats(position_t_m), given)
+
+    def reports(self) -> list[Any]:
+        """Reports of the last push."""
+        found = []
+        for number in range(self.c("report_count", self.pointer)):
+            report = self.c.structure("report")
+            self.c("report_get", self.pointer, number, report)
+            found.append(report)
+        return found
+
+    def save(self) -> bytes:
+        """The whole navigator."""
+        size = ctypes.c_size_t()
+        status = self.c.raw.bl_navigator_save(self.pointer, None, 0, ctypes.addressof(size))
+        assert status == self.c.header.constants["BL_STATUS_BUFFER_TOO_SMALL"]
+        saved = np.zeros(size.value, dtype=np.uint8)
+        self.c("navigator_save", self.pointer, saved, len(saved), ctypes.addressof(size))
+        return saved.tobytes()
+
+    def state(self) -> dict[str, Any]:
+        """The estimate."""
+        state = self.c.structure("state")
+        self.c("navigator_state", self.pointer, state)
+        return {name: getattr(state, name) for name, *_ in state._fields_}
+
+    def covariance(self) -> NDArray[np.float64]:
+        """(20, 20)."""
+        covariance = np.zeros((20, 20))
+        self.c("navigator_covariance", self.pointer, covariance)
+        return covariance
+
+    def free(self) -> None:
+        """Once."""
+        self.c("navigator_free", self.pointer)
+
+
+def floats(values: ArrayLike) -> NDArray[np.float64]:
+    """Numbers as C takes them."""
+    return np.ascontiguousarray(values, dtype=np.float64)

@@ -1,0 +1,272 @@
+"""An installed prefix as its users find it, from an empty folder: pkg-config, CMake, C, C++, ctypes; sanitizers."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.attack import c_calls
+from tests.c.navigator import CError, CLibrary
+from tools.install_c import soname, version
+
+VELOCITY = "velocity 2.002 -0.003 0.000 m/s"
+WARNINGS = ("-Wall", "-Wextra", "-pedantic", "-Werror")
+CALLS = 30_000
+"""Random calls of a seed; `python -m tests.attack c_calls` makes a million."""
+
+
+def needed(*names: str) -> None:
+    """Skips the test where a program is missing."""
+    for name in names:
+        if shutil.which(name) is None:
+            pytest.skip(f"{name} is not here")
+
+
+def run(*words: str | Path, cwd: Path, **variables: str) -> str:
+    """What a command prints; an error shows all of it."""
+    environment = {key: value for key, value in os.environ.items() if key != "LD_LIBRARY_PATH"} | variables
+    done = subprocess.run(
+        [str(word) for word in words], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{words}: {done.stdout}{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture
+def folder(tmp_path: Path, root: Path) -> Path:
+    """An empty folder with the examples alone."""
+    for example in (root / "crates" / "bottomlock-c" / "examples").iterdir():
+        shutil.copy(example, tmp_path)
+    return tmp_path
+
+
+def flags(prefix: Path, folder: Path, *which: str) -> list[str]:
+    """What pkg-config says."""
+    path = str(prefix / "lib" / "pkgconfig")
+    return run("pkg-config", *which, "bottomlock", cwd=folder, PKG_CONFIG_PATH=path).split()
+
+
+@pytest.mark.parametrize("standard", ["c99", "c11"])
+def test_c_by_pkg_config(prefix: Path, folder: Path, standard: str) -> None:
+    """The example is thirty lines at most, and is compiled without a warning."""
+    needed("cc", "pkg-config")
+    example = (folder / "first_fix.c").read_text(encoding="utf-8")
+    assert len(example.splitlines()) <= 30
+    how = flags(prefix, folder, "--cflags", "--libs")
+    run("cc", f"-std={standard}", *WARNINGS, "first_fix.c", *how, "-o", "first_fix", cwd=folder)
+    assert run("./first_fix", cwd=folder, LD_LIBRARY_PATH=str(prefix / "lib")).strip() == VELOCITY
+
+
+@pytest.mark.parametrize("standard", ["c++17", "c++20"])
+def test_cpp_by_pkg_config(prefix: Path, folder: Path, standard: str) -> None:
+    needed("c++", "pkg-config")
+    how = flags(prefix, folder, "--cflags", "--libs")
+    run(
+        "c++",
+        f"-std={standard}",
+        *WARNINGS,
+        "-Wconversion",
+        "-Wshadow",
+        "first_fix.cpp",
+        *how,
+        "-o",
+        "first",
+        cwd=folder,
+    )
+    printed = run("./first", cwd=folder, LD_LIBRARY_PATH=str(prefix / "lib")).splitlines()
+    assert printed[0] == f"{VELOCITY}, surge to 0.043 m/s; 10 reports accepted"
+    assert printed[1] == "one ping: surge 2.001 m/s to 0.058 m/s"
+
+
+def test_the_wrapper(prefix: Path, folder: Path, root: Path) -> None:
+    """Every call of bottomlock.hpp: copies, moves, views, exceptions, saved bytes."""
+    needed("c++", "pkg-config")
+    source = root / "crates" / "bottomlock-c" / "tests" / "wrapper.cpp"
+    how = flags(prefix, folder, "--cflags", "--libs")
+    for standard in ("c++17", "c++20"):
+        run("c++", f"-std={standard}", *WARNINGS, source, *how, "-o", "wrapper", cwd=folder)
+        assert run("./wrapper", cwd=folder, LD_LIBRARY_PATH=str(prefix / "lib")).strip() == "as expected"
+
+
+def test_by_cmake(prefix: Path, folder: Path) -> None:
+    """The shared and the static library, after the prefix has moved; another minor version is not taken."""
+    needed("cc", "c++", "cmake")
+    moved = folder / "moved"
+    shutil.copytree(prefix, moved, symlinks=True)
+    major, minor, _ = version().split(".")
+    text = f"""cmake_minimum_required(VERSION 3.16)
+project(first_fix LANGUAGES C CXX)
+find_package(bottomlock {major}.{minor} REQUIRED)
+add_executable(shared first_fix.c)
+target_link_libraries(shared PRIVATE bottomlock::bottomlock)
+add_executable(static first_fix.cpp)
+target_compile_features(static PRIVATE cxx_std_17)
+target_link_libraries(static PRIVATE bottomlock::static)
+find_package(bottomlock {major}.{int(minor) + 1} QUIET)
+if(bottomlock_FOUND)
+    message(FATAL_ERROR "a later version was found")
+endif()
+"""
+    (folder / "CMakeLists.txt").write_text(text, encoding="utf-8")
+    run("cmake", "-S", ".", "-B", "build", f"-DCMAKE_PREFIX_PATH={moved}", cwd=folder)
+    run("cmake", "--build", "build", cwd=folder)
+    assert run("./build/shared", cwd=folder).strip() == VELOCITY
+    assert run("./build/static", cwd=folder).startswith(VELOCITY)
+
+
+def test_by_ctypes(prefix: Path, folder: Path) -> None:
+    library = prefix / "lib" / "libbottomlock.so"
+    assert run(sys.executable, "-S", "first_fix.py", library, cwd=folder).strip() == VELOCITY
+
+
+@pytest.fixture(scope="session")
+def random_calls(prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The program of random calls, built with the sanitizers."""
+    needed("cc")
+    try:
+        return c_calls.build(prefix, tmp_path_factory.mktemp("attack"))
+    except c_calls.NoSanitizersError as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [11, 12])
+def test_random_calls(random_calls: Path, tmp_path: Path, seed: int) -> None:
+    """No crash, no finding of the sanitizers, no leak; a refused call changes nothing."""
+    printed = run(random_calls, str(seed), str(CALLS), cwd=tmp_path)
+    calls, refused = map(int, re.findall(r"\d+", printed))
+    assert calls >= CALLS
+    assert 0.1 * calls < refused < 0.6 * calls
+
+
+def test_valgrind(prefix: Path, folder: Path) -> None:
+    needed("cc", "valgrind")
+    run(
+        "cc",
+        "-g",
+        f"-I{prefix / 'include'}",
+        "first_fix.c",
+        f"-L{prefix / 'lib'}",
+        "-lbottomlock",
+        "-o",
+        "first",
+        cwd=folder,
+    )
+    check = ("valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9")
+    assert run(*check, "./first", cwd=folder, LD_LIBRARY_PATH=str(prefix / "lib")).strip() == VELOCITY
+
+
+def test_the_header_is_that_of_the_sources(root: Path, c: CLibrary) -> None:
+    """Every exported call is declared and every declared one exported; `make header` compares the text itself."""
+    crate = root / "crates" / "bottomlock-c"
+    written = "".join(path.read_text(encoding="utf-8") for path in sorted((crate / "src").glob("*.rs")))
+    exported = set(re.findall(r'extern "C" fn (bl_\w+)', written))
+    assert exported == set(c.header.functions)
+    assert len(exported) > 60
+    wrapper = (crate / "include" / "bottomlock.hpp").read_text(encoding="utf-8")
+    assert exported - set(re.findall(r"bl_\w+", wrapper)) == {
+        "bl_navigator_attitude_error",
+        "bl_navigator_heading_error",
+    }
+
+
+def test_nothing_of_the_simulation_is_linked(root: Path) -> None:
+    """A vehicle's build draws no random numbers and starts no threads."""
+    tree = run(
+        "cargo",
+        "tree",
+        "--locked",
+        "--offline",
+        "-p",
+        "bottomlock-c",
+        "-e",
+        "normal",
+        "--prefix",
+        "none",
+        cwd=root,
+    )
+    crates = {line.split()[0] for line in tree.splitlines() if line}
+    assert not crates & {"rand", "rand_distr", "chacha20", "rayon", "rayon-core"}
+
+
+def test_the_page_has_the_example(root: Path) -> None:
+    page = (root / "docs" / "howto" / "c_and_cpp.md").read_text(encoding="utf-8")
+    example = (root / "crates" / "bottomlock-c" / "examples" / "first_fix.c").read_text(encoding="utf-8")
+    assert f"```c\n{example}```" in page
+    assert VELOCITY in page
+
+
+def test_soname(prefix: Path) -> None:
+    assert (prefix / "lib" / soname(version())).resolve().name == f"libbottomlock.so.{version()}"
+
+
+def test_messages_name_the_argument(c: CLibrary) -> None:
+    """Code and words of the likely mistakes."""
+    status = c.header.constants
+    model, options = c("model_preset", "tactical", 0.5), c("options_default")
+    state = c("state_at_rest", 0)
+    geometry = c("geometry_preset", "x_janus_20")
+    faults: list[tuple[tuple[Any, ...], str, str]] = [
+        (
+            ("model_set", model, "dvl.beam_noise_sd", 0.1),
+            "UNKNOWN_NAME",
+            "did you mean 'dvl.beam_noise_sd_mps'?",
+        ),
+        (("model_set", model, "depth.sd_m", -1.0), "INVALID_VALUE", "depth.sd_m is -1, expected"),
+        (("model_set", model, "environment.latitude_rad", 42.0), "INVALID_VALUE", "latitude_rad is 42"),
+        (("model_set", None, "depth.sd_m", 1.0), "NULL_POINTER", "model is NULL"),
+        (("model_set", model, "gps.position_sd_m", 1.0), "INVALID_VALUE", "expected 3 numbers"),
+        (
+            ("model_set_text", model, "environment.earth", "flat"),
+            "INVALID_VALUE",
+            "expected 'ellipsoid' or 'tangent_plane'",
+        ),
+        (("options_set", options, "imu_stuck_after", 1.5), "INVALID_VALUE", "expected a whole number"),
+        (("options_set", options, "water_track", 2.0), "INVALID_VALUE", "expected 0 or 1"),
+        (("options_set_text", options, "gate", "of"), "INVALID_VALUE", "'joint', 'per_row' or 'off'"),
+        (("options_set", options, "robust.student_t_degrees", 0.5), "INVALID_VALUE", "student_t_degrees"),
+        (("model_preset", "tacical", 0.5), "UNKNOWN_NAME", "did you mean 'tactical'?"),
+        (("model_preset", "tactical", 42.0), "INVALID_VALUE", "latitude_rad is 42"),
+        (("geometry_janus", "x", 20.0), "INVALID_VALUE", "is it in degrees?"),
+        (("geometry_preset", "a50"), "UNKNOWN_NAME", "waterlinked_a50"),
+        (
+            ("navigator_new", geometry, model, None, "tight", state, -1),
+            "UNKNOWN_NAME",
+            "unknown method 'tight'",
+        ),
+        (("navigator_new", geometry, model, None, None, None, -1), "NULL_POINTER", "initial is NULL"),
+        (("navigator_new", geometry, model, None, None, state, 10**11), "INVALID_VALUE", "horizon_ns"),
+    ]
+    for call, code, words in faults:
+        with pytest.raises(CError, match=re.escape(words)) as caught:
+            c(*call)
+        assert caught.value.status == status[f"BL_STATUS_{code}"], call
+    c("options_set", options, "robust.closure_gate", 1.0)  # no gate
+    navigator = c("navigator_new", geometry, model, options, None, state, -1)
+    for name in ("navigator_water", "navigator_calibration"):
+        with pytest.raises(CError, match="is not estimated") as caught:
+            c(name, navigator, c.structure(name.removeprefix("navigator_")))
+        assert caught.value.status == status["BL_STATUS_NOT_AVAILABLE"]
+    three = (ctypes.c_double * 3)(0.0, 0.0, -9.8)
+    assert c.raw.bl_push_imu(navigator, 10**7, three, three) == 0
+    assert c.raw.bl_push_imu(navigator, 10**7, three, three) == status["BL_STATUS_TIME_NOT_INCREASING"]
+    assert c.raw.bl_push_imu(navigator, 10**10, three, three) == status["BL_STATUS_IMU_GAP"]
+    for step in range(2, 400):
+        assert c.raw.bl_push_imu(navigator, step * 10**7, three, three) == 0
+    assert c.raw.bl_push_depth(navigator, 10**7, 0.0, 1.0) == status["BL_STATUS_TOO_LATE"]
+    assert c.raw.bl_push_depth(navigator, 10**16, 0.0, 1.0) == status["BL_STATUS_TOO_FAR_AHEAD"]
+    for kind, one in (
+        ("navigator", navigator),
+        ("geometry", geometry),
+        ("model", model),
+        ("options", options),
+    ):
+        c(f"{kind}_free", one)

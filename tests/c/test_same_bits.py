@@ -1,0 +1,392 @@
+"""What Python pushes and what C pushes ends in the same bits: reports, estimate, covariance, all that is saved."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from bottomlock import imu_grade, kernel, solve_velocity
+from bottomlock.config.instrument_grades import grades
+from bottomlock.io.beams import read_geometry
+from bottomlock.io.packaged_geometries import packaged_geometries
+from bottomlock.kernel import Navigator, models
+from bottomlock.kernel.models import InitialState, Model, Options
+from bottomlock.replay import rerun
+from bottomlock.replay.case import load_case
+from bottomlock.replay.reading import read_streams
+from tests.c.navigator import CError, CLibrary, CNavigator, flat, floats
+from tests.property import settings
+from tests.replay.streaming import STREAMS, events, push
+
+VERDICTS = ("accepted", "accepted_in_part", "rejected", "no_information", "withheld", "withdrawn")
+JANUS_20 = read_geometry("x_janus_20").geometry
+
+
+def same_report(ours: Any, theirs: dict[str, Any]) -> None:  # noqa: ANN401 - a structure of the header
+    """A report of C is that of Python, to the last bit."""
+    rows = ours.rows
+    assert ours.sensor.decode() == theirs["sensor"]
+    assert (ours.time_ns, VERDICTS[ours.verdict]) == (theirs["time_ns"], theirs["verdict"])
+    assert bool(ours.revised) == theirs["revised"]
+    assert (ours.nis, ours.threshold, ours.degrees) == (theirs["nis"], theirs["threshold"], theirs["degrees"])
+    np.testing.assert_array_equal(ours.residual[:rows], theirs["residual"])
+    np.testing.assert_array_equal(np.array(ours.covariance)[:rows, :rows], theirs["covariance"])
+    np.testing.assert_array_equal(np.array(ours.rejected_rows[:rows], dtype=bool), theirs["rejected_rows"])
+    assert ours.inflation == (theirs["inflation"] or 1.0)
+    assert bool(ours.beyond_linear_range) == theirs["beyond_linear_range"]
+    assert ours.reason.decode() == (theirs["reason"] or "")
+    weight = theirs["beam_weight"]
+    assert bool(ours.has_beam_weight) == (weight is not None)
+    if weight is not None:
+        np.testing.assert_array_equal(ours.beam_weight[: len(weight)], weight)
+    choice = theirs["choice"] or {}
+    if "method" in choice:
+        assert ours.selected_method.decode() == choice["method"]
+        assert ours.selection_reason.decode() == choice["reason"]
+        assert (ours.selection_statistic, ours.selection_threshold) == (
+            choice["statistic"],
+            choice["threshold"],
+        )
+    elif choice:
+        assert list(ours.component_source) == [choice[axis] for axis in ("surge", "sway", "heave")]
+
+
+def same(ours: CNavigator, theirs: Navigator) -> None:
+    """Estimates and all that is saved are the same bits."""
+    expected = theirs.state()
+    for name, value in ours.state().items():
+        given = value if isinstance(value, int | float) else list(value)
+        np.testing.assert_array_equal(given, expected[name])  # type: ignore[literal-required]
+    assert ours.covariance().tobytes() == np.ascontiguousarray(theirs.covariance()).tobytes()
+    assert ours.save() == theirs.save()
+
+
+@pytest.mark.parametrize("method", ["tc", "sway_current", "consistent", "elc"])
+@pytest.mark.parametrize("late_s", [0.0, 0.5])
+def test_a_recorded_dive(c: CLibrary, root: Path, method: Any, late_s: float) -> None:  # noqa: ANN401 - a name
+    """The dive that ships, with every key of its model and options; also with its DVL half a second late."""
+    case = load_case(root / "data" / "logs" / "robosub" / "case.toml")
+    prepared = rerun.prepare(case, read_streams(case), 0)
+    log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
+    geometry, start = prepared.streams.instrument.geometry, rerun.kernel_start(prepared.alignment)
+    theirs = Navigator(geometry, prepared.model, prepared.options, start, method=method)
+    ours = CNavigator(c, geometry.directions_p, prepared.model, prepared.options, start, method)
+    arrivals = [
+        (t + (round(late_s * 1e9) if stream == 1 else 0), stream, t, row) for t, stream, row in events(log)
+    ]
+    reports = 0
+    for _, stream, time_ns, row in sorted(arrivals):
+        told = push(theirs, prepared.model, log, STREAMS[stream], time_ns, row)
+        also_told = push(ours, prepared.model, log, STREAMS[stream], time_ns, row)  # type: ignore[arg-type]
+        assert len(also_told) == len(told)
+        for one, other in zip(also_told, told, strict=True):
+            same_report(one, other)
+        reports += len(told)
+    assert reports > 100
+    same(ours, theirs)
+    ours.free()
+
+
+class Both:
+    """Pushes into both; the same reports, or the same error in the same words."""
+
+    def __init__(self, ours: CNavigator, theirs: Navigator) -> None:
+        self._ours, self._theirs = ours, theirs
+        self.errors = 0
+
+    def __call__(self, name: str, *arguments: Any, **keywords: Any) -> None:  # noqa: ANN401 - as the push takes them
+        """One push."""
+        told, words = self._of_python(name, *arguments, **keywords)
+        push_c = getattr(self._ours, f"push_{name}")
+        if words is not None:
+            self.errors += 1
+            with pytest.raises(CError) as caught:
+                push_c(*arguments, **keywords)
+            assert str(caught.value) == words
+            return
+        for one, other in zip(push_c(*arguments, **keywords), told, strict=True):
+            same_report(one, other)
+
+    def _of_python(self, name: str, *arguments: Any, **keywords: Any) -> tuple[Any, str | None]:  # noqa: ANN401
+        try:
+            return getattr(self._theirs, f"push_{name}")(*arguments, **keywords), None
+        except kernel.KernelError as error:
+            return None, str(error)
+
+
+def _push_all(both: Both, step: int, random: np.random.Generator) -> None:
+    """A reading of the IMU, and in turn of every other sensor; a dozen of fifty steps push what is late or bad."""
+    t = step * 10_000_000
+    late = t - 120_000_000
+    omega, force = random.normal(0, 1e-3, 3), random.normal(0, 1e-2, 3) - (0, 0, settings.GRAVITY)
+    reading: Any = {"omega_p_radps": omega, "force_p_mps2": force}
+    noisy = JANUS_20.directions_p @ (1.0, 0.1, 0.0) + random.normal(0, 0.02, 4)
+    valid, sd = random.random(4) < 0.7, np.full(4, 0.02)
+    depth, yaw = random.normal(0, 0.02), random.normal(0, 0.05)
+    both("imu", t, omega_p_radps=omega, force_p_mps2=force if step % 400 else force * 1e4)
+    pushes: dict[int, tuple[str, tuple[Any, ...], dict[str, Any]]] = {
+        1: ("beams", (late, noisy, valid), {"sd_mps": sd}),
+        5: ("water_track", (t, noisy - 0.1, valid), {"sd_mps": sd, "range_m": 5.0}),
+        9: ("depth", (t, depth), {"sd_m": 0.02}),
+        13: ("heading", (late, yaw), {"sd_rad": 0.1}),
+        17: ("attitude", (t, (1, 0, 0, 0)), {"roll_pitch_sd_rad": 0.02, "yaw_sd_rad": 0.1}),
+        21: ("gps", (t, (0, 0, 0), (1, 0, 0)), {"position_sd_m": (2, 2, 2), "velocity_sd_mps": (1, 1, 1)}),
+        25: ("position", (t + 1, (1, 0, 0)), {"position_sd_m": (2, 2, 2)}),
+        29: ("acoustic_position", (), {"time_ns": t, "position_t_m": (1, 1, 0), "sd_m": (3, 3, 3)}),
+        33: ("velocity", (t, (1, 0.1, 0)), {"cov_m2ps2": np.eye(3) * 0.01}),
+        36: ("beams", (t, noisy * np.nan, [True] * 4), {"sd_mps": sd}),
+        37: ("depth", (t - 5_000_000_000, 0.0), {"sd_m": 0.02}),
+        38: ("depth", (t, 0.0), {"sd_m": -1.0}),
+        39: ("imu", (t,), reading),
+        40: ("heading", (t + 10**13, 0.0), {"sd_rad": 0.1}),
+        41: ("attitude", (t, (1, 1, 0, 0)), {"roll_pitch_sd_rad": 0.02, "yaw_sd_rad": 0.1}),
+        42: ("acoustic_position", (), {"time_ns": t, "position_t_m": (1, 1, 0)}),
+    }
+    if step % 50 in pushes:
+        name, arguments, keywords = pushes[step % 50]
+        both(name, *arguments, **keywords)
+
+
+def test_every_sensor(c: CLibrary) -> None:
+    """Pushes of every kind, late and bad ones among them; the same errors in the same words."""
+    layers = models.CurrentLayers(sd_mps=0.1, time_s=3600.0, way_m=500.0)
+    calibration = models.Calibration(mounting_sd_rad=(0.01, 0.01, 0.02), clock_sd_s=0.02)
+    errors = settings.table_2()
+    errors["magnetometer"] |= {"yaw_offset_sd_rad": 0.05, "roll_pitch_walk_sd_rad": 0.01}
+    errors["heading"] |= {"offset_sd_rad": 0.05, "walk_sd_rad": 0.02, "walk_time_s": 100.0}
+    model = Model(**errors)
+    options = Options(water_track=True, current_layers=layers, calibration=calibration)
+    start = InitialState(
+        time_ns=0, position_t_m=(0, 0, 0), attitude_t_p=(1, 0, 0, 0), velocity_p_mps=(1.0, 0.1, 0.0)
+    )
+    theirs = Navigator(JANUS_20, model, options, start, method="sway_current")
+    ours = CNavigator(c, JANUS_20.directions_p, model, options, start, "sway_current")
+    random = np.random.default_rng(7)
+    both = Both(ours, theirs)
+    for step in range(1, 1500):
+        _push_all(both, step, random)
+    assert both.errors > 100
+    same(ours, theirs)
+    _same_estimates(c, ours, theirs)
+    ours.free()
+
+
+def _same_estimates(c: CLibrary, ours: CNavigator, theirs: Navigator) -> None:
+    """What is estimated beside the state, and the counts."""
+    count = ctypes.c_size_t()
+    water, expected = c.structure("water"), cast(Any, theirs.water())
+    c("navigator_water", ours.pointer, water)
+    for name, *_ in water._fields_:
+        np.testing.assert_array_equal(np.array(getattr(water, name)), expected[name], err_msg=name)
+    layers = (c.header.structures["bl_layer"] * 64)()
+    c("navigator_layers", ours.pointer, ctypes.addressof(layers), 64, ctypes.addressof(count))
+    assert count.value == len(expected["layers"]["depth_m"]) > 0
+    for name, *_ in layers[0]._fields_:
+        found = [np.array(getattr(layer, name)) for layer in layers[: count.value]]
+        np.testing.assert_array_equal(found, expected["layers"][name], err_msg=name)
+    calibration, expected = c.structure("calibration"), cast(Any, theirs.calibration())
+    c("navigator_calibration", ours.pointer, calibration)
+    for name, *_ in calibration._fields_:
+        np.testing.assert_array_equal(np.array(getattr(calibration, name)), expected[name], err_msg=name)
+    for name, size in (("attitude_error", 3), ("heading_error", 1)):
+        error, sd = np.zeros(size), np.zeros(size)
+        c(f"navigator_{name}", ours.pointer, error, sd)
+        expected = getattr(theirs, name)()
+        np.testing.assert_array_equal([error, sd], [expected["error_rad"], expected["sd_rad"]])
+        assert error.any()
+    for name, names in (("late_events", "stream_name"), ("imu_faults", "imu_fault_name")):
+        counts: dict[str, int] = getattr(theirs, name)()
+        numbers = np.zeros(32, dtype=np.uint64)
+        c(f"navigator_{name}", ours.pointer, numbers, 32, ctypes.addressof(count))
+        assert dict(zip(c.names(names), numbers[: count.value].tolist(), strict=True)) == counts
+        assert sum(counts.values()) > 0
+
+
+def test_either_loads_what_the_other_saved(c: CLibrary) -> None:
+    start = InitialState(
+        time_ns=0, position_t_m=(0, 0, 0), attitude_t_p=(1, 0, 0, 0), velocity_p_mps=(1.0, 0.1, 0.0)
+    )
+    model, options = Model(**settings.table_2()), Options()
+    theirs = Navigator(JANUS_20, model, options, start)
+    theirs.push_imu(10_000_000, omega_p_radps=(0, 0, 0), force_p_mps2=(0, 0, -9.8))
+    saved = np.frombuffer(theirs.save(), dtype=np.uint8)
+    ours = CNavigator.__new__(CNavigator)
+    ours.c, ours.pointer = c, c("navigator_load", saved, len(saved))
+    reading: Any = {"omega_p_radps": (0.01, 0, 0), "force_p_mps2": (0, 0.1, -9.8)}
+    ours.push_imu(20_000_000, **reading)
+    theirs.push_imu(20_000_000, **reading)
+    same(ours, theirs)
+    same(ours, Navigator.load(ours.save()))
+    with pytest.raises(CError, match="the digest differs") as caught:
+        c(
+            "navigator_load",
+            np.where(np.arange(len(saved)) == 60, 1 ^ saved, saved).astype(np.uint8),
+            len(saved),
+        )
+    assert caught.value.status == c.header.constants["BL_STATUS_NOT_RESTORED"]
+    ours.free()
+
+
+@pytest.mark.parametrize("name", packaged_geometries())
+def test_packaged_geometries(c: CLibrary, name: str) -> None:
+    """The same names and beams; the one of a log's own signs is for that log alone."""
+    if name == "linkquest_caves":
+        with pytest.raises(CError, match="unknown geometry"):
+            c("geometry_preset", name)
+        return
+    assert name in c.names("geometry_preset_name")
+    expected = read_geometry(name).geometry.directions_p
+    geometry = c("geometry_preset", name)
+    for beam, direction in enumerate(expected):
+        found = np.zeros(3)
+        c("geometry_direction", geometry, beam, found)
+        np.testing.assert_array_equal(found, direction)
+    assert c("geometry_beams", geometry) == len(expected)
+    c("geometry_free", geometry)
+
+
+def test_names_are_those_of_the_package(c: CLibrary) -> None:
+    assert sorted(c.names("geometry_preset_name")) == sorted(set(packaged_geometries()) - {"linkquest_caves"})
+    assert c.names("method_name") == list(kernel.METHODS)
+
+
+def _numbers(c: CLibrary, kind: str, settings_: int, key: str) -> list[float]:
+    count, numbers = ctypes.c_size_t(), np.zeros(3)
+    c(f"{kind}_get", settings_, key, numbers, 3, ctypes.addressof(count))
+    found: list[float] = numbers[: count.value].tolist()
+    return found
+
+
+def test_packaged_grades(c: CLibrary) -> None:
+    """A preset has the IMU of its grade, to the last bit; normal gravity; and what all presets share for the rest."""
+    names = c.names("model_preset_name")
+    assert names == [*grades("imu"), "table_2"]
+    paper = c("model_preset", "table_2", 0.7)
+    for name in names:
+        model = c("model_preset", name, 0.7)
+        for key in set(c.names("model_key")) - {"environment.earth"}:
+            place, _, field = key.partition(".")
+            is_of_grade = place == "imu" and name != "table_2"
+            expected = [getattr(imu_grade(name), field)] if is_of_grade else _numbers(c, "model", paper, key)
+            assert _numbers(c, "model", model, key) == expected, key
+        assert _numbers(c, "model", model, "environment.gravity_mps2") == [kernel.normal_gravity_mps2(0.7)]
+        c("model_free", model)
+    c("model_free", paper)
+
+
+def test_keys_are_those_of_the_package(c: CLibrary) -> None:
+    """Every key of the package but those of simulated sensors, and the defaults of the options."""
+    options = flat(models.Options().as_dict())
+    assert sorted(c.names("options_key")) == sorted(options)
+    made = c("options_default")
+    for key, value in options.items():
+        if isinstance(value, str):
+            text = ctypes.c_char_p()
+            c("options_get_text", made, key, ctypes.addressof(text))
+            assert text.value == value.encode()
+            continue
+        assert _numbers(c, "options", made, key) == np.ravel(value).tolist(), key
+    c("options_free", made)
+    sections = {
+        "environment": models.Environment,
+        "imu": models.ImuModel,
+        "initial": models.InitialModel,
+        "dvl": models.DvlModel,
+        "depth": models.DepthModel,
+        "magnetometer": models.MagnetometerModel,
+        "heading": models.HeadingModel,
+        "gps": models.GpsModel,
+        "acoustic_position": models.AcousticPositionModel,
+    }
+    keys = [f"{place}.{field.name}" for place, kind in sections.items() for field in fields(kind)]
+    simulated = ("acoustic_position.outlier_fraction", "acoustic_position.outlier_factor")
+    assert sorted(c.names("model_key")) == sorted(set(keys) - set(simulated))
+
+
+def test_one_ping(c: CLibrary) -> None:
+    """Every method and mask of beams, with and without a prior."""
+    random = np.random.default_rng(3)
+    geometry = c("geometry_from_directions", 4, np.ascontiguousarray(JANUS_20.directions_p))
+    methods = (
+        "least_squares virtual_beam nullified_sway partial_loose virtual_heave selector information weak_sway"
+    )
+    for method in methods.split():
+        for mask in range(16):
+            velocity, valid = (
+                random.normal(0, 1, 4),
+                np.array([mask >> k & 1 for k in range(4)], dtype=np.uint8),
+            )
+            prior = (np.array([1.0, 0.0, 0.0]), np.eye(3) * 0.1) if mask % 2 else (None, None)
+            found = c.structure("velocity")
+            c(
+                "solve_velocity",
+                geometry,
+                method,
+                4,
+                velocity,
+                valid,
+                floats([0.02] * 4),
+                *prior,
+                None,
+                None,
+                found,
+            )
+            expected = solve_velocity(
+                JANUS_20,
+                velocity[None],
+                valid[None].astype(bool),
+                method=method,  # type: ignore[arg-type]
+                beam_sd_mps=[0.02] * 4,
+                prior_velocity_p_mps=None if prior[0] is None else prior[0][None],
+                prior_cov_m2ps2=None if prior[1] is None else prior[1][None],
+            )
+            for name in (
+                "velocity_p_mps",
+                "cov_m2ps2",
+                "observed_velocity_p_mps",
+                "information_s2pm2",
+                "component",
+                "source",
+            ):
+                np.testing.assert_array_equal(
+                    np.array(getattr(found, name)), getattr(expected, name)[0], err_msg=name
+                )
+            assert (found.fix, found.rank) == (expected.status[0], expected.rank[0])
+    c("geometry_free", geometry)
+
+
+def test_threads_read_while_one_pushes(c: CLibrary) -> None:
+    """Readers take turns with the pushes and change nothing."""
+    start = InitialState(
+        time_ns=0, position_t_m=(0, 0, 0), attitude_t_p=(1, 0, 0, 0), velocity_p_mps=(0.0, 0.0, 0.0)
+    )
+    model, options = Model(**settings.table_2()), Options()
+    theirs = Navigator(JANUS_20, model, options, start)
+    ours = CNavigator(c, JANUS_20.directions_p, model, options, start, "tc")
+    done, reads = threading.Event(), [0, 0]
+
+    def read(number: int) -> None:
+        while not done.is_set():
+            assert np.isfinite(ours.covariance()).all()
+            assert ours.state()["time_ns"] >= 0
+            reads[number] += 1
+
+    readers = [threading.Thread(target=read, args=(number,)) for number in range(2)]
+    for reader in readers:
+        reader.start()
+    reading: Any = {"omega_p_radps": (0.0, 0, 0), "force_p_mps2": (0, 0, -settings.GRAVITY)}
+    for step in range(1, 2000):
+        ours.push_imu(step * 10_000_000, **reading)
+        theirs.push_imu(step * 10_000_000, **reading)
+    done.set()
+    for reader in readers:
+        reader.join()
+    assert min(reads) > 0
+    same(ours, theirs)
+    ours.free()
