@@ -200,8 +200,8 @@ public:
         detail::check(bl_model_set_vector(get(), key.c_str(), values.data(), values.size()));
         return *this;
     }
-    Model &set(const std::string &key, const char *value) {
-        detail::check(bl_model_set_text(get(), key.c_str(), value));
+    Model &set(const std::string &key, const std::string &value) {
+        detail::check(bl_model_set_text(get(), key.c_str(), value.c_str()));
         return *this;
     }
     std::vector<double> numbers(const std::string &key) const {
@@ -248,8 +248,8 @@ public:
         detail::check(bl_options_set_vector(get(), key.c_str(), values.data(), values.size()));
         return *this;
     }
-    Options &set(const std::string &key, const char *value) {
-        detail::check(bl_options_set_text(get(), key.c_str(), value));
+    Options &set(const std::string &key, const std::string &value) {
+        detail::check(bl_options_set_text(get(), key.c_str(), value.c_str()));
         return *this;
     }
     std::vector<double> numbers(const std::string &key) const {

@@ -57,7 +57,7 @@ int main() {
     EXPECT(thrown([&] { model.set("depth.sdm", 0.5); }) == BL_STATUS_UNKNOWN_NAME);
     bl::Options options;
     options.set("water_track", 1.0).set("gate", "off").set("calibration.mounting_sd_rad", bl::Vec3{0.01, 0.01, 0.01});
-    options.set("current_layers.sd_mps", 0.1);
+    options.set("current_layers.sd_mps", 0.1).set("imu_stuck_after", 0).set("imu_gap", std::string("inflate"));
     EXPECT(options.text("gate") == "off" && options.numbers("water_track")[0] == 1.0);
 
     bl::Navigator plain(geometry, model, bl::at_rest(0));
