@@ -166,6 +166,10 @@ class CNavigator:
         """As the package's."""
         return self.push("depth", time_ns, depth_m, sd_m)
 
+    def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_mps: float) -> list[Any]:
+        """As the package's."""
+        return self.push("thrust", time_ns, revolutions_hz, sd_mps)
+
     def push_attitude(
         self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
     ) -> list[Any]:

@@ -134,6 +134,7 @@ def _push_all(both: Both, step: int, random: np.random.Generator) -> None:
         1: ("beams", (late, noisy, valid), {"sd_mps": sd}),
         5: ("water_track", (t, noisy - 0.1, valid), {"sd_mps": sd, "range_m": 5.0}),
         9: ("depth", (t, depth), {"sd_m": 0.02}),
+        11: ("thrust", (late, 10.0 + depth), {"sd_mps": 0.05}),
         13: ("heading", (late, yaw), {"sd_rad": 0.1}),
         17: ("attitude", (t, (1, 0, 0, 0)), {"roll_pitch_sd_rad": 0.02, "yaw_sd_rad": 0.1}),
         21: ("gps", (t, (0, 0, 0), (1, 0, 0)), {"position_sd_m": (2, 2, 2), "velocity_sd_mps": (1, 1, 1)}),
@@ -160,8 +161,9 @@ def test_every_sensor(c: CLibrary) -> None:
     errors = settings.table_2()
     errors["magnetometer"] |= {"yaw_offset_sd_rad": 0.05, "roll_pitch_walk_sd_rad": 0.01}
     errors["heading"] |= {"offset_sd_rad": 0.05, "walk_sd_rad": 0.02, "walk_time_s": 100.0}
+    errors["thrust"] = models.ThrustModel(advance_m=0.1, advance_sd_m=0.01)
     model = Model(**errors)
-    options = Options(water_track=True, current_layers=layers, calibration=calibration)
+    options = Options(water_track=True, thrust="velocity", current_layers=layers, calibration=calibration)
     start = InitialState(
         time_ns=0, position_t_m=(0, 0, 0), attitude_t_p=(1, 0, 0, 0), velocity_p_mps=(1.0, 0.1, 0.0)
     )
@@ -184,6 +186,10 @@ def _same_estimates(c: CLibrary, ours: CNavigator, theirs: Navigator) -> None:
     c("navigator_water", ours.pointer, water)
     for name, *_ in water._fields_:
         np.testing.assert_array_equal(np.array(getattr(water, name)), expected[name], err_msg=name)
+    thrust, known = c.structure("thrust"), cast(Any, theirs.thrust())
+    c("navigator_thrust", ours.pointer, thrust)
+    for name, *_ in thrust._fields_:
+        np.testing.assert_array_equal(np.array(getattr(thrust, name)), known[name], err_msg=name)
     layers = (c.header.structures["bl_layer"] * 64)()
     c("navigator_layers", ours.pointer, ctypes.addressof(layers), 64, ctypes.addressof(count))
     assert count.value == len(expected["layers"]["depth_m"]) > 0
@@ -303,9 +309,14 @@ def test_keys_are_those_of_the_package(c: CLibrary) -> None:
         "heading": models.HeadingModel,
         "gps": models.GpsModel,
         "acoustic_position": models.AcousticPositionModel,
+        "thrust": models.ThrustModel,
     }
     keys = [f"{place}.{field.name}" for place, kind in sections.items() for field in fields(kind)]
-    simulated = ("acoustic_position.outlier_fraction", "acoustic_position.outlier_factor")
+    simulated = (
+        "acoustic_position.outlier_fraction",
+        "acoustic_position.outlier_factor",
+        "thrust.true_advance_m",
+    )
     assert sorted(c.names("model_key")) == sorted(set(keys) - set(simulated))
 
 

@@ -146,6 +146,16 @@ typedef struct {
     uint64_t alarms;
 } bl_water;
 
+// What is known of the propeller, with options of "thrust".
+typedef struct {
+    // Advance per revolution, m.
+    double advance_m;
+    // Slip: speed that the revolutions do not say, m/s.
+    double slip_mps;
+    // Covariance of both.
+    double covariance[2][2];
+} bl_thrust;
+
 // The current at one depth, with options of "current_layers.sd_mps" and "water_track".
 typedef struct {
     // Depth, m.
@@ -272,6 +282,9 @@ const char *bl_version(void);
 
 // The motion through the water after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
 bl_status bl_navigator_water(const bl_navigator *navigator, bl_water *water);
+
+// Advance and slip of the propeller after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
+bl_status bl_navigator_thrust(const bl_navigator *navigator, bl_thrust *propeller);
 
 // The current by depth; `count` is the number of layers, 0 where none is estimated.
 bl_status bl_navigator_layers(const bl_navigator *navigator, bl_layer *layers, size_t capacity, size_t *count);
@@ -501,6 +514,13 @@ bl_status bl_push_velocity(bl_navigator *navigator,
 
 // A depth below the origin of the tangent frame, with its standard deviation, m.
 bl_status bl_push_depth(bl_navigator *navigator, int64_t time_ns, double depth_m, double sd_m);
+
+// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward, with the white noise of the speed that they say,
+// m/s, 1 sigma. For options of "thrust".
+bl_status bl_push_thrust(bl_navigator *navigator,
+                         int64_t time_ns,
+                         double revolutions_hz,
+                         double sd_mps);
 
 // An attitude, 4 numbers, scalar first, with the standard deviations of its Euler angles, rad.
 bl_status bl_push_attitude(bl_navigator *navigator,

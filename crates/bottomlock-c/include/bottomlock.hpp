@@ -323,6 +323,9 @@ public:
     std::size_t push_depth(std::int64_t time_ns, double depth_m, double sd_m) {
         return pushed(bl_push_depth(get(), time_ns, depth_m, sd_m));
     }
+    std::size_t push_thrust(std::int64_t time_ns, double revolutions_hz, double sd_mps) {
+        return pushed(bl_push_thrust(get(), time_ns, revolutions_hz, sd_mps));
+    }
     std::size_t push_attitude(std::int64_t time_ns, Numbers attitude_t_p, double roll_pitch_sd_rad, double yaw_sd_rad) {
         return pushed(bl_push_attitude(get(), time_ns, attitude_t_p.of(4, "attitude_t_p"), roll_pitch_sd_rad, yaw_sd_rad));
     }
@@ -389,6 +392,7 @@ public:
 
     /// Nothing where it is not estimated.
     std::optional<bl_water> water() const { return estimate<bl_water>(bl_navigator_water); }
+    std::optional<bl_thrust> thrust() const { return estimate<bl_thrust>(bl_navigator_thrust); }
     std::optional<bl_calibration> calibration() const { return estimate<bl_calibration>(bl_navigator_calibration); }
     /// The current by depth; empty where it is not estimated.
     std::vector<bl_layer> layers() const {

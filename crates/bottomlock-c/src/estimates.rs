@@ -1,7 +1,7 @@
 //! What a navigator estimates beside its state: motion through the water, current by depth, slow errors, mounting and clock.
 
 use bottomlock::aiding::calibration::CLOCK;
-use bottomlock::aiding::water;
+use bottomlock::aiding::{thrust, water};
 
 use crate::calls::{Failure, Outcome, Status, status};
 use crate::navigator::Navigator;
@@ -99,6 +99,37 @@ pub unsafe extern "C" fn bl_navigator_water(navigator: *const Navigator, water: 
         };
         // SAFETY: as the header asks.
         unsafe { put("water", water, made) }
+    })
+}
+
+/// What is known of the propeller, with options of "thrust".
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub struct Thrust {
+    /// Advance per revolution, m.
+    pub advance_m: f64,
+    /// Slip: speed that the revolutions do not say, m/s.
+    pub slip_mps: f64,
+    /// Covariance of both.
+    pub covariance: [[f64; 2]; 2],
+}
+
+/// Advance and slip of the propeller after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_navigator_thrust(navigator: *const Navigator, propeller: *mut Thrust) -> Status {
+    status(|| {
+        // SAFETY: as the header asks.
+        let held = unsafe { at("navigator", navigator) }?.locked()?;
+        let found = held.live.navigators().selected().filter().thrust();
+        let (estimate, covariance) =
+            found.ok_or_else(|| not_available("the advance of the propeller", "set the option 'thrust'"))?;
+        let made = Thrust {
+            advance_m: estimate[thrust::ADVANCE],
+            slip_mps: estimate[thrust::SLIP],
+            covariance: covariance.into(),
+        };
+        // SAFETY: as the header asks.
+        unsafe { put("propeller", propeller, made) }
     })
 }
 

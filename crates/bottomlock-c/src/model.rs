@@ -89,6 +89,11 @@ impl Keyed for Model {
         "acoustic_position.sd_m": Number inner.sensors.acoustic_position.sd_m;
         "acoustic_position.sd_per_range": Number inner.sensors.acoustic_position.sd_per_range;
         "acoustic_position.transceiver_t_m": Vector inner.sensors.acoustic_position.transceiver_t_m.0;
+        "thrust.advance_m": Number inner.sensors.thrust.advance_m;
+        "thrust.advance_sd_m": Number inner.sensors.thrust.advance_sd_m;
+        "thrust.slip_sd_mps": Number inner.sensors.thrust.slip_sd_mps;
+        "thrust.slip_time_s": Number inner.sensors.thrust.slip_time_s.0;
+        "thrust.noise_sd_mps": Number inner.sensors.thrust.noise_sd_mps;
     };
 
     fn check(&self) -> Result<(), NavError> {

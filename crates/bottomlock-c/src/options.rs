@@ -3,6 +3,7 @@
 use std::ffi::c_char;
 use std::ptr;
 
+use bottomlock::aiding::thrust::ThrustUse;
 use bottomlock::NavError;
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::outliers::Tail;
@@ -26,6 +27,7 @@ pub struct Options {
     sampling: Choice,
     information_port: Choice,
     long_gap: Choice,
+    thrust: Choice,
     tail: Choice,
     student_t_degrees: f64,
     huber_threshold: f64,
@@ -42,6 +44,11 @@ impl Default for Options {
             Gate::Joint { .. } => "joint",
             Gate::PerRow => "per_row",
             Gate::Off => "off",
+        };
+        let thrust_of = match inner.thrust {
+            ThrustUse::Off => "off",
+            ThrustUse::Velocity => "velocity",
+            ThrustUse::All => "all",
         };
         let tail_of = match inner.robust.tail {
             Tail::Gaussian => "gaussian",
@@ -77,6 +84,10 @@ impl Default for Options {
                     LongGap::Inflate => "inflate",
                 },
                 all: &["refuse", "inflate"],
+            },
+            thrust: Choice {
+                chosen: thrust_of,
+                all: &["off", "velocity", "all"],
             },
             tail: Choice {
                 chosen: tail_of,
@@ -130,6 +141,11 @@ impl Options {
             "refuse" => LongGap::Refuse,
             _ => LongGap::Inflate,
         };
+        made.thrust = match self.thrust.chosen {
+            "off" => ThrustUse::Off,
+            "velocity" => ThrustUse::Velocity,
+            _ => ThrustUse::All,
+        };
         let [student_t, huber] = self.tails();
         made.robust.tail = match self.tail.chosen {
             "gaussian" => Tail::Gaussian,
@@ -162,6 +178,7 @@ impl Keyed for Options {
         "weak_sway_var_m2ps2": Number inner.assumptions.weak_sway_var_m2ps2;
         "information_port": Choice information_port;
         "water_track": Switch inner.water_track;
+        "thrust": Choice thrust;
         "speed_sd_mps": Number inner.speed_bound.sd_mps;
         "speed_time_s": Number inner.speed_bound.time_s;
         "max_imu_rate_radps": Number inner.imu_limits.max_rate_radps;

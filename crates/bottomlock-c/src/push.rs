@@ -1,6 +1,7 @@
 //! What is pushed into a navigator. A push that is refused changes nothing but the count of late readings.
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
+use bottomlock::aiding::thrust::ThrustSample;
 use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::navigator::events::{
@@ -167,6 +168,27 @@ pub unsafe extern "C" fn bl_push_velocity(
 pub unsafe extern "C" fn bl_push_depth(navigator: *mut Navigator, time_ns: i64, depth_m: f64, sd_m: f64) -> Status {
     // SAFETY: as the header asks.
     unsafe { push_one(navigator, |_| Ok(Event::from(DepthSample { time_ns, depth_m, sd_m }))) }
+}
+
+/// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward, with the white noise of the speed that they say,
+/// m/s, 1 sigma. For options of "thrust".
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_push_thrust(
+    navigator: *mut Navigator,
+    time_ns: i64,
+    revolutions_hz: f64,
+    sd_mps: f64,
+) -> Status {
+    // SAFETY: as the header asks.
+    unsafe {
+        push_one(navigator, |_| {
+            Ok(Event::from(ThrustSample {
+                time_ns,
+                revolutions_hz,
+                sd_mps,
+            }))
+        })
+    }
 }
 
 /// An attitude, 4 numbers, scalar first, with the standard deviations of its Euler angles, rad.
