@@ -3,11 +3,11 @@
 use std::ffi::c_char;
 use std::ptr;
 
-use bottomlock::aiding::thrust::ThrustUse;
 use bottomlock::NavError;
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::outliers::Tail;
 use bottomlock::aiding::registry::SensorKind;
+use bottomlock::aiding::thrust::ThrustUse;
 use bottomlock::filter::gate::{Gate, GateTable};
 use bottomlock::filter::options::Options as Core;
 use bottomlock::frames::Vec3;
