@@ -173,9 +173,9 @@ impl Layers {
         })
     }
 
-    /// Depth over the distance between layers.
+    /// Depth over the distance between layers; an estimate above the surface is taken for the surface.
     fn scaled(&self, depth_m: f64) -> f64 {
-        (depth_m / self.prior.spacing_m).clamp(-DEEPEST, DEEPEST)
+        (depth_m / self.prior.spacing_m).clamp(0.0, DEEPEST)
     }
 
     /// Moves the layers so that they enclose two depths, the upper one where there is no room for both; returns those that begin
@@ -243,7 +243,7 @@ impl Layers {
         (weights[places[0]], weights[places[1]]) = (1.0 - w, w);
         let [above, below] = places.map(|place| self.estimate.fixed_rows::<2>(2 * place).into_owned());
         let own = above * (1.0 - w) + below * w;
-        let is_between = scaled - upper == w;
+        let is_between = scaled - upper == w && depth_m >= 0.0;
         let slope = if is_between { 1.0 / self.prior.spacing_m } else { 0.0 };
         let mut water = *water;
         water[CURRENT] += own.x;

@@ -185,7 +185,7 @@ proptest! {
             let lower_m = upper_m + span_m;
             let anew = places(&layers.enclose(upper_m, lower_m));
             let (first, last) = (depths(&layers)[0], depths(&layers)[LAYERS - 1]);
-            prop_assert!(first <= upper_m && upper_m <= last);
+            prop_assert!(first <= upper_m.max(0.0) && upper_m <= last);
             if span_m <= 20.0 {
                 prop_assert!(lower_m <= last);
             }
