@@ -193,6 +193,22 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     assert int(beyond) < 10
 
 
+def test_water_and_revolutions_go_together(case_file: Path, tmp_path: Path) -> None:
+    """Both on the page, also with the smoother; the water measures the sway that the revolutions do not."""
+    path = case_file.with_name("both.toml")
+    text = CASE.replace("[thrust]", "[water_track]\nnoise_mps = 0.02\n[thrust]")
+    path.write_text(text.replace("smooth = false", "smooth = true"), encoding="utf-8")
+    result = replay_case(load_case(path))
+    alone = replay_case(load_case(case_file))
+    assert end_m(result, "hidden", "tc") < 0.5 * end_m(alone, "hidden", "tc")
+    for section in ("water_track", "thrust"):
+        assert [row[0] for row in result.manifest[section]["fixes"]["hidden"]] == ["`tc`", "`sway_current`"]
+    write_replay(result, tmp_path / "out")
+    page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
+    assert "Revolutions as the filters used them" in page
+    assert "Beams of the water as the filters used them" in page
+
+
 def test_without_the_section_there_is_nothing_of_it(case_file: Path, tmp_path: Path) -> None:
     alone = replay_case(load_case(case_file).model_copy(update={"thrust": None}))
     assert alone.currents.is_empty()
