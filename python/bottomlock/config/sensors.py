@@ -244,7 +244,7 @@ THRUST = Sensor(
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_thrust(
         time_ns, float(drawn["thrust_revolutions_hz"][k]), sd_mps=model.noise_sd_mps
     ),
-    options=lambda thrust: {"thrust": thrust.corrects if thrust.enabled else "off"},
+    options=Thrust.kernel_options,
 )
 
 SENSORS = (DEPTH, MAGNETOMETER, HEADING, GPS, ACOUSTIC_POSITION, THRUST)

@@ -75,6 +75,14 @@ class WaterBeams:
 
 
 @dataclass(frozen=True, eq=False)
+class Revolutions:
+    """Revolutions of the propeller a second, (n,), positive where they drive the vehicle forward."""
+
+    time_ns: Times
+    revolutions_hz: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class MagneticFields:
     """Magnetic field in the platform frame, (n, 3), any unit."""
 

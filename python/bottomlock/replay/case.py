@@ -37,6 +37,7 @@ from bottomlock.replay.stream_sections import (
     MagnetometerStream,
     ReferenceStream,
     Stream,
+    ThrustStream,
     kind_of_imu,
 )
 
@@ -148,6 +149,7 @@ class Case(Section):
     ]
     dvl: DvlStream
     water_track: WaterTrackStream | None = None
+    thrust: ThrustStream | None = None
     depth: DepthStream | None = None
     attitude: AttitudeStream | None = None
     magnetometer: MagnetometerStream | None = None

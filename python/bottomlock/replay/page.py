@@ -85,6 +85,7 @@ def page_of(
         *(_case(manifest, name, words, summary, tracks, figures) for name, words in manifest["what_if"]),
         Part("beams", "Which beams returned", [one.picture for one in figures if one.what_if is None]),
         *([_water(manifest)] if "water_track" in manifest else []),
+        *([_thrust(manifest)] if "thrust" in manifest else []),
         *([_calibration(calibration)] if calibration is not None else []),
         Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
         _clocks(manifest),
@@ -243,14 +244,23 @@ def _known(columns: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> dic
 
 def _water(manifest: Mapping[str, Any]) -> Part:
     """What was used of the cells, and what each method made of it."""
-    water = manifest["water_track"]
-    terms = Terms([("Beams in cells", water["cells"])])
-    rows = [[title_of(name), *row] for name, _ in manifest["what_if"] for row in water["fixes"][name]]
-    columns = ["What-if", "Method", "Pings", "Beyond the gate", "NIS", "of"]
-    caption = (
-        "Beams of the water as the filters used them: first draw; NIS and its degrees of freedom, means."
-    )
-    return Part("water", "Water track", [terms, Table(columns, rows, caption, left=2)])
+    terms = Terms([("Beams in cells", manifest["water_track"]["cells"])])
+    caption = "Beams of the water as the filters used them"
+    return Part("water", "Water track", [terms, _fixes(manifest, "water_track", "Pings", caption)])
+
+
+def _thrust(manifest: Mapping[str, Any]) -> Part:
+    """How the propeller's revolutions fit each method."""
+    caption = "Revolutions as the filters used them"
+    return Part("thrust", "Thrust", [_fixes(manifest, "thrust", "Readings", caption)])
+
+
+def _fixes(manifest: Mapping[str, Any], section: str, readings: str, caption: str) -> Table:
+    """The readings of a section by what-if case and method."""
+    fixes = manifest[section]["fixes"]
+    rows = [[title_of(name), *row] for name, _ in manifest["what_if"] for row in fixes[name]]
+    columns = ["What-if", "Method", readings, "Beyond the gate", "NIS", "of"]
+    return Table(columns, rows, f"{caption}: first draw; NIS and its degrees of freedom, means.", left=2)
 
 
 def _calibration(table: pl.DataFrame) -> Part:

@@ -27,6 +27,7 @@ from bottomlock.recordings.streams import (
     MagneticFields,
     Positions,
     ReferenceStates,
+    Revolutions,
     Times,
 )
 from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
@@ -43,6 +44,7 @@ from bottomlock.replay.stream_sections import (
     MountedStream,
     PositionStream,
     ReferenceStream,
+    ThrustStream,
 )
 from bottomlock.replay.streams import Streams
 from bottomlock.units import STANDARD_GRAVITY_MPS2
@@ -54,7 +56,11 @@ OMEGA_SI = {
 ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LENGTH_SI = {"m": 1.0, "cm": 1e-2}
+REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
 PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
+
+FASTEST_MPS = 20.0
+"""Median speed by the propeller beyond which unit or advance are wrong."""
 
 
 def read_streams(case: Case) -> Streams:
@@ -115,6 +121,7 @@ def read_streams(case: Case) -> Streams:
         latitude_rad=float(latitude),
         water=water,
         water_counts=water_counts,
+        revolutions=None if case.thrust is None else _revolutions(case.thrust, clocks),
         clocks=clocks,
         notes=tuple(notes),
     )
@@ -227,6 +234,24 @@ def _depths(depth: DepthStream, clocks: dict[str, ClockReport]) -> Depths:
             values[:, 0] * PRESSURE_SI[depth.unit] / (depth.water_density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
         )
     return Depths(timed.time_ns, (-metres if depth.up else metres) + depth.offset_m)
+
+
+def _revolutions(thrust: ThrustStream, clocks: dict[str, ClockReport]) -> Revolutions:
+    values, timed, _ = read_stream(thrust, [thrust.column])
+    clocks["thrust"] = timed.report
+    revolutions_hz = values[:, 0] * REVOLUTIONS_SI[thrust.unit]
+    if not revolutions_hz.any():
+        raise DataError(
+            f"{thrust.file}: column '{thrust.column}' is 0 in every row, expected revolutions; leave [thrust] out"
+        )
+    speed_mps = thrust.advance_m * float(np.median(np.abs(revolutions_hz[revolutions_hz != 0.0])))
+    if speed_mps > FASTEST_MPS:
+        raise DataError(
+            f"{thrust.file}: column '{thrust.column}' in {thrust.unit} and thrust.advance_m = {thrust.advance_m:g} m "
+            f"are {speed_mps:.3g} m/s in the median, expected at most {FASTEST_MPS:g} m/s: check thrust.unit and "
+            "thrust.advance_m"
+        )
+    return Revolutions(timed.time_ns, revolutions_hz)
 
 
 def _attitudes(stream: AttitudeStream, clocks: dict[str, ClockReport]) -> Attitudes:

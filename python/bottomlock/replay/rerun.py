@@ -320,7 +320,7 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
             start,
             sample_time_ns=prepared.sample_time_ns,
             smooth=smooth,
-            innovations=prepared.streams.water is not None and not smooth,
+            innovations=bool(prepared.streams.through_water) and not smooth,
             threads=threads,
         )
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -32,7 +32,7 @@ from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.reckon import measured, reckon
 from bottomlock.replay.streams import Streams
-from bottomlock.replay.water_track import currents_table, water_words
+from bottomlock.replay.through_water import currents_table, fix_words
 from bottomlock.statistics.replay import ensemble_table, runs_table
 from bottomlock.tables.replay import RECORDED
 from bottomlock.tables.versions import library_versions
@@ -103,7 +103,7 @@ def replay_case(
     alignments: list[dict[str, str]] = []
     start_ns, done = 0, 0
     imu_faults: list[str] = []
-    water: dict[str, list[list[str]]] = {}
+    fixes: dict[str, dict[str, list[list[str]]]] = {section: {} for section in streams.through_water}
     for run in range(run_count(case)):
         prepared = rerun.prepare(case, streams, run, residuals)
         alignments.append(prepared.alignment.sources)
@@ -119,8 +119,9 @@ def replay_case(
             parts[CURRENTS].append(currents_table(case, name, result))
             parts["imu_faults"].append(compare.imu_faults_table(case, name, result))
             imu_faults = imu_faults or fault_words(result)
-            if run == 0 and streams.water is not None:
-                water[name] = water_words(case, result)
+            if run == 0:
+                for section, rows in fixes.items():
+                    rows[name] = fix_words(case, result, section)
             done += 1
             progress(done)
     tables = {name: pl.concat(parts[name]) for name in PARTS}
@@ -145,11 +146,7 @@ def replay_case(
             case, streams, alignments, imu_faults, threads=threads, wall_s=time.perf_counter() - started
         )
         | {"methods": _methods(case, first["samples"])}
-        | (
-            {}
-            if streams.water_counts is None
-            else {"water_track": {"cells": streams.water_counts.text(), "fixes": water}}
-        )
+        | _through_water(streams, fixes)
         | {
             "answer": diagnosis.answer.to_json(),
             "findings": findings_json(diagnosis.findings),
@@ -157,6 +154,14 @@ def replay_case(
         },
         **tables,
     )
+
+
+def _through_water(streams: Streams, fixes: Mapping[str, Any]) -> dict[str, Any]:
+    """What the manifest has of each section that measures the motion through the water."""
+    found = {section: {"fixes": rows} for section, rows in fixes.items()}
+    if streams.water_counts is not None:
+        found["water_track"]["cells"] = streams.water_counts.text()
+    return found
 
 
 def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, threads: int) -> rerun.Rerun:

@@ -18,7 +18,13 @@ from bottomlock.kernel.models import (
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.streams import Times
 from bottomlock.replay.dvl_sections import WaterTrackStream
-from bottomlock.replay.stream_sections import AcousticPositionStream, AttitudeStream, DepthStream, GpsStream
+from bottomlock.replay.stream_sections import (
+    AcousticPositionStream,
+    AttitudeStream,
+    DepthStream,
+    GpsStream,
+    ThrustStream,
+)
 from bottomlock.replay.streams import Streams
 
 Within = Callable[[Times], slice]
@@ -119,6 +125,20 @@ def _water_log(_: WaterTrackStream, streams: Streams, within: Within) -> dict[st
     }
 
 
+def _thrust_model(stream: ThrustStream | None) -> dict[str, Settings]:
+    return {} if stream is None else {"thrust": stream.kernel_model()}
+
+
+def _thrust_log(_: ThrustStream, streams: Streams, within: Within) -> dict[str, Any]:
+    if streams.revolutions is None:
+        return {}
+    rows = within(streams.revolutions.time_ns)
+    return {
+        "thrust_time_ns": streams.revolutions.time_ns[rows],
+        "thrust_revolutions_hz": streams.revolutions.revolutions_hz[rows],
+    }
+
+
 SENSORS = (
     Sensor(
         section="depth",
@@ -145,4 +165,5 @@ SENSORS = (
         log=_water_log,
         options=lambda _: {"water_track": True},
     ),
+    Sensor(section="thrust", model=_thrust_model, log=_thrust_log, options=ThrustStream.kernel_options),
 )

@@ -17,6 +17,7 @@ from bottomlock.config.scenario_sections import (
     Section,
     Vector,
 )
+from bottomlock.config.thrust import ThrustErrors
 from bottomlock.recordings.axes import Axes
 
 ColumnTriple = tuple[str, str, str]
@@ -173,6 +174,16 @@ class DepthStream(DepthErrors, Stream):
     up: bool = False
     offset_m: Finite = 0.0
     water_density_kg_per_m3: Positive = 1025.0
+
+
+class ThrustStream(ThrustErrors, Stream):
+    """Revolutions of the propeller, the speed through the water (docs/howto/thrust.md): column, unit, and errors.
+
+    Positive revolutions drive the vehicle forward. What-if cases leave them alone.
+    """
+
+    column: str
+    unit: Literal["rpm", "Hz", "rad/s"]
 
 
 class AttitudeStream(AttitudeReference, Stream):

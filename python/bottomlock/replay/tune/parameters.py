@@ -111,6 +111,8 @@ _KEYS: dict[str, str] = {
     "depth.sd_m": "depth noise, m",
     WATER_NOISE: "noise of a beam of the water, m/s",
     LAYERS: "own part of a layer of current, m/s",
+    "thrust.slip_mps": "slip of the propeller, m/s",
+    "thrust.noise_mps": "noise of the propeller's speed, m/s",
 }
 
 SWAY_KEYS: dict[str, str] = {

@@ -1,4 +1,4 @@
-"""Water track in the results of a replay: the current that each method estimates, and how the beams fit."""
+"""Motion through the water in the results of a replay: the current that methods estimate, and how readings fit."""
 
 from typing import Any
 
@@ -14,14 +14,15 @@ from bottomlock.tables.replay import CURRENTS
 
 
 def currents_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
-    """A row per method that uses the water and time (`tables.replay.CURRENTS`); empty without water track."""
+    """A row per method that uses the water and time (`tables.replay.CURRENTS`); empty where nothing measures it."""
     empty = pl.DataFrame(schema=dict(CURRENTS))
-    if rerun.prepared.streams.water is None:
+    sections = rerun.prepared.streams.through_water
+    if not sections:
         return empty
     parts = [empty]
     times = rerun.prepared.sample_time_ns
     for index, method in enumerate(case.replay.filters):
-        if _given(rerun, index) is None:
+        if all(_given(rerun, index, section) is None for section in sections):
             continue
         current = rerun.result["current_t_mps"][index]
         sd = np.sqrt(np.diagonal(rerun.result["current_covariance"][index], axis1=1, axis2=2))
@@ -33,31 +34,31 @@ def currents_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def water_words(case: Case, rerun: Rerun) -> list[list[str]]:
-    """A row for each method that was given pings of the water: their number, those beyond the gate, NIS and degrees.
+def fix_words(case: Case, rerun: Rerun, section: str) -> list[list[str]]:
+    """A row for each method that was given readings of a section: their number, those beyond the gate, NIS and degrees.
 
-    Beyond the gate is the NIS of all beams of a ping together, whatever gate the filter has.
+    Beyond the gate is the NIS of all rows of a reading together, whatever gate the filter has.
     """
     rows = []
     for index, method in enumerate(case.replay.filters):
-        water = _given(rerun, index)
-        if water is None:
+        records = _given(rerun, index, section)
+        if records is None:
             continue
-        nis, degrees = _nis(water)
+        nis, degrees = _nis(records)
         beyond = int((nis > chi2.ppf(case.filter.gate_probability, degrees)).sum())
         mean, of = number(float(nis.mean())), number(float(degrees.mean()))
         rows.append([f"`{method}`", str(len(nis)), str(beyond), mean, of])
     return rows
 
 
-def _given(rerun: Rerun, method: int) -> Any:  # noqa: ANN401 - the kernel's dict
-    """Innovations of the pings of the water that a method was given; None where it was given none, as `ins` is."""
-    water = rerun.result["innovations"][method].get("water_track")
-    return water if water is not None and len(water["time_ns"]) else None
+def _given(rerun: Rerun, method: int, section: str) -> Any:  # noqa: ANN401 - the kernel's dict
+    """Innovations of a section's readings that a method was given; None for none, as `ins` has of beams."""
+    records = rerun.result["innovations"][method].get(section)
+    return records if records is not None and len(records["time_ns"]) else None
 
 
 def _nis(records: Any) -> tuple[Floats, Times]:  # noqa: ANN401 - the kernel's dict
-    """(k,) normalised innovation squared zᵀS⁻¹z of each ping, and its number of rows."""
+    """(k,) normalised innovation squared zᵀS⁻¹z of each reading, and its number of rows."""
     degrees = np.asarray(records["rows"], dtype=np.int64)
     nis = np.empty(len(degrees))
     for k, size in enumerate(degrees):

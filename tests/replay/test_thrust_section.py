@@ -1,0 +1,284 @@
+"""Revolutions of the propeller in a replay: dives in a current with the bottom hidden, the section's keys, the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.kernel.models import ThrustModel
+from bottomlock.recordings.streams import Floats
+from bottomlock.replay.case import load_case
+from bottomlock.replay.reading import read_streams
+from bottomlock.replay.report import drawings, make_replay_report, read_replay
+from bottomlock.replay.rerun import kernel_log, prepare
+from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.tune.parameters import noise_of, with_values
+from bottomlock.replay.tune.run import tune_case
+from tests.replay.rov_dive import RovDive, rov_dive, write_csv
+from tests.replay.test_water_track import CASE as WATER_CASE
+from tests.replay.test_water_track import CURRENT, end_m, write
+
+ADVANCE_M, SLIP_MPS, SLIP_TIME_S, NOISE_MPS = 0.1, 0.02, 5.0, 0.01
+SECTION = """[thrust]
+file = "shaft.csv"
+clock = { column = "time" }
+column = "rpm"
+unit = "rpm"
+advance_m = 0.1
+"""
+BARE = WATER_CASE.replace("[water_track]\nnoise_mps = 0.02\n", "").replace('"ins", "tc"', '"tc"')
+CASE = BARE.replace("[reference]", f"{SECTION}[reference]")
+SEEDS = tuple(range(1, 11))
+
+
+def revolutions_of(dive: RovDive, seed: int = 1) -> tuple[Floats, Floats]:
+    """Times, s, and revolutions a second of the true speed through the water, with slip and noise of their own."""
+    rng = np.random.default_rng(seed)
+    seconds = np.arange(0.55, dive.imu_s[-1] - 0.5, 1.0)
+    turned = Rotation.from_euler("ZYX", dive.at(seconds, np.unwrap(dive.rpy, axis=0))[:, ::-1])
+    through = (dive.at(seconds, dive.velocity) - turned.inv().apply(CURRENT))[:, 0]
+    kept = np.exp(-1.0 / SLIP_TIME_S)
+    slip = SLIP_MPS * rng.normal(size=len(seconds))
+    for k in range(1, len(slip)):
+        slip[k] = kept * slip[k - 1] + np.sqrt(1.0 - kept**2) * slip[k]
+    return seconds, (through - slip - NOISE_MPS * rng.normal(size=len(seconds))) / ADVANCE_M
+
+
+def write_dive(folder: Path, dive: RovDive, text: str = CASE, seed: int = 1) -> Path:
+    """The tables of a dive with those of its shaft; returns the case's path."""
+    path = write(folder, dive)
+    seconds, turns = revolutions_of(dive, seed)
+    columns = {"time": seconds, "rpm": 60.0 * turns, "hz": turns, "rad_s": 2.0 * np.pi * turns}
+    write_csv(folder / "shaft.csv", columns | {"still": 0.0 * turns})
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_dive(tmp_path_factory.mktemp("thrust"), rov_dive(7, seconds=210.0))
+
+
+@pytest.fixture(scope="module")
+def replayed(case_file: Path) -> ReplayResult:
+    return replay_case(load_case(case_file))
+
+
+@pytest.fixture(scope="module")
+def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
+    """(10, 2) errors of `tc` and their sigma, m, after 140 s without the bottom, of ten dives."""
+    sections = {
+        "without": "",
+        "velocity": SECTION,
+        "all": f'{SECTION}corrects = "all"\n',
+        "20 % too large": SECTION.replace("0.1", "0.12"),
+        "20 % too small": SECTION.replace("0.1", "0.08"),
+    }
+    folder = tmp_path_factory.mktemp("dives")
+    errors: dict[str, list[tuple[float, float]]] = {name: [] for name in sections}
+    for seed in SEEDS:
+        path = write_dive(folder, rov_dive(seed, seconds=210.0), seed=seed)
+        for name, section in sections.items():
+            text = BARE.replace('"tc", "sway_current"', '"tc"')
+            path.write_text(text.replace("[reference]", f"{section}[reference]"), encoding="utf-8")
+            result = replay_case(load_case(path))
+            last = result.samples.filter(what_if="hidden").tail(1)
+            sd = last.select("sd_position_north_m", "sd_position_east_m").to_numpy()
+            errors[name].append((end_m(result, "hidden", "tc"), float(np.linalg.norm(sd))))
+    return {name: np.array(of) for name, of in errors.items()}
+
+
+@pytest.fixture(scope="module")
+def ends_m(ends: dict[str, Floats]) -> dict[str, Floats]:
+    """The errors alone."""
+    return {name: both[:, 0] for name, both in ends.items()}
+
+
+@pytest.mark.parametrize("wrong", ["20 % too large", "20 % too small"])
+def test_a_wrong_advance_is_no_worse_than_none(ends_m: dict[str, Floats], wrong: str) -> None:
+    """Two of its sigmas off: the minute with the bottom corrects it, to within a quarter of the right one's errors."""
+    assert (ends_m[wrong] < ends_m["without"]).all()
+    assert (np.abs(ends_m[wrong] / ends_m["velocity"] - 1.0) < 0.25).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "median", "greatest"),
+    [
+        ("without", 11.6, 17.2),
+        ("velocity", 3.3, 6.7),
+        ("all", 2.2, 5.8),
+        ("20 % too large", 3.3, 6.4),
+        ("20 % too small", 3.2, 6.9),
+    ],
+)
+def test_numbers_of_the_page(ends_m: dict[str, Floats], name: str, median: float, greatest: float) -> None:
+    """docs/howto/thrust.md."""
+    assert np.median(ends_m[name]) == pytest.approx(median, rel=0.05)
+    assert ends_m[name].max() == pytest.approx(greatest, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("corrects", "factor", "least", "over_sigma"), [("velocity", 3.0, 1.5, 0.88), ("all", 5.3, 1.9, 1.02)]
+)
+def test_factors_of_the_page(
+    ends: dict[str, Floats], corrects: str, factor: float, least: float, over_sigma: float
+) -> None:
+    """docs/howto/thrust.md: how much nearer the dives end, and the RMS of error over sigma."""
+    factors = ends["without"][:, 0] / ends[corrects][:, 0]
+    assert np.median(factors) == pytest.approx(factor, rel=0.05)
+    assert factors.min() == pytest.approx(least, rel=0.05)
+    ratio = np.sqrt(np.mean((ends[corrects][:, 0] / ends[corrects][:, 1]) ** 2))
+    assert ratio == pytest.approx(over_sigma, rel=0.05)
+
+
+@pytest.mark.parametrize(("unit", "column"), [("rpm", "rpm"), ("Hz", "hz"), ("rad/s", "rad_s")])
+def test_the_revolutions_given_are_those_of_the_section(case_file: Path, unit: str, column: str) -> None:
+    """A second, on the clock of the case, in every unit; every second row where the section says so."""
+    path = case_file.with_name(f"{column}.toml")
+    section = SECTION.replace('"rpm"\nunit = "rpm"', f'"{column}"\nunit = "{unit}"\nevery = 2')
+    section = section.replace('{ column = "time" }', '{ column = "time", offset_s = 2.5 }')
+    path.write_text(CASE.replace(SECTION, section), encoding="utf-8")
+    case = load_case(path)
+    streams = read_streams(case)
+    seconds, turns = revolutions_of(rov_dive(7, seconds=210.0))
+    assert streams.revolutions is not None
+    np.testing.assert_allclose(streams.revolutions.revolutions_hz, turns[::2], atol=1e-8)
+    np.testing.assert_allclose(streams.revolutions.time_ns * 1e-9, seconds[::2] + 2.5, atol=1e-9)
+    prepared = prepare(case, streams, 0)
+    log = kernel_log(case, prepared, streams.beams.valid[prepared.pings])
+    end = int(np.searchsorted(streams.revolutions.time_ns, log["imu_time_ns"][-1] + 1))
+    assert end < len(seconds[::2])
+    np.testing.assert_array_equal(log["thrust_time_ns"], streams.revolutions.time_ns[:end])
+    np.testing.assert_array_equal(log["thrust_revolutions_hz"], streams.revolutions.revolutions_hz[:end])
+
+
+def test_model_and_option_are_those_of_the_section(case_file: Path) -> None:
+    path = case_file.with_name("keys.toml")
+    keys = (
+        'uncertainty_percent = 5.0\nslip_mps = 0.03\nslip_time_s = 8.0\nnoise_mps = 0.04\ncorrects = "all"\n'
+    )
+    path.write_text(CASE.replace(SECTION, SECTION + keys), encoding="utf-8")
+    case = load_case(path)
+    prepared = prepare(case, read_streams(case), 0)
+    assert prepared.model.thrust == ThrustModel(
+        advance_m=0.1, advance_sd_m=0.1 * 0.05, slip_sd_mps=0.03, slip_time_s=8.0, noise_sd_mps=0.04
+    )
+    assert prepared.options.thrust == "all"
+
+
+def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
+    """How the revolutions fit each method, and the current against time; neither without the section."""
+    write_replay(replayed, tmp_path / "out")
+    tables = read_replay(tmp_path / "out")
+    assert tables.currents is not None
+    assert set(tables.currents["method"]) == {"tc", "sway_current"}
+    assert {"current_recorded", "current_hidden"} <= {one.name for one in drawings(tables)}
+    page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
+    assert "Revolutions as the filters used them" in page
+    assert "Beams of the water" not in page
+    assert set(replayed.manifest["files"]) == {"imu", "dvl", "thrust", "reference"}
+    fixes = replayed.manifest["thrust"]["fixes"]
+    assert set(fixes) == {"recorded", "hidden"}
+    method, readings, beyond, nis, degrees = fixes["recorded"][0]
+    assert method == "`tc`"
+    # Every reading from the start to the last inertial one; chi-squared of 209 single rows, to 4 sigma.
+    assert int(readings) == len(revolutions_of(rov_dive(7, seconds=210.0))[0])
+    assert float(degrees) == 1.0
+    assert abs(float(nis) - 1.0) < 4.0 * np.sqrt(2.0 / 209.0)
+    assert int(beyond) < 10
+
+
+def test_water_and_revolutions_go_together(case_file: Path, tmp_path: Path) -> None:
+    """Both on the page, also with the smoother; the water measures the sway that the revolutions do not."""
+    path = case_file.with_name("both.toml")
+    text = CASE.replace("[thrust]", "[water_track]\nnoise_mps = 0.02\n[thrust]")
+    path.write_text(text.replace("smooth = false", "smooth = true"), encoding="utf-8")
+    result = replay_case(load_case(path))
+    alone = replay_case(load_case(case_file))
+    assert end_m(result, "hidden", "tc") < 0.5 * end_m(alone, "hidden", "tc")
+    for section in ("water_track", "thrust"):
+        assert [row[0] for row in result.manifest[section]["fixes"]["hidden"]] == ["`tc`", "`sway_current`"]
+    write_replay(result, tmp_path / "out")
+    page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
+    assert "Revolutions as the filters used them" in page
+    assert "Beams of the water as the filters used them" in page
+
+
+def test_without_the_section_there_is_nothing_of_it(case_file: Path, tmp_path: Path) -> None:
+    alone = replay_case(load_case(case_file).model_copy(update={"thrust": None}))
+    assert alone.currents.is_empty()
+    assert "thrust" not in alone.manifest
+    write_replay(alone, tmp_path / "out")
+    assert "Revolutions" not in make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('unit = "rpm"', 'unit = "knots"', r"'thrust.unit' is 'knots', expected 'rpm', 'Hz' or 'rad/s'"),
+        ('unit = "rpm"\n', "", "'thrust.unit' is missing"),
+        ("advance_m = 0.1\n", "", "'thrust.advance_m' is missing"),
+        ("advance_m = 0.1\n", "advance_m = -0.1\n", "'thrust.advance_m' is -0.1"),
+        ("advance_m = 0.1\n", "advance_m = 0.1\nslip_mps = 0.0\n", "'thrust.slip_mps' is 0.0"),
+        ("advance_m = 0.1\n", "advance_m = 0.1\nenabled = true\n", "thrust.enabled"),
+        ("advance_m = 0.1\n", 'advance_m = 0.1\ncorrects = "off"\n', "'thrust.corrects' is 'off'"),
+        ('column = "rpm"\n', "", "'thrust.column' is missing"),
+    ],
+)  # fmt: skip
+def test_faults_name_key_and_expectation(case_file: Path, old: str, new: str, message: str) -> None:
+    assert old in CASE
+    path = case_file.with_name("faulty.toml")
+    path.write_text(CASE.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=message):
+        load_case(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('column = "rpm"', 'column = "rmp"', r"shaft.csv: .*'rmp'"),
+        ('"rpm"\nunit = "rpm"', '"rpm"\nunit = "Hz"',
+         "shaft.csv: column 'rpm' in Hz and thrust.advance_m = 0.1 m are .* m/s in the median, expected at most 20"),
+        ('column = "rpm"', 'column = "still"', "column 'still' is 0 in every row, expected revolutions"),
+        ("shaft.csv", "none.csv", "none.csv: no such file"),
+    ],
+)  # fmt: skip
+def test_faults_of_the_table_name_file_and_column(case_file: Path, old: str, new: str, message: str) -> None:
+    assert old in CASE
+    path = case_file.with_name("faulty_table.toml")
+    path.write_text(CASE.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(DataError, match=message):
+        replay_case(load_case(path))
+
+
+def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> None:
+    case = load_case(case_file)
+    streams = read_streams(case)
+    found = {one.key: one.start for one in noise_of(case, streams) if one.key.startswith("thrust.")}
+    assert found == {"thrust.slip_mps": 0.02, "thrust.noise_mps": 0.01}
+    other = with_values(case, {"thrust.slip_mps": 0.05})
+    assert case.thrust is not None
+    assert other.thrust == case.thrust.model_copy(update={"slip_mps": 0.05})
+    without: Any = case.model_copy(update={"thrust": None})
+    assert not [one for one in noise_of(without, read_streams(without)) if one.key.startswith("thrust.")]
+
+
+@pytest.mark.long
+def test_tune_finds_slip_and_noise(tmp_path: Path) -> None:
+    """From three times each to within 3 sigma of the logarithm, on 200 s: the noise to a fifth, the slip to a half.
+
+    Seen: slip 7.2 ± 4.4 mm/s, noise 12.6 ± 1.4. Four other dives: slip 10 to 20 ± 5, noise 9.5 to 12.4 ± 2.
+    """
+    section = f"{SECTION}slip_mps = 0.06\nnoise_mps = 0.03\n"
+    text = BARE.replace('"tc", "sway_current"', '"tc"').replace("[reference]", f"{section}[reference]")
+    path = write_dive(tmp_path, rov_dive(7, seconds=400.0), text)
+    tuned = {one.key: one for one in tune_case(load_case(path)).parameters}
+    assert tuned["thrust.noise_mps"].sd < 0.2 * NOISE_MPS
+    for key, true in {"thrust.slip_mps": SLIP_MPS, "thrust.noise_mps": NOISE_MPS}.items():
+        found = tuned[key]
+        assert abs(np.log(found.value / true)) < 3.0 * found.sd / found.value
