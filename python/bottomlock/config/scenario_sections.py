@@ -317,7 +317,7 @@ _LAYERS = models.CurrentLayers().as_dict()
 
 
 class CurrentLayers(Section):
-    """Prior of the current by depth, with water track (docs/sensors.md#water-track); `sd_mps` 0 is no layers."""
+    """Prior of the current by depth, with water track (docs/methods/without_bottom.md); `sd_mps` 0 is no layers."""
 
     sd_mps: NonNegative = _LAYERS["sd_mps"]
     time_s: Positive = _LAYERS["time_s"]

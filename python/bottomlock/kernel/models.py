@@ -327,7 +327,7 @@ class Water(Settings):
 
 @_settings
 class CurrentLayers(Settings):
-    """Prior of the current by depth, with `Options.water_track` or `thrust` (docs/sensors.md#water-track).
+    """Prior of the current by depth, with `Options.water_track` or `thrust` (docs/methods/without_bottom.md).
 
     `sd_mps` is 1 sigma of a layer's own part, 0 for no layers, which is forgotten in `time_s` and on `way_m` over
     ground; layers are `spacing_m` apart; `mean_time_s` is the correlation time of what all depths have in common.
