@@ -69,5 +69,5 @@ table.with_columns(pl.col("position_m").round(1), pl.col("nees_of_20").round(1))
 # When the bottom returns, the position is corrected by its correlation with the velocity. After ten minutes without
 # the water that is a large and uncertain step: it helps `tc`, and throws `sway_current` off in one of the twenty runs.
 #
-# [The page on it](../docs/methods/without_bottom.md) has the rows, [observability](../docs/observability.md#water-track) the
-# proof that the water alone leaves two directions open and no more.
+# [Its page](../docs/methods/without_bottom.md) has the rows, [observability](../docs/observability.md#water-track)
+# the proof that the water alone leaves two directions open and no more.
