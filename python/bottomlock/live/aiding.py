@@ -8,7 +8,13 @@ import numpy as np
 from bottomlock import units
 from bottomlock.kernel import Navigator
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.readings import AcousticPositionReading, AidingReading, DepthReading, GpsReading
+from bottomlock.live.readings import (
+    AcousticPositionReading,
+    AidingReading,
+    DepthReading,
+    GpsReading,
+    ThrustReading,
+)
 from bottomlock.live.sections import OriginSection
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 
@@ -29,6 +35,8 @@ def push(navigator: Navigator, config: LiveConfig, time_ns: int, reading: Aiding
         return navigator.push_acoustic_position(
             time_ns=time_ns, position_t_m=reading.position_t_m, sd_m=reading.sd_m
         )
+    if isinstance(reading, ThrustReading) and config.thrust is not None:
+        return navigator.push_thrust(time_ns, reading.revolutions_hz, sd_mps=config.thrust.noise_mps)
     return ()
 
 

@@ -17,7 +17,18 @@ from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.ports.estimate import SILENT
 
-_SETTINGS = {"dvl", "imu", "attitude", "depth", "origin", "navigation", "filter", "robust", "water_track"}
+_SETTINGS = {
+    "dvl",
+    "imu",
+    "attitude",
+    "depth",
+    "origin",
+    "navigation",
+    "filter",
+    "robust",
+    "water_track",
+    "thrust",
+}
 """Sections that a saved navigator depends on."""
 
 

@@ -15,6 +15,7 @@ from bottomlock import units
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust, Section
 from bottomlock.config.sensors import SENSORS
+from bottomlock.config.thrust import ThrustErrors
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.config.water_cells import WaterCells
@@ -55,6 +56,7 @@ from bottomlock.ports.rotation import matrix, quaternion
 LINES_OF = (
     ("attitude-csv", "attitude"),
     ("depth-csv", "depth"),
+    ("thrust-csv", "thrust"),
     ("gps-csv", "gps"),
     ("acoustic-csv", "acoustic_position"),
 )
@@ -83,6 +85,7 @@ class LiveConfig(Section):
     gps: GpsSection | None = None
     acoustic_position: AcousticPositionSection | None = None
     water_track: WaterCells | None = None
+    thrust: ThrustErrors | None = None
     origin: OriginSection | None = None
     start: StartSection | None = None
     navigation: NavigationSection = NavigationSection()
@@ -136,6 +139,8 @@ class LiveConfig(Section):
         for lines, key in LINES_OF:
             if lines in formats and getattr(self, key) is None:
                 raise ValueError(f"a source has format '{lines}', which needs the section [{key}]")
+        if self.thrust is not None and "thrust-csv" not in formats:
+            raise ValueError('[thrust] needs a source with format "thrust-csv"')
         self._positions_have_a_place(formats)
         if self.attitude is not None:
             self._attitude_is_one(self.attitude)
@@ -346,6 +351,9 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
             added |= section.kernel_options()
     if config.attitude is not None:
         sensors |= config.attitude.kernel_models()
+    if config.thrust is not None:
+        sensors["thrust"] = config.thrust.kernel_model()
+        added |= config.thrust.kernel_options()
     tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
     model = models.Model(
         environment=models.Environment(

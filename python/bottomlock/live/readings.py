@@ -68,7 +68,15 @@ class AcousticPositionReading:
     sd_m: Triple | None
 
 
-AidingReading = DepthReading | GpsReading | AcousticPositionReading
+@dataclass(frozen=True)
+class ThrustReading:
+    """Revolutions of the propeller, 1/s, positive forward."""
+
+    time_ns: int
+    revolutions_hz: float
+
+
+AidingReading = DepthReading | GpsReading | AcousticPositionReading | ThrustReading
 Reading = ImuReading | AttitudeReading | AidingReading
 
 
@@ -84,6 +92,10 @@ def _attitude(time_ns: int, values: list[float]) -> Reading:
 
 def _depth(time_ns: int, values: list[float]) -> Reading:
     return DepthReading(time_ns, values[0])
+
+
+def _thrust(time_ns: int, values: list[float]) -> Reading:
+    return ThrustReading(time_ns, values[0])
 
 
 def _gps(time_ns: int, values: list[float]) -> Reading | None:
@@ -111,6 +123,7 @@ _LINES: dict[str, tuple[tuple[int, ...], str, Callable[[int, list[float]], Readi
     "imu-csv": ((6,), "time_ns,wx,wy,wz,fx,fy,fz", _imu),
     "attitude-csv": ((3,), "time_ns,roll,pitch,yaw", _attitude),
     "depth-csv": ((1,), "time_ns,depth_m", _depth),
+    "thrust-csv": ((1,), "time_ns,revolutions_hz", _thrust),
     "gps-csv": ((3,), "time_ns,latitude_deg,longitude_deg,height_m", _gps),
     "acoustic-csv": ((3, 6), "time_ns,north_m,east_m,down_m[,sd_n,sd_e,sd_d]", _acoustic_position),
 }

@@ -24,7 +24,16 @@ if TYPE_CHECKING:
     SourceFormat = str
 else:
     SourceFormat = Literal[
-        (*DVL_FORMATS, "imu-csv", "attitude-csv", "depth-csv", "gps-csv", "acoustic-csv", "mavlink")
+        (
+            *DVL_FORMATS,
+            "imu-csv",
+            "attitude-csv",
+            "depth-csv",
+            "thrust-csv",
+            "gps-csv",
+            "acoustic-csv",
+            "mavlink",
+        )
     ]
 
 

@@ -1,0 +1,87 @@
+"""Revolutions of the propeller live: lines, and what the filter makes of them where the bottom is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.live.engine import Engine
+from bottomlock.live.navigation import NavigationEstimator
+from bottomlock.live.readings import LineReader, ThrustReading
+from tests.live.test_water_track import THROUGH
+from tests.live.world import START_NS, VELOCITY, World, config
+
+SECONDS, LOST_S, ADVANCE_M = 30.0, 10.0, 0.12
+SOURCE = """
+[[source]]
+name = "propeller"
+address = "udpin:127.0.0.1:12"
+format = "thrust-csv"
+rate_hz = 5
+clock = "host"
+"""
+SECTION = "[thrust]\nadvance_m = 0.12\n"
+
+
+def lines(factor: float = 1.0) -> list[tuple[int, int, bytes]]:
+    """Five a second, of the speed through the water with 1 cm/s of noise."""
+    random, found = np.random.default_rng(9), []
+    for k in range(round(5 * SECONDS)):
+        time_ns = START_NS + round((k + 0.3) / 5 * 1e9)
+        speed = float(THROUGH[0]) + 0.01 * random.standard_normal()
+        line = f"{time_ns},{factor * speed / ADVANCE_M!r}\n".encode()
+        found.append((time_ns + 5_000_000, 2, line))
+    return found
+
+
+def flown(extra: str, more: list[tuple[int, int, bytes]]) -> tuple[Engine, float, float]:
+    """Engine, error of the surge and its 1 sigma, m/s, after 20 s without the bottom."""
+    engine = Engine(config("navigation", extra=extra))
+    world = World(SECONDS, lambda t: (0, 1, 2, 3) if t >= LOST_S else ())
+    for arrival_ns, source, data in sorted([*world.arrivals(imu=True), *more], key=lambda one: one[:2]):
+        engine.arrive(source, arrival_ns, data)
+    assert isinstance(engine.estimator, NavigationEstimator)
+    navigator = engine.estimator.navigator
+    assert navigator is not None
+    velocity = np.asarray(navigator.state()["velocity_p_mps"])
+    return engine, float(velocity[0] - VELOCITY[0]), float(np.sqrt(navigator.covariance()[6, 6]))
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.2])
+def test_revolutions_hold_the_speed(factor: float) -> None:
+    """Claimed a third as far off as without, and within it; also where the advance is a sixth too large."""
+    engine, error, sd = flown(SECTION + SOURCE, lines(factor))
+    _, coasting, alone = flown("", [])
+    assert abs(error) < 3.0 * sd
+    assert abs(coasting) < 3.0 * alone
+    assert sd < 0.33 * alone
+    assert engine.state == "COASTING"
+    assert dict(engine.estimator.gated) == {}
+
+
+def test_a_line() -> None:
+    """A time and one number."""
+    reader = LineReader("thrust-csv")
+    assert reader.feed(b"5,-12.5\n") == [ThrustReading(5, -12.5)]
+    assert reader.feed(b"6,1.0,2.0\n7,nan\n") == []
+    assert dict(reader.skipped) == {
+        "not the columns time_ns,revolutions_hz": 1,
+        "not a time in ns and finite numbers": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        (SOURCE, r"'thrust-csv', which needs the section \[thrust\]"),
+        (SECTION, r"\[thrust\] needs a source with format \"thrust-csv\""),
+        ("[thrust]\n" + SOURCE, "thrust.advance_m"),
+        ("[thrust]\nadvance_m = 0.0\n" + SOURCE, "thrust.advance_m"),
+    ],
+)
+def test_a_section_without_what_it_needs_is_named(extra: str, words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        config("navigation", extra=extra)
+    with pytest.raises(ScenarioError, match=r'\[thrust\] belongs to mode = "navigation"'):
+        config("velocity", extra=SECTION)
