@@ -203,6 +203,8 @@ mutants-python: $(VENV)/.tools $(VENV)/.installed
 lock: $(bin)/uv
 	$(uv) compile pyproject.toml --no-config --group dev --group docs --group others --universal --python-version 3.11 \
 	    --generate-hashes --no-annotate --upgrade --quiet --custom-compile-command "make lock" --output-file requirements.lock
+	$(uv) compile --group pyproject.toml:vehicle --no-config --universal --python-version 3.11 --constraints requirements.lock \
+	    --generate-hashes --no-annotate --quiet --custom-compile-command "make lock" --output-file requirements-live.txt
 
 # The bill of materials, CycloneDX: what an install brings along, at the locked versions, and the crates in the wheel. Its
 # check against the schema takes minutes.

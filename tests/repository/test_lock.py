@@ -25,7 +25,7 @@ def test_the_lock_has_what_is_asked_for(root: Path, lock: str) -> None:
     """`make lock` after every change of the dependencies."""
     written = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     groups = written["dependency-groups"]
-    assert sorted(groups) == ["build", "dev", "docs", "others"]
+    assert sorted(groups) == ["build", "dev", "docs", "others", "vehicle"]
     locked: dict[str, set[str]] = {}
     for name, version in _ENTRY.findall(lock):
         locked.setdefault(name, set()).add(version)
@@ -51,3 +51,16 @@ def test_compiled_packages_are_locked_for_every_platform(lock: str) -> None:
     """The lock is of no one machine: numpy alone has wheels for some thirty platforms and versions of Python."""
     (numpy, *_) = re.findall(r"^numpy==.*?(?=^\w)", lock, re.MULTILINE | re.DOTALL)
     assert numpy.count("--hash=sha256:") > 20
+
+
+def test_what_a_vehicle_installs_is_a_part_of_the_lock(root: Path, lock: str) -> None:
+    """requirements-live.txt has entries of the lock, with their hashes, and nothing of tables, figures and pages."""
+    entry = re.compile(r"^[\w.-]+==[^ ]+.*?(?=^\w|\Z)", re.MULTILINE | re.DOTALL)
+    own = (root / "requirements-live.txt").read_text(encoding="utf-8")
+    entries = set(entry.findall(own))
+    assert len(entries) > 15
+    assert entries <= set(entry.findall(lock))
+    groups = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["dependency-groups"]
+    names = {name for name, _ in _ENTRY.findall(own)}
+    assert {name_of(one) for one in groups["vehicle"]} <= names
+    assert not names & {"polars", "scipy", "matplotlib", "jinja2", "threadpoolctl"}
