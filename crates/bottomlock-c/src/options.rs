@@ -45,11 +45,7 @@ impl Default for Options {
             Gate::PerRow => "per_row",
             Gate::Off => "off",
         };
-        let thrust_of = match inner.thrust {
-            ThrustUse::Off => "off",
-            ThrustUse::Velocity => "velocity",
-            ThrustUse::All => "all",
-        };
+        let thrust = ThrustUse::NAMES.into_iter().find(|(of, _)| *of == inner.thrust);
         let tail_of = match inner.robust.tail {
             Tail::Gaussian => "gaussian",
             Tail::StudentT { .. } => "student_t",
@@ -86,8 +82,8 @@ impl Default for Options {
                 all: &["refuse", "inflate"],
             },
             thrust: Choice {
-                chosen: thrust_of,
-                all: &["off", "velocity", "all"],
+                chosen: thrust.map_or(THRUST[0], |(_, name)| name),
+                all: &THRUST,
             },
             tail: Choice {
                 chosen: tail_of,
@@ -102,6 +98,8 @@ impl Default for Options {
         }
     }
 }
+
+const THRUST: [&str; 3] = [ThrustUse::NAMES[0].1, ThrustUse::NAMES[1].1, ThrustUse::NAMES[2].1];
 
 impl Options {
     fn joint(&self) -> Gate {
@@ -141,11 +139,10 @@ impl Options {
             "refuse" => LongGap::Refuse,
             _ => LongGap::Inflate,
         };
-        made.thrust = match self.thrust.chosen {
-            "off" => ThrustUse::Off,
-            "velocity" => ThrustUse::Velocity,
-            _ => ThrustUse::All,
-        };
+        let chosen = ThrustUse::NAMES
+            .into_iter()
+            .find(|(_, name)| *name == self.thrust.chosen);
+        made.thrust = chosen.map_or(ThrustUse::Off, |(of, _)| of);
         let [student_t, huber] = self.tails();
         made.robust.tail = match self.tail.chosen {
             "gaussian" => Tail::Gaussian,

@@ -23,7 +23,7 @@ from bottomlock.io.water_table import WaterTable
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Flags
-from bottomlock.recordings.water_cells import SAME_PING_S, nearest_rows, water_beams
+from bottomlock.recordings.water_cells import same_ping, water_beams
 from bottomlock.statistics.robust import sd_about_zero
 
 WINDOW = 10
@@ -89,9 +89,8 @@ def water_agreement(
     beams, _ = water_beams(water, geometry, section, beam_sd_mps=np.full(geometry.beams, UNUSED_MPS))
     order = np.argsort(log.time_ns[whole], kind="stable")
     at = np.flatnonzero(whole)[order]
-    near = nearest_rows(log.time_ns[at], beams.time_ns)
+    near, same = same_ping(log.time_ns[at], beams.time_ns)
     inside = (beams.time_ns >= attitude.time_ns[0]) & (beams.time_ns <= attitude.time_ns[-1])
-    same = np.abs(log.time_ns[at][near] - beams.time_ns) <= SAME_PING_S * 1e9
     rows = np.flatnonzero(beams.valid.all(axis=1) & inside & same)
     if len(rows) < FEWEST:
         return None

@@ -125,6 +125,11 @@ class Ping:
         )
 
     @property
+    def of_water_alone(self) -> "Ping | None":
+        """`of_water` where no beam has the bottom, for an instrument that reports one or the other; else None."""
+        return None if self.valid.any() else self.of_water
+
+    @property
     def beams(self) -> int:
         """Number of beams."""
         return len(self.beam_velocity_mps)

@@ -52,8 +52,8 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         DataError: for a number that is no measurement, and for times before 1970.
     """
     del instrument
-    through = ping.of_water is not None and not ping.valid.any()
-    ping = ping.of_water or ping if through else ping
+    water = ping.of_water_alone
+    ping = ping if water is None else water
     velocity, covariance, fom = ping.velocity_p_mps, ping.covariance_m2ps2, ping.figure_mps
     known = velocity is not None and covariance is not None and fom is not None
     rows = [[NO_FOM_MPS**2 if i == j else 0 for j in range(3)] for i in range(3)]
@@ -69,9 +69,9 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         "transducers": [_transducer(ping, k) for k in range(ping.beams)],
         "velocity_valid": known,
         "status": 0,
-        "tracking_mode": "water" if through else "bottom",
+        "tracking_mode": "bottom" if water is None else "water",
         "format": FORMAT,
-        "type": "velocity_water" if through else "velocity",
+        "type": "velocity" if water is None else "velocity_water",
         "time_of_validity": steps_of(ping.time_ns, 1000, 1, LATEST_NS // 1000, ping),
         "time_of_transmission": steps_of(ping.transmission_ns, 1000, 1, LATEST_NS // 1000, ping),
     }

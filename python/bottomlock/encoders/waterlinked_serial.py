@@ -20,8 +20,8 @@ from bottomlock.io.columns import LATEST_NS
 NAME = "waterlinked-serial"
 
 
-def _velocity(ping: Ping, *, through: bool) -> str:
-    """The fields of `wrz` behind its name, or of `wrs` for a velocity through the water."""
+def _velocity(ping: Ping, *, altitude: bool = True) -> str:
+    """The fields of `wrz` behind its name; those of `wrs` without the altitude."""
     velocity, covariance, fom = ping.velocity_p_mps, ping.covariance_m2ps2, ping.figure_mps
     known = velocity is not None and covariance is not None and fom is not None
     rows = [NO_FOM_MPS**2 if k % 4 == 0 else 0.0 for k in range(9)]
@@ -32,9 +32,9 @@ def _velocity(ping: Ping, *, through: bool) -> str:
         *(decimal(v, 3, ping, f"velocity {axis}, m/s") for v, axis in zip(axes, "xyz", strict=True)),
         "y" if known else "n",
         *(
-            []
-            if through
-            else [decimal(-1.0 if ping.altitude_m is None else ping.altitude_m, 2, ping, "altitude, m")]
+            [decimal(-1.0 if ping.altitude_m is None else ping.altitude_m, 2, ping, "altitude, m")]
+            if altitude
+            else []
         ),
         decimal(NO_FOM_MPS if fom is None else fom, 3, ping, "figure of merit, m/s"),
         ";".join(f"{value:g}" for value in rows),
@@ -67,11 +67,10 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         DataError: for a beam that returns without a range, a number that is no measurement, a time before 1970.
     """
     del instrument
-    through = ping.of_water is not None and not ping.valid.any()
-    ping = ping.of_water or ping if through else ping
-    name = "wrs" if through else "wrz"
+    water = ping.of_water_alone
+    ping = ping if water is None else water
     lines = [
-        f"{name},{_velocity(ping, through=through)}",
+        f"wrz,{_velocity(ping)}" if water is None else f"wrs,{_velocity(ping, altitude=False)}",
         *(f"wru,{_transducer(ping, k)}" for k in range(ping.beams)),
     ]
     return b"".join(waterlinked_sentence(line.encode()) for line in lines)

@@ -11,7 +11,7 @@ from bottomlock.io.beam_table import BeamTable, read_beam_table
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.formats import read_recording
 from bottomlock.io.water_table import WaterTable, read_water_table, water_file
-from bottomlock.recordings.water_cells import SAME_PING_S, nearest_rows
+from bottomlock.recordings.water_cells import same_ping
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 
@@ -62,8 +62,7 @@ def readings_of_log(path: Path, *, geometry: str | None, altitude_m: float = 20.
 def _with_water(readings: Readings, water: WaterTable) -> Readings:
     """The nearest cell of the water at the pings that it was measured with: the records hold one."""
     nearest = np.flatnonzero(water.cell == water.cell.min())
-    at = nearest_rows(readings.time_ns, water.time_ns[nearest])
-    same = np.abs(readings.time_ns[at] - water.time_ns[nearest]) <= SAME_PING_S * 1e9
+    at, same = same_ping(readings.time_ns, water.time_ns[nearest])
     found = np.full(readings.beam_mps.shape, np.nan)
     rows = nearest[same]
     found[at[same]] = np.where(water.valid[rows], water.velocity_mps[rows], np.nan)

@@ -42,6 +42,16 @@ def words_at(raw: NDArray[np.uint8], at: Places) -> Places:
     return raw.take(at).astype(np.int64) | raw.take(at + 1).astype(np.int64) << 8
 
 
+def numbered(count: Places) -> tuple[Places, Places]:
+    """Of the parts of some records, the record and the number within it.
+
+    >>> [one.tolist() for one in numbered(np.array([2, 0, 3]))]
+    [[0, 0, 2, 2, 2], [0, 1, 0, 1, 2]]
+    """
+    owner = np.repeat(np.arange(len(count)), count)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+
+
 def fields_at(data: bytes, at: Places, layout: np.dtype[Any]) -> NDArray[Any]:
     """(n,) structured: the fields of a layout at some places, all of it within the data."""
     if not len(at):

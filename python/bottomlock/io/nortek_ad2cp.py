@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording
-from bottomlock.io.binary_records import bytes_of, fields_at
+from bottomlock.io.binary_records import bytes_of, fields_at, numbered
 from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import (
@@ -177,8 +177,8 @@ def _cells(data: bytes, profiles: Frames, account: Account, options: Options) ->
     whole = on_clock & (parts & _VELOCITY > 0) & (parts & _CORRELATION > 0) & (offset >= _PROFILE_LEAST)
     whole &= (end <= profiles.size) & (setup["scale"] >= -9) & (setup["scale"] <= 0)
     use = np.flatnonzero(whole)
-    owner = np.repeat(use, cells[use])
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(cells[use]) - cells[use], cells[use])
+    mine, number = numbered(cells[use])
+    owner = use[mine]
     of_beam = np.arange(_BEAMS) * cells[owner][:, None] + number[:, None]
     start = profiles.start[owner][:, None]
     raw = fields_at(data, (start + offset[owner][:, None] + 2 * of_beam).ravel(), np.dtype([("v", "<i2")]))

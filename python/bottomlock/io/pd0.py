@@ -20,7 +20,17 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
-from bottomlock.io.binary_records import BLOCK, EMPTY, Headers, Places, blocks, bytes_of, fields_at, words_at
+from bottomlock.io.binary_records import (
+    BLOCK,
+    EMPTY,
+    Headers,
+    Places,
+    blocks,
+    bytes_of,
+    fields_at,
+    numbered,
+    words_at,
+)
 from bottomlock.io.civil_time import minute_ns
 from bottomlock.io.framing import Stream, pd0
 from bottomlock.io.pd0_axes import beams_of_axes
@@ -128,9 +138,8 @@ class _Types:
         count = raw[start + 5].astype(np.int64)
         self._ensembles = len(start)
         # One entry for each type of each ensemble.
-        owner = np.repeat(np.arange(len(start)), count)
+        owner, number = numbered(count)
         last = np.cumsum(count) - 1
-        number = np.arange(len(owner)) - np.repeat(last + 1 - count, count)
         offset = words_at(raw, start[owner] + 6 + 2 * number)
         end = np.append(offset[1:], 0)
         end[last] = size
@@ -435,8 +444,7 @@ def _profile(data: bytes, water: Integers) -> _WaterCells:
     setup = fields_at(data, fixed[known], _CELLS)
     count[known], size_m[known], first_m[known] = setup["cells"], setup["size"] * 0.01, setup["first"] * 0.01
     cells = np.minimum(count.astype(np.int64), np.maximum(length - 2, 0) // _CELL.itemsize)
-    owner = np.repeat(np.arange(len(water)), cells)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
+    owner, number = numbered(cells)
     velocity = fields_at(data, at[owner] + 2 + _CELL.itemsize * number, _CELL)["velocity"]
     correlation = np.full((len(owner), _BEAMS), np.nan)
     has = 2 + 4 * (number + 1) <= correlation_length[owner]

@@ -190,9 +190,14 @@ def _side_lobe_range(time_ns: Times, geometry: BeamGeometry, bottom: tuple[Times
     axis = directions.mean(axis=0)
     straight = bottom_range_m * (directions @ (axis / np.linalg.norm(axis)))
     least = np.where(straight > 0.0, straight, np.inf).min(axis=1)
-    at = nearest_rows(bottom_time_ns, time_ns)
-    same = np.abs(bottom_time_ns[at] - time_ns) <= SAME_PING_S * 1e9
+    at, same = same_ping(bottom_time_ns, time_ns)
     return np.asarray(np.where(same, least[at], np.inf))
+
+
+def same_ping(times_ns: Times, wanted_ns: Times) -> tuple[Times, Flags]:
+    """(m,) `nearest_rows`, and whether they are close enough to be of the same ping."""
+    at = nearest_rows(times_ns, wanted_ns)
+    return at, np.asarray(np.abs(times_ns[at] - wanted_ns) <= SAME_PING_S * 1e9)
 
 
 def nearest_rows(times_ns: Times, wanted_ns: Times) -> Times:

@@ -90,7 +90,7 @@ pub struct Layers {
     /// Number of the uppermost one; layer j lies at the depth j h, and its states are those of the place j modulo [`LAYERS`].
     first: i64,
     /// The same at the first measurement.
-    home: Option<i64>,
+    reference: Option<i64>,
     estimate: LayerVector,
     /// Time since each place was measured last, s; infinite where it was not.
     age_s: [f64; LAYERS],
@@ -133,7 +133,7 @@ impl Layers {
         (prior.sd_mps > 0.0).then(|| Self {
             prior: *prior,
             first: 0,
-            home: None,
+            reference: None,
             estimate: LayerVector::zeros(),
             age_s: [f64::INFINITY; LAYERS],
         })
@@ -158,9 +158,9 @@ impl Layers {
 
     /// The same of a layer.
     fn variance_of(&self, number: i64) -> f64 {
-        let beyond = self.home.map_or(0, |home| {
-            let last = home + LAYERS as i64 - 1;
-            (home - number).max(number - last).max(0)
+        let beyond = self.reference.map_or(0, |reference| {
+            let last = reference + LAYERS as i64 - 1;
+            (reference - number).max(number - last).max(0)
         });
         self.prior.sd_mps * self.prior.sd_mps * (1.0 + 2.0 * beyond as f64)
     }
@@ -257,7 +257,7 @@ impl Layers {
 
     /// Takes note that the current was measured.
     pub(crate) fn note(&mut self, at: &CurrentAt) {
-        self.home.get_or_insert(self.first);
+        self.reference.get_or_insert(self.first);
         for (age_s, weight) in self.age_s.iter_mut().zip(at.weights) {
             if weight > 0.0 {
                 *age_s = 0.0;
@@ -293,7 +293,9 @@ impl Layers {
         require_finite("current by depth", time_ns, self.estimate.as_slice())?;
         let is_sound = self.age_s.iter().all(|age_s| *age_s >= 0.0)
             && self.first.unsigned_abs() <= 2 * DEEPEST as u64
-            && self.home.is_none_or(|home| home.unsigned_abs() <= 2 * DEEPEST as u64);
+            && self
+                .reference
+                .is_none_or(|reference| reference.unsigned_abs() <= 2 * DEEPEST as u64);
         if is_sound {
             return Ok(());
         }

@@ -85,8 +85,8 @@ fn layers_move_with_the_depth() {
     assert_eq!(layers.enclose(-1e300, -1e300).len(), LAYERS);
 }
 
-/// Home is 10 to 40 m, σ² = 0.0016: two layers beyond it have 3 and 5 σ², and follow from the last, of 4 m/s; back again, the last of
-/// home keeps a third of its neighbour beyond; within home they are independent.
+/// The layers of the first measurement are 10 to 40 m, σ² = 0.0016: two beyond them have 3 and 5 σ², and follow from the last, of
+/// 4 m/s; back again, that last one keeps a third of its neighbour beyond; among themselves they are independent.
 #[test]
 fn beyond_the_first_layers_the_current_walks() {
     let mut layers = counted(12.0, 38.0);
