@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import METHODS, SENSORS, BeamGeometry, KernelError, Navigator
-from bottomlock.kernel.models import ThrustModel
+from bottomlock.kernel.models import EffortModel, ThrustModel
 from tests.property import settings
 
 JANUS = BeamGeometry.janus(0.35, lever_arms_p_m=[[1.0, 0.1, 0.5]] * 4, sound_speed_scale=1.01)
@@ -51,6 +51,7 @@ PUSH: dict[str, Push] = {
         time_ns=time_ns, position_t_m=2.0 * draw.normal(size=3)
     ),
     "thrust": lambda to, time_ns, draw: to.push_thrust(time_ns, draw.normal(), sd_mps=0.05),
+    "effort": lambda to, time_ns, draw: to.push_effort(time_ns, 10.0 * draw.normal(size=3), sd_n=1.0),
 }
 """A measurement of every sensor."""
 
@@ -67,6 +68,9 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
         "outlier_factor": 1.0,
     }
     model["thrust"] = ThrustModel(advance_m=0.1, advance_sd_m=0.01).as_dict()
+    model["effort"] = EffortModel(
+        mass_kg=(30, 40, 50), linear_drag_kgps=(20, 40, 60), quadratic_drag_kgpm=(10, 0, 0)
+    ).as_dict()
     start: Any = {
         "time_ns": 0,
         "position_t_m": np.zeros(3),

@@ -52,7 +52,12 @@ pub(crate) fn require_current(event: &Event, filter: &Eskf) -> Result<(), NavErr
         Event::Aiding(Measurement::Thrust(_)) => (
             filter.thrust().is_none(),
             "options.thrust",
-            "\"velocity\" or \"all\", for revolutions: advance and current are then states",
+            "\"velocity\" or \"all\" with a model of the propeller, for revolutions: advance and current are then states",
+        ),
+        Event::Aiding(Measurement::Effort(_)) => (
+            filter.effort().is_none(),
+            "options.thrust",
+            "\"velocity\" or \"all\" with model.effort, for forces: what the drag is wrong by and the current are then states",
         ),
         _ => return Ok(()),
     };
