@@ -135,7 +135,7 @@ def _push_all(both: Both, step: int, random: np.random.Generator) -> None:
         5: ("water_track", (t, noisy - 0.1, valid), {"sd_mps": sd, "range_m": 5.0}),
         9: ("depth", (t, depth), {"sd_m": 0.02}),
         11: ("thrust", (late, 10.0 + depth), {"sd_mps": 0.05}),
-        13: ("effort", (late, 30.0 * omega + (25.0, 1.0, 5.0)), {"sd_n": 1.0}),
+        12: ("effort", (late, 30.0 * omega + (25.0, 1.0, 5.0)), {"sd_n": 1.0}),
         13: ("heading", (late, yaw), {"sd_rad": 0.1}),
         17: ("attitude", (t, (1, 0, 0, 0)), {"roll_pitch_sd_rad": 0.02, "yaw_sd_rad": 0.1}),
         21: ("gps", (t, (0, 0, 0), (1, 0, 0)), {"position_sd_m": (2, 2, 2), "velocity_sd_mps": (1, 1, 1)}),

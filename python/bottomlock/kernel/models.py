@@ -278,11 +278,11 @@ class ThrustModel(Settings):
 
 @_settings
 class EffortModel(Settings):
-    """Speed through the water by the forces of thrusters, 1 sigma; surge, sway and heave each, an axis without drag unused.
+    """Speed through the water by the forces of thrusters, 1 sigma; surge, sway and heave each.
 
-    Mass and added mass, kg; linear and quadratic drag, N s/m and N s²/m²; buoyancy less weight, N; relative
-    uncertainty of the speed at a force (half of that of a quadratic drag) and of mass and added mass, with correlation
-    times; slip with its correlation time; and white noise of a force, N.
+    An axis without drag is not used. Mass and added mass, kg; linear and quadratic drag, N s/m and N s²/m²; buoyancy
+    less weight, N; relative uncertainty of the speed at a force (half of that of a quadratic drag) and of mass and
+    added mass, with correlation times; slip with its correlation time; and white noise of a force, N.
     """
 
     place: ClassVar[str] = "effort"

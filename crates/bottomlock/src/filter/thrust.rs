@@ -66,7 +66,17 @@ impl Eskf {
         self.prepare_for_water(None);
     }
 
-    /// The innovation of a sensor beside the beams; of revolutions and forces with the states that they correct.
+    /// The innovation of a sensor beside the beams.
+    pub(crate) fn measured_innovation(&self, measurement: &Measurement, sensor: Sensor, levers: &Levers) -> Innovation {
+        match (measurement, effort_axis(sensor)) {
+            (Measurement::Effort(sample), Some(axis)) => {
+                self.effort_innovation(axis, sample, levers.of(SensorKind::Effort))
+            }
+            _ => self.with_motion(|motion| measurement.innovation(sensor, motion, levers)),
+        }
+    }
+
+    /// The same with the states that it corrects, where it is of revolutions or forces.
     pub(crate) fn aiding_innovation(
         &self,
         measurement: &Measurement,
@@ -74,12 +84,7 @@ impl Eskf {
         levers: &Levers,
         corrects: Corrects,
     ) -> Innovation {
-        let innovation = match (measurement, effort_axis(sensor)) {
-            (Measurement::Effort(sample), Some(axis)) => {
-                self.effort_innovation(axis, sample, levers.of(SensorKind::Effort))
-            }
-            _ => self.with_motion(|motion| measurement.innovation(sensor, motion, levers)),
-        };
+        let innovation = self.measured_innovation(measurement, sensor, levers);
         match SpeedOf::report(sensor) {
             Some(states) => self.without_slip(&states, innovation, corrects),
             None => innovation,
