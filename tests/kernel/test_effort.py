@@ -113,7 +113,7 @@ def test_wrong_forces_are_gated_and_then_widen_the_scale() -> None:
             step * 10_000_000, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -example.gravity]
         )
         before = flown.state()["velocity_p_mps"]
-        report, *_ = flown.push_effort(step * 10_000_000, [4e4, 0.0, 2.4], sd_n=1.0)
+        report, *_ = flown.push_effort(step * 10_000_000, [2075.0, 0.0, 2.4], sd_n=1.0)
         verdicts.append((report["verdict"], report["inflation"] is not None))
         if report["verdict"] == "rejected":
             np.testing.assert_allclose(flown.state()["velocity_p_mps"][0], before[0], rtol=1e-12)

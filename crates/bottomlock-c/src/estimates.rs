@@ -154,8 +154,12 @@ pub unsafe extern "C" fn bl_navigator_effort(navigator: *const Navigator, hull: 
         // SAFETY: as the header asks.
         let held = unsafe { at("navigator", navigator) }?.locked()?;
         let found = held.live.navigators().selected().filter().effort();
-        let (estimate, covariance) = found
-            .ok_or_else(|| not_available("the error of the drag", "set the option 'thrust' and a drag of the model"))?;
+        let (estimate, covariance) = found.ok_or_else(|| {
+            not_available(
+                "the error of the drag",
+                "set the option 'thrust' and a drag of the model",
+            )
+        })?;
         let of = |first: usize| std::array::from_fn(|axis| estimate[first + axis]);
         let made = Effort {
             speed_scale: of(effort::SPEED_SCALE),

@@ -14,8 +14,8 @@ use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, ThrustSample,
-    VelocitySample, WaterSample,
+    AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES,
+    ThrustSample, VelocitySample, WaterSample,
 };
 use bottomlock::navigator::{LiveNavigator, Snapshot};
 use nalgebra::Matrix3;

@@ -12,8 +12,8 @@ use crate::error::NavError;
 use crate::frames::{Platform, Vec3};
 use crate::mechanisation::Kinematics;
 
-/// Time constant of the mean acceleration, s: what thrusters change takes as long, and the vibration of a hull far less.
-const ACCELERATION_TIME_S: f64 = 0.5;
+/// Time constant of the mean acceleration, s: a longer one lags behind what thrusters change within seconds.
+const ACCELERATION_TIME_S: f64 = 0.1;
 
 /// Mass and drag, and the acceleration.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]

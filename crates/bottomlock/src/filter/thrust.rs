@@ -12,7 +12,8 @@
 //! # Where they contradict the beams
 //! The bottom's beams know the velocity, so what revolutions contradict for long is their advance, or the current that was taken off
 //! them at another heading. With the gate alone they would be lost for good: after as many rejections in a row as inflate a
-//! covariance ([`super::inflation`]), which agree, the advance becomes uncertain by what explains them.
+//! covariance ([`super::inflation`]), which agree, the advance becomes uncertain by what explains them. Where more than half of it
+//! would, as where hardly anything turns, something else drives the vehicle or holds it, and the slip becomes as uncertain.
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -46,6 +47,9 @@ impl SpeedOf {
 
 /// S over the variance of slip and noise up to which all of the innovation is theirs.
 const KNOWN: f64 = 10.0;
+
+/// Change of an advance, relative, that a propeller or a drag can have.
+const LARGEST_CHANGE: f64 = 0.5;
 
 impl Eskf {
     /// Advance per revolution, m, and slip of the propeller, m/s, with the covariance of their errors; `None` where they are not
@@ -124,14 +128,10 @@ impl Eskf {
         self.extensions.processes.inject(&back);
     }
 
-    /// Counts the rejection of revolutions or forces with this innovation; the variance to be added to their advance where it is one
-    /// too many.
-    pub(crate) fn note_rejected_speed(
-        &mut self,
-        sensor: Sensor,
-        states: &SpeedOf,
-        innovation: &Innovation,
-    ) -> Option<f64> {
+    /// Counts the rejection of revolutions or forces with this innovation; the further state that is to become uncertain where it is
+    /// one too many, and the variance to be added to it.
+    pub(crate) fn note_rejected_speed(&mut self, sensor: Sensor, innovation: &Innovation) -> Option<(usize, f64)> {
+        let states = SpeedOf::report(sensor)?;
         if self.inflate_after_rejections == 0 || innovation.rows == 0 {
             return None;
         }
@@ -142,18 +142,21 @@ impl Eskf {
         count.rejection(1.0, correction, needed, self.state.time_ns)?;
         let advance = self.extensions.processes.estimate()[states.advance];
         let turns = innovation.by_further.as_ref()?[(0, states.advance)];
-        // As uncertain as it is large at most, also where hardly anything turns.
-        Some((residual_mps / turns).powi(2).min(advance * advance))
+        let change = residual_mps / turns;
+        if change.abs() <= LARGEST_CHANGE * advance.abs() {
+            Some((states.advance, change * change))
+        } else {
+            Some((states.slip, residual_mps * residual_mps))
+        }
     }
 
-    /// Adds to the variance of the advance; returns the factor on it.
-    pub(crate) fn widen_advance(&mut self, states: &SpeedOf, variance: f64) -> f64 {
-        let own = states.advance;
+    /// Adds to the variance of a further state; returns the factor on it.
+    pub(crate) fn widen_further(&mut self, state: usize, variance: f64) -> f64 {
         let Some(further) = &mut self.extensions.further else {
             return 1.0;
         };
-        let before = further.covariance()[(own, own)];
-        further.add_variance(own, variance);
+        let before = further.covariance()[(state, state)];
+        further.add_variance(state, variance);
         if before > 0.0 {
             (before + variance) / before
         } else {

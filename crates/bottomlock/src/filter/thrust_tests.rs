@@ -200,27 +200,29 @@ fn noise_is_no_change_of_speed() {
     }
 }
 
-/// Five rejections that agree widen the advance by what explains them, and no more than by itself; others do not.
+/// Five rejections that agree widen the advance by what explains them, where that is half of it at most, else the slip; others do not.
 #[test]
-fn rejections_widen_the_advance() {
+fn rejections_widen_the_advance_or_the_slip() {
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
     let mut once = filter(state);
-    for (turns, expected) in [(30.0, (1.0_f64 / 30.0).powi(2)), (0.5, 0.01)] {
+    let (advance, slip) = (FIRST_THRUST + ADVANCE, FIRST_THRUST + SLIP);
+    for (turns, expected) in [
+        (30.0, (advance, (1.0_f64 / 30.0).powi(2))),
+        (45.0, (slip, 2.5_f64.powi(2))),
+        (0.5, (slip, 1.95_f64.powi(2))),
+    ] {
         let row = row_of(&once, turns);
-        let counted: Vec<Option<f64>> = (0..5)
-            .map(|_| once.note_rejected_speed(Sensor::Thrust, &propeller(), &row))
-            .collect();
+        let counted: Vec<_> = (0..5).map(|_| once.note_rejected_speed(Sensor::Thrust, &row)).collect();
         assert_eq!(counted[..4], [None; 4]);
-        assert!((counted[4].unwrap() / expected - 1.0).abs() < 1e-12, "{counted:?}");
+        let (state, variance) = counted[4].unwrap();
+        assert_eq!(state, expected.0);
+        assert!((variance / expected.1 - 1.0).abs() < 1e-12, "{counted:?}");
     }
     let before = once.thrust().unwrap().1[(ADVANCE, ADVANCE)];
-    assert!((once.widen_advance(&propeller(), 3.0 * before) - 4.0).abs() < 1e-12);
+    assert!((once.widen_further(advance, 3.0 * before) - 4.0).abs() < 1e-12);
     assert!((once.thrust().unwrap().1[(ADVANCE, ADVANCE)] / before - 4.0).abs() < 1e-12);
     // Ahead and astern by turns is noise.
     let rows = [30.0, 10.0].map(|turns| row_of(&once, turns));
-    assert!((0..20).all(|k| {
-        once.note_rejected_speed(Sensor::Thrust, &propeller(), &rows[k % 2])
-            .is_none()
-    }));
+    assert!((0..20).all(|k| once.note_rejected_speed(Sensor::Thrust, &rows[k % 2]).is_none()));
 }

@@ -203,14 +203,14 @@ impl DualFilter {
             return Ok(report);
         }
         let rejected = innovation_of(&self.measurements_only);
-        if let Some(states) = SpeedOf::report(sensor) {
-            let noted = self.measurements_only.note_rejected_speed(sensor, &states, &rejected);
-            let Some(variance) = noted else {
+        if SpeedOf::report(sensor).is_some() {
+            let noted = self.measurements_only.note_rejected_speed(sensor, &rejected);
+            let Some((state, variance)) = noted else {
                 return Ok(report);
             };
-            let factor = self.measurements_only.widen_advance(&states, variance);
+            let factor = self.measurements_only.widen_further(state, variance);
             self.constrained.iter_mut().for_each(|filter| {
-                filter.widen_advance(&states, variance);
+                filter.widen_further(state, variance);
             });
             let report = self.update(sensor, innovation_of)?;
             let inflation = Some(factor);

@@ -15,8 +15,8 @@ use bottomlock::frames::{Rot, Vec3};
 use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, ThrustSample, VelocitySample,
-    WATER_TRACK, WaterSample,
+    AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, ThrustSample,
+    VelocitySample, WATER_TRACK, WaterSample,
 };
 use bottomlock::navigator::{Finding, LiveNavigator, Method, Notice, Standing};
 use nalgebra::Matrix3;
