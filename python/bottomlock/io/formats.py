@@ -12,6 +12,7 @@ from typing import Any
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import check_memory, check_regular
 from bottomlock.io import (
+    ardupilot,
     cerulean,
     linkquest,
     nortek_ad2cp,
@@ -22,6 +23,7 @@ from bottomlock.io import (
     pd6,
     ros,
     table,
+    tlog,
     waterlinked_json,
     waterlinked_serial,
 )
@@ -79,6 +81,8 @@ BYTES = (
     _format(nortek_dvl, "Nortek DVL500/1000, DF21 and DF22"),
     _format(nortek_ad2cp, "Nortek AD2CP bottom track, DF20"),
     _format(pd0, "Teledyne PD0, bottom track"),
+    _format(ardupilot, "ArduPilot DataFlash .BIN (no beams: rejected with advice)"),
+    _format(tlog, "MAVLink .tlog (no beams: rejected with advice)"),
 )
 PATHS = (
     PathFormat(ros.NAME, "marine_acoustic_msgs/Dvl in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
@@ -89,7 +93,7 @@ STREAMS = {one.name: one for one in BYTES if one.stream is not None}
 """Formats with beams that come as a stream, too."""
 
 
-def _content(path: Path) -> bytes:
+def content(path: Path) -> bytes:
     """The bytes of a file.
 
     Raises:
@@ -217,4 +221,4 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
     (by_bytes,) = (one for one in BYTES if one.name == name)
     if place.is_dir():
         raise DataError(f"{place}: is a folder, expected a file")
-    return by_bytes.read(_content(place), str(place), options)
+    return by_bytes.read(content(place), str(place), options)

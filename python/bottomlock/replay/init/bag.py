@@ -67,8 +67,6 @@ def bag_tables(path: Path) -> list[AnyTable]:
         reason = printable(str(error).splitlines()[0])[:200] if str(error) else type(error).__name__
         raise DataError(f"{path}: cannot be read as a bag ({reason})") from error
     return [
-        AnyTable(
-            path, pl.DataFrame(of, infer_schema_length=None), plain=False, units={}, words=f"topic {topic}"
-        )
+        AnyTable(path, pl.DataFrame(of, infer_schema_length=None), plain=False, units={}, part=topic)
         for topic, of in rows.items()
     ]
