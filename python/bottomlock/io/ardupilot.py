@@ -27,7 +27,7 @@ from bottomlock.io.log_stream import (
     velocities_recording,
     velocity_of_displacements,
 )
-from bottomlock.io.rows import PLAIN, Options
+from bottomlock.io.rows import PLAIN, Options, longest_rising
 from bottomlock.support.later import transform
 
 if TYPE_CHECKING:
@@ -40,6 +40,9 @@ Flags = NDArray[np.bool_]
 GPS_EPOCH_S, WEEK_S, LEAP_S = 315_964_800, 604_800, 18
 """GPS time from 1970, and UTC behind it since 2017."""
 _FIX_3D = 3
+_RESTART_NS = 1_000_000_000
+_AROUND = 10
+"""Records before and after a step back that tell a restart from a damaged time."""
 _DIFFERENT = 10.0
 """Milliseconds to seconds: intervals this many times off the steps between records are in another unit."""
 
@@ -111,6 +114,7 @@ def streams(data: bytes, place: str) -> LogStreams:
         raise DataError(
             f"{place}: holds no record of a sensor ({account.read} records, {account.lost} damaged parts)"
         )
+    _check_one_boot(found, place)
     offset_ns, clock = _utc(found)
     log = LogStreams([], account, clock)
     for message in _MESSAGES:
@@ -131,6 +135,42 @@ def streams(data: bytes, place: str) -> LogStreams:
     return log
 
 
+def _check_one_boot(found: dict[str, Records], place: str) -> None:
+    """Checks that the log is of one boot; a wrong time here and there is none of another.
+
+    Raises:
+        DataError: where the time since boot goes back and stays so.
+    """
+    for name in (name for message in _MESSAGES for name in message.names):
+        times = (
+            found[name].time_ns()
+            if name in found and found[name].has("TimeUS")
+            else np.empty(0, dtype=np.int64)
+        )
+        for k in np.flatnonzero(np.diff(times) < -_RESTART_NS) + 1:
+            before, after = times[max(k - _AROUND, 0) : k], times[k : k + _AROUND]
+            if min(len(before), len(after)) == _AROUND and np.median(after) < np.median(before) - _RESTART_NS:
+                raise DataError(
+                    f"{place}: TimeUS of {name} goes back at its record {k + 1} of {len(times)}; expected a log of one "
+                    "boot: are two joined?"
+                )
+
+
+def _in_order(label: str, records: Records, notes: list[str]) -> Records:
+    """The records whose times rise, as many as possible: without checksums a damaged time looks like a good one."""
+    times = records.time_ns()
+    if len(times) < 2 or (np.diff(times) > 0).all():
+        return records
+    kept = np.zeros(len(times), dtype=bool)
+    kept[longest_rising(times.tolist())] = True
+    left = int((~kept).sum())
+    notes.append(
+        f"{label}: {left} of {len(times)} records repeat a time or are out of order, the first of them number "
+        f"{int(np.argmin(kept)) + 1}, and are left out"
+    )
+    return records.where(kept)
+
+
 def _order(stream: LogStream) -> float:
     """Of several pressures the one that moves most is first: the other is that of the air in the hull."""
     return -float(np.ptp(stream.columns["pressure_pa"])) if "pressure_pa" in stream.columns else 0.0
@@ -141,6 +181,7 @@ def _stream(label: str, records: Records, message: _Message, notes: list[str]) -
     if not records.has("TimeUS", *(theirs for theirs, _ in message.columns.values())):
         notes.append(f"{label} has not the columns that ArduPilot gives it, and is left out")
         return None
+    records = _in_order(label, records, notes)
     if message.used is not None:
         records = records.where(message.used(records))
     columns = {ours: records.numbers(theirs, unit) for ours, (theirs, unit) in message.columns.items()}
@@ -175,6 +216,7 @@ def _of_dvl(found: dict[str, Records], log: LogStreams) -> Iterator[LogStream]:
     viso = found.get("VISO")
     moved = ("PosDX", "PosDY", "PosDZ")
     if viso is not None and viso.has("TimeUS", "dt", "conf", *moved):
+        viso = _in_order("VISO", viso, log.notes)
         interval_s, why = _intervals(viso)
         yield velocity_of_displacements(
             "VISO", viso.time_ns(), interval_s, np.stack([viso.numbers(column, "m") for column in moved], axis=1),
@@ -182,6 +224,7 @@ def _of_dvl(found: dict[str, Records], log: LogStreams) -> Iterator[LogStream]:
         )  # fmt: skip
     visv = found.get("VISV")
     if visv is not None and visv.has("TimeUS", "VX", "VY", "VZ"):
+        visv = _in_order("VISV", visv, log.notes)
         if visv.has("Ign"):
             visv = visv.where(np.asarray(visv.values["Ign"] == 0))
         # Corrected to when it was measured; milliseconds, and absent in early logs.

@@ -8,6 +8,7 @@ Source: ArduPilot, AP_Logger/LogStructure.h and the LogStructure.h of each libra
 """
 
 import math
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -40,6 +41,8 @@ _SI = {
 }  # fmt: skip
 """Units as a log names them: quantity, and its size in SI."""
 _UNKNOWN = {"", "UNKNOWN"}
+_INSTANCES = ("I", "C", "Instance")
+"""Columns that number the sensors, where no FMTU says which does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,11 +142,12 @@ def parse(data: bytes, place: str, account: Account) -> dict[str, Records]:
     for kind, (name, types, columns) in formats.items():
         if not offsets[kind]:
             continue
-        at = np.array(offsets[kind], dtype=np.int64)
+        at = np.frombuffer(offsets[kind], dtype=np.int64)
         layout = np.dtype([(column, _TYPES[c]) for column, c in zip(columns, types, strict=True)])
-        body = raw[at[:, None] + np.arange(3, 3 + layout.itemsize)]
+        body = np.lib.stride_tricks.sliding_window_view(raw, layout.itemsize)[at + len(HEAD) + 1]
         values = np.ascontiguousarray(body).view(layout)[:, 0]
-        found[name] = Records(place, name, dict(zip(columns, types, strict=True)), values)
+        instance = next((column for column in _INSTANCES if column in columns), "")
+        found[name] = Records(place, name, dict(zip(columns, types, strict=True)), values, instance=instance)
     return _with_units(found, {kind: name for kind, (name, _, _) in formats.items()})
 
 
@@ -151,13 +155,15 @@ _Formats = dict[int, tuple[str, str, tuple[str, ...]]]
 _OF_FMT = ("FMT", "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
 
 
-def _offsets(data: bytes, place: str, account: Account) -> tuple[list[list[int]], _Formats]:
+def _offsets(data: bytes, place: str, account: Account) -> tuple[list["array[int]"], _Formats]:
     """Where the records of each type are, and the name, types and columns of each that can be read."""
-    offsets: list[list[int]] = [[] for _ in range(256)]
+    offsets = [array("q") for _ in range(256)]
     lengths = [0] * 256
     lengths[_FMT] = _FMT_BYTES
     formats: _Formats = {_FMT: _OF_FMT}
     at, end, first, second = 0, len(data), HEAD[0], HEAD[1]
+    # Boards log to pages of a fixed size: from here on there is nothing but filling.
+    filling = min(len(data.rstrip(one)) for one in _PADDING)
     told, reached = reporter(), _EVERY
     while at < end:
         length = (
@@ -165,7 +171,7 @@ def _offsets(data: bytes, place: str, account: Account) -> tuple[list[list[int]]
         )
         after = at + length
         whole = length and after <= end
-        if whole and (data.startswith(HEAD, after) or after == end or _padding(data, after)):
+        if whole and (data.startswith(HEAD, after) or after == end or after >= filling):
             kind = data[at + 2]
             account.read += 1
             offsets[kind].append(at)
@@ -176,7 +182,7 @@ def _offsets(data: bytes, place: str, account: Account) -> tuple[list[list[int]]
                 told(at)
                 reached = at + _EVERY
             continue
-        if _padding(data, at):
+        if at >= filling:
             break
         again = data.find(HEAD, at + 1)
         if length and not whole and again < 0:
@@ -187,11 +193,6 @@ def _offsets(data: bytes, place: str, account: Account) -> tuple[list[list[int]]
             account.skip("bytes of no known record", at, data[at : at + 16])
         at = end if again < 0 else again
     return offsets, formats
-
-
-def _padding(data: bytes, at: int) -> bool:
-    """Whether nothing but filling is left: boards log to pages of a fixed size."""
-    return any(data.startswith(one, at) and not data[at:].strip(one) for one in _PADDING)
 
 
 def _define(body: bytes, place: str, at: int, lengths: list[int], formats: _Formats) -> None:

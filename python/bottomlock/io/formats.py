@@ -65,6 +65,8 @@ def _format(module: Any, title: str) -> Format:  # noqa: ANN401 - modules have n
 
 # From the most to the least specific mark: the first match is used. Nucleus before AD2CP: both begin with A5 records.
 BYTES = (
+    _format(ardupilot, "ArduPilot DataFlash .BIN (no beams: rejected with advice)"),
+    _format(tlog, "MAVLink .tlog (no beams: rejected with advice)"),
     _format(linkquest, "LinkQuest NavQuest, CSV of a ROS log"),
     _format(nortek_ascii, "Nortek $PNORBT0, $PNORBT1"),
     _format(cerulean, "Cerulean Tracker 650 $DVKFC"),
@@ -81,11 +83,9 @@ BYTES = (
     _format(nortek_dvl, "Nortek DVL500/1000, DF21 and DF22"),
     _format(nortek_ad2cp, "Nortek AD2CP bottom track, DF20"),
     _format(pd0, "Teledyne PD0, bottom track"),
-    _format(ardupilot, "ArduPilot DataFlash .BIN (no beams: rejected with advice)"),
-    _format(tlog, "MAVLink .tlog (no beams: rejected with advice)"),
 )
 PATHS = (
-    PathFormat(ros.NAME, "marine_acoustic_msgs/Dvl in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
+    PathFormat(ros.NAME, "messages of DVLs in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
     PathFormat(table.NAME, "CSV or Parquet, with a column map", table.sniff_path, table.read_path),
 )
 NAMES = tuple(one.name for one in (*BYTES, *PATHS))

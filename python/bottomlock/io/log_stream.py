@@ -91,7 +91,7 @@ def velocity_of_displacements(
     usable = np.isfinite(interval_s) & (interval_s > 0.0)
     interval_s = np.where(usable, interval_s, np.nan)
     velocity = moved_m / interval_s[:, None]
-    middle_ns = end_ns - np.where(usable, np.nan_to_num(interval_s) * 0.5e9, 0.0).astype(np.int64)
+    middle_ns = end_ns - np.where(usable, np.round(np.nan_to_num(interval_s) * 0.5e9), 0.0).astype(np.int64)
     valid = valid & np.isfinite(velocity).all(axis=1)
     columns = dict(zip(VELOCITY, velocity.T, strict=True))
     return LogStream(name, middle_ns, columns | {"valid": valid.astype(np.float64)}, remark)
