@@ -9,6 +9,7 @@ Source: ArduPilot, LogStructure.h of AP_InertialSensor, AP_AHRS, AP_Baro, AP_GPS
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from bottomlock.io.log_stream import (
     LogStream,
     LogStreams,
     body_velocity,
+    content,
     velocities_recording,
     velocity_of_displacements,
 )
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 NAME = "ardupilot-bin"
+TIMES_ITS_SIZE = 4.0
+"""Memory that reading a log takes, over its size (measured: 2.7)."""
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
@@ -88,18 +92,18 @@ _MESSAGES = (
 )  # fmt: skip
 
 
-def sniff(head: bytes) -> bool:
+def sniff_path(_: Path, head: bytes) -> bool:
     """Whether the beginning of a file looks like this format."""
     return looks_like(head)
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
+def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     """The velocities of a DVL in a log, which have no beams.
 
     Raises:
         DataError: without `instrument_only`, with what to record instead; for no velocity, or several.
     """
-    return velocities_recording(streams(data, place), place, NAME, options)
+    return velocities_recording(streams(content(path, TIMES_ITS_SIZE), place), place, NAME, options)
 
 
 def streams(data: bytes, place: str) -> LogStreams:

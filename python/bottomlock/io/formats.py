@@ -51,7 +51,7 @@ class Format:
 
 @dataclass(frozen=True)
 class PathFormat:
-    """A format read from a path, by a library."""
+    """A format read from a path: by a library, with a map, or as one stream of a log of many."""
 
     name: str
     title: str
@@ -65,8 +65,6 @@ def _format(module: Any, title: str) -> Format:  # noqa: ANN401 - modules have n
 
 # From the most to the least specific mark: the first match is used. Nucleus before AD2CP: both begin with A5 records.
 BYTES = (
-    _format(ardupilot, "ArduPilot DataFlash .BIN (no beams: rejected with advice)"),
-    _format(tlog, "MAVLink .tlog (no beams: rejected with advice)"),
     _format(linkquest, "LinkQuest NavQuest, CSV of a ROS log"),
     _format(nortek_ascii, "Nortek $PNORBT0, $PNORBT1"),
     _format(cerulean, "Cerulean Tracker 650 $DVKFC"),
@@ -86,6 +84,13 @@ BYTES = (
 )
 PATHS = (
     PathFormat(ros.NAME, "messages of DVLs in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
+    PathFormat(
+        ardupilot.NAME,
+        "ArduPilot DataFlash .BIN (no beams: rejected with advice)",
+        ardupilot.sniff_path,
+        ardupilot.read_path,
+    ),
+    PathFormat(tlog.NAME, "MAVLink .tlog (no beams: rejected with advice)", tlog.sniff_path, tlog.read_path),
     PathFormat(table.NAME, "CSV or Parquet, with a column map", table.sniff_path, table.read_path),
 )
 NAMES = tuple(one.name for one in (*BYTES, *PATHS))
@@ -93,7 +98,7 @@ STREAMS = {one.name: one for one in BYTES if one.stream is not None}
 """Formats with beams that come as a stream, too."""
 
 
-def content(path: Path) -> bytes:
+def _content(path: Path) -> bytes:
     """The bytes of a file.
 
     Raises:
@@ -221,4 +226,4 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
     (by_bytes,) = (one for one in BYTES if one.name == name)
     if place.is_dir():
         raise DataError(f"{place}: is a folder, expected a file")
-    return by_bytes.read(content(place), str(place), options)
+    return by_bytes.read(_content(place), str(place), options)

@@ -1,12 +1,14 @@
 """A stream of an autopilot's log, and the velocities that a DVL sent to it, which have no beams."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
+from bottomlock.files.table_file import check_memory
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import Options, make_table, raise_if_empty
 from bottomlock.io.sentences import printable
@@ -68,6 +70,23 @@ class LogStreams:
     account: Account
     clock: str
     notes: list[str] = field(default_factory=list)
+
+
+def content(path: Path, times_its_size: float) -> bytes:
+    """The bytes of a log, if reading it takes no more memory than there is.
+
+    Args:
+        path: the log.
+        times_its_size: memory that its reader takes, over its size.
+
+    Raises:
+        DataError: where it cannot be read, or is too large for the memory.
+    """
+    try:
+        check_memory(path, times_its_size * path.stat().st_size)
+        return path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 def velocity_of_displacements(

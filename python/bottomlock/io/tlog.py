@@ -11,6 +11,7 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from bottomlock.io.log_stream import (
     LogStream,
     LogStreams,
     body_velocity,
+    content,
     velocities_recording,
     velocity_of_displacements,
 )
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 NAME = "mavlink-tlog"
+TIMES_ITS_SIZE = 14.0
+"""Memory that reading a log takes, over its size (measured: 12.4)."""
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -139,7 +143,7 @@ class _Read:
 _Source = tuple[int, int]
 
 
-def sniff(head: bytes) -> bool:
+def sniff_path(_: Path, head: bytes) -> bool:
     """Whether the beginning of a file looks like this format: two records, or one that is whole."""
     end = _end(head, 0)
     return end is not None and (end >= len(head) or _end(head, end) is not None)
@@ -160,13 +164,13 @@ def _end(data: bytes, at: int) -> int | None:
     return None
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
+def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     """The velocities of a DVL in a log, which have no beams.
 
     Raises:
         DataError: without `instrument_only`, with what to record instead; for no velocity, or several.
     """
-    return velocities_recording(streams(data, place), place, NAME, options)
+    return velocities_recording(streams(content(path, TIMES_ITS_SIZE), place), place, NAME, options)
 
 
 def streams(data: bytes, place: str) -> LogStreams:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from bottomlock.io import ardupilot, tlog
-from bottomlock.io.formats import content
+from bottomlock.io.log_stream import content
 from bottomlock.replay.init.any_table import AnyTable
 
 
@@ -17,7 +17,8 @@ def autopilot_tables(path: Path, name: str) -> tuple[list[AnyTable], list[str]]:
     Raises:
         DataError: for a log that cannot be read, or has no stream.
     """
-    log = (ardupilot if name == ardupilot.NAME else tlog).streams(content(path), str(path))
+    reader = ardupilot if name == ardupilot.NAME else tlog
+    log = reader.streams(content(path, reader.TIMES_ITS_SIZE), str(path))
     tables = [
         AnyTable(
             path,
