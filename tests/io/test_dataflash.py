@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import random
 import struct
 from pathlib import Path
 
@@ -208,3 +210,21 @@ def test_one_damaged_time_costs_its_own_record() -> None:
     assert log.notes == [
         "IMU 0: 1 of 40 records repeat a time or are out of order, the first of them number 11, and are left out"
     ]
+
+
+def test_damaged_bytes_end_in_streams_or_in_one_line() -> None:
+    """Flipped and lost bytes anywhere: no other exception, and times that rise."""
+    good, rng, sizes = whole(), random.Random(7), []
+    for _ in range(150):
+        data = bytearray(good)
+        for _ in range(rng.choice([1, 5, 50, 500])):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        at = rng.randrange(len(data))
+        del data[at : at + rng.randrange(200)]
+        with contextlib.suppress(DataError):
+            log = ardupilot.streams(bytes(data), "x")
+            sizes += [len(one.time_ns) for one in log.streams]
+            assert all(
+                (np.diff(one.time_ns) > 0).all() for one in log.streams if one.name not in {"VISO", "VISV"}
+            )
+    assert 0 < min(sizes) < max(sizes) == 40

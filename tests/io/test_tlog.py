@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import random
 import sys
 from pathlib import Path
 from typing import Any
@@ -240,3 +242,20 @@ def test_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         DataError, match=r"MAVLink logs need the library pymavlink: `pip install '\.\[mavlink\]'`"
     ):
         read_recording(path)
+
+
+def test_damaged_bytes_end_in_streams_or_in_one_line() -> None:
+    """Every message has a checksum: what is left is a part of what was sent."""
+    good, rng, counts = b"".join(attitudes(Station())), random.Random(7), []
+    whole = stream(tlog.streams(good, "x"), "ATTITUDE")
+    for _ in range(150):
+        data = bytearray(good)
+        for _ in range(rng.choice([1, 5, 50])):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        at = rng.randrange(len(data))
+        del data[at : at + rng.randrange(200)]
+        with contextlib.suppress(DataError):
+            for one in tlog.streams(bytes(data), "x").streams:
+                counts.append(len(one.time_ns))
+                assert set(one.columns["yaw_rad"]) <= set(whole.columns["yaw_rad"])
+    assert 0 < min(counts) < max(counts) < 60

@@ -127,3 +127,25 @@ def test_a_bag_makes_a_case_that_runs(dive: RovDive, tmp_path: Path, beams: bool
     assert row["fixes_rejected"] == 0
     # No attitude was recorded: the heading is found from the positions alone, if at all.
     assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0
+
+
+def test_a_bag_that_breaks_off_gives_what_it_held(tmp_path: Path) -> None:
+    """The third message is cut: the first two are a table that says so."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    t, kind = store.types, "geometry_msgs/msg/PointStamped"
+    with Writer(tmp_path / "x.bag") as writer:
+        connection = writer.add_connection("/lbl", kind, typestore=store)
+        for k in range(3):
+            header = t["std_msgs/msg/Header"](
+                k, t["builtin_interfaces/msg/Time"](1_700_000_000 + k, 0), "ned"
+            )
+            raw = store.serialize_ros1(t[kind](header, t["geometry_msgs/msg/Point"](1.0 + k, 2.0, 3.0)), kind)
+            writer.write(connection, START_NS + k, bytes(raw)[: 20 if k == 2 else None])
+    (found,) = bag_tables(tmp_path / "x.bag")
+    assert found.remark.startswith("the bag breaks off (")
+    assert found.frame.to_dict(as_series=False) == {
+        "time_ns": [START_NS, START_NS + 1_000_000_000], "north": [1.0, 2.0], "east": [2.0, 2.0], "down": [3.0, 3.0],
+    }  # fmt: skip

@@ -50,8 +50,9 @@ def replay(
     without: Annotated[
         list[str] | None,
         Parameter(
+            negative="",
             help="With --init: a topic of a bag or a message of an autopilot's log that is left out, such as 'IMU 0'; "
-            "once for each."
+            "once for each.",
         ),
     ] = None,
     methods: Annotated[

@@ -182,7 +182,8 @@ def _order(stream: LogStream) -> float:
 
 def _stream(label: str, records: Records, message: _Message, notes: list[str]) -> LogStream | None:
     """A message as a stream; None for one without its columns or without a row that is used."""
-    if not records.has("TimeUS", *(theirs for theirs, _ in message.columns.values())):
+    also = () if message.used is None else ("Status",)
+    if not records.has("TimeUS", *also, *(theirs for theirs, _ in message.columns.values())):
         notes.append(f"{label} has not the columns that ArduPilot gives it, and is left out")
         return None
     records = _in_order(label, records, notes)

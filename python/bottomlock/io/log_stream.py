@@ -29,6 +29,8 @@ ADVICE = (
 )
 CLEARER = 1.3
 """The frame of a velocity is told by a misfit that is so many times smaller than that of the other."""
+MOST_INTERVAL_S = 10.0
+"""A displacement over more is no velocity of a DVL."""
 _FEWEST = 20
 
 
@@ -107,10 +109,10 @@ def velocity_of_displacements(
         valid: (n,) whether the sender has confidence in it.
         remark: of the stream.
     """
-    usable = np.isfinite(interval_s) & (interval_s > 0.0)
+    usable = (interval_s > 0.0) & (interval_s < MOST_INTERVAL_S)
     interval_s = np.where(usable, interval_s, np.nan)
     velocity = moved_m / interval_s[:, None]
-    middle_ns = end_ns - np.where(usable, np.round(np.nan_to_num(interval_s) * 0.5e9), 0.0).astype(np.int64)
+    middle_ns = end_ns - np.round(np.nan_to_num(interval_s) * 0.5e9).astype(np.int64)
     valid = valid & np.isfinite(velocity).all(axis=1)
     columns = dict(zip(VELOCITY, velocity.T, strict=True))
     return LogStream(name, middle_ns, columns | {"valid": valid.astype(np.float64)}, remark)
