@@ -193,7 +193,9 @@ def test_convert_says_why_there_are_no_beams(tmp_path: Path) -> None:
     np.testing.assert_allclose(kept.table.instrument_mps[5], [1.0, -0.5, 0.05], rtol=1e-6)
     assert int((kept.table.instrument_valid == 1).sum()) == 30
     path.write_bytes(logs.head(NAMES))
-    with pytest.raises(DataError, match="holds no DVL; it holds nothing that a replay could use"):
+    with pytest.raises(
+        DataError, match=r"holds no stream that a replay could use \(no message of a sensor\)"
+    ):
         read_recording(path)
     path.write_bytes(logs.head((), units=False))
     with pytest.raises(DataError, match="holds no record of a sensor"):

@@ -259,3 +259,30 @@ def test_damaged_bytes_end_in_streams_or_in_one_line() -> None:
                 counts.append(len(one.time_ns))
                 assert set(one.columns["yaw_rad"]) <= set(whole.columns["yaw_rad"])
     assert 0 < min(counts) < max(counts) < 60
+
+
+def speeds(vehicle: Station, *, turned: bool) -> bytes:
+    """A velocity north while the vehicle heads east, with or without its attitude, which has a gap of 2 s."""
+    out = [vehicle.heartbeat(BOOT_US)]
+    for k in range(60):
+        us = BOOT_US + 100_000 * k
+        if turned and not 20 <= k < 40:
+            half = float(np.sqrt(0.5))
+            out.append(
+                vehicle.log(us, "ATTITUDE_QUATERNION", us // 1000, half, 0.0, 0.0, half, 0.0, 0.0, 0.0)
+            )
+        out.append(vehicle.log(us, "VISION_SPEED_ESTIMATE", us, 1.0, 0.0, 0.0, [0.0] * 9, 0))
+    return b"".join(out)
+
+
+def test_a_level_velocity_is_turned_with_the_attitude() -> None:
+    """To port, where it goes north and heads east; unknown where no attitude stands near."""
+    found = stream(tlog.streams(speeds(Station(), turned=True), "x"), "VISION_SPEED_ESTIMATE")
+    assert found.remark.endswith("turned with the recorded attitude: the accelerometers do not tell")
+    sway = found.columns["sway_mps"]
+    np.testing.assert_array_equal(np.isnan(sway), [20 <= k < 40 for k in range(60)])
+    np.testing.assert_allclose(sway[np.isfinite(sway)], -1.0, rtol=1e-6)
+    with pytest.raises(
+        DataError, match=r"x: holds no stream that a replay could use \(VISION_SPEED_ESTIMATE is a vel"
+    ):
+        tlog.streams(speeds(Station(), turned=False), "x")

@@ -10,7 +10,6 @@ Source: ArduPilot, LogStructure.h of AP_InertialSensor, AP_AHRS, AP_Baro, AP_GPS
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +23,14 @@ from bottomlock.io.log_stream import (
     UNTURNED,
     LogStream,
     LogStreams,
+    attitudes_of,
     body_velocity,
+    check_any,
     content,
     velocities_recording,
     velocity_of_displacements,
 )
 from bottomlock.io.rows import PLAIN, Options, longest_rising
-from bottomlock.support.later import transform
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 NAME = "ardupilot-bin"
 TIMES_ITS_SIZE = 4.0
@@ -130,6 +127,7 @@ def streams(data: bytes, place: str) -> LogStreams:
     log.streams.sort(key=_order)
     log.streams += _of_dvl(found, log)
     log.streams = [replace(one, time_ns=one.time_ns + offset_ns) for one in log.streams]
+    check_any(log, place)
     if account.lost:
         lost = ", ".join(
             f"{reason.count} {name} (first at byte {reason.first})"
@@ -237,7 +235,9 @@ def _of_dvl(found: dict[str, Records], log: LogStreams) -> Iterator[LogStream]:
         time_ns = visv.time_ns(own) * (1000 if own == "CTimeMS" else 1)
         velocity = np.stack([visv.numbers(column, "m/s") for column in ("VX", "VY", "VZ")], axis=1)
         imu = next((one for one in log.streams if "acc_x_mps2" in one.columns), None)
-        stream = body_velocity("VISV", time_ns, velocity, _attitude(log), imu) if len(time_ns) else None
+        stream = (
+            body_velocity("VISV", time_ns, velocity, attitudes_of(log.streams), imu) if len(time_ns) else None
+        )
         if stream is not None:
             yield stream
         else:
@@ -257,12 +257,3 @@ def _intervals(viso: Records) -> tuple[NDArray[np.float64], str]:
         ):
             return raw, f"dt is taken in seconds, as the steps of {step:.3g} s between the records have it"
     return stated, ""
-
-
-def _attitude(log: LogStreams) -> "tuple[Integers, Rotation] | None":
-    """Times and attitudes of ATT."""
-    one = next((stream for stream in log.streams if stream.name == "ATT"), None)
-    if one is None:
-        return None
-    angles = np.stack([one.columns[f"{part}_deg"] for part in ("yaw", "pitch", "roll")], axis=1)
-    return one.time_ns, transform.Rotation.from_euler("ZYX", angles, degrees=True)

@@ -1,5 +1,6 @@
 """A stream of an autopilot's log, and the velocities that a DVL sent to it, which have no beams."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from bottomlock.files.table_file import check_memory
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import Options, make_table, raise_if_empty
 from bottomlock.io.sentences import printable
-from bottomlock.support.later import pl
+from bottomlock.support.later import pl, transform
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -31,6 +32,8 @@ CLEARER = 1.3
 """The frame of a velocity is told by a misfit that is so many times smaller than that of the other."""
 MOST_INTERVAL_S = 10.0
 """A displacement over more is no velocity of a DVL."""
+MOST_GAP_NS = 1_000_000_000
+"""Attitudes further apart say nothing of the time between."""
 _FEWEST = 20
 
 
@@ -72,6 +75,66 @@ class LogStreams:
     account: Account
     clock: str
     notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class Attitudes:
+    """Recorded attitudes: rising times (n,), ns, and rotations to the level frame."""
+
+    time_ns: Integers
+    to_level: "Rotation"
+
+    def at(self, time_ns: Integers) -> "tuple[Rotation, NDArray[np.bool_]]":
+        """Attitudes at other times (m,), interpolated, and whether two less than `MOST_GAP_NS` apart stand around."""
+        first = self.time_ns[0]
+        turn = transform.Slerp((self.time_ns - first) * 1e-9, self.to_level)
+        after = np.clip(np.searchsorted(self.time_ns, time_ns), 1, len(self.time_ns) - 1)
+        gap = self.time_ns[after] - self.time_ns[after - 1]
+        inside = (
+            (time_ns >= first)
+            & (time_ns <= self.time_ns[-1])
+            & ((gap < MOST_GAP_NS) | np.isin(time_ns, self.time_ns))
+        )
+        return turn((np.clip(time_ns, first, self.time_ns[-1]) - first) * 1e-9), inside
+
+
+def check_any(log: LogStreams, place: str) -> None:
+    """Checks that a log has a stream.
+
+    Raises:
+        DataError: where it has none, with what was left out.
+    """
+    if not log.streams:
+        why = "; ".join(log.notes) or "no message of a sensor"
+        raise DataError(f"{place}: holds no stream that a replay could use ({why})")
+
+
+def attitudes_of(streams: Sequence[LogStream]) -> Attitudes | None:
+    """The attitudes of the first stream that has them, Euler angles or quaternions; None for fewer than two."""
+    for one in streams:
+        angles = next((unit for unit in ("deg", "rad") if f"yaw_{unit}" in one.columns), None)
+        if angles is None and "q_w" not in one.columns:
+            continue
+        names = (
+            [f"{part}_{angles}" for part in ("yaw", "pitch", "roll")]
+            if angles
+            else [f"q_{k}" for k in "xyzw"]
+        )
+        values = np.stack([one.columns[name] for name in names], axis=1)
+        rises = np.concatenate([[True], one.time_ns[1:] > np.maximum.accumulate(one.time_ns)[:-1]])
+        good = np.isfinite(values).all(axis=1) & rises
+        if angles is None:
+            good &= np.linalg.norm(values, axis=1) > 0.5
+        if good.sum() < 2:
+            continue
+        of = transform.Rotation
+        turned = (
+            of.from_euler("ZYX", values[good], degrees=angles == "deg")
+            if angles
+            else of.from_quat(values[good])
+        )
+        return Attitudes(one.time_ns[good], turned)
+    return None
 
 
 def content(path: Path, times_its_size: float) -> bytes:
@@ -122,7 +185,7 @@ def body_velocity(
     name: str,
     time_ns: Integers,
     velocity: Floats,
-    attitude: tuple[Integers, "Rotation"] | None,
+    attitude: "Attitudes | None",
     imu: LogStream | None,
 ) -> LogStream | None:
     """Body velocities of a message that is defined north, east, down, and into which senders write body axes, too.
@@ -135,8 +198,8 @@ def body_velocity(
     """
     if attitude is None:
         return None
-    near = np.clip(np.searchsorted(attitude[0], time_ns), 0, len(attitude[0]) - 1)
-    turned = attitude[1][near]
+    turned, known = attitude.at(time_ns)
+    velocity = np.where(known[:, None], velocity, np.nan)
     misfit = dict.fromkeys(("body", "level"), np.nan)
     if imu is not None and len(time_ns) > _FEWEST:
         misfit = {
@@ -159,13 +222,11 @@ def body_velocity(
     return LogStream(name, time_ns, dict(zip(VELOCITY, np.asarray(values).T, strict=True)), remark)
 
 
-def _misfit(
-    time_ns: Integers, velocity_t: Floats, attitude: tuple[Integers, "Rotation"], imu: LogStream
-) -> float:
+def _misfit(time_ns: Integers, velocity_t: Floats, attitude: "Attitudes", imu: LogStream) -> float:
     """RMS change of a level velocity from row to row beyond that of the accelerometers, m/s."""
-    near = np.clip(np.searchsorted(attitude[0], imu.time_ns), 0, len(attitude[0]) - 1)
+    turned, _ = attitude.at(imu.time_ns)
     force = np.stack([imu.columns[f"acc_{axis}_mps2"] for axis in "xyz"], axis=1)
-    acceleration = attitude[1][near].apply(force)
+    acceleration = turned.apply(force)
     acceleration = acceleration - acceleration.mean(axis=0)
     steps_s = np.clip(np.diff(imu.time_ns) * 1e-9, 0.0, 1.0)
     moved = np.vstack([np.zeros(3), np.cumsum(acceleration[1:] * steps_s[:, None], axis=0)])
@@ -184,15 +245,11 @@ def velocities_recording(log: LogStreams, place: str, name: str, options: Option
     Raises:
         DataError: without `instrument_only`, with advice; for a log without velocities, or with several.
     """
-    found = [
-        one
-        for one in log.streams
-        if set(VELOCITY) <= one.columns.keys() and "latitude_deg" not in one.columns
-    ]
+    found = [one for one in log.streams if set(VELOCITY) <= one.columns.keys()]
     words = ", ".join(f"{one.name} ({len(one.time_ns)})" for one in found)
     if not options.instrument_only:
         held = f"velocities of a DVL, {words}, but no beams" if found else "no DVL"
-        others = ", ".join(one.name for one in log.streams) or "nothing that a replay could use"
+        others = ", ".join(one.name for one in log.streams)
         what = (
             ADVICE
             if found

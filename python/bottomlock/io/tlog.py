@@ -12,7 +12,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,9 @@ from bottomlock.io.log_stream import (
     UNTURNED,
     LogStream,
     LogStreams,
+    attitudes_of,
     body_velocity,
+    check_any,
     content,
     velocities_recording,
     velocity_of_displacements,
@@ -33,11 +35,7 @@ from bottomlock.io.log_stream import (
 from bottomlock.io.progress import reporter
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.support.extras import install
-from bottomlock.support.later import transform
 from bottomlock.units import STANDARD_GRAVITY_MPS2
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 NAME = "mavlink-tlog"
 TIMES_ITS_SIZE = 14.0
@@ -205,6 +203,7 @@ def streams(data: bytes, place: str) -> LogStreams:
     log.streams = [one for stream in log.streams if (one := _checked(stream, log.notes)) is not None]
     log.streams.sort(key=_order)
     log.streams = [one for stream in log.streams if (one := _of_dvl(stream, log)) is not None]
+    check_any(log, place)
     if account.lost:
         lost = ", ".join(
             f"{one.count} {why} (first at byte {one.first})" for why, one in account.skipped.items()
@@ -376,19 +375,7 @@ def _of_dvl(stream: LogStream, log: LogStreams) -> LogStream | None:
         return stream
     velocity = np.stack([columns[f"{axis}_mps"] for axis in "xyz"], axis=1)
     imu = next((one for one in log.streams if "acc_x_mps2" in one.columns), None)
-    body = body_velocity(stream.name, stream.time_ns, velocity, _attitude(log), imu)
+    body = body_velocity(stream.name, stream.time_ns, velocity, attitudes_of(log.streams), imu)
     if body is None:
         log.notes.append(f"{stream.name} {UNTURNED}")
     return body
-
-
-def _attitude(log: LogStreams) -> "tuple[Integers, Rotation] | None":
-    """Times and attitudes of the autopilot."""
-    for one in log.streams:
-        if "roll_rad" in one.columns:
-            angles = np.stack([one.columns[f"{part}_rad"] for part in ("yaw", "pitch", "roll")], axis=1)
-            return one.time_ns, transform.Rotation.from_euler("ZYX", angles)
-        if "q_w" in one.columns:
-            scalar_last = np.stack([one.columns[f"q_{part}"] for part in "xyzw"], axis=1)
-            return one.time_ns, transform.Rotation.from_quat(scalar_last)
-    return None
