@@ -169,7 +169,8 @@ def test_an_imu_that_cannot_be_integrated_is_left_out(step_us: int, counts: int,
     assert re.match(words, log.notes[0])
 
 
-def test_a_sender_without_a_clock_has_the_stations_time() -> None:
+@pytest.mark.parametrize("sent", [0, 2**64 - 1])
+def test_a_sender_without_a_clock_has_the_stations_time(sent: int) -> None:
     """Some companions send displacements with the time 0."""
     vehicle, companion = Station(), Station(255, 197)
     out = attitudes(vehicle)
@@ -177,7 +178,13 @@ def test_a_sender_without_a_clock_has_the_stations_time() -> None:
         us = BOOT_US + 100_000 * k
         out.append(
             companion.log(
-                us, "VISION_POSITION_DELTA", 0, 100_000, [0.0] * 3, [0.1, 0.0, -0.01], 0.0 if k == 3 else 50.0
+                us,
+                "VISION_POSITION_DELTA",
+                sent,
+                100_000,
+                [0.0] * 3,
+                [0.1, 0.0, -0.01],
+                0.0 if k == 3 else 50.0,
             )
         )
     found = stream(tlog.streams(b"".join(out), "x"), "VISION_POSITION_DELTA")

@@ -90,11 +90,8 @@ class Attitudes:
         turn = transform.Slerp((self.time_ns - first) * 1e-9, self.to_level)
         after = np.clip(np.searchsorted(self.time_ns, time_ns), 1, len(self.time_ns) - 1)
         gap = self.time_ns[after] - self.time_ns[after - 1]
-        inside = (
-            (time_ns >= first)
-            & (time_ns <= self.time_ns[-1])
-            & ((gap < MOST_GAP_NS) | np.isin(time_ns, self.time_ns))
-        )
+        near = (gap < MOST_GAP_NS) | np.isin(time_ns, self.time_ns)
+        inside = (time_ns >= first) & (time_ns <= self.time_ns[-1]) & near
         return turn((np.clip(time_ns, first, self.time_ns[-1]) - first) * 1e-9), inside
 
 

@@ -290,7 +290,7 @@ def _take(read_: _Read, order: int, stamp: bytes, message: Any) -> None:  # noqa
     name, factor = spec.time
     read_.order.append(order)
     read_.stamp_us.append(int.from_bytes(stamp, "big"))
-    read_.own_us.append(int(getattr(message, name)) * factor)
+    read_.own_us.append(min(int(getattr(message, name)) * factor, _LATEST_US))
     read_.values.append(values)
 
 
@@ -313,8 +313,9 @@ def _clocks(found: dict[tuple[_Source, str], _Read]) -> Callable[[_Source, _Read
     def times(source: _Source, read_: _Read) -> Integers:
         stamp, own = np.array(read_.stamp_us, dtype=np.int64), np.array(read_.own_us, dtype=np.int64)
         if not _since_boot(read_):
-            # Of 1970, or none that runs: then the station's.
-            return (own if (own > _EARLIEST_US).all() and len(np.unique(own)) > 1 else stamp) * 1000
+            # Since 1970, or none that runs: then the station's.
+            dated = (own > _EARLIEST_US).all() and (own < _LATEST_US).all() and len(np.unique(own)) > 1
+            return (own if dated else stamp) * 1000
         first, offset = offsets[source]
         part = np.searchsorted(first, np.array(read_.order), side="right") - 1
         return np.asarray((own + offset[part]) * 1000)
