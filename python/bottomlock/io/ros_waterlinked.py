@@ -58,7 +58,7 @@ def recording(
     notes = []
     if not measured:
         notes.append(
-            "the stamp is when the driver received a report, some 0.1 s after the ping; the instrument's own log has "
+            "the stamp is when the driver received a report, later than the ping; the instrument's own log has "
             "the time of validity"
         )
     if 0 < validity < account.read:
