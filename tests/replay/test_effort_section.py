@@ -180,7 +180,8 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
 
 def test_revolutions_and_forces_have_one_use(case_file: Path) -> None:
     path = case_file.with_name("both.toml")
-    thrust = '[thrust]\nfile = "thrusters.csv"\nclock = { column = "time" }\ncolumn = "x"\nunit = "Hz"\nadvance_m = 0.1\n'
+    thrust = '[thrust]\nfile = "thrusters.csv"\nclock = { column = "time" }\ncolumn = "x"\nunit = "Hz"\n'
+    thrust += "advance_m = 0.1\n"
     path.write_text(CASE.replace("[effort]", f'{thrust}corrects = "all"\n[effort]'), encoding="utf-8")
     with pytest.raises(
         ScenarioError, match=r'thrust\.corrects is "all" and effort\.corrects "velocity", expected the same'
