@@ -142,7 +142,10 @@ def run(
 @pytest.mark.parametrize("current", CURRENTS)
 @pytest.mark.parametrize("drag", [1.0, 1.2, 0.8])
 def test_what_they_are_worth(current: str, drag: float) -> None:
-    """Of `sway_current`, which coasts on its assumptions, and of `tc` less than a twentieth, in every run."""
+    """Of `sway_current`, which coasts on its assumptions, and of `tc` less than a twentieth, in every run.
+
+    In the current that turns `tc` ends 11.0 m off (greatest 18.7), `sway_current` 7.3 (15.1).
+    """
     ours, without = run(current, drag)["error_m"], run(current, None)["error_m"]
     assert (np.median(ours, axis=0) < np.median(without, axis=0) / 20.0).all()
     assert (ours.max(axis=0) < without.max(axis=0) / 20.0).all()
@@ -160,13 +163,13 @@ def test_they_are_not_overconfident(current: str, drag: float) -> None:
 @pytest.mark.parametrize(
     ("drag", "corrects", "pull_n", "medians", "greatest", "position"),
     [
-        (None, "velocity", 0.0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
-        (1.0, "velocity", 0.0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
-        (1.2, "velocity", 0.0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
-        (0.8, "velocity", 0.0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
-        (1.0, "all", 0.0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
-        (1.0, "velocity", 3.0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
-        (1.0, "velocity", 10.0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+        (None, "velocity", 0.0, (1645.0, 1296.0), (4859.0, 2379.0), (2.47, 6.60)),
+        (1.0, "velocity", 0.0, (9.3, 7.5), (19.1, 19.0), (0.52, 0.44)),
+        (1.2, "velocity", 0.0, (9.2, 7.3), (19.0, 18.9), (0.54, 0.43)),
+        (0.8, "velocity", 0.0, (9.2, 7.7), (19.1, 19.0), (0.53, 0.45)),
+        (1.0, "all", 0.0, (5.4, 5.4), (10.9, 11.3), (0.23, 0.23)),
+        (1.0, "velocity", 3.0, (8.5, 7.7), (18.7, 18.7), (0.49, 0.49)),
+        (1.0, "velocity", 10.0, (8.5, 7.3), (25.4, 26.2), (0.59, 0.63)),
     ],
 )
 def test_numbers_of_the_page(
