@@ -21,6 +21,7 @@ from bottomlock.io import (
     pd0,
     pd6,
     ros,
+    ros_dvl_msgs,
     table,
     waterlinked_json,
     waterlinked_serial,
@@ -61,6 +62,10 @@ def _format(module: Any, title: str) -> Format:  # noqa: ANN401 - modules have n
     return Format(module.NAME, title, module.sniff, module.read, getattr(module, "STREAM", None))
 
 
+def _no_file(_: bytes) -> bool:
+    return False
+
+
 # From the most to the least specific mark: the first match is used. Nucleus before AD2CP: both begin with A5 records.
 BYTES = (
     _format(linkquest, "LinkQuest NavQuest, CSV of a ROS log"),
@@ -87,6 +92,20 @@ PATHS = (
 NAMES = tuple(one.name for one in (*BYTES, *PATHS))
 STREAMS = {one.name: one for one in BYTES if one.stream is not None}
 """Formats with beams that come as a stream, too."""
+MESSAGES = {
+    one.name: one
+    for one in (
+        Format(
+            ros.NAME_MESSAGE, "marine_acoustic_msgs/Dvl, a message", _no_file, ros.read_message, ros.STREAM
+        ),
+        Format(
+            ros_dvl_msgs.NAME, "dvl_msgs/DVL, a message", _no_file, ros_dvl_msgs.read, ros_dvl_msgs.STREAM
+        ),
+    )
+}
+"""Messages with beams: each is a record, of none there is a file."""
+LIVE = STREAMS | MESSAGES
+"""Formats with beams that come one ping after the other."""
 
 
 def _content(path: Path) -> bytes:

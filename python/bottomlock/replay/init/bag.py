@@ -8,6 +8,7 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.io.ros import typestore
+from bottomlock.io.ros_messages import stamp_ns
 from bottomlock.io.sentences import printable
 from bottomlock.replay.init.any_table import AnyTable
 
@@ -59,8 +60,7 @@ def bag_tables(path: Path) -> list[AnyTable]:
             chosen = [c for c in reader.connections if c.msgtype in READERS]
             for connection, _, raw in reader.messages(connections=chosen) if chosen else ():
                 message: Any = reader.deserialize(raw, connection.msgtype)
-                stamp = message.header.stamp
-                one: dict[str, Any] = {"time_ns": int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)}
+                one: dict[str, Any] = {"time_ns": stamp_ns(message.header)}
                 rows.setdefault(connection.topic, []).append(one | READERS[connection.msgtype](message))
     # A damaged bag raises whatever the library's parts raise.
     except Exception as error:
