@@ -174,17 +174,25 @@ class Live:
         """What depends on time alone, and the garbage."""
         while True:
             await asyncio.sleep(TICK_NS * 1e-9)
-            self.engine.advance(self.clock())
-            self._told()
+            self.tick()
             collect()
+
+    def tick(self) -> None:
+        """Does what depends on time alone."""
+        self.engine.advance(self.clock())
+        self._told()
 
     async def _flushes(self, period_s: float) -> None:
         """Hands the raw log to the system now and then."""
         while True:
             await asyncio.sleep(max(period_s, TICK_NS * 1e-9))
-            if self.log is not None:
-                with contextlib.suppress(BottomlockError):
-                    self.log.flush()
+            self.flush()
+
+    def flush(self) -> None:
+        """Hands the raw log to the system."""
+        if self.log is not None:
+            with contextlib.suppress(BottomlockError):
+                self.log.flush()
 
     async def _checkpoints(self, file: Path, period_s: float) -> None:
         """Saves the navigator; the disk is waited for in a thread, so that no ping waits."""
