@@ -69,7 +69,7 @@ class BottomlockNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reads the configuration and makes the publishers."""
         try:
-            path = Path(self.get_parameter("config").get_parameter_value().string_value)
+            path = Path(self._file())
             config = load_config(path)
             types = _topics(config)
             for caution in cautions(config):
@@ -135,6 +135,17 @@ class BottomlockNode(LifecycleNode):
         self._forget()
         self._saver.shutdown()
         super().destroy_node()
+
+    def _file(self) -> str:
+        """Path of the configuration.
+
+        Raises:
+            ScenarioError: where the parameter is empty.
+        """
+        file: str = self.get_parameter("config").get_parameter_value().string_value
+        if not file:
+            raise ScenarioError("the parameter 'config' is empty, expected the file of `bottomlock live`")
+        return file
 
     def _every(self, period_s: float, work: Callable[[Live], object]) -> None:
         """Does something while the estimate runs."""
