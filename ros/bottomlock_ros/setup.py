@@ -1,6 +1,6 @@
 """Installs the node, its launch file and its example configuration, as ament_python has it."""
 
-from glob import glob
+from pathlib import Path
 
 from setuptools import setup
 
@@ -13,8 +13,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", sorted(glob("config/*"))),
-        (f"share/{NAME}/launch", sorted(glob("launch/*"))),
+        (f"share/{NAME}/config", sorted(map(str, Path("config").iterdir()))),
+        (f"share/{NAME}/launch", sorted(map(str, Path("launch").iterdir()))),
     ],
     install_requires=["setuptools"],
     zip_safe=True,

@@ -14,7 +14,9 @@ from bottomlock.live.rmw_zenoh import HASHES
 
 rosbags = pytest.importorskip("rosbags.typesys", reason="needs rosbags (extra ros)")
 
-READ = [name for name in DEFINITIONS if "Stamped" in name or name.split("/")[0] in {"sensor_msgs", "std_msgs"}]
+READ = [
+    name for name in DEFINITIONS if "Stamped" in name or name.split("/")[0] in {"sensor_msgs", "std_msgs"}
+]
 READ += ["marine_acoustic_msgs/Dvl", "dvl_msgs/DVL"]
 VELOCITY = """
 std_msgs/Header header
@@ -39,7 +41,7 @@ def full_name(name: str) -> str:
 
 def drawn(store: Any, name: str, random: np.random.Generator) -> Any:  # noqa: ANN401
     """A message of a type with random content."""
-    definition = {field: kind for field, kind in store.fielddefs[name][1]}
+    definition = dict(store.fielddefs[name][1])
     return store.types[name](**{field: value(store, kind, random) for field, kind in definition.items()})
 
 
@@ -71,7 +73,9 @@ def value_of(code: str, size: int, random: np.random.Generator) -> Any:  # noqa:
 def equal(ours: Any, theirs: Any) -> bool:  # noqa: ANN401
     """Whether a message is the same in both readers."""
     if hasattr(theirs, "__dataclass_fields__"):
-        names = [name for name in theirs.__dataclass_fields__ if not name.startswith("__") and not name.isupper()]
+        names = [
+            name for name in theirs.__dataclass_fields__ if not name.startswith("__") and not name.isupper()
+        ]
         return list(vars(ours)) == names and all(equal(getattr(ours, n), getattr(theirs, n)) for n in names)
     if isinstance(theirs, list | np.ndarray):
         return len(ours) == len(theirs) and all(map(equal, ours, theirs))
@@ -81,7 +85,7 @@ def equal(ours: Any, theirs: Any) -> bool:  # noqa: ANN401
 @pytest.mark.parametrize("little", [True, False])
 @pytest.mark.parametrize("name", READ)
 def test_as_the_library_reads_them(name: str, little: bool) -> None:
-    """Random content in both orders of bytes, lengths of strings and sequences of every kind; and filled up at its end."""
+    """Random content in both orders of bytes, strings and sequences of every length; also filled up at its end."""
     store, random = store_of(), np.random.default_rng(7)
     for _ in range(30):
         message = drawn(store, full_name(name), random)
@@ -96,7 +100,9 @@ def test_a_message_that_ends_early_or_goes_on(name: str) -> None:
     store, random = store_of(), np.random.default_rng(8)
     data = bytes(store.serialize_cdr(drawn(store, full_name(name), random), full_name(name)))
     for length in range(len(data)):
-        with pytest.raises(DataError, match=rf"^no {name}: (ends within '\w+'|does not begin as plain CDR does)$"):
+        with pytest.raises(
+            DataError, match=rf"^no {name}: (ends within '\w+'|does not begin as plain CDR does)$"
+        ):
             decode(data[:length], name)
     with pytest.raises(DataError, match=r"has 4 bytes behind its last field"):
         decode(data + bytes(4), name)
@@ -129,7 +135,9 @@ def test_hashes_of_the_types(name: str) -> None:
     assert store_of().hash_rihs01(full_name(name)) == f"RIHS01_{HASHES[name]}"
 
 
-@pytest.mark.parametrize("name", [name for name in DEFINITIONS if not name.startswith(("dvl_msgs", "marine"))])
+@pytest.mark.parametrize(
+    "name", [name for name in DEFINITIONS if not name.startswith(("dvl_msgs", "marine"))]
+)
 def test_definitions_are_those_of_ros(name: str) -> None:
     """Fields and order, against the library's copy of ros2/common_interfaces."""
     theirs = rosbags.get_typestore(rosbags.Stores.LATEST)

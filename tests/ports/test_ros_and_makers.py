@@ -241,12 +241,17 @@ def test_ros_odometry(store: Any) -> None:  # noqa: ANN401
     q = message.pose.pose.orientation
     assert (known.inv() * Rotation.from_quat([q.x, q.y, q.z, q.w])).magnitude() < 1e-12
 
-    # Errors north, east, down, and rotations about these axes, small, as their covariance says: what of them the message holds.
+    # Small errors and rotations, north, east, down, drawn from their covariance: what of them the message holds.
     scale = 1e-5
     drawn = np.random.default_rng(5).multivariate_normal(
         np.zeros(6), scale**2 * estimate.navigation_covariance[:6, :6], 20_000, check_valid="ignore"
     )
-    true = world * Rotation.from_rotvec(drawn[:, 3:]) * Rotation.from_quat(np.roll(estimate.attitude_t_p, -1)) * body
+    true = (
+        world
+        * Rotation.from_rotvec(drawn[:, 3:])
+        * Rotation.from_quat(np.roll(estimate.attitude_t_p, -1))
+        * body
+    )
     turned = (true * known.inv()).as_rotvec()
     errors = np.hstack([world.apply(drawn[:, :3]), turned]) / scale
     covariance = message.pose.covariance.reshape(6, 6)

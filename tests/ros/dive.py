@@ -102,17 +102,21 @@ class Messages:
         self._types = self.store.types
 
     def bytes_of(self, topic: str, message: Any) -> bytes:  # noqa: ANN401
+        """Serialised, of the type of a topic."""
         return bytes(self.store.serialize_cdr(message, TYPES[topic]))
 
     def header(self, time_ns: int, frame_id: str) -> Any:  # noqa: ANN401
+        """With a stamp and a frame."""
         time = self._types["builtin_interfaces/msg/Time"]
         sec, nanosec = divmod(time_ns, 1_000_000_000)
         return self._types["std_msgs/msg/Header"](stamp=time(sec=sec, nanosec=nanosec), frame_id=frame_id)
 
     def vector(self, x: float, y: float, z: float) -> Any:  # noqa: ANN401
+        """A `Vector3`."""
         return self._types["geometry_msgs/msg/Vector3"](x=float(x), y=float(y), z=float(z))
 
     def imu(self, time_ns: int, omega_flu: Any, force_flu: Any) -> Any:  # noqa: ANN401
+        """Inertial readings, forward-left-up, without an orientation."""
         none = np.zeros(9)
         none[0] = -1.0
         return self._types[TYPES["/imu"]](
@@ -126,6 +130,7 @@ class Messages:
         )
 
     def dvl(self, time_ns: int, velocity: Any, range_m: Any, directions: Any) -> Any:  # noqa: ANN401
+        """Beams, NaN for one that is lost."""
         good = np.isfinite(velocity)
         return self._types[TYPES["/dvl"]](
             header=self.header(time_ns, "dvl_link"),
@@ -149,6 +154,7 @@ class Messages:
         )
 
     def pressure(self, time_ns: int, depth_m: float) -> Any:  # noqa: ANN401
+        """The pressure at a depth."""
         gravity = normal_gravity_mps2(math.radians(LATITUDE_DEG))
         return self._types[TYPES["/pressure"]](
             header=self.header(time_ns, "base_link"),
@@ -157,6 +163,7 @@ class Messages:
         )
 
     def usbl(self, time_ns: int, north: float, east: float, down: float) -> Any:  # noqa: ANN401
+        """A position, with variances of its axes."""
         types = self._types
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = np.diag([1.21, 1.0, 2.25])  # east, north, up
@@ -181,13 +188,9 @@ def arrivals(root: Path, seconds: float, directions: Any) -> Iterator[Arrival]: 
     for time_ns, wx, wy, wz, fx, fy, fz in imu.iter_rows():
         entries.append((time_ns, "/imu", messages.imu(time_ns, (wx, -wy, -wz), (fx, -fy, -fz))))
     for row in pl.read_parquet(folder / "beams.parquet").iter_rows(named=True):
-        velocity = [
-            row[f"beam{k}_mps"] if row[f"beam{k}_valid"] else math.nan for k in range(1, 5)
-        ]
+        velocity = [row[f"beam{k}_mps"] if row[f"beam{k}_valid"] else math.nan for k in range(1, 5)]
         ranges = [row[f"beam{k}_range_m"] or math.nan for k in range(1, 5)]
-        entries.append(
-            (row["time_ns"], "/dvl", messages.dvl(row["time_ns"], velocity, ranges, directions))
-        )
+        entries.append((row["time_ns"], "/dvl", messages.dvl(row["time_ns"], velocity, ranges, directions)))
     for time_ns, depth_m in pl.read_csv(folder / "depth.csv").iter_rows():
         entries.append((time_ns, "/pressure", messages.pressure(time_ns, depth_m)))
     for time_ns, north, east, down in pl.read_csv(folder / "usbl.csv").iter_rows():

@@ -206,8 +206,8 @@ _TRANSITIONS = {
 
 
 def _get_message(name: str) -> _Type:
-    if name.split("/")[0] in _graph[-1].absent_packages:
-        raise ModuleNotFoundError(f"No module named '{name.split('/')[0]}'")
+    if name.split("/", maxsplit=1)[0] in _graph[-1].absent_packages:
+        raise ModuleNotFoundError(f"No module named '{name.split('/', maxsplit=1)[0]}'")
     return _Type(name)
 
 

@@ -119,7 +119,10 @@ def listens(topic: str, where: dict[str, Any]) -> bool:
 
 
 def named(topic: str, where: dict[str, Any]) -> list[str]:
-    return [f"{one.node_name} {one.type_hash}" for one in sdk.get_topic_info(topic, verbose=True, **where).publishers]
+    return [
+        f"{one.node_name} {one.type_hash}"
+        for one in sdk.get_topic_info(topic, verbose=True, **where).publishers
+    ]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The node in a small stand-in of rclpy: a bag played through it gives the bits of a replay; its states and mistakes."""
+"""The node in a small stand-in of rclpy: a bag gives the bits of a replay; states, transitions and mistakes."""
 
 from __future__ import annotations
 
@@ -68,9 +68,13 @@ def play(graph: Graph, played: list[dive.Arrival]) -> None:
 
 
 def test_a_bag_gives_the_bits_of_a_replay(
-    bag: Path, graph: Graph, module: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path  # noqa: ANN401
+    bag: Path,
+    graph: Graph,
+    module: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
-    """The kernel's replay of what the library reads from the bag, from the same start: every pose, twist, covariance."""
+    """The kernel's replay of what the library reads from the bag, from the same start: poses, twists, covariances."""
     begun: list[tuple[Any, ...]] = []
 
     def recorded(*args: Any, **settings: Any) -> Any:  # noqa: ANN401
@@ -123,7 +127,9 @@ def test_a_bag_gives_the_bits_of_a_replay(
         covariances=True,
     )
     assert replayed["sample_time_ns"].tolist() == stamps
-    arrived = np.concatenate([times[topic] + dive.DELAYS_NS[topic] for topic in dive.TYPES if topic != "/imu"])
+    arrived = np.concatenate(
+        [times[topic] + dive.DELAYS_NS[topic] for topic in dive.TYPES if topic != "/imu"]
+    )
     measured = np.concatenate([times[topic] for topic in dive.TYPES if topic != "/imu"])
     encode = port("ros_odometry")
     same = compared = 0
@@ -165,7 +171,7 @@ def estimate_of(replayed: Any, row: int, time_ns: int, log: Any) -> Estimate:  #
 
 
 def test_what_is_published(bag: Path, graph: Graph, module: Any, root: Path) -> None:  # noqa: ANN401
-    """Types, order of the axes, /tf equal to the odometry of its time; nothing before the alignment; diagnostics always."""
+    """Types, axes, /tf equal to the odometry of its time; no pose before the alignment, diagnostics always."""
     played, _ = dive.read_bag(bag)
     node = started(module)
     play(graph, played[:800])
@@ -199,7 +205,9 @@ def test_what_is_published(bag: Path, graph: Graph, module: Any, root: Path) -> 
                 "dive: port ros_odometry to ros:/odometry",
                 "dive: port ros_tf to ros:/tf",
             ]
-            levels.append((by_name["dive: navigation"].message.split(":")[0], by_name["dive: navigation"].level))
+            levels.append(
+                (by_name["dive: navigation"].message.split(":")[0], by_name["dive: navigation"].level)
+            )
     # The alignment needs 5 s of inertial readings, the state OK a ping.
     assert [topic for topic, _, _ in graph.sent].index("/odometry") > 3
     assert levels[0] == ("INITIALISING", 1)
@@ -228,7 +236,10 @@ def test_unsafe_sends_diagnostics_alone(bag: Path, graph: Graph, module: Any) ->
     play(graph, played[:800])
     end_ns = played[799].time_ns
     graph.sent.clear()
-    play(graph, [one for one in played if one.topic != "/imu" and end_ns + 10**9 < one.time_ns < end_ns + 8 * 10**9])
+    play(
+        graph,
+        [one for one in played if one.topic != "/imu" and end_ns + 10**9 < one.time_ns < end_ns + 8 * 10**9],
+    )
     assert {topic for topic, _, _ in graph.sent} == {"/diagnostics"}
     store = dive.Messages().store
     status = store.deserialize_cdr(graph.sent[-1][2], "diagnostic_msgs/msg/DiagnosticArray").status
@@ -239,7 +250,7 @@ def test_unsafe_sends_diagnostics_alone(bag: Path, graph: Graph, module: Any) ->
 
 
 def test_time_of_a_simulation(bag: Path, graph: Graph, module: Any, tmp_path: Path) -> None:  # noqa: ANN401
-    """Nothing is taken before the first /clock; a bag that plays again begins an estimate anew, with its own raw log."""
+    """Nothing is taken before the first /clock; a bag that plays again begins an estimate and a raw log anew."""
     played, _ = dive.read_bag(bag)
     started(module)
     assert graph.publish(played[0].topic, played[0].data) == 1
@@ -287,10 +298,14 @@ def test_damaged_messages_are_counted(bag: Path, graph: Graph, module: Any) -> N
     graph.publish("/imu", b"")
     graph.at(graph.now_ns + 10**9)
     play(graph, played[600:1500])
-    status = dive.Messages().store.deserialize_cdr(
-        next(data for topic, _, data in reversed(graph.sent) if topic == "/diagnostics"),
-        "diagnostic_msgs/msg/DiagnosticArray",
-    ).status
+    status = (
+        dive.Messages()
+        .store.deserialize_cdr(
+            next(data for topic, _, data in reversed(graph.sent) if topic == "/diagnostics"),
+            "diagnostic_msgs/msg/DiagnosticArray",
+        )
+        .status
+    )
     values = [{one.key: one.value for one in part.values} for part in status]
     assert values[1]["skipped: no marine_acoustic_msgs/Dvl: ends within 'velocity_covar'"] == "1"
     assert values[2]["skipped: no sensor_msgs/Imu: does not begin as plain CDR does"] == "1"
@@ -302,10 +317,18 @@ def test_damaged_messages_are_counted(bag: Path, graph: Graph, module: Any) -> N
     ("old", "new", "words"),
     [
         ('"ros:/dvl"', '"tcp:127.0.0.1:16171"', "format 'ros-dvl', which are messages, and address"),
-        ('"ros:/tf"', '"udpout:127.0.0.1:9"', "port ros_tf has address 'udpout:127.0.0.1:9', expected ros:/TOPIC"),
+        (
+            '"ros:/tf"',
+            '"udpout:127.0.0.1:9"',
+            "port ros_tf has address 'udpout:127.0.0.1:9', expected ros:/TOPIC",
+        ),
         ('"ros:/imu"', '"ros:/imu@tcp/localhost:7447"', "source 'imu' has address"),
         ('"ros:/imu"', '"ros:imu"', "is no address of this kind, expected ros:/TOPIC"),
-        ('"ros:/tf"', '"ros:/odometry"', "sends tf2_msgs/msg/TFMessage to /odometry, to which another sends nav_msgs"),
+        (
+            '"ros:/tf"',
+            '"ros:/odometry"',
+            "sends tf2_msgs/msg/TFMessage to /odometry, to which another sends nav_msgs",
+        ),
         ("heading_deg = -9.8", "heading = -9.8", "start.heading"),
         ('format = "ros-imu"', 'format = "ros-imus"', "ros-imu"),
     ],
@@ -340,7 +363,12 @@ def test_the_example(root: Path, graph: Graph, module: Any, tmp_path: Path) -> N
     graph.parameters["config"] = str(tmp_path / "rov.toml")
     node = started(module)
     assert [one.topic for one in node.subscriptions] == ["/dvl/data", "/imu/data", "/pressure"]
-    assert [one.topic for one in node.lifecycle_publishers] == ["/odometry", "/tf", "/velocity", "/diagnostics"]
+    assert [one.topic for one in node.lifecycle_publishers] == [
+        "/odometry",
+        "/tf",
+        "/velocity",
+        "/diagnostics",
+    ]
 
 
 def test_a_checkpoint(bag: Path, graph: Graph, module: Any, tmp_path: Path) -> None:  # noqa: ANN401

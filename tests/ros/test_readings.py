@@ -14,6 +14,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.io import waterlinked_json
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.ros_messages import LATER_DVL
+from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.live.config import parse_config
 from bottomlock.live.pings import PingReader
 from bottomlock.live.ros_readings import RosReader
@@ -77,7 +78,7 @@ def test_pressure_and_depth() -> None:
         "/pressure",
         MESSAGES.pressure(TIME_NS, 12.5),
         depth=DepthSection(),
-        gravity_mps2=dive.normal_gravity_mps2(math.radians(dive.LATITUDE_DEG)),
+        gravity_mps2=normal_gravity_mps2(math.radians(dive.LATITUDE_DEG)),
     )
     assert depth.time_ns == TIME_NS
     assert depth.depth_m == pytest.approx(12.5, abs=1e-9)
@@ -175,7 +176,7 @@ def test_the_message_of_water_linked_s_drivers(later: bool) -> None:
 
 
 def test_beams_that_are_none() -> None:
-    """No transducers, as some drivers send a report without a lock: a ping with every beam lost. Two of one number: none."""
+    """No transducers, as a driver sends them without a lock: a ping with every beam lost. Two of one number: none."""
     reader = PingReader("ros-dvl-msgs", 4)
     (ping,) = reader.feed(report(beams=[]))
     assert not ping.valid.any()
@@ -236,8 +237,14 @@ SOURCE = '[[source]]\nname = "more"\naddress = "{}"\nformat = "{}"\nrate_hz = 1\
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (SOURCE.format("udpin:127.0.0.1:9", "ros-imu"), "which are messages, and address 'udpin:127.0.0.1:9'"),
-        (SOURCE.format("ros:/imu", "imu-csv"), "is a topic of ROS 2 with format 'imu-csv', expected one of ros-dvl"),
+        (
+            SOURCE.format("udpin:127.0.0.1:9", "ros-imu"),
+            "which are messages, and address 'udpin:127.0.0.1:9'",
+        ),
+        (
+            SOURCE.format("ros:/imu", "imu-csv"),
+            "is a topic of ROS 2 with format 'imu-csv', expected one of ros-dvl",
+        ),
         (SOURCE.format("ros:/a//b", "ros-imu"), "expected ros:/TOPIC or ros:/TOPIC@tcp/HOST:PORT"),
         (SOURCE.format("ros:/2b", "ros-imu"), "expected ros:/TOPIC"),
         (SOURCE.format("ros:/imu@", "ros-imu"), "expected ros:/TOPIC"),
@@ -245,9 +252,12 @@ SOURCE = '[[source]]\nname = "more"\naddress = "{}"\nformat = "{}"\nrate_hz = 1\
         (SOURCE.format("ros:/fix", "ros-navsat"), r"'ros-navsat', which needs the section [gps]"),
         (
             '[attitude]\naids = "heading"\n' + SOURCE.format("ros:/imu", "ros-attitude"),
-            '\'attitude.frame\' is missing, expected the frames of the driver of source \'more\': "enu_flu"',
+            "'attitude.frame' is missing, expected the frames of the driver of source 'more': \"enu_flu\"",
         ),
-        ('[[port]]\nport = "odometry"\nto = "ros:/odom"\n', "is no message of ROS 2, expected one of ros_velocity"),
+        (
+            '[[port]]\nport = "odometry"\nto = "ros:/odom"\n',
+            "is no message of ROS 2, expected one of ros_velocity",
+        ),
     ],
 )
 def test_mistakes_of_a_configuration(extra: str, words: str) -> None:

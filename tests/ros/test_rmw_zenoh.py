@@ -42,7 +42,7 @@ def router(port: int) -> Iterator[None]:
 
 @pytest.mark.slow
 def test_two_processes(tmp_path: Path, root: Path) -> None:
-    """Sensors in, odometry, transform and diagnostics out, in both directions by keys that the other side makes itself."""
+    """Sensors in, odometry, transform, diagnostics out, by keys that the other side makes itself."""
     pytest.importorskip("zenoh_ros2_sdk", reason="needs zenoh-ros2-sdk (group others)")
     pytest.importorskip("rosbags", reason="needs rosbags (extra ros)")
     port = free_port(socket.SOCK_STREAM)
@@ -106,7 +106,9 @@ def test_keys(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_type_has_its_hash() -> None:
     """Of every source, port and the diagnostics; a key can be made of each."""
-    types = {*ROS_TYPES.values(), ROS_TYPE} | {str(getattr(make, "ros_type", "")) for make in PORTS.values()} - {""}
+    types = {*ROS_TYPES.values(), ROS_TYPE} | {
+        str(getattr(make, "ros_type", "")) for make in PORTS.values()
+    } - {""}
     assert {name.replace("/msg/", "/") for name in types} == set(HASHES)
     assert all(len(Topic("/a", name).published().split("RIHS01_")[1]) == 64 for name in types)
 

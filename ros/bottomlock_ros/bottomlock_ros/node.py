@@ -12,6 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosidl_runtime_py.utilities import get_message
+
 from bottomlock.errors import BottomlockError, OutputError, ScenarioError
 from bottomlock.files.atomic_write import write_bytes
 from bottomlock.live.address import sink_address, source_address
@@ -23,10 +28,6 @@ from bottomlock.live.ros_diagnostics import ROS_TYPE, diagnostics
 from bottomlock.live.runner import Live, begin
 from bottomlock.live.sections import ROS_TYPES
 from bottomlock.live.sink import Sink
-from rclpy.executors import ExternalShutdownException
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rosidl_runtime_py.utilities import get_message
 
 INPUTS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Of sensors: takes what reliable and best-effort publishers send; a second of an IMU may wait."""
@@ -268,8 +269,10 @@ def _message(ros_type: str) -> Any:  # noqa: ANN401 - a class of messages
     try:
         return get_message(ros_type)
     except (ImportError, AttributeError) as error:
-        package = ros_type.split("/")[0]
-        raise ScenarioError(f"messages {ros_type} need the ROS package {package}, which is not there") from error
+        package = ros_type.split("/", maxsplit=1)[0]
+        raise ScenarioError(
+            f"messages {ros_type} need the ROS package {package}, which is not there"
+        ) from error
 
 
 def main(args: list[str] | None = None) -> None:

@@ -27,7 +27,9 @@ def generate_launch_description() -> LaunchDescription:
     )
 
     def change(transition: int) -> EmitEvent:
-        return EmitEvent(event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=transition))
+        return EmitEvent(
+            event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=transition)
+        )
 
     activate = OnStateTransition(
         target_lifecycle_node=node,
@@ -38,7 +40,9 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument("config", default_value=PathJoinSubstitution([share, "rov.toml"])),
-            DeclareLaunchArgument("params_file", default_value=PathJoinSubstitution([share, "bottomlock.yaml"])),
+            DeclareLaunchArgument(
+                "params_file", default_value=PathJoinSubstitution([share, "bottomlock.yaml"])
+            ),
             DeclareLaunchArgument("use_sim_time", default_value="false"),
             node,
             RegisterEventHandler(activate),
