@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,8 +18,12 @@ from pathlib import Path
 import pytest
 
 from bottomlock.errors import DataError
+from bottomlock.live.config import parse_config
+from bottomlock.live.connections import cancel
+from bottomlock.live.engine import Engine
 from bottomlock.live.rmw_zenoh import HASHES, Topic, attachment, domain
 from bottomlock.live.ros_diagnostics import ROS_TYPE
+from bottomlock.live.runner import Live
 from bottomlock.live.sections import ROS_TYPES
 from bottomlock.ports.registry import PORTS
 from tests.live.processes import free_port
@@ -94,6 +101,50 @@ def test_two_processes(tmp_path: Path, root: Path) -> None:
     }
     assert seen["publishers"]["/odometry"] == [f"bottomlock {ODOMETRY}"]
     assert "internal error" not in said
+
+
+@pytest.mark.slow
+def test_a_router_that_comes_late_and_comes_again() -> None:
+    """The node is in the graph as soon as there is a router, again after its restart, and no more after the end."""
+    zenoh = pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra zenoh)")
+    port = free_port(socket.SOCK_STREAM)
+    text = re.sub(r'"ros:(/\w+)"', rf'"ros:\1@tcp/127.0.0.1:{port}"', CONFIG)
+    config = parse_config(text, place="test")
+
+    def tokens() -> int:
+        settings = zenoh.Config()
+        settings.insert_json5("mode", '"client"')
+        settings.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
+        settings.insert_json5("scouting/multicast/enabled", "false")
+        session = zenoh.open(settings)
+        try:
+            return len(
+                [reply for reply in session.liveliness().get("@ros2_lv/0/**", timeout=2.0) if reply.ok]
+            )
+        finally:
+            session.close()
+
+    async def known(number: int) -> None:
+        async with asyncio.timeout(40.0):
+            while await asyncio.to_thread(tokens) != number:  # noqa: ASYNC110 - what is waited for has no event
+                await asyncio.sleep(0.2)
+
+    async def run() -> None:
+        live = Live(config, Engine(config), say=lambda _: None, clock=time.time_ns)
+        task = asyncio.create_task(live.run())
+        try:
+            await asyncio.sleep(0.5)
+            assert "next attempt" in live.connections[0].state
+            with router(port):
+                await known(7)  # the node, two publishers, four subscriptions
+            with router(port):
+                await known(7)
+                await cancel(task)
+                await known(0)
+        finally:
+            await cancel(task)
+
+    asyncio.run(run())
 
 
 def test_keys(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,8 @@
 Without an endpoint a session is a peer that finds others by multicast; with one it is a client of the router there.
 """
 
+import asyncio
+import contextlib
 import json
 import threading
 from typing import Any
@@ -53,6 +55,22 @@ def join(endpoint: str) -> Session:
             session = _sessions[endpoint] = Session(endpoint)
         session.users += 1
         return session
+
+
+async def joined(endpoint: str) -> Session:
+    """As `join`, in a thread; who is cancelled meanwhile has left once this returns.
+
+    Raises:
+        OSError: where it cannot be opened.
+    """
+    joining = asyncio.ensure_future(asyncio.to_thread(join, endpoint))
+    try:
+        return await asyncio.shield(joining)
+    except asyncio.CancelledError:
+        with contextlib.suppress(OSError):
+            await joining
+            leave(endpoint)
+        raise
 
 
 def leave(endpoint: str) -> None:

@@ -58,7 +58,7 @@ class ZenohSink(Sink):
 
     async def run(self) -> None:
         """Joins the session, tries again where its router is absent, and leaves it at the end."""
-        session = await self.opened(lambda: asyncio.to_thread(zenoh_session.join, self._endpoint))
+        session = await self.opened(lambda: zenoh_session.joined(self._endpoint))
         token: Any = None
         try:
             publisher = session.zenoh.declare_publisher(

@@ -54,7 +54,7 @@ async def receive(
         loop.call_soon_threadsafe(take, sample.payload.to_bytes())
 
     zenoh_session.library()
-    session = await asyncio.to_thread(zenoh_session.join, endpoint)
+    session = await zenoh_session.joined(endpoint)
     token: Any = None
     subscriber: Any = None
     try:
