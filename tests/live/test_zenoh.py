@@ -155,7 +155,12 @@ def test_a_flood_of_samples_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """While the loop does something else at most so many wait; the others are dropped and counted."""
     callbacks: list[Callable[[Any], None]] = []
     held = SimpleNamespace(undeclare=lambda: None)
-    session = SimpleNamespace(declare_subscriber=lambda _, callback: callbacks.append(callback) or held)
+
+    def declare_subscriber(_: str, callback: Callable[[Any], None]) -> Any:  # noqa: ANN401
+        callbacks.append(callback)
+        return held
+
+    session = SimpleNamespace(declare_subscriber=declare_subscriber)
     left: list[str] = []
 
     async def joined(_: str) -> Any:  # noqa: ANN401

@@ -57,7 +57,13 @@ def test_packages_of_messages(package: Path) -> None:
 
 def test_the_launch_file(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The executable of setup.py, with the node's parameters; configured, and activated once it is inactive."""
-    modules = ("launch", "launch.actions", "launch.events", "launch.substitutions", "launch_ros")
+    modules: tuple[str, ...] = (
+        "launch",
+        "launch.actions",
+        "launch.events",
+        "launch.substitutions",
+        "launch_ros",
+    )
     modules += ("launch_ros.actions", "launch_ros.event_handlers", "launch_ros.events")
     modules += (
         "launch_ros.events.lifecycle",
