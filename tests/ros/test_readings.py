@@ -185,7 +185,7 @@ def test_beams_that_are_none() -> None:
     assert reader.feed(report(beams=[one, one])) == []
     assert reader.feed(b"\x00\x01\x00\x00") == []
     assert dict(reader.skipped) == {
-        "beams are not a list with ids 0 to 3": 1,
+        "transducers are not a list with ids 0 to 3": 1,
         "no dvl_msgs/DVL: ends within 'sec'": 1,
     }
 

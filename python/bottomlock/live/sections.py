@@ -24,6 +24,7 @@ FORMATS = {
     "attitude": ("attitude-csv", "ros-attitude"),
     "depth": ("depth-csv", "ros-pressure", "ros-depth"),
     "thrust": ("thrust-csv",),
+    "effort": ("effort-csv",),
     "gps": ("gps-csv", "ros-navsat"),
     "acoustic_position": ("acoustic-csv", "ros-pose"),
 }
