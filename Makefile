@@ -148,7 +148,7 @@ docs: $(VENV)/.docs $(VENV)/.installed
 
 # Words that nobody spells so; NEES and NED are none of them.
 spelling: $(VENV)/.tools
-	$(bin)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs examples crates python tools benches
+	$(bin)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs examples crates python tools benches ros
 
 # Every link of the site: a broken one within it fails `make docs` already; those outside are tried, and told.
 docs-links: $(VENV)/.docs $(VENV)/.installed

@@ -36,7 +36,7 @@ BACK_NS = 1_000_000_000
 """A clock that falls by more was set, or its bag plays again: the estimate starts anew. By less it is held."""
 
 
-class Topic(Sink):
+class TopicSink(Sink):
     """A target of messages: a publisher of the node."""
 
     state = "publishing"
@@ -60,9 +60,9 @@ class BottomlockNode(LifecycleNode):
         self.declare_parameter("config", "")
         self._config: LiveConfig | None = None
         self._text = b""
-        self._publishers_of: dict[str, Any] = {}
+        self._by_topic: dict[str, Any] = {}
         self._inputs: list[Any] = []
-        self._timers_of: list[Any] = []
+        self._periodic: list[Any] = []
         self._live: Live | None = None
         self._saver = ThreadPoolExecutor(max_workers=1)
         self._now_ns = 0
@@ -77,7 +77,7 @@ class BottomlockNode(LifecycleNode):
                 self.get_logger().warning(caution)
             if config.health is not None and "health" in config.model_fields_set:
                 self.get_logger().warning("no health page: the node publishes [diagnostics] in its place")
-            self._publishers_of = {
+            self._by_topic = {
                 topic: self.create_lifecycle_publisher(_message(ros_type), topic, OUTPUTS)
                 for topic, ros_type in types.items()
             }
@@ -105,7 +105,7 @@ class BottomlockNode(LifecycleNode):
         if config.checkpoint is not None:
             self._every(config.checkpoint.every_s, self._save)
         if config.diagnostics is not None:
-            publisher = self._publishers_of[sink_address(config.diagnostics.to).path]
+            publisher = self._by_topic[sink_address(config.diagnostics.to).path]
             self._every(config.diagnostics.every_s, lambda live: publisher.publish(diagnostics(live)))
         result = super().on_activate(state)
         self._running()
@@ -156,7 +156,7 @@ class BottomlockNode(LifecycleNode):
             if live is not None:
                 work(live)
 
-        self._timers_of.append(self.create_timer(period_s, do))
+        self._periodic.append(self.create_timer(period_s, do))
 
     def _take(self, place: int, data: bytes) -> None:
         """A message of a source, by its place in the configuration."""
@@ -189,7 +189,7 @@ class BottomlockNode(LifecycleNode):
         except OutputError as error:
             self.get_logger().error(f"no raw log: {error}")
             engine, log = make(logged=False)
-        sinks: list[Sink] = [Topic(self._publishers_of[sink_address(port.to).path]) for port in config.port]
+        sinks: list[Sink] = [TopicSink(self._by_topic[sink_address(port.to).path]) for port in config.port]
         live = Live(config, engine, say=self._say, log=log, sinks=sinks, clock=lambda: self._now_ns)
         for place, connection in enumerate(live.connections):
             connection.state = "subscribed"
@@ -220,20 +220,20 @@ class BottomlockNode(LifecycleNode):
 
     def _end(self) -> None:
         """Ends the estimate, and takes nothing any more."""
-        for timer in self._timers_of:
+        for timer in self._periodic:
             self.destroy_timer(timer)
         for one in self._inputs:
             self.destroy_subscription(one)
-        self._timers_of, self._inputs = [], []
+        self._periodic, self._inputs = [], []
         self._stop()
         self._now_ns = 0
 
     def _forget(self) -> None:
         """Ends everything, and forgets the configuration."""
         self._end()
-        for publisher in self._publishers_of.values():
+        for publisher in self._by_topic.values():
             self.destroy_lifecycle_publisher(publisher)
-        self._publishers_of, self._config = {}, None
+        self._by_topic, self._config = {}, None
 
 
 def _topics(config: LiveConfig) -> dict[str, str]:
