@@ -349,8 +349,12 @@ def test_mistakes_of_a_configuration(graph: Graph, module: Any, old: str, new: s
 
 def test_a_package_of_messages_that_is_absent(graph: Graph, module: Any) -> None:  # noqa: ANN401
     graph.absent_packages = ("marine_acoustic_msgs",)
-    assert module.BottomlockNode().change("configure") is TransitionCallbackReturn.FAILURE
+    node = module.BottomlockNode()
+    assert node.change("configure") is TransitionCallbackReturn.FAILURE
     assert "need the ROS package marine_acoustic_msgs, which is not there" in graph.words("error")
+    graph.absent_packages = ("tf2_msgs",)
+    assert node.change("configure") is TransitionCallbackReturn.FAILURE
+    assert node.lifecycle_publishers == []
 
 
 def test_no_configuration(graph: Graph, module: Any) -> None:  # noqa: ANN401

@@ -72,22 +72,21 @@ class BottomlockNode(LifecycleNode):
         try:
             path = Path(self._file())
             config = load_config(path)
-            types = _topics(config)
+            outputs = {topic: _message(ros_type) for topic, ros_type in _topics(config).items()}
+            for section in config.source:
+                _message(ROS_TYPES[section.format])
             for caution in cautions(config):
                 self.get_logger().warning(caution)
             if config.health is not None and "health" in config.model_fields_set:
                 self.get_logger().warning("no health page: the node publishes [diagnostics] in its place")
-            self._by_topic = {
-                topic: self.create_lifecycle_publisher(_message(ros_type), topic, OUTPUTS)
-                for topic, ros_type in types.items()
-            }
-            for section in config.source:
-                _message(ROS_TYPES[section.format])
             self._config, self._text = config, path.read_bytes()
         except BottomlockError as error:
             self.get_logger().error(str(error))
-            self._forget()
             return TransitionCallbackReturn.FAILURE
+        self._by_topic = {
+            topic: self.create_lifecycle_publisher(message, topic, OUTPUTS)
+            for topic, message in outputs.items()
+        }
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
