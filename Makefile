@@ -87,11 +87,11 @@ test-deep: $(VENV)/.tools $(VENV)/.installed
 
 test-all: test test-long test-deep
 
-# What needs libraries that nothing else does: rivals in gtsam and JAX, Zenoh between two processes, MHKiT as another reader.
+# What needs libraries that nothing else does: rivals in gtsam and JAX, Zenoh between two processes, Cyclone DDS, MHKiT as another reader.
 # The learned rivals need torch, which is in no lock (gigabytes); recordings are read from BOTTOMLOCK_RECORDINGS.
 test-others: $(VENV)/.tools $(VENV)/.installed
 	$(locked) --group others
-	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/io/test_logs.py
+	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/ros tests/io/test_logs.py
 
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
 # docs/mutants_rust.md. All of it takes a day of one core, incremental builds after the first one: name what you changed, or
@@ -148,7 +148,7 @@ docs: $(VENV)/.docs $(VENV)/.installed
 
 # Words that nobody spells so; NEES and NED are none of them.
 spelling: $(VENV)/.tools
-	$(bin)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs examples crates python tools benches
+	$(bin)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs examples crates python tools benches ros
 
 # Every link of the site: a broken one within it fails `make docs` already; those outside are tried, and told.
 docs-links: $(VENV)/.docs $(VENV)/.installed

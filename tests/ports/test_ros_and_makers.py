@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import ScenarioError
 from bottomlock.io import pd0 as pd0_reader
@@ -220,3 +221,67 @@ def test_no_port_warns() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         port("ros_dvl", geometry=JANUS).encode(from_beams((0, 0, 0, 0)))
+
+
+def test_ros_odometry(store: Any) -> None:  # noqa: ANN401
+    """Against scipy: the pose in east-north-up, forward-left-up; drawn errors have the covariance of the message."""
+    estimate = navigated()
+    data = port("ros_odometry", frame_id="map", child_frame_id="base").encode(estimate)
+    message = store.deserialize_cdr(data, "nav_msgs/msg/Odometry")
+    assert bytes(store.serialize_cdr(message, "nav_msgs/msg/Odometry")) == data
+    assert (message.header.frame_id, message.child_frame_id) == ("map", "base")
+    assert estimate.position_t_m is not None
+    assert estimate.attitude_t_p is not None
+    assert estimate.navigation_covariance is not None
+    north, east, down = estimate.position_t_m
+    assert vector(message.pose.pose.position) == [east, north, -down]
+    world = Rotation.from_matrix([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    body = Rotation.from_matrix(FLU)
+    known = world * Rotation.from_quat(np.roll(estimate.attitude_t_p, -1)) * body
+    q = message.pose.pose.orientation
+    assert (known.inv() * Rotation.from_quat([q.x, q.y, q.z, q.w])).magnitude() < 1e-12
+
+    # Small errors and rotations, north, east, down, drawn from their covariance: what of them the message holds.
+    scale = 1e-5
+    drawn = np.random.default_rng(5).multivariate_normal(
+        np.zeros(6), scale**2 * estimate.navigation_covariance[:6, :6], 20_000, check_valid="ignore"
+    )
+    true = (
+        world
+        * Rotation.from_rotvec(drawn[:, 3:])
+        * Rotation.from_quat(np.roll(estimate.attitude_t_p, -1))
+        * body
+    )
+    turned = (true * known.inv()).as_rotvec()
+    errors = np.hstack([world.apply(drawn[:, :3]), turned]) / scale
+    covariance = message.pose.covariance.reshape(6, 6)
+    sd = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(np.cov(errors.T) / np.outer(sd, sd), covariance / np.outer(sd, sd), atol=0.03)
+    # The twist is that of ros_twist.
+    twist = store.deserialize_cdr(
+        port("ros_twist").encode(estimate), "geometry_msgs/msg/TwistWithCovarianceStamped"
+    ).twist
+    np.testing.assert_array_equal(message.twist.covariance, twist.covariance)
+    assert vector(message.twist.twist.linear) == vector(twist.twist.linear)
+
+
+def test_ros_tf(store: Any) -> None:  # noqa: ANN401
+    """The pose of the odometry, as a transform."""
+    estimate = navigated()
+    data = port("ros_tf").encode(estimate)
+    message = store.deserialize_cdr(data, "tf2_msgs/msg/TFMessage")
+    assert bytes(store.serialize_cdr(message, "tf2_msgs/msg/TFMessage")) == data
+    (found,) = message.transforms
+    pose = store.deserialize_cdr(port("ros_odometry").encode(estimate), "nav_msgs/msg/Odometry").pose.pose
+    assert (found.header.frame_id, found.child_frame_id) == ("odom", "base_link")
+    assert vector(found.transform.translation) == vector(pose.position)
+    assert found.transform.rotation == pose.orientation
+
+
+@pytest.mark.parametrize("name", ["ros_odometry", "ros_tf"])
+def test_mode_velocity_has_no_pose(name: str) -> None:
+    one = port(name)
+    assert one.encode(from_beams(MASKS["4 beams"])) is None
+    assert one.reason == "mode velocity has no pose, which this message holds"
+    late = 2**31 * SECOND
+    assert one.sends(navigated(late)) == f"time_ns is {late}, later than a ROS time holds"

@@ -69,6 +69,7 @@ LEVELS = {
     "property",
     "repository",
     "rivals",
+    "ros",
     "statistical",
 }
 """Folders of tests that are of no one room."""

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.cli.force import Force
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import BottomlockError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.live.cautions import cautions
@@ -21,6 +21,7 @@ from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import replay_log
+from bottomlock.live.ros_diagnostics import send_diagnostics
 from bottomlock.live.runner import Live, Say, begin, host_clock
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
 from bottomlock.ports.mavlink import begin_dry_run
@@ -113,6 +114,8 @@ def _run(running: Live) -> None:
             with contextlib.suppress(NotImplementedError):
                 loop.add_signal_handler(name, task.cancel)
         others = [asyncio.create_task(serve_page(running, _say))]
+        if running.sinks and running.config.diagnostics is not None:
+            others.append(asyncio.create_task(_diagnostics(running)))
         if sys.stderr.isatty() and running.sinks:
             from bottomlock.cli.live_view import show  # noqa: PLC0415 - a restart without a terminal is sooner there
 
@@ -129,6 +132,14 @@ def _run(running: Live) -> None:
     for one in running.engine.ports:
         last = f"; last silent because {one.silent_because}" if one.silent_because else ""
         _say(f"port {one.name}: {one.sent} messages{last}")
+
+
+async def _diagnostics(running: Live) -> None:
+    """Sends diagnostics; navigation goes on where that is not possible."""
+    try:
+        await send_diagnostics(running, _say)
+    except BottomlockError as error:
+        _say(f"no diagnostics: {error}")
 
 
 async def serve_page(running: Live, say: Say) -> None:

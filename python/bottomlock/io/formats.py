@@ -22,6 +22,7 @@ from bottomlock.io import (
     pd0,
     pd6,
     ros,
+    ros_waterlinked,
     table,
     tlog,
     waterlinked_json,
@@ -63,6 +64,10 @@ def _format(module: Any, title: str) -> Format:  # noqa: ANN401 - modules have n
     return Format(module.NAME, title, module.sniff, module.read, getattr(module, "STREAM", None))
 
 
+def _no_file(_: bytes) -> bool:
+    return False
+
+
 # From the most to the least specific mark: the first match is used. Nucleus before AD2CP: both begin with A5 records.
 BYTES = (
     _format(linkquest, "LinkQuest NavQuest, CSV of a ROS log"),
@@ -96,6 +101,24 @@ PATHS = (
 NAMES = tuple(one.name for one in (*BYTES, *PATHS))
 STREAMS = {one.name: one for one in BYTES if one.stream is not None}
 """Formats with beams that come as a stream, too."""
+MESSAGES = {
+    one.name: one
+    for one in (
+        Format(
+            ros.NAME_MESSAGE, "marine_acoustic_msgs/Dvl, a message", _no_file, ros.read_message, ros.STREAM
+        ),
+        Format(
+            ros_waterlinked.NAME_MESSAGE,
+            "dvl_msgs/DVL, a message",
+            _no_file,
+            ros_waterlinked.read_message,
+            ros_waterlinked.STREAM,
+        ),
+    )
+}
+"""Messages with beams: each is a record, of none there is a file."""
+LIVE = STREAMS | MESSAGES
+"""Formats with beams that come one ping after the other."""
 
 
 def _content(path: Path) -> bytes:

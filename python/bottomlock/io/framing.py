@@ -121,6 +121,24 @@ class Lines:
         self._dropping = self._within
 
 
+class Whole:
+    """What comes at once is a record: messages, which their transport keeps apart."""
+
+    dropped = 0
+    waiting = False
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """The message."""
+        return [data]
+
+    def flush(self) -> list[bytes]:
+        """Nothing: no part of a message is held."""
+        return []
+
+    def reset(self) -> None:
+        """Does nothing: no part of a message is held."""
+
+
 class _Groups:
     """Base of framers that gather the lines of one ping."""
 

@@ -15,36 +15,19 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io import ros_waterlinked
 from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.framing import Stream, Whole
+from bottomlock.io.ros_messages import DEFINITIONS, decode, stamp_ns
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import printable
 from bottomlock.support.extras import install
 
 NAME = "ros"
+NAME_MESSAGE = "ros-dvl"
+STREAM = Stream(lambda _: Whole())
 TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")
 _BEAMS = 4
 _BOTTOM, _WATER = 1, 2
 _ROS1, _MCAP, _SQLITE = b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\x00"
-# ROS 2 bags in SQLite hold no definitions: the fields as the package publishes them, for those.
-DEFINITION = """
-std_msgs/Header header
-uint8 velocity_mode
-uint8 dvl_type
-geometry_msgs/Vector3 velocity
-float64[9] velocity_covar
-float64 altitude
-float64 course_gnd
-float64 speed_gnd
-uint8 num_good_beams
-float32 sound_speed
-bool beam_ranges_valid
-bool beam_velocities_valid
-geometry_msgs/Vector3[4] beam_unit_vec
-float64[4] range
-float32[4] range_covar
-float32[4] beam_quality
-float32[4] beam_velocity
-float32[4] beam_velocity_covar
-"""
 
 
 def sniff_path(path: Path, head: bytes) -> bool:
@@ -63,8 +46,9 @@ def typestore(latest: bool = True) -> Any:  # noqa: ANN401, FBT001, FBT002 - the
     except ImportError as error:
         raise DataError(f"bags and MCAP files need the library rosbags: {install('ros')}") from error
     store = get_typestore(Stores.LATEST if latest else Stores.ROS1_NOETIC)
+    # ROS 2 bags in SQLite hold no definitions.
     for name in TYPES:
-        store.register(get_types_from_msg(DEFINITION, name))
+        store.register(get_types_from_msg(DEFINITIONS["marine_acoustic_msgs/Dvl"], name))
     return store
 
 
@@ -139,6 +123,24 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
         account.skip("the bag breaks off here", account.read + 1, reason)
     if others:
         return ros_waterlinked.recording(NAME, others, account, place, options)
+    return _recording(rows, geometry, options, place)
+
+
+def read_message(data: bytes, place: str, options: Options = PLAIN) -> Recording:
+    """The ping of one message, as ROS 2 serialises it.
+
+    Raises:
+        DataError: for bytes that are no such message, and for one without a ping.
+    """
+    rows = Rows(_BEAMS, Account(unit="message", read=1))
+    geometry: list[list[list[float]]] = []
+    message = decode(data, "marine_acoustic_msgs/Dvl")
+    _add(rows, 1, stamp_ns(message.header), message, geometry)
+    return _recording(rows, geometry, options, place)
+
+
+def _recording(rows: Rows, geometry: list[list[list[float]]], options: Options, place: str) -> Recording:
+    account = rows.account
     table = rows.finish(negate=options.negate_beams)
     raise_if_empty(account, place, TYPES[0])
     unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))
@@ -163,7 +165,6 @@ def _add(rows: Rows, position: int, arrival_ns: int, message: Any, geometry: lis
         return
     if message.velocity_mode != _BOTTOM:
         account.flag("velocity mode is not stated", position, f"velocity_mode = {message.velocity_mode}")
-    stamp = message.header.stamp
     velocity = [float(v) for v in message.beam_velocity]
     variance = [float(v) for v in message.beam_velocity_covar]
     ranges = [float(v) for v in message.range]
@@ -186,7 +187,7 @@ def _add(rows: Rows, position: int, arrival_ns: int, message: Any, geometry: lis
     axes = (float(message.velocity.x), float(message.velocity.y), float(message.velocity.z))
     rows.add(
         position,
-        int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec),
+        stamp_ns(message.header),
         velocity,
         good,
         range_m=[r if message.beam_ranges_valid and r > 0.0 else NAN for r in ranges],

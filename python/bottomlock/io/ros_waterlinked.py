@@ -9,10 +9,16 @@ Source: waterlinked/dvl-a50-ros-driver and paagutie/dvl-a50, msg/DVL.msg, msg/DV
 from collections.abc import Iterable
 from typing import Any
 
+from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import Options, raise_if_empty
+from bottomlock.io.framing import Stream, Whole
+from bottomlock.io.ros_messages import LATER_DVL, decode, stamp_ns
+from bottomlock.io.rows import PLAIN, Options, raise_if_empty
 from bottomlock.io.waterlinked_json import Reports
 
+NAME_MESSAGE = "ros-dvl-msgs"
+STREAM = Stream(lambda _: Whole(), repeats=True)
+_TYPE = "dvl_msgs/DVL"
 _FIELDS = {"header", "velocity", "fom", "altitude", "beams", "velocity_valid"}
 _OF_BEAM = {"id", "velocity", "distance", "rssi", "nsd", "valid"}
 
@@ -26,6 +32,26 @@ def fits(fielddefs: dict[str, Any], kind: str) -> bool:
     _, inner = fields["beams"]
     of = inner[0][1] if isinstance(inner, tuple) and isinstance(inner[0], tuple) else ""
     return of in fielddefs and {name for name, _ in fielddefs[of][1]} >= _OF_BEAM
+
+
+def read_message(data: bytes, place: str, options: Options = PLAIN) -> Recording:
+    """The ping of one `dvl_msgs/DVL`, of either version, as ROS 2 serialises it.
+
+    Raises:
+        DataError: for bytes that are no such message, and for one without a ping.
+    """
+    return recording(NAME_MESSAGE, [(1, _decoded(data))], Account(unit="message", read=1), place, options)
+
+
+def _decoded(data: bytes) -> Any:  # noqa: ANN401 - as the definition says
+    """The message in the version that the bytes hold from their first to their last."""
+    try:
+        return decode(data, _TYPE)
+    except DataError as first:
+        try:
+            return decode(data, _TYPE, LATER_DVL)
+        except DataError:
+            raise first from None
 
 
 def recording(
@@ -45,8 +71,7 @@ def recording(
     """
     reports, validity = Reports(account, keep_stale=options.keep_stale), 0
     for position, message in messages:
-        stamp = message.header.stamp
-        time_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        time_ns = stamp_ns(message.header)
         own_us = int(getattr(message, "time_of_validity", 0))
         if own_us > 0:
             validity += 1

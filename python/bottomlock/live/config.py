@@ -2,7 +2,6 @@
 
 import inspect
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -25,11 +24,13 @@ from bottomlock.io.beams import Instrument, read_geometry
 from bottomlock.kernel import models, normal_gravity_mps2
 from bottomlock.live.sections import (
     DVL_FORMATS,
+    FORMATS,
     LEVELLING_SD_DEG,
     AcousticPositionSection,
     AttitudeSection,
     CheckpointSection,
     DepthSection,
+    DiagnosticsSection,
     DvlSection,
     GpsSection,
     HealthSection,
@@ -53,16 +54,6 @@ from bottomlock.ports.port import Port
 from bottomlock.ports.registry import PORTS
 from bottomlock.ports.registry import port as make_port
 from bottomlock.ports.rotation import matrix, quaternion
-
-LINES_OF = (
-    ("attitude-csv", "attitude"),
-    ("depth-csv", "depth"),
-    ("thrust-csv", "thrust"),
-    ("effort-csv", "effort"),
-    ("gps-csv", "gps"),
-    ("acoustic-csv", "acoustic_position"),
-)
-"""Formats of lines beside the inertial ones, and the section that each needs."""
 
 
 class LiveConfig(Section):
@@ -98,6 +89,7 @@ class LiveConfig(Section):
     log: LogSection | None = None
     checkpoint: CheckpointSection | None = None
     health: HealthSection | None = HealthSection()
+    diagnostics: DiagnosticsSection | None = None
 
     @model_validator(mode="after")
     def _parts_agree(self) -> Self:
@@ -129,24 +121,26 @@ class LiveConfig(Section):
             )
         by_attitude = isinstance(self.imu, ImuFromAttitude)
         what = "attitudes" if by_attitude else "inertial readings"
-        if not self.sources_of(self.motion_lines):
+        if not self.sources_of(self.motion):
             raise ValueError(
-                f'mode = "navigation" needs a source of {what}, with format "{self.motion_lines}" or "mavlink"'
+                f'mode = "navigation" needs a source of {what}, with format {_named(self.motion)} or "mavlink"'
             )
         formats = [source.format for source in self.source]
-        if "imu-csv" in formats and by_attitude:
+        inertial = [one for one in formats if one in FORMATS["imu"]]
+        if inertial and by_attitude:
             raise ValueError(
-                "a source has format 'imu-csv', and imu.source is \"attitude\": expected one of them"
+                f"a source has format '{inertial[0]}', and imu.source is \"attitude\": expected one of them"
             )
         self._start_is_known(by_attitude=by_attitude)
-        for lines, key in LINES_OF:
-            if lines in formats and getattr(self, key) is None:
-                raise ValueError(f"a source has format '{lines}', which needs the section [{key}]")
+        for key in FORMATS:
+            given = [one for one in formats if one in FORMATS[key]]
+            if given and getattr(self, key) is None:
+                raise ValueError(f"a source has format '{given[0]}', which needs the section [{key}]")
         for key in ("thrust", "effort"):
-            if getattr(self, key) is not None and f"{key}-csv" not in formats:
-                raise ValueError(f'[{key}] needs a source with format "{key}-csv"')
+            if getattr(self, key) is not None and not self.sources_of(key, mavlink=False):
+                raise ValueError(f"[{key}] needs a source with format {_named(key)}")
         require_one_use(self.thrust, self.effort)
-        self._positions_have_a_place(formats)
+        self._positions_have_a_place()
         if self.attitude is not None:
             self._attitude_is_one(self.attitude)
         reopens = self.filter.inflate_after_rejections
@@ -156,14 +150,15 @@ class LiveConfig(Section):
                 f"{reopens} (filter.inflate_after_rejections): expected less, or the state would never say so"
             )
 
-    def _positions_have_a_place(self, formats: Sequence[str]) -> None:
+    def _positions_have_a_place(self) -> None:
         assert self.origin is not None  # seen above
         if self.gps is not None and self.origin.longitude_deg is None:
             raise ValueError("'origin.longitude_deg' is missing, expected number in deg: [gps] needs it")
-        if self.gps is not None and not self.sources_of("gps-csv"):
-            raise ValueError('[gps] needs a source with format "gps-csv" or "mavlink"')
-        if self.acoustic_position is not None and "acoustic-csv" not in formats:
-            raise ValueError('[acoustic_position] needs a source with format "acoustic-csv"')
+        if self.gps is not None and not self.sources_of("gps"):
+            raise ValueError(f'[gps] needs a source with format {_named("gps")} or "mavlink"')
+        key = "acoustic_position"
+        if self.acoustic_position is not None and not self.sources_of(key, mavlink=False):
+            raise ValueError(f"[{key}] needs a source with format {_named(key)}")
 
     def _start_is_known(self, *, by_attitude: bool) -> None:
         start, attitude = self.start, self.attitude
@@ -197,12 +192,12 @@ class LiveConfig(Section):
 
     def _attitude_is_one(self, attitude: AttitudeSection) -> None:
         """One sensor has one mounting and one slow error."""
-        sources = self.sources_of("attitude-csv")
+        sources = self.sources_of("attitude")
         if len(sources) != 1:
             named = ", ".join(source.name for source in sources)
             raise ValueError(
                 f"{len(sources)} sources can be that of [attitude] ({named or 'none'}), expected one, with format "
-                '"attitude-csv", or else "mavlink"'
+                f'{_named("attitude")}, or else "mavlink"'
             )
         (source,) = sources
         if source.format != "mavlink" and "message" in attitude.model_fields_set:
@@ -214,9 +209,14 @@ class LiveConfig(Section):
             raise ValueError(
                 f'attitude.frame is "{attitude.frame}", expected "ned_frd": that of MAVLink\'s {attitude.message}'
             )
+        if source.format == "ros-attitude" and "frame" not in attitude.model_fields_set:
+            raise ValueError(
+                "'attitude.frame' is missing, expected the frames of the driver of source "
+                f'\'{source.name}\': "enu_flu", as REP 103 has them, or "ned_frd"'
+            )
 
     def _needs_nothing_else(self) -> None:
-        for key in ("imu", *(key for _, key in LINES_OF), "water_track", "origin", "start", "checkpoint"):
+        for key in (*FORMATS, "water_track", "origin", "start", "checkpoint"):
             if getattr(self, key) is not None:
                 raise ValueError(
                     f'section [{key}] belongs to mode = "navigation", and the mode is "velocity"'
@@ -228,14 +228,14 @@ class LiveConfig(Section):
                 )
 
     @property
-    def motion_lines(self) -> str:
-        """Format of the lines that move the vehicle."""
-        return "attitude-csv" if isinstance(self.imu, ImuFromAttitude) else "imu-csv"
+    def motion(self) -> str:
+        """The readings that move the vehicle: a key of `FORMATS`."""
+        return "attitude" if isinstance(self.imu, ImuFromAttitude) else "imu"
 
-    def sources_of(self, lines: str) -> list[SourceSection]:
-        """The sources of a kind of reading: those of its lines, and where there are none those of MAVLink."""
-        own = [source for source in self.source if source.format == lines]
-        return own or [source for source in self.source if source.format == "mavlink"]
+    def sources_of(self, readings: str, *, mavlink: bool = True) -> list[SourceSection]:
+        """The sources of a kind of reading, a key of `FORMATS`; where there are none of its own those of MAVLink."""
+        own = [source for source in self.source if source.format in FORMATS[readings]]
+        return own or [source for source in self.source if mavlink and source.format == "mavlink"]
 
     @property
     def level_by_attitude(self) -> bool:
@@ -287,6 +287,13 @@ class LiveConfig(Section):
             ScenarioError: for an unknown name or setting.
         """
         ports = tuple(self._port(one) for one in self.port)
+        for section, one in zip(self.port, ports, strict=True):
+            if section.to.startswith("ros:") and not one.ros_type:
+                named = ", ".join(name for name, make in PORTS.items() if getattr(make, "ros_type", ""))
+                raise ScenarioError(
+                    f"port {section.port}: is sent to '{section.to}', and is no message of ROS 2, expected one of "
+                    f"{named}"
+                )
         first: dict[tuple[str, tuple[int, int]], MavlinkPort] = {}
         for section, one in zip(self.port, ports, strict=True):
             if isinstance(one, MavlinkPort):
@@ -320,6 +327,11 @@ class LiveConfig(Section):
         if self.mode == "navigation":
             kernel_settings(self, instrument)
         return self
+
+
+def _named(readings: str) -> str:
+    """The formats of a kind of reading, for an error."""
+    return ", ".join(f'"{one}"' for one in FORMATS[readings])
 
 
 @dataclass(frozen=True)

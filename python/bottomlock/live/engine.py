@@ -17,7 +17,8 @@ from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.pings import Ping, PingReader
 from bottomlock.live.readings import AttitudeReading, ImuReading, LineReader, MavlinkReader, Reading
 from bottomlock.live.reasons import Reasons
-from bottomlock.live.sections import DVL_FORMATS, ImuFromAttitude, ImuSection, SourceSection
+from bottomlock.live.ros_readings import RosReader
+from bottomlock.live.sections import DVL_FORMATS, ROS_TYPES, ImuFromAttitude, ImuSection, SourceSection
 from bottomlock.live.states import Facts, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
 from bottomlock.ports.port import Port
@@ -55,7 +56,7 @@ class SourceState:
     """
 
     section: SourceSection
-    reader: PingReader | LineReader | MavlinkReader
+    reader: PingReader | LineReader | MavlinkReader | RosReader
     clock: ClockMap
     last_ns: int | None = None
     used: int = 0
@@ -104,17 +105,20 @@ class Engine:
         self._offered_ns: int | None = None
         self._estimate_ns = units.ns_from_s(1.0 / config.navigation.estimate_hz)
         self._ping_period_ns = _period_ns(one for one in config.source if one.format in DVL_FORMATS)
-        self._imu_period_ns = _period_ns(config.sources_of(config.motion_lines))
+        self._imu_period_ns = _period_ns(config.sources_of(config.motion))
         self._moves = AttitudeReading if isinstance(config.imu, ImuFromAttitude) else ImuReading
         self._steps_seen = 0
         self._failed = ""
         self.now_ns = 0
 
     def _source(self, section: SourceSection) -> SourceState:
-        reader: PingReader | LineReader | MavlinkReader
+        reader: PingReader | LineReader | MavlinkReader | RosReader
         if section.format in DVL_FORMATS:
             options = Options(negate_beams=section.negate_beams, keep_stale=section.keep_stale)
             reader = PingReader(section.format, self.beams, options)
+        elif section.format in ROS_TYPES:
+            gravity = kernel_settings(self.config, self.config.instrument()).gravity_mps2
+            reader = RosReader(section.format, self.config.depth, gravity)
         elif section.format == "mavlink":
             reader = self._mavlink_reader(section)
         else:
@@ -126,8 +130,7 @@ class Engine:
         """Of what no lines give."""
         config = self.config
         inertial, turned, deep, fixed = (
-            section in config.sources_of(lines)
-            for lines in ("imu-csv", "attitude-csv", "depth-csv", "gps-csv")
+            section in config.sources_of(readings) for readings in ("imu", "attitude", "depth", "gps")
         )
         return MavlinkReader(
             config.depth if deep else None,

@@ -42,7 +42,7 @@ def _motion_of_attitudes(config: LiveConfig) -> Callable[[], MotionFromAttitude]
         return None
     assert origin is not None  # validated in LiveConfig
     # A slow attitude is no gap.
-    period_s = 1.0 / min(one.rate_hz for one in config.sources_of(config.motion_lines))
+    period_s = 1.0 / min(one.rate_hz for one in config.sources_of(config.motion))
     longest_s = max(imu.limits.max_gap_s, config.states.silent_periods * period_s)
     return partial(MotionFromAttitude, units.rad_from_deg(origin.latitude_deg), longest_interval_s=longest_s)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable
-from bottomlock.io.formats import STREAMS
+from bottomlock.io.formats import LIVE
 from bottomlock.io.rows import Options
 from bottomlock.io.water_table import WaterTable, joined
 from bottomlock.live.reasons import Reasons
@@ -58,7 +58,7 @@ class PingReader:
     """The pings of a byte stream in one format.
 
     Args:
-        format: a key of `io.formats.STREAMS`.
+        format: a key of `io.formats.LIVE`.
         beams: number of beams of the geometry.
         options: of the reader.
 
@@ -79,11 +79,11 @@ class PingReader:
         Raises:
             DataError: for a format that is no stream of beams.
         """
-        if self.format not in STREAMS:
+        if self.format not in LIVE:
             raise DataError(
-                f"format '{self.format}' is no stream of beams, expected one of {', '.join(STREAMS)}"
+                f"format '{self.format}' is no stream of beams, expected one of {', '.join(LIVE)}"
             )
-        chosen = STREAMS[self.format]
+        chosen = LIVE[self.format]
         assert chosen.stream is not None
         self._read, self._stream = chosen.read, chosen.stream
         self.framer = self._stream.frame(self.beams)

@@ -113,10 +113,11 @@ def _effort(time_ns: int, values: list[float]) -> Reading:
 
 def _gps(time_ns: int, values: list[float]) -> Reading | None:
     latitude, longitude, height = values
-    return GpsReading(time_ns, latitude, longitude, height) if _on_earth(latitude, longitude) else None
+    return GpsReading(time_ns, latitude, longitude, height) if is_on_earth(latitude, longitude) else None
 
 
-def _on_earth(latitude_deg: float, longitude_deg: float) -> bool:
+def is_on_earth(latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether these can be a latitude and a longitude."""
     return abs(latitude_deg) <= MOST_LATITUDE_DEG and abs(longitude_deg) <= MOST_LONGITUDE_DEG
 
 
@@ -295,11 +296,10 @@ class MavlinkReader:
         elif kind == "GPS_RAW_INT" and self.gps:
             return self._fixed(message)
         elif self.depth is not None and kind == self.depth.message:
-            pressure = message.press_abs * PASCAL_PER_HECTOPASCAL - self.depth.surface_pressure_pa
-            if math.isfinite(pressure):
-                density = self.depth.water_density_kg_per_m3
+            pressure_pa = message.press_abs * PASCAL_PER_HECTOPASCAL
+            if math.isfinite(pressure_pa):
                 return DepthReading(
-                    message.time_boot_ms * 1_000_000, pressure / (density * self.gravity_mps2)
+                    message.time_boot_ms * 1_000_000, self.depth.depth_m(pressure_pa, self.gravity_mps2)
                 )
             self.skipped.add(f"{kind} without a finite pressure")
         return None
@@ -307,7 +307,7 @@ class MavlinkReader:
     def _fixed(self, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
         """GPS_RAW_INT: 1e-7 degrees, and mm above the sea."""
         latitude, longitude = message.lat * 1e-7, message.lon * 1e-7
-        if message.fix_type < _FIX_3D or not _on_earth(latitude, longitude):
+        if message.fix_type < _FIX_3D or not is_on_earth(latitude, longitude):
             self.skipped.add("GPS_RAW_INT without a fix in 3D")
             return None
         return GpsReading(message.time_usec * 1000, latitude, longitude, message.alt * 1e-3)

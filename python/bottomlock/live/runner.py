@@ -17,6 +17,7 @@ from bottomlock.live.connections import Answers, Connection, cancel, no_answer
 from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.garbage import collected_between_readings
 from bottomlock.live.raw_log import Kind, RawLog
+from bottomlock.live.sections import ROS_TYPES
 from bottomlock.live.sink import Sink
 from bottomlock.live.sinks import open_sink
 from bottomlock.ports.mavlink import MavlinkPort, Timesync
@@ -41,6 +42,7 @@ class Live:
         say: is given what a user should know, a line each.
         log: the raw log; None for none.
         send: is given the messages in place of the sinks (a dry run).
+        sinks: the targets of the ports, in place of those that their addresses name.
         clock: host's clock, ns since 1970, never falling.
     """
 
@@ -52,6 +54,7 @@ class Live:
         say: Say,
         log: RawLog | None = None,
         send: Callable[[Message], None] | None = None,
+        sinks: list[Sink] | None = None,
         clock: Callable[[], int] | None = None,
     ) -> None:
         self.config, self.engine, self.log = config, engine, log
@@ -59,7 +62,9 @@ class Live:
         self.faults = 0
         self._say, self._send = say, send
         self.connections = [self._connection(place) for place in range(len(config.source))]
-        self.sinks: list[Sink] = [] if send is not None else list(self._sinks())
+        if sinks is None:
+            sinks = [] if send is not None else list(self._sinks())
+        self.sinks = sinks
         self._listeners: list[Callable[[], None]] = []
         self._state = engine.state
 
@@ -72,6 +77,7 @@ class Live:
             on_state=lambda words: self._say(f"source {section.name}: {words}"),
             silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
             answers=self._timesync() if section.format == "mavlink" else no_answer,
+            ros_type=ROS_TYPES.get(section.format, ""),
         )
 
     def _sinks(self) -> Iterator[Sink]:
@@ -82,6 +88,8 @@ class Live:
                 sink_address(section.to),
                 lambda state, words=words: self._say(words + state),  # type: ignore[misc]
                 answers,
+                ros_type=one.port.ros_type,
+                clock=self.clock,
             )
 
     def _timesync(self) -> Answers:
@@ -166,17 +174,25 @@ class Live:
         """What depends on time alone, and the garbage."""
         while True:
             await asyncio.sleep(TICK_NS * 1e-9)
-            self.engine.advance(self.clock())
-            self._told()
+            self.tick()
             collect()
+
+    def tick(self) -> None:
+        """Does what depends on time alone."""
+        self.engine.advance(self.clock())
+        self._told()
 
     async def _flushes(self, period_s: float) -> None:
         """Hands the raw log to the system now and then."""
         while True:
             await asyncio.sleep(max(period_s, TICK_NS * 1e-9))
-            if self.log is not None:
-                with contextlib.suppress(BottomlockError):
-                    self.log.flush()
+            self.flush()
+
+    def flush(self) -> None:
+        """Hands the raw log to the system."""
+        if self.log is not None:
+            with contextlib.suppress(BottomlockError):
+                self.log.flush()
 
     async def _checkpoints(self, file: Path, period_s: float) -> None:
         """Saves the navigator; the disk is waited for in a thread, so that no ping waits."""

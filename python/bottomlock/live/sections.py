@@ -10,15 +10,37 @@ from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegative, Positive, Section, Vector
-from bottomlock.io.formats import STREAMS
+from bottomlock.io.formats import LIVE
 from bottomlock.kernel import Method
 from bottomlock.live.address import SinkAddress, SourceAddress
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 
-DVL_FORMATS = tuple(STREAMS)
-"""Streams with beams."""
+DVL_FORMATS = tuple(LIVE)
+"""Streams and messages with beams."""
+FORMATS = {
+    "imu": ("imu-csv", "ros-imu"),
+    "attitude": ("attitude-csv", "ros-attitude"),
+    "depth": ("depth-csv", "ros-pressure", "ros-depth"),
+    "thrust": ("thrust-csv",),
+    "effort": ("effort-csv",),
+    "gps": ("gps-csv", "ros-navsat"),
+    "acoustic_position": ("acoustic-csv", "ros-pose"),
+}
+"""Formats of the other readings, by the section that takes them; "mavlink" has several of them."""
+ROS_TYPES = {
+    "ros-dvl": "marine_acoustic_msgs/msg/Dvl",
+    "ros-dvl-msgs": "dvl_msgs/msg/DVL",
+    "ros-imu": "sensor_msgs/msg/Imu",
+    "ros-attitude": "sensor_msgs/msg/Imu",
+    "ros-pressure": "sensor_msgs/msg/FluidPressure",
+    "ros-depth": "std_msgs/msg/Float64",
+    "ros-navsat": "sensor_msgs/msg/NavSatFix",
+    "ros-pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+}
+"""Type of the messages of each format of ROS 2."""
+_MESSAGE_ADDRESSES = ("ros:", "zenoh:")
 
 if TYPE_CHECKING:
     SourceFormat = str
@@ -26,13 +48,7 @@ else:
     SourceFormat = Literal[
         (
             *DVL_FORMATS,
-            "imu-csv",
-            "attitude-csv",
-            "depth-csv",
-            "thrust-csv",
-            "effort-csv",
-            "gps-csv",
-            "acoustic-csv",
+            *(one for formats in FORMATS.values() for one in formats),
             "mavlink",
         )
     ]
@@ -115,6 +131,10 @@ class DepthSection(DepthErrors):
     water_density_kg_per_m3: Positive = 1025.0
     surface_pressure_pa: Positive = 101_325.0
     message: Literal["SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3"] = "SCALED_PRESSURE"
+
+    def depth_m(self, pressure_pa: float, gravity_mps2: float) -> float:
+        """Depth below the surface, m, of the water's absolute pressure."""
+        return (pressure_pa - self.surface_pressure_pa) / (self.water_density_kg_per_m3 * gravity_mps2)
 
 
 class GpsSection(GpsErrors):
@@ -221,6 +241,25 @@ class SourceSection(Section):
     checksum: bool = False
 
     @model_validator(mode="after")
+    def _messages_stay_whole(self) -> Self:
+        if self.address.startswith("ros:") and self.format not in ROS_TYPES:
+            raise ValueError(
+                f"source '{self.name}' is a topic of ROS 2 with format '{self.format}', expected one of "
+                f"{', '.join(ROS_TYPES)}"
+            )
+        if self.format in ROS_TYPES and not self.address.startswith(_MESSAGE_ADDRESSES):
+            raise ValueError(
+                f"source '{self.name}' has format '{self.format}', which are messages, and address "
+                f"'{self.address}', expected ros:/TOPIC or zenoh:KEY, which keep them apart"
+            )
+        if self.format == "ros-depth" and self.clock != "arrival":
+            raise ValueError(
+                f'source \'{self.name}\' has clock = "{self.clock}", expected "arrival": '
+                f"{ROS_TYPES[self.format]} has no stamp"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _flags_of_a_format(self) -> Self:
         if "checksum" in self.model_fields_set and not self.format.endswith("-csv"):
             raise ValueError(
@@ -266,6 +305,13 @@ class HealthSection(Section):
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65_535)] = 8770
     names: tuple[str, ...] = ()
+
+
+class DiagnosticsSection(Section):
+    """Diagnostics of ROS 2, `diagnostic_msgs/DiagnosticArray`: where to, and how often."""
+
+    to: SinkAddress = "ros:/diagnostics"
+    every_s: Annotated[float, Field(ge=0.1, le=60)] = 1.0
 
 
 VelocityMethod = Literal["info", "plcf", "lc"]

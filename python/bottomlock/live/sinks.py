@@ -6,6 +6,7 @@ Estimates are of the moment: what cannot be written at once is dropped and count
 import asyncio
 import socket
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
@@ -176,13 +177,22 @@ class _File(Sink):
                 self._file.close()
 
 
-def open_sink(address: Address, on_state: Callable[[str], None], answers: Answers = no_answer) -> Sink:
+def open_sink(
+    address: Address,
+    on_state: Callable[[str], None],
+    answers: Answers = no_answer,
+    *,
+    ros_type: str = "",
+    clock: Callable[[], int] = time.time_ns,
+) -> Sink:
     """The sink of an address.
 
     Args:
         address: where to.
         on_state: is told what a connection does.
         answers: what to send back on bytes that come back, over UDP, TCP that connects, and serial lines.
+        ros_type: type of the messages of a topic of ROS 2.
+        clock: host's clock, ns since 1970, for their stamps.
 
     Raises:
         OutputError: for a file that cannot be opened.
@@ -194,8 +204,8 @@ def open_sink(address: Address, on_state: Callable[[str], None], answers: Answer
         return _Server(address)
     if address.kind in {"file", "stdout"}:
         return _File(address)
-    if address.kind == "zenoh":
+    if address.kind in {"zenoh", "ros"}:
         from bottomlock.live.zenoh_sink import ZenohSink  # noqa: PLC0415 - an extra, imported only on request
 
-        return ZenohSink(address)
+        return ZenohSink(address, ros_type, clock)
     return _Stream(address, on_state, answers)

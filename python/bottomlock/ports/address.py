@@ -4,12 +4,13 @@ Who connects says `tcp:HOST:PORT`, who listens `tcpin:HOST:PORT`; who sends data
 them `udpin:HOST:PORT`. Without a host it is the loopback address.
 """
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
 from bottomlock.support.nearest import nearest
 
-Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "zenoh"]
+Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "zenoh", "ros"]
 FORMS: dict[Kind, str] = {
     "tcp": "tcp:HOST:PORT (connects)",
     "tcpin": "tcpin:HOST:PORT (listens)",
@@ -21,10 +22,13 @@ FORMS: dict[Kind, str] = {
     "stdin": "stdin",
     "stdout": "stdout",
     "zenoh": "zenoh:KEY or zenoh:KEY@tcp/HOST:PORT",
+    "ros": "ros:/TOPIC or ros:/TOPIC@tcp/HOST:PORT",
 }
 BAUD = 115_200
 """Where none is given: Water Linked's, and the common one of the others."""
 _LOOPBACK = "127.0.0.1"
+_TOPIC = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
+"""A topic with its whole name, as ROS 2 has it."""
 _LIKELY: dict[str, tuple[Kind, ...]] = {
     "tcp": ("tcpin",),
     "tcpin": ("tcp",),
@@ -42,10 +46,11 @@ class Address:
 
     Attributes:
         kind: one of `FORMS`.
-        host: of a network address: where to connect or send to, or where to listen. Of a zenoh key, the endpoint to
-            connect to, "tcp/HOST:PORT", or "" for whoever is found.
+        host: of a network address: where to connect or send to, or where to listen. Of a zenoh key or a topic of ROS 2,
+            the endpoint to connect to, "tcp/HOST:PORT", or "" for whoever is found, or rmw_zenoh's router.
         port: 0 lets the system choose one for `tcpin`.
-        path: of a file, a serial device, or the link to a pty, "" for a pty without a link; the key of zenoh.
+        path: of a file, a serial device, or the link to a pty, "" for a pty without a link; the key of zenoh,
+            or the topic.
         baud: of a serial device; 0 elsewhere.
     """
 
@@ -100,6 +105,11 @@ def parse_address(text: str, kinds: tuple[Kind, ...], *, what: str, any_port: bo
         if not all(key.split("/")) or set(key) & set("*$?#") or bool(at) != bool(endpoint):
             raise ValueError(malformed)
         return Address(kind, host=endpoint, path=key)
+    if kind == "ros":
+        topic, at, endpoint = rest.partition("@")
+        if not _TOPIC.fullmatch(topic) or bool(at) != bool(endpoint):
+            raise ValueError(malformed)
+        return Address(kind, host=endpoint, path=topic)
     host, _, number = rest.rpartition(":")
     if not number.isdigit() or (":" in host.strip("[]") and not host.startswith("[")):
         raise ValueError(malformed)

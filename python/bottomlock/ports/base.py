@@ -22,6 +22,8 @@ class PortBase:
     name: ClassVar[str]
     whole: ClassVar[bool] = False
     """Whether the message holds every observable axis, also those off the platform's."""
+    ros_type: ClassVar[str] = ""
+    """Type of a message of ROS 2."""
 
     def __init__(self, *, max_rate_hz: float | None) -> None:
         rate = None if max_rate_hz is None else self._positive("max_rate_hz", max_rate_hz)

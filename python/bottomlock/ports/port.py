@@ -43,6 +43,11 @@ class Port(Protocol):
         ...
 
     @property
+    def ros_type(self) -> str:
+        """Type of a message of ROS 2; "" of another."""
+        ...
+
+    @property
     def reason(self) -> str | None:
         """Why `encode` gave nothing the last time; None if it gave bytes."""
         ...

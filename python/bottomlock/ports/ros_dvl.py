@@ -32,6 +32,7 @@ class RosDvl(PortBase):
     """
 
     name = "ros_dvl"
+    ros_type = "marine_acoustic_msgs/msg/Dvl"
     whole = True
 
     def __init__(

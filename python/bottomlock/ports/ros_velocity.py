@@ -25,6 +25,13 @@ Floats = NDArray[np.float64]
 _LATEST_S = 2**31 - 1
 
 
+def later_than_a_ros_time(estimate: Estimate) -> str | None:
+    """Why the time of an estimate cannot be sent."""
+    if estimate.time_ns // 1_000_000_000 > _LATEST_S:
+        return f"time_ns is {estimate.time_ns}, later than a ROS time holds"
+    return None
+
+
 class RosTwist(PortBase):
     """`geometry_msgs/TwistWithCovarianceStamped`, for robot_localization and others.
 
@@ -38,6 +45,7 @@ class RosTwist(PortBase):
     """
 
     name = "ros_twist"
+    ros_type = "geometry_msgs/msg/TwistWithCovarianceStamped"
 
     def __init__(
         self,
@@ -55,8 +63,9 @@ class RosTwist(PortBase):
         self._angular = self._positive("angular_sd_radps", angular_sd_radps)
 
     def _refuses(self, estimate: Estimate) -> str | None:
-        if estimate.time_ns // 1_000_000_000 > _LATEST_S:
-            return f"time_ns is {estimate.time_ns}, later than a ROS time holds"
+        late = later_than_a_ros_time(estimate)
+        if late:
+            return late
         if estimate.complete or (self._unseen is not None and estimate.rank > 0):
             return None
         hint = "" if estimate.rank == 0 else "; unseen_sd_mps would state the rest"
@@ -105,6 +114,7 @@ class RosVelocity(RosTwist):
     """
 
     name = "ros_velocity"
+    ros_type = "geometry_msgs/msg/VelocityWithCovarianceStamped"
 
     def __init__(
         self,

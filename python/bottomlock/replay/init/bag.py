@@ -12,6 +12,7 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.io.ros import typestore
+from bottomlock.io.ros_messages import stamp_ns
 from bottomlock.io.sentences import printable
 from bottomlock.replay.init.any_table import AnyTable
 
@@ -98,17 +99,16 @@ def bag_tables(path: Path) -> list[AnyTable]:
             chosen = [c for c in reader.connections if c.msgtype in READERS or _is_depth(c)]
             for connection, arrival_ns, raw in reader.messages(connections=chosen) if chosen else ():
                 message: Any = reader.deserialize(raw, connection.msgtype)
-                stamp_ns = 0
+                time_ns = 0
                 if connection.msgtype in READERS:
-                    stamp = message.header.stamp
-                    stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+                    time_ns = stamp_ns(message.header)
                     row = READERS[connection.msgtype](message)
                 else:
                     row = {"depth_m": float(message.data)}
                 if not row:
                     continue
-                rows.setdefault(connection.topic, []).append({"time_ns": stamp_ns or int(arrival_ns)} | row)
-                remarks[connection.topic] = _REMARKS.get(connection.msgtype, "") if stamp_ns else STAMPED
+                rows.setdefault(connection.topic, []).append({"time_ns": time_ns or int(arrival_ns)} | row)
+                remarks[connection.topic] = _REMARKS.get(connection.msgtype, "") if time_ns else STAMPED
     # A damaged bag raises whatever the library's parts raise.
     except Exception as error:
         reason = printable(str(error).splitlines()[0])[:200] if str(error) else type(error).__name__

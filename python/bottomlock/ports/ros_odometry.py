@@ -1,0 +1,128 @@
+"""ROS 2: `nav_msgs/Odometry` and `tf2_msgs/TFMessage`, as CDR: the pose of `base_link` in `odom`, and its motion.
+
+The world's axes are east, north, up, the body's forward, left, up (REP 103). With A from north-east-down to
+east-north-up and B from forward-left-up to forward-right-down, the attitude is A R B, the position A p and, as both
+errors have tangent axes, the covariance of position and rotation diag(A, A) P diag(A, A)': the rotation is about the
+fixed axes of the world, as the message has it. The twist is in body axes, with the covariance of `ros_twist`.
+
+Source: ros2/common_interfaces, nav_msgs and geometry_msgs; ros2/geometry2, tf2_msgs; REP 103 and 105.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.ports.base import PortBase
+from bottomlock.ports.cdr import CdrWriter
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.ros_velocity import RosTwist, later_than_a_ros_time
+from bottomlock.ports.rotation import product
+
+Floats = NDArray[np.float64]
+
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_HALF = np.sqrt(0.5)
+_ENU_FROM_NED = np.array([0.0, _HALF, _HALF, 0.0])
+_FRD_FROM_FLU = np.array([0.0, 1.0, 0.0, 0.0])
+
+
+def pose_enu_flu(estimate: Estimate) -> tuple[Floats, Floats]:
+    """Position (3,) east, north, up, m, and unit quaternion (4,), scalar first, forward-left-up to east-north-up."""
+    assert estimate.position_t_m is not None  # of mode navigation
+    assert estimate.attitude_t_p is not None
+    attitude = product(product(_ENU_FROM_NED, estimate.attitude_t_p), _FRD_FROM_FLU)
+    return ENU_FROM_NED @ estimate.position_t_m, attitude if attitude[0] >= 0.0 else -attitude
+
+
+def _no_pose(estimate: Estimate) -> str | None:
+    """Why an estimate has no pose in a message."""
+    if estimate.mode != "navigation":
+        return "mode velocity has no pose, which this message holds"
+    return later_than_a_ros_time(estimate)
+
+
+def _put_orientation(writer: CdrWriter, attitude: Floats) -> None:
+    """`geometry_msgs/Quaternion`, scalar last."""
+    w, x, y, z = attitude.tolist()
+    writer.float64(x, y, z, w)
+
+
+class RosOdometry(RosTwist):
+    """`nav_msgs/Odometry`: pose in `frame_id`, twist in `child_frame_id`, each with its covariance (mode navigation).
+
+    Args:
+        frame_id: the world's frame, east-north-up from the origin: `odom`, or `map` where positions are measured.
+        child_frame_id: the body's, forward-left-up.
+        angular_sd_radps: as of `RosTwist`.
+        max_rate_hz: most messages a second; None for every estimate.
+    """
+
+    name = "ros_odometry"
+    ros_type = "nav_msgs/msg/Odometry"
+
+    def __init__(
+        self,
+        *,
+        frame_id: str = "odom",
+        child_frame_id: str = "base_link",
+        angular_sd_radps: float = 10.0,
+        max_rate_hz: float | None = None,
+    ) -> None:
+        super().__init__(frame_id=frame_id, angular_sd_radps=angular_sd_radps, max_rate_hz=max_rate_hz)
+        self._child = self._word("child_frame_id", child_frame_id)
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        return _no_pose(estimate)
+
+    def _message(self, estimate: Estimate) -> bytes:
+        assert estimate.navigation_covariance is not None
+        position, attitude = pose_enu_flu(estimate)
+        turn = np.kron(np.eye(2), ENU_FROM_NED)
+        covariance = turn @ estimate.navigation_covariance[:6, :6] @ turn.T
+        writer = CdrWriter()
+        writer.header(estimate.time_ns, self._frame_id)
+        writer.string(self._child)
+        writer.float64(*(position + 0.0).tolist())
+        _put_orientation(writer, attitude)
+        writer.float64(*(covariance + 0.0).ravel().tolist())
+        self._put_twist(writer, estimate)
+        return bytes(writer)
+
+
+class RosTransform(PortBase):
+    """`tf2_msgs/TFMessage` for `/tf`: where the body is in the world's frame (mode navigation).
+
+    Args:
+        frame_id: as of `RosOdometry`.
+        child_frame_id: as of `RosOdometry`.
+        max_rate_hz: most messages a second; None for every estimate.
+    """
+
+    name = "ros_tf"
+    ros_type = "tf2_msgs/msg/TFMessage"
+
+    def __init__(
+        self,
+        *,
+        frame_id: str = "odom",
+        child_frame_id: str = "base_link",
+        max_rate_hz: float | None = None,
+    ) -> None:
+        super().__init__(max_rate_hz=max_rate_hz)
+        self._frame_id = self._word("frame_id", frame_id)
+        self._child = self._word("child_frame_id", child_frame_id)
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        return _no_pose(estimate)
+
+    def _message(self, estimate: Estimate) -> bytes:
+        position, attitude = pose_enu_flu(estimate)
+        writer = CdrWriter()
+        writer.uint32(1)
+        writer.header(estimate.time_ns, self._frame_id)
+        writer.string(self._child)
+        writer.float64(*(position + 0.0).tolist())
+        _put_orientation(writer, attitude)
+        return bytes(writer)
+
+    def _used(self, estimate: Estimate) -> Floats:  # noqa: ARG002 - the message has no velocity
+        return np.full((3, 3), np.nan)

@@ -1,0 +1,1 @@
+"""bottomlock's live engine as a lifecycle node of ROS 2."""

@@ -1,0 +1,287 @@
+"""The node: topics into the live engine, its messages to topics; everything else is `bottomlock.live`.
+
+Messages come in and go out as their serialised bytes. The node's clock, which `use_sim_time` sets, is the engine's only
+clock, so a bag that is played gives the bits that its raw log gives again. Callbacks run one after the other, as
+`rclpy.spin` runs them.
+"""
+
+import functools
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosidl_runtime_py.utilities import get_message
+
+from bottomlock.errors import BottomlockError, OutputError, ScenarioError
+from bottomlock.files.atomic_write import write_bytes
+from bottomlock.live.address import sink_address, source_address
+from bottomlock.live.cautions import cautions
+from bottomlock.live.checkpoint import pack
+from bottomlock.live.config import LiveConfig, load_config
+from bottomlock.live.engine import TICK_NS
+from bottomlock.live.ros_diagnostics import ROS_TYPE, diagnostics
+from bottomlock.live.runner import Live, begin
+from bottomlock.live.sections import ROS_TYPES
+from bottomlock.live.sink import Sink
+
+INPUTS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Of sensors: takes what reliable and best-effort publishers send; a second of an IMU may wait."""
+OUTPUTS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+BACK_NS = 1_000_000_000
+"""A clock that falls by more was set, or its bag plays again: the estimate starts anew. By less it is held."""
+
+
+class TopicSink(Sink):
+    """A target of messages: a publisher of the node."""
+
+    state = "publishing"
+
+    def __init__(self, publisher: Any) -> None:  # noqa: ANN401 - rclpy's
+        self._publisher = publisher
+
+    def write(self, data: bytes) -> None:
+        """Publishes a serialised message."""
+        self._publisher.publish(data)
+
+    async def run(self) -> None:
+        """Nothing: rclpy keeps the publisher."""
+
+
+class BottomlockNode(LifecycleNode):
+    """Live navigation as a lifecycle node; its parameter `config` is the file of `bottomlock live`."""
+
+    def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - rclpy's
+        super().__init__("bottomlock", **settings)
+        self.declare_parameter("config", "")
+        self._config: LiveConfig | None = None
+        self._text = b""
+        self._by_topic: dict[str, Any] = {}
+        self._inputs: list[Any] = []
+        self._periodic: list[Any] = []
+        self._live: Live | None = None
+        self._saver = ThreadPoolExecutor(max_workers=1)
+        self._now_ns = 0
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Reads the configuration and makes the publishers."""
+        try:
+            path = Path(self._file())
+            config = load_config(path)
+            outputs = {topic: _message(ros_type) for topic, ros_type in _topics(config).items()}
+            for section in config.source:
+                _message(ROS_TYPES[section.format])
+            for caution in cautions(config):
+                self.get_logger().warning(caution)
+            if config.health is not None and "health" in config.model_fields_set:
+                self.get_logger().warning("no health page: the node publishes [diagnostics] in its place")
+            self._config, self._text = config, path.read_bytes()
+        except BottomlockError as error:
+            self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        self._by_topic = {
+            topic: self.create_lifecycle_publisher(message, topic, OUTPUTS)
+            for topic, message in outputs.items()
+        }
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Subscribes, and begins with the first time that the clock gives."""
+        config = self._config
+        assert config is not None  # configured
+        for place, section in enumerate(config.source):
+            topic = source_address(section.address).path
+            message = _message(ROS_TYPES[section.format])
+            take = functools.partial(self._take, place)
+            self._inputs.append(self.create_subscription(message, topic, take, INPUTS, raw=True))
+        self._every(TICK_NS * 1e-9, lambda live: live.tick())
+        if config.log is not None:
+            self._every(max(config.log.flush_s, TICK_NS * 1e-9), lambda live: live.flush())
+        if config.checkpoint is not None:
+            self._every(config.checkpoint.every_s, self._save)
+        if config.diagnostics is not None:
+            publisher = self._by_topic[sink_address(config.diagnostics.to).path]
+            self._every(config.diagnostics.every_s, lambda live: publisher.publish(diagnostics(live)))
+        result = super().on_activate(state)
+        self._running()
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ends the estimate and its raw log."""
+        self._end()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forgets the configuration."""
+        self._forget()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ends everything."""
+        self._forget()
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ends everything: the node can be configured again."""
+        self._forget()
+        return super().on_error(state)
+
+    def destroy_node(self) -> None:
+        """Ends everything."""
+        self._forget()
+        self._saver.shutdown()
+        super().destroy_node()
+
+    def _file(self) -> str:
+        """Path of the configuration.
+
+        Raises:
+            ScenarioError: where the parameter is empty.
+        """
+        file: str = self.get_parameter("config").get_parameter_value().string_value
+        if not file:
+            raise ScenarioError("the parameter 'config' is empty, expected the file of `bottomlock live`")
+        return file
+
+    def _every(self, period_s: float, work: Callable[[Live], object]) -> None:
+        """Does something while the estimate runs."""
+
+        def do() -> None:
+            live = self._running()
+            if live is not None:
+                work(live)
+
+        self._periodic.append(self.create_timer(period_s, do))
+
+    def _take(self, place: int, data: bytes) -> None:
+        """A message of a source, by its place in the configuration."""
+        live = self._running()
+        if live is not None:
+            live.arrive(place, data)
+
+    def _running(self) -> Live | None:
+        """The estimate, at the time of the node's clock; None before that has a time."""
+        now_ns = self.get_clock().now().nanoseconds
+        if now_ns == 0:
+            return None
+        if now_ns < self._now_ns - BACK_NS:
+            back_s = (self._now_ns - now_ns) * 1e-9
+            self.get_logger().warning(f"the clock went back by {back_s:.3f} s: the estimate starts anew")
+            self._stop()
+            self._now_ns = now_ns
+        self._now_ns = max(self._now_ns, now_ns)
+        if self._live is None:
+            self._live = self._begun()
+        return self._live
+
+    def _begun(self) -> Live:
+        """An estimate that begins now."""
+        config = self._config
+        assert config is not None  # configured
+        make = functools.partial(begin, config, self._text, say=self._say, clock=lambda: self._now_ns)
+        try:
+            engine, log = make(logged=True)
+        except OutputError as error:
+            self.get_logger().error(f"no raw log: {error}")
+            engine, log = make(logged=False)
+        sinks: list[Sink] = [TopicSink(self._by_topic[sink_address(port.to).path]) for port in config.port]
+        live = Live(config, engine, say=self._say, log=log, sinks=sinks, clock=lambda: self._now_ns)
+        for place, connection in enumerate(live.connections):
+            connection.state = "subscribed"
+            live.connected(place)
+        return live
+
+    def _say(self, words: str) -> None:
+        self.get_logger().info(words)
+
+    def _save(self, live: Live) -> None:
+        """Saves a checkpoint; the disk is waited for in a thread, so that no ping waits."""
+        assert live.config.checkpoint is not None
+        content = pack(live.engine, live.clock())
+        if content is not None:
+            self._saver.submit(self._write, Path(live.config.checkpoint.file), content)
+
+    def _write(self, file: Path, content: bytes) -> None:
+        try:
+            write_bytes(file, content)
+        except BottomlockError as error:
+            self.get_logger().error(f"no checkpoint: {error}")
+
+    def _stop(self) -> None:
+        """Ends the estimate and closes its raw log."""
+        if self._live is not None and self._live.log is not None:
+            self._live.log.close()
+        self._live = None
+
+    def _end(self) -> None:
+        """Ends the estimate, and takes nothing any more."""
+        for timer in self._periodic:
+            self.destroy_timer(timer)
+        for one in self._inputs:
+            self.destroy_subscription(one)
+        self._periodic, self._inputs = [], []
+        self._stop()
+        self._now_ns = 0
+
+    def _forget(self) -> None:
+        """Ends everything, and forgets the configuration."""
+        self._end()
+        for publisher in self._by_topic.values():
+            self.destroy_lifecycle_publisher(publisher)
+        self._by_topic, self._config = {}, None
+
+
+def _topics(config: LiveConfig) -> dict[str, str]:
+    """Type of the messages of each topic that is published.
+
+    Raises:
+        ScenarioError: for a source or target that is no topic of this node.
+    """
+    targets = [(f"port {one.port}", one.to) for one in config.port]
+    targets += [] if config.diagnostics is None else [("[diagnostics]", config.diagnostics.to)]
+    for what, address in [*((f"source '{one.name}'", one.address) for one in config.source), *targets]:
+        if not address.startswith("ros:") or "@" in address:
+            raise ScenarioError(
+                f"{what} has address '{address}', expected ros:/TOPIC: the node knows topics alone, "
+                "`bottomlock live` the other addresses"
+            )
+    types: dict[str, str] = {}
+    ros_types = [one.ros_type for one in config.ports()]
+    ros_types += [] if config.diagnostics is None else [ROS_TYPE]
+    for (what, address), ros_type in zip(targets, ros_types, strict=True):
+        topic = sink_address(address).path
+        if types.setdefault(topic, ros_type) != ros_type:
+            raise ScenarioError(f"{what} sends {ros_type} to {topic}, to which another sends {types[topic]}")
+    return types
+
+
+def _message(ros_type: str) -> Any:  # noqa: ANN401 - a class of messages
+    """The class of a type.
+
+    Raises:
+        ScenarioError: where its package is not installed in this ROS.
+    """
+    try:
+        return get_message(ros_type)
+    except (ImportError, AttributeError) as error:
+        package = ros_type.split("/", maxsplit=1)[0]
+        raise ScenarioError(
+            f"messages {ros_type} need the ROS package {package}, which is not there"
+        ) from error
+
+
+def main(args: list[str] | None = None) -> None:
+    """Runs the node until it is stopped."""
+    rclpy.init(args=args)
+    node = BottomlockNode()
+    try:
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()

@@ -1,0 +1,105 @@
+"""The package of the node: what setuptools would install of it, and its launch file with stand-ins of launch."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+import tomllib
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from unittest.mock import MagicMock
+
+import pytest
+
+from bottomlock.live.config import load_config
+from bottomlock.live.ros_diagnostics import ROS_TYPE
+from bottomlock.live.sections import ROS_TYPES
+from bottomlock.ports.registry import PORTS
+
+# Messages that only some drivers send: their packages come with the drivers.
+OF_DRIVERS = {"marine_acoustic_msgs", "dvl_msgs"}
+
+
+@pytest.fixture
+def package(root: Path) -> Path:
+    return root / "ros" / "bottomlock_ros"
+
+
+def test_what_is_installed(package: Path, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every file that setup.py names is there, the executable is the node's main, the version that of the workspace."""
+    given: dict[str, Any] = {}
+    setuptools = ModuleType("setuptools")
+    setuptools.setup = lambda **settings: given.update(settings)  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "setuptools", setuptools)
+    monkeypatch.chdir(package)
+    runpy.run_path("setup.py")
+    installed = [file for _, files in given["data_files"] for file in files]
+    assert all((package / file).is_file() for file in installed)
+    assert {"config/rov.toml", "config/bottomlock.yaml", "launch/bottomlock.launch.py"} < set(installed)
+    assert given["entry_points"] == {"console_scripts": ["bottomlock_node = bottomlock_ros.node:main"]}
+    cargo = tomllib.loads((root / "Cargo.toml").read_text())
+    assert given["version"] == cargo["workspace"]["package"]["version"]
+    manifest = ET.parse(package / "package.xml").getroot()
+    assert (manifest.findtext("name"), manifest.findtext("version")) == (given["name"], given["version"])
+    assert manifest.findtext("export/build_type") == "ament_python"
+
+
+def test_packages_of_messages(package: Path) -> None:
+    """The manifest names every package whose messages are used, but those of drivers."""
+    needed = {element.text for element in ET.parse(package / "package.xml").getroot().iter("exec_depend")}
+    types = {*ROS_TYPES.values(), ROS_TYPE, *(getattr(make, "ros_type", "") for make in PORTS.values())} - {
+        ""
+    }
+    assert {name.split("/")[0] for name in types} - OF_DRIVERS <= needed
+
+
+def test_the_launch_file(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The executable of setup.py, with the node's parameters; configured, and activated once it is inactive."""
+    modules: tuple[str, ...] = (
+        "launch",
+        "launch.actions",
+        "launch.events",
+        "launch.substitutions",
+        "launch_ros",
+    )
+    modules += ("launch_ros.actions", "launch_ros.event_handlers", "launch_ros.events")
+    modules += (
+        "launch_ros.events.lifecycle",
+        "launch_ros.substitutions",
+        "lifecycle_msgs",
+        "lifecycle_msgs.msg",
+    )
+    stand_ins = {name: MagicMock(name=name) for name in modules}
+    for name, module in stand_ins.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    stand_ins["launch.substitutions"].LaunchConfiguration = lambda name: f"argument {name}"
+    transition = stand_ins["lifecycle_msgs.msg"].Transition
+    found = runpy.run_path(str(package / "launch" / "bottomlock.launch.py"))["generate_launch_description"]()
+    assert found is stand_ins["launch"].LaunchDescription.return_value
+    node = stand_ins["launch_ros.actions"].LifecycleNode.call_args.kwargs
+    assert (node["package"], node["executable"], node["name"]) == (
+        "bottomlock_ros",
+        "bottomlock_node",
+        "bottomlock",
+    )
+    assert node["parameters"] == [
+        "argument params_file",
+        {"config": "argument config", "use_sim_time": "argument use_sim_time"},
+    ]
+    changes = [one.kwargs for one in stand_ins["launch_ros.events.lifecycle"].ChangeState.call_args_list]
+    assert [one["transition_id"] for one in changes] == [
+        transition.TRANSITION_ACTIVATE,
+        transition.TRANSITION_CONFIGURE,
+    ]
+    when = stand_ins["launch_ros.event_handlers"].OnStateTransition.call_args.kwargs
+    assert (when["start_state"], when["goal_state"]) == ("configuring", "inactive")
+
+
+def test_the_example_is_one_of_bottomlock_live(package: Path) -> None:
+    """The file that the package ships is taken by `bottomlock live` as it is."""
+    config = load_config(package / "config" / "rov.toml")
+    assert [one.port for one in config.port] == ["ros_odometry", "ros_tf", "ros_twist"]
+    text = (package / "config" / "bottomlock.yaml").read_text()
+    assert text.split("\n")[2:4] == ["bottomlock:", "  ros__parameters:"]
