@@ -13,6 +13,7 @@ from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
+from bottomlock.pages.explained import explained
 from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Page, Part, Picture, Table, html
@@ -97,7 +98,7 @@ def audit_files(audit: Audit) -> Files:
         files |= {f"{name}.png": png_bytes(figure), f"{name}.svg": svg_text(figure)}
         kind = "" if name in HALF else "wide"
         pictures.append(Picture.of(figure, f"audit_{name}", CAPTIONS[name], kind=kind))
-    return files | {"audit.html": html(page_of(audit, content, pictures))}
+    return files | {"audit.html": html(explained(page_of(audit, content, pictures)))}
 
 
 def page_of(audit: Audit, numbers: dict[str, Any], pictures: Sequence[Picture] = ()) -> Page:

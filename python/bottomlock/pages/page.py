@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import STROKES, svg_text
 from bottomlock.files.atomic_write import write_text
+from bottomlock.pages.plots import Plots
 from bottomlock.pages.render import method, render
 
 VERDICTS = ("consistent", "overconfident", "conservative", "fault", "warning", "note")
@@ -111,7 +112,20 @@ class Folded:
     printed: bool = True
 
 
-Block = str | Picture | Table | Terms | Folded
+@dataclass(frozen=True)
+class Looked:
+    """Plots that a reader looks into where the page's script runs, and the figures that stand for them elsewhere.
+
+    Attributes:
+        plots: for the script. A page has at most one of these blocks.
+        still: the same on paper and without scripts.
+    """
+
+    plots: Plots
+    still: Sequence[Picture]
+
+
+Block = str | Picture | Table | Terms | Folded | Looked
 """A string is a paragraph, a list, a smaller heading or lines of code."""
 
 
@@ -169,6 +183,7 @@ def html(page: Page) -> str:
         "line": _line,
         "kind": kind_of,
         "plain": plain_text,
+        "looked": any(isinstance(block, Looked) for part in page.parts for block in part.blocks),
     }
     return render(content)
 
