@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from bottomlock.figures.series import Floats, Track, frame_of, thinned_rows
+from bottomlock.figures.series import Floats, Track, frame_of, scattered_rows, thinned_rows
 
 VALUES = arrays(
     np.float64, st.integers(60, 400), elements=st.one_of(st.floats(-1e6, 1e6), st.just(float("nan")))
@@ -40,6 +40,16 @@ def test_few_are_all_kept_and_many_are_few() -> None:
     value = np.sin(np.arange(72_000) * 0.01)
     assert len(thinned_rows(time_ns[:100], [value[:100]], 50)) == 100
     assert len(thinned_rows(time_ns, [value], 500)) <= 2 * 500 + 2
+
+
+def test_a_cloud_keeps_its_spread_and_its_extremes() -> None:
+    value = np.random.default_rng(3).standard_normal(50_000)
+    value[31_234] = 9.0
+    rows = scattered_rows(np.arange(50_000) * 10**8, value, 300)
+    assert len(rows) < 900
+    assert value[rows].max() == 9.0
+    # Extremes alone would scatter by 2.5; 150 of 750 points are extremes of 330.
+    assert np.median(np.abs(value[rows])) < 1.0
 
 
 def test_a_frame_holds_its_tracks_with_a_margin() -> None:

@@ -148,3 +148,17 @@ def thinned_rows(time_ns: Times, values: Sequence[Floats], buckets: int) -> Rows
         gaps = np.flatnonzero(missing & ~np.concatenate([[False], missing[:-1]]))
         kept.append(gaps)
     return np.unique(np.concatenate(kept))
+
+
+def scattered_rows(time_ns: Times, value: Floats, parts: int) -> Rows:
+    """Rows of a cloud of points: evenly chosen ones, which show how it is spread, and the extremes.
+
+    Args:
+        time_ns: (n,) in order.
+        value: (n,)
+        parts: of the time; twice as many rows are chosen evenly, and the extremes of a quarter as many parts.
+    """
+    if len(time_ns) <= 3 * parts:
+        return np.arange(len(time_ns))
+    even = np.linspace(0, len(time_ns) - 1, 2 * parts).astype(np.int64)
+    return np.union1d(even, thinned_rows(time_ns, [value], max(1, parts // 4)))

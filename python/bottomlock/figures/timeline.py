@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from bottomlock.figures.curves import plain_number
 from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, new_figure
-from bottomlock.figures.series import Curve, Floats, Panel, Times, thinned_rows
+from bottomlock.figures.series import Curve, Floats, Panel, Times, scattered_rows, thinned_rows
 
 HEIGHT_IN = 1.15
 """Of a panel."""
@@ -105,8 +105,11 @@ def _within(period: float, value: float, _: int) -> str:
 
 
 def _thinned(curve: Curve) -> Curve:
-    """The curve with its least and greatest value of each of `PARTS` parts of the time."""
-    rows = thinned_rows(curve.time_ns, [curve.value], PARTS)
+    """The curve without what no eye can tell apart, and with its extremes."""
+    if curve.kind == "dots":
+        rows = scattered_rows(curve.time_ns, curve.value, PARTS)
+    else:
+        rows = thinned_rows(curve.time_ns, [curve.value], PARTS)
     sd = None if curve.sd is None else curve.sd[rows]
     return replace(curve, time_ns=curve.time_ns[rows], value=curve.value[rows], sd=sd)
 

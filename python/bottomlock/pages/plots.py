@@ -10,7 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.figures.series import Curve, Floats, Frame, Rows, Times, Track, View, thinned_rows
+from bottomlock.figures.series import (
+    Curve,
+    Floats,
+    Frame,
+    Rows,
+    Times,
+    Track,
+    View,
+    scattered_rows,
+    thinned_rows,
+)
 
 BUCKETS = 1200
 """Most parts of the time of which every curve keeps its least and greatest value: about the pixels of a plot."""
@@ -123,11 +133,12 @@ def _frame(frame: Frame) -> list[float]:
 
 def _curve(curve: Curve, decimals: int, pool: "_Pool", buckets: int) -> dict[str, Any]:
     step = 10.0 ** -(decimals + 1)
-    rows = (
-        np.arange(len(curve.time_ns))
-        if curve.kind == "held"
-        else thinned_rows(curve.time_ns, [curve.value, *([] if curve.sd is None else [curve.sd])], buckets)
-    )
+    if curve.kind == "held":
+        rows = np.arange(len(curve.time_ns))
+    elif curve.kind == "dots":
+        rows = scattered_rows(curve.time_ns, curve.value, buckets)
+    else:
+        rows = thinned_rows(curve.time_ns, [curve.value, *([] if curve.sd is None else [curve.sd])], buckets)
     return {
         "label": curve.label,
         "colour": curve.colour,

@@ -22,10 +22,10 @@ def compact_css(sheet: str) -> str:
     """A stylesheet without comments and needless blanks.
 
     >>> compact_css("a:hover { color: red; } /* none */ @media (x) and (y) { b > c { d: 0 1px } }")
-    'a:hover{color:red}@media (x) and (y){b>c{d:0 1px}}'
+    'a:hover{color: red}@media (x) and (y){b>c{d: 0 1px}}'
     """
     bare = re.sub(r"\s+", " ", re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL))
-    return re.sub(r" ?([{};,>]) ?|(:) ", r"\1\2", bare).replace(";}", "}").strip()
+    return re.sub(r" ?([{};,>]) ?", r"\1", bare).replace(";}", "}").strip()
 
 
 @cache

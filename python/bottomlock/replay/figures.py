@@ -24,7 +24,7 @@ from bottomlock.figures.palette import (
     new_figure,
     stroke,
 )
-from bottomlock.figures.series import thinned_rows
+from bottomlock.figures.series import scattered_rows, thinned_rows
 from bottomlock.tables.replay import FORWARD
 
 Floats = NDArray[np.float64]
@@ -37,8 +37,16 @@ _QUANTITIES = (
     ("velocity", "mps", "velocity, m/s"),
     ("attitude", "deg", "attitude, degrees"),
 )
+PARTS = 300
+"""Parts of the time of each of which a curve shows its least and greatest value: about the pixels of a panel."""
 ORDERS = 6.0
 """Most decades of an error axis: an error that starts at 0 would stretch a logarithmic axis without limit."""
+
+
+def _thinned(method: tuple[str, ...], time_s: Floats, value: Floats) -> Line:
+    """A curve of methods without the points that its panel cannot show."""
+    rows = thinned_rows(np.rint(time_s * 1e9).astype(np.int64), [value], PARTS)
+    return Line(method, time_s[rows], value[rows])
 
 
 def _left_title(figure: Figure, title: str) -> None:
@@ -95,8 +103,9 @@ def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str
     lines = []
     for group in coincident(rms, tolerance=1e-2):
         look = stroke(group[0])
-        axes.plot(time_s, sd[group[0]], color=look.colour, linewidth=0.9, linestyle=(0, (1, 1.6)))
-        lines.append(Line(group, time_s, rms[group[0]]))
+        claimed = _thinned(group, time_s, sd[group[0]])
+        axes.plot(claimed.x, claimed.y, color=look.colour, linewidth=0.9, linestyle=(0, (1, 1.6)))
+        lines.append(_thinned(group, time_s, rms[group[0]]))
     draw_lines(axes, lines, width=1.3)
     label_ends(axes, lines)
 
@@ -143,8 +152,6 @@ def current_figure(currents: pl.DataFrame, start_ns: int, *, methods: Sequence[s
     return figure
 
 
-DOTS = 600
-"""Parts of the time of each of which a panel shows the least and the greatest value: about its pixels."""
 _DOT: Any = {"linestyle": "", "marker": ".", "markersize": 2.5}
 _RING: Any = {
     "linestyle": "",
@@ -173,7 +180,7 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, 
         for k, axes in enumerate(panels):
             value = rows[f"beam{k + 1}_innovation_mps"].fill_null(np.nan).to_numpy()
             sd = rows[f"beam{k + 1}_innovation_sd_mps"].fill_null(np.nan).to_numpy()
-            kept = thinned_rows(times_ns, [sd], DOTS)
+            kept = thinned_rows(times_ns, [sd], PARTS)
             axes.fill_between(
                 time_s[kept], -2.0 * sd[kept], 2.0 * sd[kept], color=FAINT, alpha=0.3, linewidth=0.0
             )
@@ -181,7 +188,7 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, 
             for which, look in ((accepted, _DOT), (~accepted, _RING)):
                 there = np.flatnonzero(which & np.isfinite(value))
                 if there.size:
-                    kept = there[thinned_rows(times_ns[there], [value[there]], DOTS)]
+                    kept = there[scattered_rows(times_ns[there], value[there], PARTS)]
                     axes.plot(time_s[kept], value[kept], color=colour, **look)
             axes.text(0.008, 0.93, f"beam {k + 1}", transform=axes.transAxes, va="top", fontsize=9.0)
             sizes = np.abs(np.concatenate([value, 2.0 * sd]))
@@ -279,6 +286,7 @@ def nis_figure(
                 drawn[drawn.index(alike)] = Line((*alike.methods, method), alike.x, alike.y)
                 continue
             drawn.append(Line((method,), times[method], line))
+        drawn = [_thinned(tuple(one.methods), one.x, one.y) for one in drawn]
         draw_lines(axes, drawn, width=1.2)
         label_ends(axes, drawn)
     return figure
