@@ -209,15 +209,18 @@ def test_nothing_is_cut_off_and_figures_are_of_natural_size(
 
 def test_paper_and_readers_without_scripts_have_the_figures(browser: Browser, page: Path) -> None:
     look(browser, page)
-    shown = "['.still figure', '#plots'].map(one => document.querySelector(one).getBoundingClientRect().height > 100)"
-    assert browser.value(shown) == [False, True]
+    shown = (
+        "['.still figure', '#plots', '.hint'].map("
+        "one => document.querySelector(one).getBoundingClientRect().height > 20)"
+    )
+    assert browser.value(shown) == [False, True, True]
     browser.media(paper=True)
-    assert browser.value(shown) == [True, False]
+    assert browser.value(shown) == [True, False, False]
     browser.media()
     browser.scripts(allowed=False)
     browser.open(page)
     browser.scripts(allowed=True)
-    assert browser.value(shown) == [True, False]
+    assert browser.value(shown) == [True, False, False]
 
 
 def test_an_hour_at_20_hz_is_small_and_asks_for_nothing(browser: Browser, tmp_path: Path) -> None:

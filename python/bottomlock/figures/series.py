@@ -99,11 +99,11 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Panels and tracks that are seen together; the first track is the one that is looked at."""
+    """Panels and tracks that are seen together; the first track is the one that is looked at, None need be."""
 
     panels: Sequence[Panel]
-    tracks: Sequence[Track]
-    frame: Frame
+    tracks: Sequence[Track] = ()
+    frame: Frame | None = None
 
 
 def frame_of(tracks: Sequence[Track], margin: float = 0.08) -> Frame:

@@ -124,6 +124,19 @@ class Looked:
     plots: Plots
     still: Sequence[Picture]
 
+    @property
+    def hint(self) -> str:
+        """How to look, for those who can."""
+        return _HINT.format(map=" and map" if self.plots.has_map else "", parts=self.plots.buckets)
+
+
+_HINT = (
+    "Drag over a plot to zoom into the time, double-click for all; with Ctrl the wheel zooms plots{map}. From the "
+    "keyboard: Tab to a plot, ← → move the cursor (with Shift faster), + − zoom, 0 shows all. Of each of {parts} equal "
+    "parts of the time a curve keeps its least and greatest value, so no extreme is lost; what lies between is in the "
+    "tables."
+)
+
 
 Block = str | Picture | Table | Terms | Folded | Looked
 """A string is a paragraph, a list, a smaller heading or lines of code."""

@@ -69,6 +69,11 @@ class Plots:
         return is_utc(self.start_ns)
 
     @property
+    def has_map(self) -> bool:
+        """Whether any view has a track."""
+        return any(view.tracks for view in self.views.values())
+
+    @property
     def buckets(self) -> int:
         """Equal parts of the time, of each of which every curve keeps its least and greatest value."""
         curves = {
@@ -127,7 +132,9 @@ def _view(view: View, pool: "_Pool", buckets: int) -> dict[str, Any]:
     }
 
 
-def _frame(frame: Frame) -> list[float]:
+def _frame(frame: Frame | None) -> list[float]:
+    if frame is None:
+        return []
     return [round(one, 3) for one in (frame.south_m, frame.north_m, frame.west_m, frame.east_m)]
 
 

@@ -148,18 +148,11 @@ def _trust(answer: Mapping[str, Any]) -> Part:
     return Part("trust", "What decides it", [Terms(rows)])
 
 
-_DIVE_WORDS = (
-    "Drag over a plot to zoom into the time, double-click for the whole dive; with Ctrl the wheel zooms plots and "
-    "map. From the keyboard: Tab to a plot or the map, ← → move the cursor (with Shift faster), + − zoom, 0 shows all. "
-    "Of each of {parts} equal parts of the time a curve keeps its least and greatest value, so no extreme is lost; "
-    "between them are points that only the tables have."
-)
-
-
 def _dive(manifest: Mapping[str, Any], figures: Sequence[Shown], plots: Plots) -> Part:
     """Map and curves against time, to look into, and the figures that stand for them."""
     first_map = f"map_{manifest['what_if'][0][0]}"
-    still = [one.picture for one in figures if one.name in {first_map, TIMELINE}]
+    by_name = {one.name: one.picture for one in figures}
+    still = [by_name[name] for name in (first_map, TIMELINE)]
     terms = [
         (
             "±σ",
@@ -170,8 +163,7 @@ def _dive(manifest: Mapping[str, Any], figures: Sequence[Shown], plots: Plots) -
             "the DVL's velocity turned by the recorded attitude and summed up: what a filter has to beat",
         ),
     ]
-    parts = f"{plots.buckets}"
-    return Part("dive", "The dive", [Looked(plots, still), Terms(terms), _DIVE_WORDS.format(parts=parts)])
+    return Part("dive", "The dive", [Looked(plots, still), Terms(terms)])
 
 
 TIMELINE, VALIDITY = "timeline", "validity"

@@ -212,7 +212,14 @@
   /** With one time for all; a gap goes on to the next value of its own curve (2: nulls are expanded). */
   const joined = parts => uPlot.join(parts, parts.map(one => one.map(() => 2)));
 
-  const decade = power => (power >= 0 && power <= 4 ? String(10 ** power) : power < 0 && power >= -3 ? (10 ** power).toFixed(-power) : `1e${power}`);
+  /** Powers of ten within a range; of a short one their double and fivefold too. */
+  function decades(low, high) {
+    const found = [];
+    for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++) {
+      for (const one of high / low > 30 ? [1] : [1, 2, 5]) found.push(one * 10 ** power);
+    }
+    return found.filter(one => one >= low && one <= high);
+  }
 
   function makePlot(panel, width) {
     const series = [{}], bands = [];
@@ -242,8 +249,8 @@
     };
     const levels = {
       ...axis, size: 58, space: names ? 12 : 22,
-      splits: names ? () => panel.names.map((_, k) => k + 1) : undefined,
-      values: names ? () => panel.names : panel.log ? (plot, splits) => splits.map(one => (Math.abs(Math.log10(one) % 1) < 1e-9 ? decade(Math.round(Math.log10(one))) : "")) : (plot, splits) => splits.map(one => minus(String(+wrapped(one, panel).toPrecision(10)))),
+      splits: names ? () => panel.names.map((_, k) => k + 1) : panel.log ? (plot, index, low, high) => decades(low, high) : undefined,
+      values: names ? () => panel.names : panel.log ? (plot, splits) => splits.map(one => String(+one.toPrecision(3))) : (plot, splits) => splits.map(one => minus(String(+wrapped(one, panel).toPrecision(10)))),
     };
     if (panel.period) levels.incrs = [1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600, 7200, 36000].map(one => one * panel.period / 360);
     if (names) levels.grid = { show: false };
@@ -509,12 +516,13 @@
   /* --- together ------------------------------------------------------------------------------------------------------- */
 
   const column = element("div", { class: "column" });
-  map = makeMap();
+  const mapped = Object.values(page.views).some(one => one.tracks.length);
+  map = mapped ? makeMap() : { draw() {}, fit() {}, mark() {}, words: () => "", resize() {} };
   root.append(
     element("div", { class: "bar" }, ...choices,
-      element("span", { class: "tools" }, button("Time +", "Zoom into the time", () => zoom(0.5)), button("Time −", "Zoom out", () => zoom(2)), button("Whole dive", "The whole time", () => setRange(...state.all))),
-      bar.time, bar.place, bar.range),
-    element("div", { class: "both" }, element("div", { class: "beside" }, map.box), column));
+      element("span", { class: "tools" }, button("Time +", "Zoom into the time", () => zoom(0.5)), button("Time −", "Zoom out", () => zoom(2)), button("Whole time", "All there is", () => setRange(...state.all)))),
+    element("div", { class: "now" }, bar.time, bar.place, bar.range),
+    mapped ? element("div", { class: "both" }, element("div", { class: "beside" }, map.box), column) : column);
 
   function extent() {
     const ends = state.view.panels.flatMap(panel => panel.curves.filter(one => one.t.length).flatMap(one => [one.t[0], one.t[one.t.length - 1]]));
