@@ -106,6 +106,23 @@ class View:
     frame: Frame | None = None
 
 
+def held_curve(
+    label: str, colour: str, time_ns: Times, there: NDArray[np.bool_], level: float, width: float = 8.0
+) -> Curve:
+    """A line at a level while something is there: a point where that changes, and the first and the last.
+
+    Args:
+        label, colour, width: as of a curve.
+        time_ns: (n,) in order.
+        there: (n,) which times have it, until the next.
+        level: value of the line.
+    """
+    changed = np.flatnonzero(there[1:] != there[:-1]) + 1
+    rows = np.unique(np.concatenate([[0], changed, [len(there) - 1]])) if len(there) else changed
+    value = np.where(there[rows], level, np.nan)
+    return Curve(label, colour, time_ns[rows], value, kind="held", width=width)
+
+
 def frame_of(tracks: Sequence[Track], margin: float = 0.08) -> Frame:
     """The frame that tracks need, at least 2 m wide, with a margin as a part of its extent."""
     north = np.concatenate([track.north_m for track in tracks])

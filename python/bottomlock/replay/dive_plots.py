@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.figures.palette import STROKES, stroke
-from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of
+from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of, held_curve
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
 from bottomlock.recordings.geodesy import radii_m
@@ -249,17 +249,17 @@ def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> li
 
 def beams_panel(pings: pl.DataFrame) -> Panel:
     """When each beam was valid, in one case and run."""
-    time_ns = _times(pings)
     beams = sum(name.endswith("_valid") for name in pings.columns)
-    curves = []
-    for k in range(beams):
-        valid = pings[f"beam{k + 1}_valid"].to_numpy().astype(bool)
-        changed = np.flatnonzero(valid[1:] != valid[:-1]) + 1
-        # The first ping, each at which it changes, and the last, which ends the line.
-        rows = np.unique(np.concatenate([[0], changed, [len(valid) - 1]])) if len(valid) else changed
-        level = np.where(valid[rows], k + 1.0, np.nan)
-        colour = BEAM_COLOURS[k % len(BEAM_COLOURS)]
-        curves.append(Curve(f"beam {k + 1}", colour, time_ns[rows], level, kind="held", width=8.0))
+    curves = [
+        held_curve(
+            f"beam {k + 1}",
+            BEAM_COLOURS[k % len(BEAM_COLOURS)],
+            _times(pings),
+            pings[f"beam{k + 1}_valid"].to_numpy().astype(bool),
+            k + 1.0,
+        )
+        for k in range(beams)
+    ]
     return Panel("beams valid", curves, decimals=0, names=[f"{k + 1}" for k in range(beams)])
 
 
