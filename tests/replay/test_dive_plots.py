@@ -32,6 +32,20 @@ def test_the_free_ins_does_not_scale_the_map(tables: ReplayTables) -> None:
     assert (tracks[DEAD_RECKONING].north_m < frame.north_m).all()
 
 
+def test_a_method_without_aid_scales_nothing(tables: ReplayTables) -> None:
+    """Not even where there would be room for it; a method that claims to be consistent has that room."""
+    off = pl.col("east_m") - 3.0
+    for method, held in (("ins", False), (DEAD_RECKONING, True)):
+        own = pl.col("method") == method
+        there = tables.samples.filter(pl.col("method") == "tc").with_columns(
+            method=pl.lit(method), east_m=off
+        )
+        samples = pl.concat([tables.samples.filter(~own), there])
+        frame, cut = framed(tracks_of(samples, ["tc", method]), None, "tc")
+        assert cut == ([] if held else [method])
+        assert (frame.west_m < -3.0) is held
+
+
 def test_dead_reckoning_that_runs_away_is_cut_off_too(tables: ReplayTables) -> None:
     far = tables.samples.with_columns(
         pl.when(pl.col("method") == DEAD_RECKONING)
