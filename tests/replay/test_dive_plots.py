@@ -10,8 +10,9 @@ import polars as pl
 import pymap3d
 import pytest
 
+from bottomlock.figures.series import Frame, Track
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.dive_plots import framed, lost_beams, state_panels, taken, tracks_of
+from bottomlock.replay.dive_plots import framed, holds, lost_beams, state_panels, taken, tracks_of
 from bottomlock.replay.report import PAGE, ReplayTables, dive_of, report_files
 from tests.pages.test_plots import unpacked
 from tests.replay.dive_tables import LOST_S, METHODS, SPIKE_MPS, START_NS, dive_tables, manifest
@@ -22,11 +23,16 @@ def tables() -> ReplayTables:
     return dive_tables()
 
 
+def cut_off(frame: Frame, tracks: dict[str, Track]) -> list[str]:
+    """The methods whose tracks leave the map."""
+    return [method for method, track in tracks.items() if not holds(frame, track)]
+
+
 def test_the_free_ins_does_not_scale_the_map(tables: ReplayTables) -> None:
     """It ends 4.5 km off; the dive is 12 m wide, and dead reckoning stays with it."""
     tracks = tracks_of(tables.samples, METHODS)
-    frame, cut = framed(tracks, None, "tc")
-    assert cut == ["ins"]
+    frame = framed(tracks, None, "tc")
+    assert cut_off(frame, tracks) == ["ins"]
     assert frame.north_m - frame.south_m < 20.0
     assert frame.east_m - frame.west_m < 20.0
     assert (tracks[DEAD_RECKONING].north_m < frame.north_m).all()
@@ -41,8 +47,9 @@ def test_a_method_without_aid_scales_nothing(tables: ReplayTables) -> None:
             method=pl.lit(method), east_m=off
         )
         samples = pl.concat([tables.samples.filter(~own), there])
-        frame, cut = framed(tracks_of(samples, ["tc", method]), None, "tc")
-        assert cut == ([] if held else [method])
+        tracks = tracks_of(samples, ["tc", method])
+        frame = framed(tracks, None, "tc")
+        assert cut_off(frame, tracks) == ([] if held else [method])
         assert (frame.west_m < -3.0) is held
 
 
@@ -53,8 +60,9 @@ def test_dead_reckoning_that_runs_away_is_cut_off_too(tables: ReplayTables) -> N
         .otherwise(pl.col("east_m"))
         .alias("east_m")
     )
-    frame, cut = framed(tracks_of(far, METHODS), None, "tc")
-    assert cut == ["ins", DEAD_RECKONING]
+    tracks = tracks_of(far, METHODS)
+    frame = framed(tracks, None, "tc")
+    assert cut_off(frame, tracks) == ["ins", DEAD_RECKONING]
     assert frame.east_m < 20.0
 
 

@@ -32,7 +32,7 @@ MISSING = -(2**31)
 LARGEST = 2**29
 PARTS_PER_S = 1000
 """Times are in milliseconds."""
-SLOWEST_UTC_NS = 631_152_000 * 10**9
+FIRST_UTC_NS = 631_152_000 * 10**9
 """1990, in Unix time: no clock of a log that begins at 0 reads that much."""
 
 
@@ -94,7 +94,7 @@ def is_utc(time_ns: int) -> bool:
     >>> is_utc(1_767_225_610 * 10**9), is_utc(0)
     (True, False)
     """
-    return time_ns >= SLOWEST_UTC_NS
+    return time_ns >= FIRST_UTC_NS
 
 
 def _json(plots: Plots) -> str:

@@ -63,8 +63,8 @@ def reference_track(path: pl.DataFrame | None, samples: pl.DataFrame) -> Track |
     return Track(REFERENCE, REFERENCE_COLOUR, _times(rows), *places, width=5.0) if rows.height else None
 
 
-def framed(tracks: Mapping[str, Track], reference: Track | None, first: str) -> tuple[Frame, list[str]]:
-    """The map's frame, and the methods that it cuts off.
+def framed(tracks: Mapping[str, Track], reference: Track | None, first: str) -> Frame:
+    """What a map has to show.
 
     It holds the track to take and the reference; and of dead reckoning and the methods that claim to be consistent
     those for which the map need not grow beyond `SPAN` times.
@@ -78,11 +78,11 @@ def framed(tracks: Mapping[str, Track], reference: Track | None, first: str) -> 
         trusted = method in (*TRUSTED, DEAD_RECKONING)
         if trusted and _extent(frame_of([*held, track])) <= SPAN * _extent(small):
             held.append(track)
-    frame = frame_of(held)
-    return frame, [method for method, track in tracks.items() if not _holds(frame, track)]
+    return frame_of(held)
 
 
-def _holds(frame: Frame, track: Track) -> bool:
+def holds(frame: Frame, track: Track) -> bool:
+    """Whether a map shows a whole track."""
     north, east = track.north_m, track.east_m
     return bool(
         (north >= frame.south_m).all()
@@ -155,7 +155,7 @@ def plots_of(
         }
         tracks = tracks_of(own["samples"], [*shown, DEAD_RECKONING])
         reference = reference_track(path, own["samples"])
-        frame, _ = framed(tracks, reference, first)
+        frame = framed(tracks, reference, first)
         beams = beams_panel(own["pings"])
         lost = lost_beams(own["pings"], next(iter(tracks.values())).time_ns)
         for method, which in [*((one, FORWARD) for one in shown), *((one, SMOOTHED) for one in smoothed)]:
@@ -282,7 +282,11 @@ def nis_panels(innovations: pl.DataFrame, method: str, least_ratio: float) -> li
         ),
         Curve("mean of 30 pings", stroke(method).colour, *mean),
     ]
-    return [Panel("NIS over its degrees of freedom", curves, log=True, band=nis_band(rows, least_ratio))]
+    return [
+        Panel(
+            "NIS over its degrees of freedom", curves, decimals=3, log=True, band=nis_band(rows, least_ratio)
+        )
+    ]
 
 
 def current_panels(currents: pl.DataFrame | None, method: str) -> list[Panel]:

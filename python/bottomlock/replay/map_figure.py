@@ -74,6 +74,12 @@ def map_figure(
     return figure
 
 
+def shown_frame(figure: Figure) -> Frame:
+    """What a map shows: its frame, with what the shape of the figure leaves room for."""
+    axes = figure.axes[0]
+    return Frame(*axes.get_ylim(), *axes.get_xlim())
+
+
 def _scale(axes: Axes, frame: Frame) -> None:
     """Limits that hold the frame, with one scale for both axes."""
     box = axes.get_window_extent()

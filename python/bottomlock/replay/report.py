@@ -20,7 +20,15 @@ from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.explained import explained
 from bottomlock.pages.page import Picture, html
 from bottomlock.pages.plots import Plots
-from bottomlock.replay.dive_plots import framed, lost_beams, plots_of, reference_track, taken, tracks_of
+from bottomlock.replay.dive_plots import (
+    framed,
+    holds,
+    lost_beams,
+    plots_of,
+    reference_track,
+    taken,
+    tracks_of,
+)
 from bottomlock.replay.figures import (
     current_figure,
     error_figure,
@@ -29,7 +37,7 @@ from bottomlock.replay.figures import (
     validity_figure,
 )
 from bottomlock.replay.findings.expected_nis import least_ratio
-from bottomlock.replay.map_figure import map_figure, scale_words
+from bottomlock.replay.map_figure import map_figure, scale_words, shown_frame
 from bottomlock.replay.page import TIMELINE, VALIDITY, Shown, featured_in, page_of
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, SMOOTHED
@@ -236,19 +244,18 @@ def _of_methods(
         dict.fromkeys([*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])])
     )
     tracks, reference = tracks_of(samples, wanted), reference_track(tables.path, samples)
-    frame, cut = framed(tracks, reference, first)
-    caption = f"Plan view{tail}"
-    caption += "; broad grey: the reference" if reference is not None else ""
-    caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
-    claims = [one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks and one not in cut]
-    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}" if claims else ""
-    caption += _cut_words(tracks, cut)
+    claims = [one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks]
     pings = tables.pings.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
     lost = lost_beams(pings, tracks[first].time_ns)
     figure = map_figure(
-        tracks, tracks_of(samples, methods, SMOOTHED), reference, frame, title=title, claims=claims,
-        lost=(tracks[first], lost),
+        tracks, tracks_of(samples, methods, SMOOTHED), reference, framed(tracks, reference, first), title=title,
+        claims=claims, lost=(tracks[first], lost),
     )  # fmt: skip
+    caption = f"Plan view{tail}"
+    caption += "; broad grey: the reference" if reference is not None else ""
+    caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
+    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}"
+    caption += _cut_words(tracks, [one for one in tracks if not holds(shown_frame(figure), tracks[one])])
     add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in (FORWARD, SMOOTHED):
         if manifest["has_reference"] and (ensemble["pass"] == name).any():

@@ -273,7 +273,7 @@
       axes: [time, levels],
       legend: { show: false },
       cursor: { y: false, points: { show: false }, drag: { x: true, y: false, setScale: false, dist: 4 } },
-      padding: [6, 8, 0, 0],
+      padding: [6, 22, 0, 0],
       hooks: {
         drawClear: [shade],
         setCursor: [plot => { if (!busy && plot.cursor.left >= 0) showAt(plot.posToVal(plot.cursor.left, "x"), plot); }],
