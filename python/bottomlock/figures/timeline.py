@@ -16,7 +16,7 @@ from bottomlock.figures.curves import plain_number
 from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, new_figure
 from bottomlock.figures.series import Curve, Floats, Panel, Times, scattered_rows, thinned_rows
 
-HEIGHT_IN = 1.15
+HEIGHT_IN = 1.05
 """Of a panel."""
 PARTS = 600
 """Of the time: more than one in two pixels."""
