@@ -132,6 +132,7 @@ class DefaultOptionsDict(TypedDict):
     depth_lever_p_m: list[float]
     gps_lever_p_m: list[float]
     acoustic_position_lever_p_m: list[float]
+    effort_lever_p_m: list[float]
 
 @type_check_only
 class ScheduleDict(TypedDict):
@@ -234,6 +235,13 @@ class ThrustStateDict(TypedDict):
     covariance: NDArray[np.float64]
 
 @type_check_only
+class EffortStateDict(TypedDict):
+    speed_scale: NDArray[np.float64]
+    slip_mps: NDArray[np.float64]
+    inertia_error: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+@type_check_only
 class ReportDict(TypedDict):
     sensor: str
     time_ns: int
@@ -306,9 +314,13 @@ class AidingDict(TypedDict):
     gps_velocity: bool
     acoustic_position: NotRequired[bool]
     thrust: NotRequired[bool]
+    effort_surge: NotRequired[bool]
+    effort_sway: NotRequired[bool]
+    effort_heave: NotRequired[bool]
     depth_lever_p_m: NotRequired[ArrayLike]
     gps_lever_p_m: NotRequired[ArrayLike]
     acoustic_position_lever_p_m: NotRequired[ArrayLike]
+    effort_lever_p_m: NotRequired[ArrayLike]
 
 @type_check_only
 class AidingScheduleDict(TypedDict):
@@ -322,6 +334,9 @@ class AidingScheduleDict(TypedDict):
     gps_velocity: NDArray[np.bool_]
     acoustic_position: NotRequired[NDArray[np.bool_]]
     thrust: NotRequired[NDArray[np.bool_]]
+    effort_surge: NotRequired[NDArray[np.bool_]]
+    effort_sway: NotRequired[NDArray[np.bool_]]
+    effort_heave: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
 class ObservabilityDict(TypedDict):
@@ -371,6 +386,8 @@ class LogDict(TypedDict):
     acoustic_position_sd_m: NotRequired[ArrayLike]
     thrust_time_ns: NotRequired[NDArray[np.int64]]
     thrust_revolutions_hz: NotRequired[ArrayLike]
+    effort_time_ns: NotRequired[NDArray[np.int64]]
+    effort_force_p_n: NotRequired[ArrayLike]
     water_track_time_ns: NotRequired[NDArray[np.int64]]
     water_track_velocity_mps: NotRequired[ArrayLike]
     water_track_valid: NotRequired[NDArray[np.bool_]]
@@ -384,6 +401,7 @@ class LogDict(TypedDict):
     gps_withheld: NotRequired[NDArray[np.bool_]]
     acoustic_position_withheld: NotRequired[NDArray[np.bool_]]
     thrust_withheld: NotRequired[NDArray[np.bool_]]
+    effort_withheld: NotRequired[NDArray[np.bool_]]
     water_track_withheld: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
@@ -527,6 +545,7 @@ class Navigator:
         self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike
     ) -> list[ReportDict]: ...
     def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_mps: float) -> list[ReportDict]: ...
+    def push_effort(self, time_ns: int, force_p_n: ArrayLike, *, sd_n: float) -> list[ReportDict]: ...
     def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[ReportDict]: ...
     def push_attitude(
         self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
@@ -554,6 +573,7 @@ class Navigator:
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
     def thrust(self) -> ThrustStateDict | None: ...
+    def effort(self) -> EffortStateDict | None: ...
     def attitude_error(self) -> SlowErrorDict | None: ...
     def heading_error(self) -> SlowErrorDict | None: ...
     def calibration(self) -> CalibrationStateDict | None: ...

@@ -47,6 +47,12 @@ def model() -> dict[str, Any]:
             "advance_m": 0.1, "advance_sd_m": 0.01, "true_advance_m": 0.0, "slip_sd_mps": 0.02, "slip_time_s": 5.0,
             "noise_sd_mps": 0.01,
         },
+        "effort": {
+            "mass_kg": [30.0, 40.0, 50.0], "linear_drag_kgps": [20.0, 0.0, 0.0],
+            "quadratic_drag_kgpm": [10.0, 80.0, 0.0], "buoyancy_n": 3.0, "speed_scale_sd": 0.1,
+            "speed_scale_time_s": 8e4, "inertia_sd": 0.2, "inertia_time_s": 8e4, "slip_sd_mps": 0.02,
+            "slip_time_s": 5.0, "noise_sd_n": 1.0,
+        },
     }  # fmt: skip
 
 
@@ -64,6 +70,7 @@ def options(rng: Random) -> dict[str, Any]:
         "depth_lever_p_m": lever,
         "gps_lever_p_m": lever,
         "acoustic_position_lever_p_m": lever,
+        "effort_lever_p_m": lever,
         "thrust": rng.choice(("off", "velocity", "all")),
     }
 

@@ -170,6 +170,10 @@ class CNavigator:
         """As the package's."""
         return self.push("thrust", time_ns, revolutions_hz, sd_mps)
 
+    def push_effort(self, time_ns: int, force_p_n: ArrayLike, *, sd_n: float) -> list[Any]:
+        """As the package's."""
+        return self.push("effort", time_ns, floats(force_p_n), sd_n)
+
     def push_attitude(
         self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
     ) -> list[Any]:

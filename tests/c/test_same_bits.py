@@ -135,6 +135,7 @@ def _push_all(both: Both, step: int, random: np.random.Generator) -> None:
         5: ("water_track", (t, noisy - 0.1, valid), {"sd_mps": sd, "range_m": 5.0}),
         9: ("depth", (t, depth), {"sd_m": 0.02}),
         11: ("thrust", (late, 10.0 + depth), {"sd_mps": 0.05}),
+        12: ("effort", (late, 30.0 * omega + (25.0, 1.0, 5.0)), {"sd_n": 1.0}),
         13: ("heading", (late, yaw), {"sd_rad": 0.1}),
         17: ("attitude", (t, (1, 0, 0, 0)), {"roll_pitch_sd_rad": 0.02, "yaw_sd_rad": 0.1}),
         21: ("gps", (t, (0, 0, 0), (1, 0, 0)), {"position_sd_m": (2, 2, 2), "velocity_sd_mps": (1, 1, 1)}),
@@ -162,6 +163,9 @@ def test_every_sensor(c: CLibrary) -> None:
     errors["magnetometer"] |= {"yaw_offset_sd_rad": 0.05, "roll_pitch_walk_sd_rad": 0.01}
     errors["heading"] |= {"offset_sd_rad": 0.05, "walk_sd_rad": 0.02, "walk_time_s": 100.0}
     errors["thrust"] = models.ThrustModel(advance_m=0.1, advance_sd_m=0.01)
+    errors["effort"] = models.EffortModel(
+        mass_kg=(30, 40, 50), linear_drag_kgps=(20, 40, 0), quadratic_drag_kgpm=(10, 0, 80), buoyancy_n=-2.0
+    )
     model = Model(**errors)
     options = Options(water_track=True, thrust="velocity", current_layers=layers, calibration=calibration)
     start = InitialState(
@@ -190,6 +194,10 @@ def _same_estimates(c: CLibrary, ours: CNavigator, theirs: Navigator) -> None:
     c("navigator_thrust", ours.pointer, thrust)
     for name, *_ in thrust._fields_:
         np.testing.assert_array_equal(np.array(getattr(thrust, name)), known[name], err_msg=name)
+    effort, found_effort = c.structure("effort"), cast(Any, theirs.effort())
+    c("navigator_effort", ours.pointer, effort)
+    for name, *_ in effort._fields_:
+        np.testing.assert_array_equal(np.array(getattr(effort, name)), found_effort[name], err_msg=name)
     layers = (c.header.structures["bl_layer"] * 64)()
     c("navigator_layers", ours.pointer, ctypes.addressof(layers), 64, ctypes.addressof(count))
     assert count.value == len(expected["layers"]["depth_m"]) > 0
@@ -310,6 +318,7 @@ def test_keys_are_those_of_the_package(c: CLibrary) -> None:
         "gps": models.GpsModel,
         "acoustic_position": models.AcousticPositionModel,
         "thrust": models.ThrustModel,
+        "effort": models.EffortModel,
     }
     keys = [f"{place}.{field.name}" for place, kind in sections.items() for field in fields(kind)]
     simulated = (

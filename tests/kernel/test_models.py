@@ -179,7 +179,17 @@ def test_what_is_no_mapping_is_refused() -> None:
         kernel.Navigator(JANUS, MODEL, "tc", STATE)  # type: ignore[arg-type]
 
 
-SENSORS = ("dvl", "depth", "magnetometer", "gps", "dvl_outliers", "heading", "acoustic_position", "thrust")
+SENSORS = (
+    "dvl",
+    "depth",
+    "magnetometer",
+    "gps",
+    "dvl_outliers",
+    "heading",
+    "acoustic_position",
+    "thrust",
+    "effort",
+)
 
 
 def test_a_sensor_that_is_not_there_is_none() -> None:

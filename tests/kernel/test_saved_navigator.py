@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import METHODS, SENSORS, BeamGeometry, KernelError, Navigator
-from bottomlock.kernel.models import ThrustModel
+from bottomlock.kernel.models import EffortModel, ThrustModel
 from tests.property import settings
 
 JANUS = BeamGeometry.janus(0.35, lever_arms_p_m=[[1.0, 0.1, 0.5]] * 4, sound_speed_scale=1.01)
@@ -51,6 +51,9 @@ PUSH: dict[str, Push] = {
         time_ns=time_ns, position_t_m=2.0 * draw.normal(size=3)
     ),
     "thrust": lambda to, time_ns, draw: to.push_thrust(time_ns, draw.normal(), sd_mps=0.05),
+    "effort_surge": lambda to, time_ns, draw: to.push_effort(time_ns, [10.0 * draw.normal(), 0, 0], sd_n=1.0),
+    "effort_sway": lambda to, time_ns, draw: to.push_effort(time_ns, 10.0 * draw.normal(size=3), sd_n=1.0),
+    "effort_heave": lambda to, time_ns, draw: to.push_effort(time_ns, [0, 0, 10.0 * draw.normal()], sd_n=1.0),
 }
 """A measurement of every sensor."""
 
@@ -67,6 +70,9 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
         "outlier_factor": 1.0,
     }
     model["thrust"] = ThrustModel(advance_m=0.1, advance_sd_m=0.01).as_dict()
+    model["effort"] = EffortModel(
+        mass_kg=(30, 40, 50), linear_drag_kgps=(20, 40, 60), quadratic_drag_kgpm=(10, 0, 0)
+    ).as_dict()
     start: Any = {
         "time_ns": 0,
         "position_t_m": np.zeros(3),
@@ -108,7 +114,12 @@ def everything(of: Navigator) -> bytes:
     """All that a caller can read, as bits."""
     values: list[Any] = [*of.state().values(), of.covariance(), *of.late_events().values()]
     water: dict[str, Any] = dict(of.water() or {"layers": {}})
-    values += [*water.pop("layers").values(), *water.values(), *(of.thrust() or {}).values()]
+    values += [
+        *water.pop("layers").values(),
+        *water.values(),
+        *(of.thrust() or {}).values(),
+        *(of.effort() or {}).values(),
+    ]
     return b"".join(np.asarray(value).tobytes() for value in values)
 
 
@@ -179,8 +190,8 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda data: data[:-1], "damaged or were cut short"),
         (lambda data: data + b"\0", "damaged or were cut short"),
         (
-            lambda data: data[:8] + struct.pack("<H", 13) + data[10:],
-            "format 13, expected 12: another version",
+            lambda data: data[:8] + struct.pack("<H", 14) + data[10:],
+            "format 14, expected 13: another version",
         ),
         (lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:], "damaged or were cut short"),
     ],

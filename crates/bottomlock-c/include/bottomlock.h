@@ -156,6 +156,18 @@ typedef struct {
     double covariance[2][2];
 } bl_thrust;
 
+// What drag and mass are wrong by, with options of "thrust" and a model with "effort"; along surge, sway and heave each.
+typedef struct {
+    // Speed over that by the drag law; 0 for an axis without drag.
+    double speed_scale[3];
+    // Slip: speed that the forces do not say, m/s.
+    double slip_mps[3];
+    // Relative error of mass and added mass.
+    double inertia_error[3];
+    // Covariance of all, in this order.
+    double covariance[9][9];
+} bl_effort;
+
 // The current at one depth, with options of "current_layers.sd_mps" and "water_track".
 typedef struct {
     // Depth, m.
@@ -285,6 +297,9 @@ bl_status bl_navigator_water(const bl_navigator *navigator, bl_water *water);
 
 // Advance and slip of the propeller after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
 bl_status bl_navigator_thrust(const bl_navigator *navigator, bl_thrust *propeller);
+
+// What drag and mass are wrong by after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
+bl_status bl_navigator_effort(const bl_navigator *navigator, bl_effort *hull);
 
 // The current by depth; `count` is the number of layers, 0 where none is estimated.
 bl_status bl_navigator_layers(const bl_navigator *navigator, bl_layer *layers, size_t capacity, size_t *count);
@@ -521,6 +536,13 @@ bl_status bl_push_thrust(bl_navigator *navigator,
                          int64_t time_ns,
                          double revolutions_hz,
                          double sd_mps);
+
+// Force of the thrusters along surge, sway and heave, 3 numbers, N, with the white noise of each, 1 sigma. For options of "thrust" and
+// a model with "effort".
+bl_status bl_push_effort(bl_navigator *navigator,
+                         int64_t time_ns,
+                         const double *force_p_n,
+                         double sd_n);
 
 // An attitude, 4 numbers, scalar first, with the standard deviations of its Euler angles, rad.
 bl_status bl_push_attitude(bl_navigator *navigator,

@@ -326,6 +326,9 @@ public:
     std::size_t push_thrust(std::int64_t time_ns, double revolutions_hz, double sd_mps) {
         return pushed(bl_push_thrust(get(), time_ns, revolutions_hz, sd_mps));
     }
+    std::size_t push_effort(std::int64_t time_ns, Numbers force_p_n, double sd_n) {
+        return pushed(bl_push_effort(get(), time_ns, force_p_n.of(3, "force_p_n"), sd_n));
+    }
     std::size_t push_attitude(std::int64_t time_ns, Numbers attitude_t_p, double roll_pitch_sd_rad, double yaw_sd_rad) {
         return pushed(bl_push_attitude(get(), time_ns, attitude_t_p.of(4, "attitude_t_p"), roll_pitch_sd_rad, yaw_sd_rad));
     }
@@ -392,6 +395,7 @@ public:
 
     /// Nothing where it is not estimated.
     std::optional<bl_water> water() const { return estimate<bl_water>(bl_navigator_water); }
+    std::optional<bl_effort> effort() const { return estimate<bl_effort>(bl_navigator_effort); }
     std::optional<bl_thrust> thrust() const { return estimate<bl_thrust>(bl_navigator_thrust); }
     std::optional<bl_calibration> calibration() const { return estimate<bl_calibration>(bl_navigator_calibration); }
     /// The current by depth; empty where it is not estimated.

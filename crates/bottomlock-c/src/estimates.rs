@@ -1,7 +1,7 @@
 //! What a navigator estimates beside its state: motion through the water, current by depth, slow errors, mounting and clock.
 
 use bottomlock::aiding::calibration::CLOCK;
-use bottomlock::aiding::{thrust, water};
+use bottomlock::aiding::{effort, thrust, water};
 
 use crate::calls::{Failure, Outcome, Status, status};
 use crate::navigator::Navigator;
@@ -130,6 +130,45 @@ pub unsafe extern "C" fn bl_navigator_thrust(navigator: *const Navigator, propel
         };
         // SAFETY: as the header asks.
         unsafe { put("propeller", propeller, made) }
+    })
+}
+
+/// What drag and mass are wrong by, with options of "thrust" and a model with "effort"; along surge, sway and heave each.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub struct Effort {
+    /// Speed over that by the drag law; 0 for an axis without drag.
+    pub speed_scale: [f64; 3],
+    /// Slip: speed that the forces do not say, m/s.
+    pub slip_mps: [f64; 3],
+    /// Relative error of mass and added mass.
+    pub inertia_error: [f64; 3],
+    /// Covariance of all, in this order.
+    pub covariance: [[f64; 9]; 9],
+}
+
+/// What drag and mass are wrong by after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_navigator_effort(navigator: *const Navigator, hull: *mut Effort) -> Status {
+    status(|| {
+        // SAFETY: as the header asks.
+        let held = unsafe { at("navigator", navigator) }?.locked()?;
+        let found = held.live.navigators().selected().filter().effort();
+        let (estimate, covariance) = found.ok_or_else(|| {
+            not_available(
+                "the error of the drag",
+                "set the option 'thrust' and a drag of the model",
+            )
+        })?;
+        let of = |first: usize| std::array::from_fn(|axis| estimate[first + axis]);
+        let made = Effort {
+            speed_scale: of(effort::SPEED_SCALE),
+            slip_mps: of(effort::SLIP),
+            inertia_error: of(effort::INERTIA),
+            covariance: covariance.into(),
+        };
+        // SAFETY: as the header asks.
+        unsafe { put("hull", hull, made) }
     })
 }
 

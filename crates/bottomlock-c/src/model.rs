@@ -94,6 +94,17 @@ impl Keyed for Model {
         "thrust.slip_sd_mps": Number inner.sensors.thrust.slip_sd_mps;
         "thrust.slip_time_s": Number inner.sensors.thrust.slip_time_s.0;
         "thrust.noise_sd_mps": Number inner.sensors.thrust.noise_sd_mps;
+        "effort.mass_kg": Vector inner.sensors.effort.mass_kg;
+        "effort.linear_drag_kgps": Vector inner.sensors.effort.linear_drag_kgps;
+        "effort.quadratic_drag_kgpm": Vector inner.sensors.effort.quadratic_drag_kgpm;
+        "effort.buoyancy_n": Number inner.sensors.effort.buoyancy_n.0;
+        "effort.speed_scale_sd": Number inner.sensors.effort.speed_scale_sd.0;
+        "effort.speed_scale_time_s": Number inner.sensors.effort.speed_scale_time_s.0;
+        "effort.inertia_sd": Number inner.sensors.effort.inertia_sd.0;
+        "effort.inertia_time_s": Number inner.sensors.effort.inertia_time_s.0;
+        "effort.slip_sd_mps": Number inner.sensors.effort.slip_sd_mps;
+        "effort.slip_time_s": Number inner.sensors.effort.slip_time_s.0;
+        "effort.noise_sd_n": Number inner.sensors.effort.noise_sd_n;
     };
 
     fn check(&self) -> Result<(), NavError> {

@@ -34,6 +34,7 @@ pub struct Options {
     depth_lever_p_m: [f64; 3],
     gps_lever_p_m: [f64; 3],
     acoustic_position_lever_p_m: [f64; 3],
+    effort_lever_p_m: [f64; 3],
 }
 
 impl Default for Options {
@@ -94,6 +95,7 @@ impl Default for Options {
             depth_lever_p_m: lever(SensorKind::Depth),
             gps_lever_p_m: lever(SensorKind::Gps),
             acoustic_position_lever_p_m: lever(SensorKind::AcousticPosition),
+            effort_lever_p_m: lever(SensorKind::Effort),
             inner,
         }
     }
@@ -156,7 +158,8 @@ impl Options {
             .with(
                 SensorKind::AcousticPosition,
                 Vec3::from_array(self.acoustic_position_lever_p_m),
-            );
+            )
+            .with(SensorKind::Effort, Vec3::from_array(self.effort_lever_p_m));
         made
     }
 }
@@ -188,6 +191,7 @@ impl Keyed for Options {
         "depth_lever_p_m": Vector depth_lever_p_m;
         "gps_lever_p_m": Vector gps_lever_p_m;
         "acoustic_position_lever_p_m": Vector acoustic_position_lever_p_m;
+        "effort_lever_p_m": Vector effort_lever_p_m;
         "water.current_sd_mps": Number inner.water.current_sd_mps;
         "water.current_time_s": Number inner.water.current_time_s;
         "water.sway_gain_m": Number inner.water.sway_gain_m;

@@ -1,6 +1,7 @@
 //! What is pushed into a navigator. A push that is refused changes nothing but the count of late readings.
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
+use bottomlock::aiding::effort::EffortSample;
 use bottomlock::aiding::thrust::ThrustSample;
 use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::ImuSample;
@@ -186,6 +187,27 @@ pub unsafe extern "C" fn bl_push_thrust(
                 time_ns,
                 revolutions_hz,
                 sd_mps,
+            }))
+        })
+    }
+}
+
+/// Force of the thrusters along surge, sway and heave, 3 numbers, N, with the white noise of each, 1 sigma. For options of "thrust" and
+/// a model with "effort".
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_push_effort(
+    navigator: *mut Navigator,
+    time_ns: i64,
+    force_p_n: *const f64,
+    sd_n: f64,
+) -> Status {
+    // SAFETY: as the header asks.
+    unsafe {
+        push_one(navigator, |_| {
+            Ok(Event::from(EffortSample {
+                time_ns,
+                force_p_n: vector("force_p_n", force_p_n)?,
+                sd_n,
             }))
         })
     }

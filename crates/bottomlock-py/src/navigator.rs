@@ -8,14 +8,14 @@ use bottomlock::aiding::calibration::{CALIBRATION, CLOCK};
 use bottomlock::aiding::current_layers::Layer;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water::WATER;
-use bottomlock::aiding::{thrust, water};
+use bottomlock::aiding::{effort, thrust, water};
 use bottomlock::filter::current::CurrentEstimate;
 use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, ThrustSample,
-    VelocitySample, WaterSample,
+    AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES,
+    ThrustSample, VelocitySample, WaterSample,
 };
 use bottomlock::navigator::{LiveNavigator, Snapshot};
 use nalgebra::Matrix3;
@@ -256,6 +256,24 @@ impl Navigator {
         self.push(py, [Event::from(sample)])
     }
 
+    /// Force of the thrusters along surge, sway and heave, (3,), N, with the white noise of each, 1 sigma. For options with `thrust`
+    /// and a model with `effort`.
+    #[pyo3(signature = (time_ns, force_p_n, *, sd_n))]
+    fn push_effort<'py>(
+        &self,
+        py: Python<'py>,
+        time_ns: i64,
+        force_p_n: &Bound<'py, PyAny>,
+        sd_n: f64,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let sample = EffortSample {
+            time_ns,
+            force_p_n: Vec3::from_array(vector("force_p_n", force_p_n)?),
+            sd_n,
+        };
+        self.push(py, [Event::from(sample)])
+    }
+
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, velocity_t_mps, *, position_sd_m, velocity_sd_mps))]
     fn push_gps<'py>(
@@ -434,6 +452,28 @@ impl Navigator {
         out.set_item("slip_mps", estimate[thrust::SLIP])?;
         let covariance = covariance.as_slice().to_vec();
         out.set_item("covariance", array(py, covariance, &[thrust::THRUST, thrust::THRUST])?)?;
+        Ok(Some(out))
+    }
+
+    /// Estimate of what drag and mass are wrong by after the last update; None where no forces are used.
+    ///
+    /// Along surge, sway and heave each: speed_scale, the speed over that by the drag law; slip_mps, what the vehicle is faster
+    /// through the water; inertia_error, relative; and the (9, 9) covariance of all, in this order. Zero for an axis without drag.
+    fn effort<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let estimated = self.with(py, |inner| inner.navigators().selected().filter().effort())?;
+        let Some((estimate, covariance)) = estimated else {
+            return Ok(None);
+        };
+        let out = PyDict::new(py);
+        for (key, first) in [
+            ("speed_scale", effort::SPEED_SCALE),
+            ("slip_mps", effort::SLIP),
+            ("inertia_error", effort::INERTIA),
+        ] {
+            out.set_item(key, array(py, estimate.as_slice()[first..first + 3].to_vec(), &[3])?)?;
+        }
+        let covariance = covariance.as_slice().to_vec();
+        out.set_item("covariance", array(py, covariance, &[effort::EFFORT, effort::EFFORT])?)?;
         Ok(Some(out))
     }
 

@@ -47,6 +47,14 @@ def replay(
         bool,
         Parameter(help="With --init: end with `bottomlock tune`, where the log is long enough."),
     ] = True,
+    without: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            help="With --init: a topic of a bag or a message of an autopilot's log that is left out, such as 'IMU 0'; "
+            "once for each.",
+        ),
+    ] = None,
     methods: Annotated[
         str | None, Parameter(help="Aiding methods, separated by commas; the case's own by default.")
     ] = None,
@@ -73,10 +81,10 @@ def replay(
     ----------
     files
         The case: a TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
-        With --init: the log of a DVL, and tables or bags with IMU, depth, attitude, positions.
+        With --init: the log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
     """
     if init:
-        made = _init(files, Path("case.toml") if out is None else out, force=force)
+        made = _init(files, Path("case.toml") if out is None else out, force=force, without=without or ())
         if tune:
             _tune(made, threads=threads, force=force)
         return
@@ -130,11 +138,11 @@ def replay(
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
 
 
-def _init(files: Sequence[Path], out: Path, *, force: bool) -> Made:
+def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> Made:
     """Writes a first case and says what it is made of."""
     if out.suffix.lower() != ".toml":
         raise OutputError(f"{out}: expected a name that ends in .toml, the case to write")
-    made = make_case(files, out, force=force)
+    made = make_case(files, out, force=force, without=without)
     for line in made.words:
         console.print(line, highlight=False, soft_wrap=True)
     beside = f", and beside it {', '.join(path.name for path in made.written)}" if made.written else ""

@@ -12,6 +12,7 @@ from typing import Any
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import check_memory, check_regular
 from bottomlock.io import (
+    ardupilot,
     cerulean,
     linkquest,
     nortek_ad2cp,
@@ -22,6 +23,7 @@ from bottomlock.io import (
     pd6,
     ros,
     table,
+    tlog,
     waterlinked_json,
     waterlinked_serial,
 )
@@ -49,7 +51,7 @@ class Format:
 
 @dataclass(frozen=True)
 class PathFormat:
-    """A format read from a path, by a library."""
+    """A format read from a path: by a library, with a map, or as one stream of a log of many."""
 
     name: str
     title: str
@@ -81,7 +83,14 @@ BYTES = (
     _format(pd0, "Teledyne PD0, bottom track"),
 )
 PATHS = (
-    PathFormat(ros.NAME, "marine_acoustic_msgs/Dvl in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
+    PathFormat(ros.NAME, "messages of DVLs in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
+    PathFormat(
+        ardupilot.NAME,
+        "ArduPilot DataFlash .BIN (no beams: rejected with advice)",
+        ardupilot.sniff_path,
+        ardupilot.read_path,
+    ),
+    PathFormat(tlog.NAME, "MAVLink .tlog (no beams: rejected with advice)", tlog.sniff_path, tlog.read_path),
     PathFormat(table.NAME, "CSV or Parquet, with a column map", table.sniff_path, table.read_path),
 )
 NAMES = tuple(one.name for one in (*BYTES, *PATHS))

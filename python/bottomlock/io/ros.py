@@ -1,7 +1,8 @@
-"""`marine_acoustic_msgs/Dvl` from ROS 1 and ROS 2 bags and MCAP files, through the library rosbags.
+"""Messages of DVLs from ROS 1 and ROS 2 bags and MCAP files, through the library rosbags.
 
-By the message's definition its stamp is the time of validity and z points where the instrument looks. It has no
-validity per beam: a velocity that is not finite stands for a lost beam, and a variance of -1 where others have one.
+`marine_acoustic_msgs/Dvl`, and those of Water Linked's drivers (`ros_waterlinked`). By the first one's definition its
+stamp is the time of validity and z points where the instrument looks. It has no validity per beam: a velocity that is
+not finite stands for a lost beam, and a variance of -1 where others have one.
 """
 
 import math
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import DataError
+from bottomlock.io import ros_waterlinked
 from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import printable
@@ -67,27 +69,47 @@ def typestore(latest: bool = True) -> Any:  # noqa: ANN401, FBT001, FBT002 - the
 
 
 def _messages(path: Path, options: Options, place: str) -> Iterator[tuple[int, Any]]:
-    """Arrival time and message of the bag's only topic of these types, or of the requested one."""
+    """Arrival time and message of the bag's only topic of a DVL, or of the requested one."""
     store = typestore()
     from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra; typestore raises without it
 
     with AnyReader([path], default_typestore=store) as reader:
-        connections = [c for c in reader.connections if c.msgtype in TYPES]
+        known = reader.typestore.fielddefs
+        connections = [
+            c for c in reader.connections if c.msgtype in TYPES or ros_waterlinked.fits(known, c.msgtype)
+        ]
         topics = sorted({c.topic for c in connections})
         if options.topic is not None:
             connections = [c for c in connections if c.topic == options.topic]
         elif len(topics) > 1:
             raise DataError(
-                f"{place}: topics {printable(', '.join(topics))} hold {TYPES[0]}; choose one with --topic"
+                f"{place}: topics {printable(', '.join(topics))} hold messages of a DVL; choose one with --topic"
             )
         if not connections:
             wanted = f"topic '{options.topic}' with " if options.topic else "topic of "
             others = (
                 ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:12]) or "none"
             )
-            raise DataError(f"{place}: no {wanted}{TYPES[0]}; topics: {printable(others)}")
+            raise DataError(
+                f"{place}: no {wanted}{TYPES[0]}{_undefined(reader)}; topics: {printable(others)}"
+            )
         for connection, arrival_ns, raw in reader.messages(connections=connections):
             yield arrival_ns, reader.deserialize(raw, connection.msgtype)
+
+
+def _undefined(reader: Any) -> str:  # noqa: ANN401 - the library's own object
+    """Words for topics that may be of a DVL, but whose definition the bag does not hold."""
+    names = sorted(
+        f"{c.topic} ({c.msgtype})"
+        for c in reader.connections
+        if "dvl" in c.msgtype.lower() and c.msgtype not in reader.typestore.fielddefs
+    )
+    if not names:
+        return ""
+    return (
+        f", and no definition of {printable(', '.join(names))}, as SQLite bags of ROS 2 Humble and before have none: "
+        "convert it to MCAP with `ros2 bag convert` where its package is installed"
+    )
 
 
 def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
@@ -99,18 +121,24 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     account = Account(unit="message")
     rows = Rows(_BEAMS, account)
     geometry: list[list[list[float]]] = []
+    others: list[tuple[int, Any]] = []
     try:
         for position, (arrival_ns, message) in enumerate(_messages(path, options, place), 1):
             account.read += 1
+            if not hasattr(message, "beam_velocity"):
+                others.append((position, message))
+                continue
             _add(rows, position, arrival_ns, message, geometry)
     except DataError:
         raise
     # A damaged bag raises whatever the library's parts raise; the user needs the file's name and the reason.
     except Exception as error:
         reason = printable(str(error).splitlines()[0])[:200] if str(error) else type(error).__name__
-        if not rows.time_ns:
+        if not rows.time_ns and not others:
             raise DataError(f"{place}: cannot be read as a bag ({reason})") from error
         account.skip("the bag breaks off here", account.read + 1, reason)
+    if others:
+        return ros_waterlinked.recording(NAME, others, account, place, options)
     table = rows.finish(negate=options.negate_beams)
     raise_if_empty(account, place, TYPES[0])
     unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))

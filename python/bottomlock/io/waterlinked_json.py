@@ -154,7 +154,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     """
     account = Account(unit="line")
     reports, clock = (
-        _Reports(account, keep_stale=options.keep_stale),
+        Reports(account, keep_stale=options.keep_stale),
         _Clock(distinct=options.clock == "distinct"),
     )
     last: dict[str, Any] | None = None
@@ -181,8 +181,8 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-class _Reports:
-    """Velocity reports, their numbers as they stand until `table`.
+class Reports:
+    """Velocity reports of a stream or of a driver's messages, their numbers as they stand until `table`.
 
     Attributes:
         formats: how many reports there are of each version.

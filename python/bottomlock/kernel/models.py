@@ -277,6 +277,29 @@ class ThrustModel(Settings):
 
 
 @_settings
+class EffortModel(Settings):
+    """Speed through the water by the forces of thrusters, 1 sigma; surge, sway and heave each.
+
+    An axis without drag is not used. Mass and added mass, kg; linear and quadratic drag, N s/m and N s²/m²; buoyancy
+    less weight, N; relative uncertainty of the speed at a force (half of that of a quadratic drag) and of mass and
+    added mass, with correlation times; slip with its correlation time; and white noise of a force, N.
+    """
+
+    place: ClassVar[str] = "effort"
+    mass_kg: Vector
+    linear_drag_kgps: Vector
+    quadratic_drag_kgpm: Vector
+    buoyancy_n: float = 0.0
+    speed_scale_sd: float = 0.1
+    speed_scale_time_s: float = 86_400.0
+    inertia_sd: float = 0.2
+    inertia_time_s: float = 86_400.0
+    slip_sd_mps: float = 0.02
+    slip_time_s: float = 5.0
+    noise_sd_n: float = 1.0
+
+
+@_settings
 class Model(Settings):
     """Environment, and errors of the sensors: what `Scenario.kernel_model` returns.
 
@@ -296,6 +319,7 @@ class Model(Settings):
     acoustic_position: AcousticPositionModel | None = None
     water_track: WaterTrackModel | None = None
     thrust: ThrustModel | None = None
+    effort: EffortModel | None = None
 
     def of(self, kind: type[_Errors]) -> _Errors:
         """The errors of a sensor that has to be there.
@@ -417,6 +441,7 @@ class Options(Settings):
     depth_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["depth_lever_p_m"])
     gps_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["gps_lever_p_m"])
     acoustic_position_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["acoustic_position_lever_p_m"])
+    effort_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["effort_lever_p_m"])
     water: Water = Water()
     current_layers: CurrentLayers = CurrentLayers()
     calibration: Calibration = Calibration()

@@ -12,6 +12,7 @@ from bottomlock.live.readings import (
     AcousticPositionReading,
     AidingReading,
     DepthReading,
+    EffortReading,
     GpsReading,
     ThrustReading,
 )
@@ -37,6 +38,8 @@ def push(navigator: Navigator, config: LiveConfig, time_ns: int, reading: Aiding
         )
     if isinstance(reading, ThrustReading) and config.thrust is not None:
         return navigator.push_thrust(time_ns, reading.revolutions_hz, sd_mps=config.thrust.noise_mps)
+    if isinstance(reading, EffortReading) and config.effort is not None:
+        return navigator.push_effort(time_ns, reading.force_p_n, sd_n=config.effort.noise_n)
     return ()
 
 

@@ -28,6 +28,7 @@ _SETTINGS = {
     "robust",
     "water_track",
     "thrust",
+    "effort",
 }
 """Sections that a saved navigator depends on."""
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Tag, ValidationError, model_validator
 
 from bottomlock import units
+from bottomlock.config.effort import EffortErrors, require_one_use
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust, Section
 from bottomlock.config.sensors import SENSORS
@@ -57,6 +58,7 @@ LINES_OF = (
     ("attitude-csv", "attitude"),
     ("depth-csv", "depth"),
     ("thrust-csv", "thrust"),
+    ("effort-csv", "effort"),
     ("gps-csv", "gps"),
     ("acoustic-csv", "acoustic_position"),
 )
@@ -86,6 +88,7 @@ class LiveConfig(Section):
     acoustic_position: AcousticPositionSection | None = None
     water_track: WaterCells | None = None
     thrust: ThrustErrors | None = None
+    effort: EffortErrors | None = None
     origin: OriginSection | None = None
     start: StartSection | None = None
     navigation: NavigationSection = NavigationSection()
@@ -139,8 +142,10 @@ class LiveConfig(Section):
         for lines, key in LINES_OF:
             if lines in formats and getattr(self, key) is None:
                 raise ValueError(f"a source has format '{lines}', which needs the section [{key}]")
-        if self.thrust is not None and "thrust-csv" not in formats:
-            raise ValueError('[thrust] needs a source with format "thrust-csv"')
+        for key in ("thrust", "effort"):
+            if getattr(self, key) is not None and f"{key}-csv" not in formats:
+                raise ValueError(f'[{key}] needs a source with format "{key}-csv"')
+        require_one_use(self.thrust, self.effort)
         self._positions_have_a_place(formats)
         if self.attitude is not None:
             self._attitude_is_one(self.attitude)
@@ -354,6 +359,9 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
     if config.thrust is not None:
         sensors["thrust"] = config.thrust.kernel_model()
         added |= config.thrust.kernel_options()
+    if config.effort is not None:
+        sensors["effort"] = config.effort.kernel_model()
+        added |= config.effort.kernel_options()
     tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
     model = models.Model(
         environment=models.Environment(

@@ -29,7 +29,8 @@ from bottomlock.recordings.water_cells import CellCounts, water_beams
 _ACCEPTED = ("accepted", "accepted_in_part")
 _BEAM_SENSORS = ("beams", "velocity")
 """The kernel's names of a DVL's measurements in its reports."""
-_AIDING = ("attitude", "heading", "depth", "gps_position", "acoustic_position", "thrust")
+EFFORT = ("effort_surge", "effort_sway", "effort_heave")
+_AIDING = ("attitude", "heading", "depth", "gps_position", "acoustic_position", "thrust", *EFFORT)
 """The kernel's names of the other measurements."""
 _PENDING = 256
 

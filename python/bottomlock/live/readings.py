@@ -76,7 +76,15 @@ class ThrustReading:
     revolutions_hz: float
 
 
-AidingReading = DepthReading | GpsReading | AcousticPositionReading | ThrustReading
+@dataclass(frozen=True)
+class EffortReading:
+    """Forces of the thrusters along surge, sway and heave, N."""
+
+    time_ns: int
+    force_p_n: Triple
+
+
+AidingReading = DepthReading | GpsReading | AcousticPositionReading | ThrustReading | EffortReading
 Reading = ImuReading | AttitudeReading | AidingReading
 
 
@@ -96,6 +104,11 @@ def _depth(time_ns: int, values: list[float]) -> Reading:
 
 def _thrust(time_ns: int, values: list[float]) -> Reading:
     return ThrustReading(time_ns, values[0])
+
+
+def _effort(time_ns: int, values: list[float]) -> Reading:
+    surge, sway, heave = values
+    return EffortReading(time_ns, (surge, sway, heave))
 
 
 def _gps(time_ns: int, values: list[float]) -> Reading | None:
@@ -124,6 +137,7 @@ _LINES: dict[str, tuple[tuple[int, ...], str, Callable[[int, list[float]], Readi
     "attitude-csv": ((3,), "time_ns,roll,pitch,yaw", _attitude),
     "depth-csv": ((1,), "time_ns,depth_m", _depth),
     "thrust-csv": ((1,), "time_ns,revolutions_hz", _thrust),
+    "effort-csv": ((3,), "time_ns,surge_n,sway_n,heave_n", _effort),
     "gps-csv": ((3,), "time_ns,latitude_deg,longitude_deg,height_m", _gps),
     "acoustic-csv": ((3, 6), "time_ns,north_m,east_m,down_m[,sd_n,sd_e,sd_d]", _acoustic_position),
 }

@@ -30,6 +30,7 @@ else:
             "attitude-csv",
             "depth-csv",
             "thrust-csv",
+            "effort-csv",
             "gps-csv",
             "acoustic-csv",
             "mavlink",

@@ -47,7 +47,8 @@ LEAST_GAP = 1e3
 class Aiding:
     """A set of aiding sensors; beams are numbered from 1, lever arms lie in the platform frame (m).
 
-    `thrust` reads nothing here: it measures the speed relative to a current, which is no state of these models.
+    `thrust` and the axes of `effort` read nothing here: they measure the speed relative to a current, which is no state
+    of these models.
 
     Examples:
         >>> Aiding(beams=(1, 2), depth=True).name
@@ -63,9 +64,13 @@ class Aiding:
     gps_velocity: bool = False
     acoustic_position: bool = False
     thrust: bool = False
+    effort_surge: bool = False
+    effort_sway: bool = False
+    effort_heave: bool = False
     depth_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gps_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     acoustic_position_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    effort_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def mask(self) -> str:

@@ -83,6 +83,14 @@ class Revolutions:
 
 
 @dataclass(frozen=True, eq=False)
+class Forces:
+    """Forces of the thrusters along surge, sway and heave, (n, 3), N."""
+
+    time_ns: Times
+    force_p_n: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class MagneticFields:
     """Magnetic field in the platform frame, (n, 3), any unit."""
 

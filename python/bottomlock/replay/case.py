@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, model_validator
 
 from bottomlock.config.calibration import CalibrationSection
+from bottomlock.config.effort import require_one_use
 from bottomlock.config.own_methods import OwnMethods, own_methods_from
 from bottomlock.config.scenario_sections import (
     Filter,
@@ -31,6 +32,7 @@ from bottomlock.replay.stream_sections import (
     AcousticPositionStream,
     AttitudeStream,
     DepthStream,
+    EffortStream,
     GpsStream,
     ImuFromAttitude,
     ImuStream,
@@ -150,6 +152,7 @@ class Case(Section):
     dvl: DvlStream
     water_track: WaterTrackStream | None = None
     thrust: ThrustStream | None = None
+    effort: EffortStream | None = None
     depth: DepthStream | None = None
     attitude: AttitudeStream | None = None
     magnetometer: MagnetometerStream | None = None
@@ -176,6 +179,7 @@ class Case(Section):
                 raise ValueError(f'start.{key} = "{source}" needs the section [{section}], which is missing')
         if isinstance(self.imu, ImuFromAttitude):
             self._needs_no_readings()
+        require_one_use(self.thrust, self.effort)
         if self.water_track is not None:
             self._water_has_times(self.water_track)
         if self.reference is not None:

@@ -90,6 +90,7 @@ def page_of(
         Part("beams", "Which beams returned", [one.picture for one in figures if one.name == VALIDITY]),
         *([_water(manifest)] if "water_track" in manifest else []),
         *([_thrust(manifest)] if "thrust" in manifest else []),
+        *([_effort(manifest)] if "effort" in manifest else []),
         *([_calibration(calibration)] if calibration is not None else []),
         Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
         _clocks(manifest),
@@ -278,6 +279,12 @@ def _thrust(manifest: Mapping[str, Any]) -> Part:
     """How the propeller's revolutions fit each method."""
     caption = "Revolutions as the filters used them"
     return Part("thrust", "Thrust", [_fixes(manifest, "thrust", "Readings", caption)])
+
+
+def _effort(manifest: Mapping[str, Any]) -> Part:
+    """How the forces of the thrusters fit each method."""
+    caption = "Forces along each axis as the filters used them"
+    return Part("effort", "Effort of the thrusters", [_fixes(manifest, "effort", "Readings", caption)])
 
 
 def _fixes(manifest: Mapping[str, Any], section: str, readings: str, caption: str) -> Table:

@@ -23,6 +23,7 @@ from bottomlock.recordings.streams import (
     Depths,
     Flags,
     Floats,
+    Forces,
     Inertial,
     MagneticFields,
     Positions,
@@ -38,6 +39,7 @@ from bottomlock.replay.read_water import read_water
 from bottomlock.replay.stream_sections import (
     AttitudeStream,
     DepthStream,
+    EffortStream,
     ImuFromAttitude,
     ImuStream,
     MagnetometerStream,
@@ -122,6 +124,7 @@ def read_streams(case: Case) -> Streams:
         water=water,
         water_counts=water_counts,
         revolutions=None if case.thrust is None else _revolutions(case.thrust, clocks),
+        forces=None if case.effort is None else _forces(case.effort, clocks),
         clocks=clocks,
         notes=tuple(notes),
     )
@@ -252,6 +255,25 @@ def _revolutions(thrust: ThrustStream, clocks: dict[str, ClockReport]) -> Revolu
             "thrust.advance_m"
         )
     return Revolutions(timed.time_ns, revolutions_hz)
+
+
+def _forces(effort: EffortStream, clocks: dict[str, ClockReport]) -> Forces:
+    values, timed, _ = read_stream(effort, list(effort.force))
+    clocks["effort"] = timed.report
+    if not values.any():
+        raise DataError(
+            f"{effort.file}: columns {', '.join(effort.force)} are 0 in every row, expected forces; leave [effort] out"
+        )
+    linear, quadratic = np.array(effort.linear_drag_kg_per_s), np.array(effort.quadratic_drag_kg_per_m)
+    force_n = np.median(np.abs(values), axis=0)
+    for axis, name in enumerate(effort.force):
+        drag = linear[axis] * FASTEST_MPS + quadratic[axis] * FASTEST_MPS**2
+        if 0.0 < drag < force_n[axis]:
+            raise DataError(
+                f"{effort.file}: column '{name}' is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s "
+                f"the drag is {drag:.3g} N: check the unit of the forces, and linear and quadratic drag"
+            )
+    return Forces(timed.time_ns, values)
 
 
 def _attitudes(stream: AttitudeStream, clocks: dict[str, ClockReport]) -> Attitudes:

@@ -22,6 +22,7 @@ from bottomlock.replay.stream_sections import (
     AcousticPositionStream,
     AttitudeStream,
     DepthStream,
+    EffortStream,
     GpsStream,
     ThrustStream,
 )
@@ -139,6 +140,20 @@ def _thrust_log(_: ThrustStream, streams: Streams, within: Within) -> dict[str, 
     }
 
 
+def _effort_model(stream: EffortStream | None) -> dict[str, Settings]:
+    return {} if stream is None else {"effort": stream.kernel_model()}
+
+
+def _effort_log(_: EffortStream, streams: Streams, within: Within) -> dict[str, Any]:
+    if streams.forces is None:
+        return {}
+    rows = within(streams.forces.time_ns)
+    return {
+        "effort_time_ns": streams.forces.time_ns[rows],
+        "effort_force_p_n": streams.forces.force_p_n[rows],
+    }
+
+
 SENSORS = (
     Sensor(
         section="depth",
@@ -166,4 +181,5 @@ SENSORS = (
         options=lambda _: {"water_track": True},
     ),
     Sensor(section="thrust", model=_thrust_model, log=_thrust_log, options=ThrustStream.kernel_options),
+    Sensor(section="effort", model=_effort_model, log=_effort_log, options=EffortStream.kernel_options),
 )

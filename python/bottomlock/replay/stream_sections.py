@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
+from bottomlock.config.effort import EffortErrors
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import (
     Finite,
@@ -184,6 +185,16 @@ class ThrustStream(ThrustErrors, Stream):
 
     column: str
     unit: Literal["rpm", "Hz", "rad/s"]
+
+
+class EffortStream(EffortErrors, Stream):
+    """Forces of the thrusters, the speed through the water by drag (docs/howto/thrust.md): columns, mass, drag, errors.
+
+    `force` are the columns of the sums along surge, sway and heave, N, positive forward, starboard and down. What-if
+    cases leave them alone.
+    """
+
+    force: ColumnTriple
 
 
 class AttitudeStream(AttitudeReference, Stream):

@@ -12,6 +12,7 @@ from bottomlock.recordings.streams import (
     Beams,
     Depths,
     Floats,
+    Forces,
     Inertial,
     MagneticFields,
     Positions,
@@ -80,6 +81,7 @@ class Streams:
         vehicle_motion: how the velocity changes, measured where there are no inertial readings; else None.
         water, water_counts: beams that the water returned, and what became of the cells; None where absent.
         revolutions: of the propeller; None where absent.
+        forces: of the thrusters; None where absent.
         clocks: statistics and faults of each stream's times.
         notes: what was changed or assumed while reading, a sentence each.
     """
@@ -98,11 +100,12 @@ class Streams:
     water: WaterBeams | None = None
     water_counts: CellCounts | None = None
     revolutions: Revolutions | None = None
+    forces: Forces | None = None
     clocks: dict[str, ClockReport] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
     def through_water(self) -> tuple[str, ...]:
         """The sections that measure the motion through the water, of which every filter has the current as states."""
-        there = {"water_track": self.water, "thrust": self.revolutions}
+        there = {"water_track": self.water, "thrust": self.revolutions, "effort": self.forces}
         return tuple(section for section, stream in there.items() if stream is not None)

@@ -22,7 +22,7 @@ def currents_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     parts = [empty]
     times = rerun.prepared.sample_time_ns
     for index, method in enumerate(case.replay.filters):
-        if all(_given(rerun, index, section) is None for section in sections):
+        if not any(_given(rerun, index, section) for section in sections):
             continue
         current = rerun.result["current_t_mps"][index]
         sd = np.sqrt(np.diagonal(rerun.result["current_covariance"][index], axis1=1, axis2=2))
@@ -42,19 +42,24 @@ def fix_words(case: Case, rerun: Rerun, section: str) -> list[list[str]]:
     rows = []
     for index, method in enumerate(case.replay.filters):
         records = _given(rerun, index, section)
-        if records is None:
+        if not records:
             continue
-        nis, degrees = _nis(records)
+        nis, degrees = (np.concatenate(parts) for parts in zip(*map(_nis, records), strict=True))
         beyond = int((nis > chi2.ppf(case.filter.gate_probability, degrees)).sum())
         mean, of = number(float(nis.mean())), number(float(degrees.mean()))
         rows.append([f"`{method}`", str(len(nis)), str(beyond), mean, of])
     return rows
 
 
-def _given(rerun: Rerun, method: int, section: str) -> Any:  # noqa: ANN401 - the kernel's dict
-    """Innovations of a section's readings that a method was given; None for none, as `ins` has of beams."""
-    records = rerun.result["innovations"][method].get(section)
-    return records if records is not None and len(records["time_ns"]) else None
+REPORTS = {"effort": ("effort_surge", "effort_sway", "effort_heave")}
+"""The kernel's updates of a section, where they are several."""
+
+
+def _given(rerun: Rerun, method: int, section: str) -> list[Any]:
+    """Innovations of a section's readings that a method was given, of each update; empty as for beams and `ins`."""
+    found = rerun.result["innovations"][method]
+    records = [found[report] for report in REPORTS.get(section, (section,)) if report in found]
+    return [one for one in records if len(one["time_ns"])]
 
 
 def _nis(records: Any) -> tuple[Floats, Times]:  # noqa: ANN401 - the kernel's dict

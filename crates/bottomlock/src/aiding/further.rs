@@ -11,6 +11,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::aiding::MAX_ROWS;
 use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::current_layers::LAYER_STATES;
+use crate::aiding::effort::EFFORT;
 use crate::aiding::thrust::THRUST;
 use crate::aiding::water::WATER;
 
@@ -35,22 +36,25 @@ pub const FIRST_HEADING_ERROR: usize = FIRST_ATTITUDE_ERROR + ATTITUDE_ERROR;
 pub const FIRST_MOTION: usize = FIRST_HEADING_ERROR + HEADING_ERROR;
 /// First index of the thrust: advance per revolution, m, then slip, m/s ([`crate::aiding::thrust`]).
 pub const FIRST_THRUST: usize = FIRST_MOTION + MOTION;
+/// First index of what the forces of thrusters make of the speed ([`crate::aiding::effort`]).
+pub const FIRST_EFFORT: usize = FIRST_THRUST + THRUST;
 /// First index of the motion through the water ([`crate::aiding::water`]); it and its layers are last, since a filter may begin or
 /// end them while it runs, and the states of a smoother's tape then keep their places.
-pub const FIRST_WATER: usize = FIRST_THRUST + THRUST;
+pub const FIRST_WATER: usize = FIRST_EFFORT + EFFORT;
 /// First index of the current's layers ([`crate::aiding::current_layers`]), north and east of each place, m/s.
 pub const FIRST_LAYERS: usize = FIRST_WATER + WATER;
 /// Number of further states.
 pub const FURTHER: usize = FIRST_LAYERS + LAYER_STATES;
 
 /// Name and range of each block, in order.
-pub const FURTHER_BLOCKS: [(&str, Range<usize>); 8] = [
+pub const FURTHER_BLOCKS: [(&str, Range<usize>); 9] = [
     ("depth_bias_m", DEPTH_BIAS..FIRST_CALIBRATION),
     ("dvl_mounting_and_clock", FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR),
     ("attitude_error_rad", FIRST_ATTITUDE_ERROR..FIRST_HEADING_ERROR),
     ("heading_error_rad", FIRST_HEADING_ERROR..FIRST_MOTION),
     ("motion_p_mps", FIRST_MOTION..FIRST_THRUST),
-    ("thrust", FIRST_THRUST..FIRST_WATER),
+    ("thrust", FIRST_THRUST..FIRST_EFFORT),
+    ("effort", FIRST_EFFORT..FIRST_WATER),
     ("water", FIRST_WATER..FIRST_LAYERS),
     ("current_layers_mps", FIRST_LAYERS..FURTHER),
 ];
@@ -72,6 +76,6 @@ mod tests {
             assert_eq!(range.start, next);
             next = range.end;
         }
-        assert_eq!((next, FURTHER_BLOCKS[6].1.start), (FURTHER, FIRST_WATER));
+        assert_eq!((next, FURTHER_BLOCKS[7].1.start), (FURTHER, FIRST_WATER));
     }
 }

@@ -11,6 +11,7 @@ pub(crate) mod closure;
 pub mod current_layers;
 mod declare;
 pub mod depth;
+pub mod effort;
 pub mod further;
 pub mod gps;
 pub mod heading;

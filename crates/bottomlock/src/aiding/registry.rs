@@ -5,6 +5,7 @@ use crate::aiding::attitude::{AttitudeSample, MagnetometerModel};
 use crate::aiding::beams::{DvlModel, DvlOutlierModel};
 use crate::aiding::declare::{models, sensors};
 use crate::aiding::depth::{DepthModel, DepthSample};
+use crate::aiding::effort::{EffortModel, EffortSample};
 use crate::aiding::gps::{GpsModel, GpsSample};
 use crate::aiding::heading::{HeadingModel, HeadingSample};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
@@ -26,6 +27,7 @@ sensors! {
     Gps(GpsSample): GpsPosition = "gps_position", GpsVelocity = "gps_velocity";
     AcousticPosition(AcousticPositionSample): AcousticPosition = "acoustic_position";
     Thrust(ThrustSample): Thrust = "thrust";
+    Effort(EffortSample): EffortSurge = "effort_surge", EffortSway = "effort_sway", EffortHeave = "effort_heave";
 }
 
 models! {
@@ -38,6 +40,7 @@ models! {
     acoustic_position: AcousticPositionModel,
     water_track: WaterTrackModel,
     thrust: ThrustModel,
+    effort: EffortModel,
 }
 
 /// [`AidingSensor::of_row`] of a sensor.

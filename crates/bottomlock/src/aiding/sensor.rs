@@ -242,6 +242,19 @@ impl Field for Fraction {
     }
 }
 
+/// A number of either sign.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default, serde::Serialize, serde::Deserialize)]
+pub struct Signed(pub f64);
+
+impl Field for Signed {
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
+        numbers.number(key).map(Self)
+    }
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        require_finite(name, 0, &[self.0])
+    }
+}
+
 /// A correlation time, s: more than 0.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, serde::Serialize, serde::Deserialize)]
 pub struct TimeConstant(pub f64);

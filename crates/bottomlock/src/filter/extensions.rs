@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, SMatrix, Vector3};
 
 use super::calibration::CalibrationBlock;
+use super::effort::EffortBlock;
 use super::further_states::{FurtherStates, NONE, Update};
 use super::gauss_markov::GaussMarkovStates;
 use super::options::Options;
@@ -14,6 +15,7 @@ use crate::aiding::further::{
     FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_LAYERS, FIRST_WATER, FURTHER, FurtherVector,
 };
 use crate::aiding::registry::SensorModels;
+use crate::aiding::thrust::ThrustUse;
 use crate::aiding::water::{HEAVE, SWAY, WATER};
 use crate::aiding::{CorrectedPath, Innovation};
 use crate::error_model::Interval;
@@ -29,6 +31,8 @@ pub(super) struct Extensions {
     pub(super) processes: Box<GaussMarkovStates>,
     /// Mounting and clock of the DVL.
     pub(super) calibration: Option<Box<CalibrationBlock>>,
+    /// Mass and drag of the vehicle, where the forces of thrusters are used.
+    pub(super) effort: Option<Box<EffortBlock>>,
     /// States of the motion through the water.
     pub(super) water: Option<Box<WaterBlock>>,
     /// Tape for a smoother; a saved filter has none.
@@ -38,11 +42,14 @@ pub(super) struct Extensions {
 
 impl Extensions {
     /// Slow errors of the sensors, the motion, and mounting and clock of the DVL, at their priors.
-    pub(super) fn new(models: &SensorModels, options: &Options, calibration: Option<CalibrationBlock>) -> Self {
+    pub(super) fn new(models: &SensorModels, options: &Options, kinematics: &Kinematics<f64>) -> Self {
+        let calibration = CalibrationBlock::new(&options.calibration, kinematics);
+        let uses_effort = options.thrust != ThrustUse::Off && models.effort.is_given();
         let mut extensions = Self {
             further: None,
             processes: Box::new(GaussMarkovStates::new(models, options)),
             calibration: calibration.map(Box::new),
+            effort: uses_effort.then(|| Box::new(EffortBlock::new(&models.effort, kinematics))),
             water: None,
             tape: None,
         };
@@ -67,6 +74,9 @@ impl Extensions {
         self.processes.restart();
         if let Some(calibration) = self.calibration.as_deref() {
             self.calibration = calibration.restarted(kinematics).map(Box::new);
+        }
+        if let Some(effort) = &mut self.effort {
+            **effort = effort.restarted(kinematics);
         }
         self.begin();
     }
@@ -128,6 +138,16 @@ impl Extensions {
         DIM + self.further().states().count()
     }
 
+    /// The state has been corrected.
+    pub(super) fn begin_interval(&mut self, kinematics: &Kinematics<f64>) {
+        if let Some(calibration) = &mut self.calibration {
+            calibration.begin_interval(kinematics);
+        }
+        if let Some(effort) = &mut self.effort {
+            effort.begin_interval(kinematics);
+        }
+    }
+
     /// Follows a move of the error state, δr ← A δr + B ρ.
     pub(super) fn move_to_corrected_path(&mut self, path: &CorrectedPath) {
         let states = self.states();
@@ -184,6 +204,9 @@ impl Extensions {
         self.processes.propagate(&left);
         if let Some(calibration) = &mut self.calibration {
             calibration.extend(duration_s, end);
+        }
+        if let Some(effort) = &mut self.effort {
+            effort.extend(duration_s, end);
         }
         if let Some(water) = &mut self.water {
             steady.fixed_rows_mut::<WATER>(FIRST_WATER).copy_from(water.variance());

@@ -7,10 +7,11 @@ use super::*;
 use crate::aiding::attitude::{MagnetometerModel, attitude};
 use crate::aiding::calibration::CalibrationPrior;
 use crate::aiding::depth::{DepthModel, depth};
+use crate::aiding::effort::{EffortModel, EffortSample};
 use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_WATER};
 use crate::aiding::heading::{HeadingModel, heading};
 use crate::aiding::motion_prior::MotionPrior;
-use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime};
+use crate::aiding::sensor::{Fraction, SlowSd, TimeConstant, WalkTime};
 use crate::aiding::thrust::{ThrustModel, ThrustUse, thrust};
 use crate::aiding::water::{WATER, sway_row};
 use crate::aiding::{RowJacobian, tightly_coupled};
@@ -62,6 +63,16 @@ fn filter() -> Eskf {
         slip_sd_mps: 0.02,
         slip_time_s: TimeConstant(5.0),
         ..ThrustModel::default()
+    };
+    model.sensors.effort = EffortModel {
+        mass_kg: [20.0, 24.0, 32.0],
+        linear_drag_kgps: [14.0, 30.0, 33.0],
+        quadratic_drag_kgpm: [20.0, 10.0, 0.0],
+        speed_scale_sd: Fraction(0.1),
+        inertia_sd: Fraction(0.2),
+        slip_sd_mps: 0.02,
+        slip_time_s: TimeConstant(5.0),
+        ..EffortModel::default()
     };
     // Within the linear range.
     model.initial.attitude_sd_rad = [1e-3; 3];
@@ -120,6 +131,11 @@ fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
         [3].into_iter().collect(),
     ][round];
     let lever = Vec3::from_array([0.4, 0.1, -0.2]);
+    let forces = EffortSample {
+        time_ns: 0,
+        force_p_n: Vec3::new(110.0, 4.0, -2.0),
+        sd_n: 1.0,
+    };
     vec![
         (beams(filter, valid), Sensor::Beams),
         (depth(&Motion::still(&filter.state()), 0.3, 0.02, &lever), Sensor::Depth),
@@ -127,6 +143,7 @@ fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
         (heading(&Motion::still(&filter.state()), 0.07, 0.01), Sensor::Heading),
         (MOTION.innovation(&filter.state()), Sensor::Motion),
         (filter.with_motion(|motion| thrust(motion, 19.0, 0.01)), Sensor::Thrust),
+        (filter.effort_innovation(round, &forces, &lever), Sensor::EffortSurge),
     ]
 }
 
@@ -153,7 +170,7 @@ fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) 
 fn updates_are_the_textbook_updates_of_all_states() {
     let mut filter = filter();
     for round in 0..3 {
-        for kind in 0..6 {
+        for kind in 0..7 {
             advance(&mut filter, 30);
             let (innovation, sensor) = readings(&mut filter, round).swap_remove(kind);
             let (p, before) = (filter.joint_covariance(), *filter.extensions.processes.estimate());
@@ -196,7 +213,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
 #[test]
 fn propagation_is_that_of_all_states() {
     let mut filter = filter();
-    for kind in 0..6 {
+    for kind in 0..7 {
         let (innovation, sensor) = readings(&mut filter, 0).swap_remove(kind);
         filter.update(&innovation, sensor).unwrap();
         advance(&mut filter, 1);
@@ -269,7 +286,7 @@ fn blocks_begin_and_end() {
 #[test]
 fn water_states_start_anew() {
     let mut filter = filter();
-    for kind in 0..6 {
+    for kind in 0..7 {
         let (innovation, sensor) = readings(&mut filter, 0).swap_remove(kind);
         filter.update(&innovation, sensor).unwrap();
     }

@@ -4,7 +4,8 @@
 //! from one reading to the next, but tide, density and the sensor's own offset move all of them by decimetres; the yaw of a
 //! magnetic attitude reference scatters by a tenth of a degree about a value that iron and declination move by degrees. Taken
 //! for white noise such an error is averaged away in the covariance, and not in the world. The others are mean and change of
-//! a vehicle's velocity ([`crate::aiding::motion_prior`]), and advance and slip of its propeller ([`crate::aiding::thrust`]). With standard deviation and correlation time (none for a constant)
+//! a vehicle's velocity ([`crate::aiding::motion_prior`]), advance and slip of its propeller
+//! ([`crate::aiding::thrust`]), and what its drag and mass are wrong by ([`crate::aiding::effort`]). With standard deviation and correlation time (none for a constant)
 //! each is estimated:
 //!
 //! ```text
@@ -12,9 +13,10 @@
 //! ```
 
 use crate::aiding::attitude::SlowAngleModel;
+use crate::aiding::effort::{self, INERTIA, SPEED_SCALE};
 use crate::aiding::further::{
-    DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST, FIRST_WATER,
-    FurtherVector,
+    DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_EFFORT, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST,
+    FIRST_WATER, FurtherVector,
 };
 use crate::aiding::registry::SensorModels;
 use crate::aiding::thrust::{ADVANCE, SLIP, ThrustUse};
@@ -23,12 +25,13 @@ use crate::filter::options::Options;
 use std::ops::Range;
 
 /// Blocks of such states.
-pub(super) const BLOCKS: [Range<usize>; 5] = [
+pub(super) const BLOCKS: [Range<usize>; 6] = [
     DEPTH_BIAS..FIRST_CALIBRATION,
     FIRST_ATTITUDE_ERROR..FIRST_HEADING_ERROR,
     FIRST_HEADING_ERROR..FIRST_MOTION,
     FIRST_MOTION..FIRST_THRUST,
-    FIRST_THRUST..FIRST_WATER,
+    FIRST_THRUST..FIRST_EFFORT,
+    FIRST_EFFORT..FIRST_WATER,
 ];
 
 /// Their estimates with what is known of them beforehand.
@@ -38,7 +41,7 @@ pub(super) struct GaussMarkovStates {
     variance: FurtherVector,
     /// Inverse of the correlation time, 1/s; 0 for a constant.
     rate_per_s: FurtherVector,
-    /// Estimate at the start; zero but for constants.
+    /// Estimate at the start and, but for constants, in the long run.
     initial: FurtherVector,
     estimate: FurtherVector,
 }
@@ -69,12 +72,23 @@ impl GaussMarkovStates {
             variance[change] = motion.change_sd_mps[axis].powi(2);
             rate_per_s[change] = 1.0 / motion.change_time_s[axis];
         }
-        if options.thrust != ThrustUse::Off {
+        if options.thrust != ThrustUse::Off && models.thrust.advance_m > 0.0 {
             let thrust = &models.thrust;
             initial[FIRST_THRUST + ADVANCE] = thrust.advance_m;
             variance[FIRST_THRUST + ADVANCE] = thrust.advance_sd_m.powi(2);
             variance[FIRST_THRUST + SLIP] = thrust.slip_sd_mps.powi(2);
             rate_per_s[FIRST_THRUST + SLIP] = 1.0 / thrust.slip_time_s.0;
+        }
+        let hull = &models.effort;
+        for axis in (0..3).filter(|&axis| options.thrust != ThrustUse::Off && hull.has(axis)) {
+            let [scale, slip, inertia] = [SPEED_SCALE, effort::SLIP, INERTIA].map(|first| FIRST_EFFORT + first + axis);
+            initial[scale] = 1.0;
+            variance[scale] = hull.speed_scale_sd.0.powi(2);
+            rate_per_s[scale] = 1.0 / hull.speed_scale_time_s.0;
+            variance[slip] = hull.slip_sd_mps.powi(2);
+            rate_per_s[slip] = 1.0 / hull.slip_time_s.0;
+            variance[inertia] = hull.inertia_sd.0.powi(2);
+            rate_per_s[inertia] = 1.0 / hull.inertia_time_s.0;
         }
         Self {
             variance,
@@ -116,7 +130,8 @@ impl GaussMarkovStates {
 
     /// Propagates the estimates.
     pub(super) fn propagate(&mut self, left: &FurtherVector) {
-        self.estimate.component_mul_assign(left);
+        let change = (self.estimate - self.initial).component_mul(left);
+        self.estimate = self.initial + change;
     }
 
     /// Adds an error to the estimates.

@@ -8,6 +8,7 @@ mod corrected_path;
 pub mod current;
 mod definite;
 mod doubt;
+mod effort;
 mod extensions;
 pub mod filter_group;
 mod further_states;
@@ -32,14 +33,13 @@ mod slip_model;
 pub(crate) mod slip_test;
 mod streams;
 pub mod tape;
-mod thrust;
+pub(crate) mod thrust;
 mod update;
 pub mod water_block;
 
 use nalgebra::{SMatrix, Vector3};
 
 pub(crate) use self::bridge::{BridgeNoise, seconds_between};
-use self::calibration::CalibrationBlock;
 use self::definite::is_positive_definite;
 use self::extensions::Extensions;
 use self::inflation::ConsecutiveRejections;
@@ -97,11 +97,17 @@ impl Eskf {
         options.validate()?;
         state.validate()?;
         if options.thrust != ThrustUse::Off {
-            model.sensors.thrust.require_usable()?;
+            let sensors = &model.sensors;
+            if sensors.effort.is_given() {
+                sensors.effort.require_usable()?;
+            }
+            // Either is enough.
+            if sensors.thrust.advance_m > 0.0 || !sensors.effort.is_given() {
+                sensors.thrust.require_usable()?;
+            }
         }
         let kinematics = state.kinematics();
         let earth = Earth::from(&model.environment);
-        let calibration = CalibrationBlock::new(&options.calibration, &kinematics);
         Ok(Self {
             earth: earth.terms(kinematics.position_t_m),
             kinematics,
@@ -121,7 +127,7 @@ impl Eskf {
             plausible: GateTable::plausible(options.gate)?,
             inflate_after_rejections: options.inflate_after_rejections,
             consecutive_rejections: ConsecutiveRejections::default(),
-            extensions: Extensions::new(&model.sensors, options, calibration),
+            extensions: Extensions::new(&model.sensors, options, &kinematics),
         })
     }
 

@@ -142,6 +142,7 @@ impl Eskf {
             further: self.extensions.further.clone(),
             processes: self.extensions.processes.clone(),
             calibration: self.extensions.calibration.clone(),
+            effort: self.extensions.effort.clone(),
             water: self.extensions.water.clone(),
             tape: None,
         };

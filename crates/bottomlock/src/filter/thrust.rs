@@ -1,5 +1,7 @@
-//! Revolutions of the propeller in a filter: advance and slip as estimated, the Jacobian by the advance, and what is done where
-//! the revolutions contradict the beams.
+//! Revolutions of the propeller and forces of the thrusters in a filter: advance and slip as estimated, the Jacobian by the advance,
+//! and what is done where they contradict the beams.
+//!
+//! The advance of a force is the speed over that by the drag law ([`crate::aiding::effort`]), and the speed by the drag law its n.
 //!
 //! # The Jacobian by the advance
 //! The row is â n + ŝ − û with n as it was read, and its column of the advance is n̄, the revolutions without slip and noise. Of the
@@ -10,22 +12,44 @@
 //! # Where they contradict the beams
 //! The bottom's beams know the velocity, so what revolutions contradict for long is their advance, or the current that was taken off
 //! them at another heading. With the gate alone they would be lost for good: after as many rejections in a row as inflate a
-//! covariance ([`super::inflation`]), which agree, the advance becomes uncertain by what explains them.
+//! covariance ([`super::inflation`]), which agree, the advance becomes uncertain by what explains them. Where more than half of it
+//! would, as where hardly anything turns, something else drives the vehicle or holds it, and the slip becomes as uncertain.
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::Eskf;
 use super::joseph::PredictedInnovation;
-use crate::aiding::further::FIRST_THRUST;
+use crate::aiding::effort::{self, SPEED_SCALE, effort_axis};
+use crate::aiding::further::{FIRST_EFFORT, FIRST_THRUST};
+use crate::aiding::registry::{Levers, Measurement, Sensor, SensorKind};
 use crate::aiding::thrust::{ADVANCE, SLIP, THRUST};
 use crate::aiding::{Corrects, Innovation};
-use crate::filter::report::Sensor;
 
-/// The advance among the further states.
-const OWN: usize = FIRST_THRUST + ADVANCE;
+/// The advance and the slip of a report among the further states.
+pub(crate) struct SpeedOf {
+    advance: usize,
+    slip: usize,
+}
+
+impl SpeedOf {
+    /// Those of a report; `None` for one that says no speed through the water by what drives the vehicle.
+    pub(crate) fn report(sensor: Sensor) -> Option<Self> {
+        if sensor == Sensor::Thrust {
+            let (advance, slip) = (FIRST_THRUST + ADVANCE, FIRST_THRUST + SLIP);
+            return Some(Self { advance, slip });
+        }
+        effort_axis(sensor).map(|axis| Self {
+            advance: FIRST_EFFORT + SPEED_SCALE + axis,
+            slip: FIRST_EFFORT + effort::SLIP + axis,
+        })
+    }
+}
 
 /// S over the variance of slip and noise up to which all of the innovation is theirs.
 const KNOWN: f64 = 10.0;
+
+/// Change of an advance, relative, that a propeller or a drag can have.
+const LARGEST_CHANGE: f64 = 0.5;
 
 impl Eskf {
     /// Advance per revolution, m, and slip of the propeller, m/s, with the covariance of their errors; `None` where they are not
@@ -40,28 +64,53 @@ impl Eskf {
         })
     }
 
-    /// Brings current and covariance up to date before revolutions are taken.
+    /// Brings current and covariance up to date before revolutions or forces are taken.
     pub(crate) fn prepare_for_thrust(&mut self) {
         self.propagate_covariance();
         self.prepare_for_water(None);
     }
 
-    /// The innovation of revolutions with the column of the advance at the revolutions without slip and noise, and with the states
-    /// that it corrects; [`Eskf::prepare_for_thrust`] has gone before.
-    pub(crate) fn without_slip(&self, innovation: Innovation, corrects: Corrects) -> Innovation {
-        let advance_m = self.extensions.processes.estimate()[OWN];
+    /// The innovation of a sensor beside the beams.
+    pub(crate) fn measured_innovation(&self, measurement: &Measurement, sensor: Sensor, levers: &Levers) -> Innovation {
+        match (measurement, effort_axis(sensor)) {
+            (Measurement::Effort(sample), Some(axis)) => {
+                self.effort_innovation(axis, sample, levers.of(SensorKind::Effort))
+            }
+            _ => self.with_motion(|motion| measurement.innovation(sensor, motion, levers)),
+        }
+    }
+
+    /// The same with the states that it corrects, where it is of revolutions or forces.
+    pub(crate) fn aiding_innovation(
+        &self,
+        measurement: &Measurement,
+        sensor: Sensor,
+        levers: &Levers,
+        corrects: Corrects,
+    ) -> Innovation {
+        let innovation = self.measured_innovation(measurement, sensor, levers);
+        match SpeedOf::report(sensor) {
+            Some(states) => self.without_slip(&states, innovation, corrects),
+            None => innovation,
+        }
+    }
+
+    /// The innovation of revolutions or forces with the column of the advance without slip and noise, and with the states that it
+    /// corrects; [`Eskf::prepare_for_thrust`] has gone before.
+    fn without_slip(&self, states: &SpeedOf, innovation: Innovation, corrects: Corrects) -> Innovation {
+        let advance = self.extensions.processes.estimate()[states.advance];
         let found = self.with_further_noise(&innovation).and_then(|whole| {
             let s = PredictedInnovation::<1>::of(&self.covariance, &whole)?.s[(0, 0)];
-            let slip = FIRST_THRUST + SLIP;
-            let own = self.extensions.further().covariance()[(slip, slip)] + innovation.noise[(0, 0)];
+            let slip = self.extensions.further().covariance()[(states.slip, states.slip)];
+            let own = slip + innovation.noise[(0, 0)];
             Some(whole.residual[0] * (KNOWN * own / s).min(1.0))
         });
         let mut innovation = Innovation { corrects, ..innovation };
         if let (Some(slip_mps), Some(rows)) = (found, &mut innovation.by_further)
-            && advance_m != 0.0
+            && advance != 0.0
         {
             // The filter adds â n̄ to the residual, which has â n.
-            rows[(0, OWN)] += slip_mps / advance_m;
+            rows[(0, states.advance)] += slip_mps / advance;
             innovation.residual[0] += slip_mps;
         }
         innovation
@@ -79,30 +128,35 @@ impl Eskf {
         self.extensions.processes.inject(&back);
     }
 
-    /// Counts the rejection of revolutions with this innovation; the variance to be added to their advance, m², where it is one too
-    /// many.
-    pub(crate) fn note_rejected_thrust(&mut self, innovation: &Innovation) -> Option<f64> {
+    /// Counts the rejection of revolutions or forces with this innovation; the further state that is to become uncertain where it is
+    /// one too many, and the variance to be added to it.
+    pub(crate) fn note_rejected_speed(&mut self, sensor: Sensor, innovation: &Innovation) -> Option<(usize, f64)> {
+        let states = SpeedOf::report(sensor)?;
         if self.inflate_after_rejections == 0 || innovation.rows == 0 {
             return None;
         }
         let residual_mps = self.with_further_noise(innovation)?.residual[0];
         let needed = (self.inflate_after_rejections, 0);
         let correction = Vector3::x() * residual_mps;
-        let count = self.consecutive_rejections.explained(Sensor::Thrust);
+        let count = self.consecutive_rejections.explained(sensor);
         count.rejection(1.0, correction, needed, self.state.time_ns)?;
-        let advance_m = self.extensions.processes.estimate()[OWN];
-        let revolutions_hz = innovation.by_further.as_ref()?[(0, OWN)];
-        // As uncertain as it is large at most, also where hardly anything turns.
-        Some((residual_mps / revolutions_hz).powi(2).min(advance_m * advance_m))
+        let advance = self.extensions.processes.estimate()[states.advance];
+        let turns = innovation.by_further.as_ref()?[(0, states.advance)];
+        let change = residual_mps / turns;
+        if change.abs() <= LARGEST_CHANGE * advance.abs() {
+            Some((states.advance, change * change))
+        } else {
+            Some((states.slip, residual_mps * residual_mps))
+        }
     }
 
-    /// Adds to the variance of the advance, m²; returns the factor on it.
-    pub(crate) fn widen_thrust(&mut self, variance: f64) -> f64 {
+    /// Adds to the variance of a further state; returns the factor on it.
+    pub(crate) fn widen_further(&mut self, state: usize, variance: f64) -> f64 {
         let Some(further) = &mut self.extensions.further else {
             return 1.0;
         };
-        let before = further.covariance()[(OWN, OWN)];
-        further.add_variance(OWN, variance);
+        let before = further.covariance()[(state, state)];
+        further.add_variance(state, variance);
         if before > 0.0 {
             (before + variance) / before
         } else {

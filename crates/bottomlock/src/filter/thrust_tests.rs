@@ -36,13 +36,17 @@ fn filter(state: NavState) -> Eskf {
     Eskf::new(state, &model, &options).unwrap().with_water(Some(water))
 }
 
+fn propeller() -> SpeedOf {
+    SpeedOf::report(Sensor::Thrust).unwrap()
+}
+
 fn row_of(filter: &Eskf, revolutions_hz: f64) -> Innovation {
     filter.with_motion(|motion| thrust(motion, revolutions_hz, 0.01))
 }
 
 fn update(filter: &mut Eskf, revolutions_hz: f64, corrects: Corrects) -> UpdateReport {
     filter.prepare_for_thrust();
-    let row = filter.without_slip(row_of(filter, revolutions_hz), corrects);
+    let row = filter.without_slip(&propeller(), row_of(filter, revolutions_hz), corrects);
     filter.update(&row, Sensor::Thrust).unwrap()
 }
 
@@ -122,7 +126,7 @@ proptest! {
         prop_assert!((whole.state().velocity_p_mps.0 - is.velocity_p_mps.0).amax() < 1e-12);
 
         let joint = before.joint_covariance();
-        let row = before.without_slip(row_of(&before, revolutions_hz), Corrects::All);
+        let row = before.without_slip(&propeller(), row_of(&before, revolutions_hz), Corrects::All);
         let further: Vec<usize> = before.extensions.further().states().collect();
         let h = nalgebra::DMatrix::from_fn(1, joint.nrows(), |_, k| {
             if k < DIM { row.jacobian[(0, k)] } else { row.by_further.as_ref().unwrap()[(0, further[k - DIM])] }
@@ -196,22 +200,29 @@ fn noise_is_no_change_of_speed() {
     }
 }
 
-/// Five rejections that agree widen the advance by what explains them, and no more than by itself; others do not.
+/// Five rejections that agree widen the advance by what explains them, where that is half of it at most, else the slip; others do not.
 #[test]
-fn rejections_widen_the_advance() {
+fn rejections_widen_the_advance_or_the_slip() {
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
     let mut once = filter(state);
-    for (turns, expected) in [(30.0, (1.0_f64 / 30.0).powi(2)), (0.5, 0.01)] {
+    let (advance, slip) = (FIRST_THRUST + ADVANCE, FIRST_THRUST + SLIP);
+    for (turns, expected) in [
+        (30.0, (advance, (1.0_f64 / 30.0).powi(2))),
+        (45.0, (slip, 2.5_f64.powi(2))),
+        (0.5, (slip, 1.95_f64.powi(2))),
+    ] {
         let row = row_of(&once, turns);
-        let counted: Vec<Option<f64>> = (0..5).map(|_| once.note_rejected_thrust(&row)).collect();
+        let counted: Vec<_> = (0..5).map(|_| once.note_rejected_speed(Sensor::Thrust, &row)).collect();
         assert_eq!(counted[..4], [None; 4]);
-        assert!((counted[4].unwrap() / expected - 1.0).abs() < 1e-12, "{counted:?}");
+        let (state, variance) = counted[4].unwrap();
+        assert_eq!(state, expected.0);
+        assert!((variance / expected.1 - 1.0).abs() < 1e-12, "{counted:?}");
     }
     let before = once.thrust().unwrap().1[(ADVANCE, ADVANCE)];
-    assert!((once.widen_thrust(3.0 * before) - 4.0).abs() < 1e-12);
+    assert!((once.widen_further(advance, 3.0 * before) - 4.0).abs() < 1e-12);
     assert!((once.thrust().unwrap().1[(ADVANCE, ADVANCE)] / before - 4.0).abs() < 1e-12);
     // Ahead and astern by turns is noise.
     let rows = [30.0, 10.0].map(|turns| row_of(&once, turns));
-    assert!((0..20).all(|k| once.note_rejected_thrust(&rows[k % 2]).is_none()));
+    assert!((0..20).all(|k| once.note_rejected_speed(Sensor::Thrust, &rows[k % 2]).is_none()));
 }

@@ -115,9 +115,7 @@ impl Eskf {
         self.state = state;
         self.kinematics = state.kinematics();
         self.interval = Interval::Open;
-        if let Some(calibration) = &mut self.extensions.calibration {
-            calibration.begin_interval(&self.kinematics);
-        }
+        self.extensions.begin_interval(&self.kinematics);
     }
 }
 

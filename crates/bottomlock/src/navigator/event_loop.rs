@@ -281,7 +281,7 @@ impl Navigator {
                 report(&outcome);
             }
             Event::Aiding(measurement) => {
-                if let Measurement::Thrust(_) = measurement {
+                if let Measurement::Thrust(_) | Measurement::Effort(_) = measurement {
                     filters.each_mut().for_each(Eskf::prepare_for_thrust);
                 }
                 let is_held = self
@@ -289,13 +289,9 @@ impl Navigator {
                     .is_some_and(|last_ns| event.time_ns() - last_ns <= HELD_NS);
                 let corrects = self.options.thrust.corrects(is_held);
                 for sensor in measurement.reports() {
-                    report(&filters.update_or_inflate(sensor, &|filter| {
-                        let row = filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers));
-                        match sensor {
-                            Sensor::Thrust => filter.without_slip(row, corrects),
-                            _ => row,
-                        }
-                    })?);
+                    let innovation_of =
+                        |filter: &Eskf| filter.aiding_innovation(measurement, sensor, &levers, corrects);
+                    report(&filters.update_or_inflate(sensor, &innovation_of)?);
                 }
             }
         }

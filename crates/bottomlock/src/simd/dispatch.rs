@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use fearless_simd::Level;
 
+#[cfg(target_arch = "x86_64")]
 use super::WIDEST;
 
 /// The vectors that code is made for: what lies between SSE2 and AVX2 is not worth a copy of everything.

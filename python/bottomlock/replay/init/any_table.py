@@ -27,6 +27,9 @@ class AnyTable:
         plain: whether the file can be read as it is, by its own column names.
         units: unit of a column as a row below the header states it, by the column's name.
         words: how it was read, for an error or a comment.
+        part: topic or message of a log that holds several tables; "" for a file of one.
+        remark: what has to be said where the table is used; "".
+        independent: whether it is measured, not estimated from other streams of the log.
     """
 
     path: Path
@@ -34,6 +37,14 @@ class AnyTable:
     plain: bool
     units: dict[str, str]
     words: str = ""
+    part: str = ""
+    remark: str = ""
+    independent: bool = True
+
+    @property
+    def label(self) -> str:
+        """What names the table, in lower case: its part, or the file."""
+        return (self.part or self.path.stem).lower()
 
 
 def is_number(cell: str) -> bool:

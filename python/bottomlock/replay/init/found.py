@@ -217,7 +217,7 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
     depth = single.get("depth")
     if (
         depth is not None
-        and (depth.lower() != "data" or "depth" in table.path.stem.lower())
+        and (depth.lower() != "data" or "depth" in table.label)
         and not any(kind == "local" for kind, _, _ in found)
     ):
         found.append(("depth", {"depth": depth}, {}))
@@ -232,6 +232,10 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
 def table_times(table: AnyTable, kind: str) -> Times:
     """Times of a table's rows: the best column by name, its unit by name, epoch or rate; else a column of dates."""
     frame = table.frame
+    if table.part and frame.schema.get("time_ns") == pl.Int64:
+        # A log's own: nothing is left to guess.
+        stamps = np.asarray(frame["time_ns"].to_numpy(), dtype=np.int64)
+        return Times(stamps, "time_ns", epoch=bool(np.median(stamps) > EPOCHS[-1][1]))
     pair = seconds_and_nanoseconds(frame.columns)
     if pair is not None:
         whole, part = (numbers(frame[name]) for name in pair)

@@ -55,13 +55,14 @@ class Made:
     duration_s: float
 
 
-def make_case(files: Sequence[Path], out: Path, *, force: bool = False) -> Made:
+def make_case(files: Sequence[Path], out: Path, *, force: bool = False, without: Sequence[str] = ()) -> Made:
     """Looks at recorded files and writes a case that runs at once, with tables beside it where they are needed.
 
     Args:
-        files: logs of a DVL, tables and bags.
+        files: logs of a DVL, tables, bags and logs of autopilots.
         out: the case to write.
         force: overwrite files.
+        without: topics and messages of logs that are left out.
 
     Raises:
         DataError: for files without an IMU and an attitude, or without a DVL, or one that cannot be read.
@@ -69,7 +70,7 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False) -> Made:
     """
     target = Files(out, force, files)
     target.check(out)
-    sources = read_sources(files)
+    sources = read_sources(files, without)
     parts = choose(sources)
     text = sections.case_text(parts, sources, target)
     parse_case(text, place=str(out), folder=out.parent)
@@ -94,7 +95,7 @@ def choose(sources: Sources) -> Parts:
         raise DataError(
             f"no file holds a DVL ({_held(sources)}): name its log, or a table with columns such as vx, vy, vz"
         )
-    velocities.sort(key=lambda one: "dvl" not in one.table.path.stem.lower())
+    velocities.sort(key=lambda one: "dvl" not in one.table.label)
     found_imu = made.found if made else max(sources.of("imu"), key=lambda one: one.table.frame.height)
     if sources.recording is not None and sources.recording.table.beams:
         dvl = dvl_of_recording(sources.recording)
@@ -119,7 +120,7 @@ def choose(sources: Sources) -> Parts:
         imu = guess_imu(found_imu, duration_s, unit)
         attitude = guess_attitude(own[0], imu, dvl)
     sensed = [one for one in sources.of("depth", "pressure") if one.times.time_ns is not None]
-    sensed.sort(key=lambda one: (one.kind != "depth", "depth" not in one.table.path.stem.lower()))
+    sensed.sort(key=lambda one: (one.kind != "depth", "depth" not in one.table.label))
     depth = guess_depth(sensed[0], imu, dvl) if sensed else None
     parts = Parts(imu, dvl, attitude, depth, None, None, [])
     if gps is not None:

@@ -137,15 +137,33 @@ def is_reference(found: Found, sources: int) -> bool:
 
 
 def _named(found: Found, words: tuple[str, ...]) -> bool:
-    name = found.table.path.stem.lower()
-    return any(word in name for word in words)
+    return any(word in found.table.label for word in words)
 
 
 def choose_positions(places: list[Found]) -> tuple[Found | None, Found | None]:
     """The reference and the GPS among recorded positions: positions that do not aid are the reference."""
-    ordered = sorted(places, key=lambda one: (not _named(one, TRUTHS), not is_reference(one, len(places))))
+    longest = max((_tens_of_seconds(one) for one in places if not one.table.independent), default=0)
+    ordered = sorted(
+        places,
+        key=lambda one: (
+            _doubt(one, longest), not _named(one, TRUTHS), not is_reference(one, len(places))
+        ),
+    )  # fmt: skip
     satellites = [one for one in ordered[1:] if _named(one, SATELLITES)]
     return (ordered[0] if ordered else None), (satellites[0] if satellites else None)
+
+
+def _doubt(found: Found, longest: int) -> int:
+    """0 for measured positions, 1 for an estimate, 2 for measured ones that cover less than half of it."""
+    if not found.table.independent:
+        return 1
+    return 2 if _tens_of_seconds(found) < 0.5 * longest else 0
+
+
+def _tens_of_seconds(found: Found) -> int:
+    """How many tens of seconds have a position."""
+    assert found.times.time_ns is not None  # chosen so
+    return len(np.unique(found.times.time_ns // 10_000_000_000))
 
 
 def _rewritten(found: Found) -> dict[str, Any] | None:

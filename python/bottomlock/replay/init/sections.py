@@ -41,7 +41,8 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     for words in sources.words:
         head.say(f"  {words}")
     for one in parts.unused:
-        head.say(f"  not used: {one.kind} of {one.table.path.name} ({', '.join(one.columns.values())})")
+        of = f"{one.table.part} of " if one.table.part else ""
+        head.say(f"  not used: {one.kind} of {of}{one.table.path.name} ({', '.join(one.columns.values())})")
     head.put("name", "".join(c if c.isalnum() or c in "_-" else "_" for c in files.case.stem))
     replay = Section("replay")
     replay.put("methods", ["ins", "lc", "tc"])
@@ -184,6 +185,8 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
             "no beams were recorded: they are projected from the velocity, semi-synthetic",
         )
         section.put("file", file)
+        if dvl.found.table.remark:
+            section.say(dvl.found.table.remark)
         why = "; ".join(word for word in (dvl.found.times.why, dvl.offset_why) if word)
         section.put("clock", _clock(clock, dvl.offset_s), why, known=dvl.offset_known)
         section.put("velocity", [names[f"v{k}"] for k in range(3)])
@@ -278,6 +281,8 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
         columns = {name: attitude.rpy_rad[:, k] for k, name in enumerate(("roll", "pitch", "yaw"))}
     file, clock, names = files.table(found, "attitude", columns)
     section.put("file", file)
+    if found.table.remark:
+        section.say(found.table.remark)
     offset = attitude.offset
     section.put("clock", _clock(clock, offset.seconds), offset.why or found.times.why, known=offset.known)
     for part in ("roll", "pitch", "yaw"):
@@ -358,6 +363,8 @@ def _reference(parts: Parts, files: Files) -> list[Section]:
     if all(f"v{k}" in names for k in range(3)) and found.columns is None:
         section.put("velocity_body", [names[f"v{k}"] for k in range(3)])
     section.say(found.words)
+    if not found.found.table.independent:
+        section.put("note", f"{found.found.table.part}: {found.found.table.remark}")
     section.ask(
         "is it independent of these sensors? Errors below are measured against it; as [gps] it would aid"
     )

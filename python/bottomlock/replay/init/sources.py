@@ -1,4 +1,4 @@
-"""What the given files hold: the log of a DVL, and every other stream in tables and bags."""
+"""What the given files hold: the log of a DVL, and every other stream in tables, bags and logs of autopilots."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -7,16 +7,18 @@ from pathlib import Path
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io import ros, table
+from bottomlock.io import ardupilot, ros, table, tlog
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.columns import column_names
 from bottomlock.io.formats import format_of, read_recording
 from bottomlock.io.rows import Options
 from bottomlock.replay.init.any_table import AnyTable, read_any_table
+from bottomlock.replay.init.autopilot import autopilot_tables
 from bottomlock.replay.init.bag import bag_tables
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.found import Found, find_streams
 from bottomlock.replay.init.unnamed import named_by_content
+from bottomlock.support.nearest import did_you_mean
 
 
 @dataclass(eq=False)
@@ -27,12 +29,14 @@ class Sources:
         recording: of the DVL, with its path; None where the DVL is a velocity in a table.
         log: path of the DVL's log.
         streams: of all tables.
+        parts: names of the topics and messages of all logs.
         words: a line for each file: what it holds.
     """
 
     recording: Recording | None = None
     log: Path | None = None
     streams: list[Found] = field(default_factory=list)
+    parts: list[str] = field(default_factory=list)
     words: list[str] = field(default_factory=list)
 
     def of(self, *kinds: str) -> list[Found]:
@@ -40,11 +44,16 @@ class Sources:
         return [one for one in self.streams if one.kind in kinds]
 
 
-def read_sources(files: Sequence[Path]) -> Sources:
+def read_sources(files: Sequence[Path], without: Sequence[str] = ()) -> Sources:
     """Reads every file, and finds its streams.
 
+    Args:
+        files: logs, tables and bags.
+        without: topics of bags and messages of autopilots' logs that are left out.
+
     Raises:
-        DataError: for no file, one that cannot be read, and one without anything that a case could use.
+        DataError: for no file, one that cannot be read, and one without anything that a case could use; for a name in
+            `without` that no file holds.
     """
     if not files:
         raise DataError("no file is named: bottomlock replay --init FILE... looks at logs and tables")
@@ -52,11 +61,20 @@ def read_sources(files: Sequence[Path]) -> Sources:
     for path in files:
         name = format_of(path)
         if name == ros.NAME:
-            _bag(found, path)
+            _bag(found, path, without)
+        elif name in {ardupilot.NAME, tlog.NAME}:
+            tables, words = autopilot_tables(path, name)
+            _parts(found, path, tables, without)
+            found.words += [f"{path.name}: {one}" for one in words]
         elif name is not None and name != table.NAME:
             _log(found, path, name)
         else:
             _table(found, path, named_by_content(read_any_table(path)))
+    for one in without:
+        if one not in found.parts:
+            hint = did_you_mean(one, found.parts) or ","
+            held = ", ".join(found.parts) or "none"
+            raise DataError(f"--without is '{one}'{hint} expected a topic or message of the logs: {held}")
     return found
 
 
@@ -80,7 +98,7 @@ def _log(found: Sources, path: Path, name: str) -> None:
     _take(found, path, recording)
 
 
-def _bag(found: Sources, path: Path) -> None:
+def _bag(found: Sources, path: Path, without: Sequence[str]) -> None:
     tables = bag_tables(path)
     try:
         _take(found, path, read_recording(path, format=ros.NAME))
@@ -88,8 +106,15 @@ def _bag(found: Sources, path: Path) -> None:
         if not tables:
             raise
         found.words.append(str(error))
+    _parts(found, path, tables, without)
+
+
+def _parts(found: Sources, path: Path, tables: Sequence[AnyTable], without: Sequence[str]) -> None:
+    """Takes the tables of a log of several, but those that are left out."""
+    found.parts += [one.part for one in tables]
     for one in tables:
-        _table(found, path, one)
+        if one.part not in without:
+            _table(found, path, one)
 
 
 def _table(found: Sources, path: Path, one: AnyTable) -> None:
@@ -113,8 +138,9 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
             step_s = float(np.median(np.diff(streams[0].times.time_ns))) * 1e-9
             rate = f", {1.0 / step_s:.4g} Hz" if step_s > 0.0 else ""
         kinds = ", ".join(stream.kind for stream in streams)
-        where = f" {one.words}" if one.words.startswith("topic") else ""
+        where = f" {one.part}" if one.part else ""
         if one.words.startswith("no names"):
             rate += f"; {one.words}"
-        found.words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate})")
+        said = f"; {one.remark}" if one.remark else ""
+        found.words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate}){said}")
     found.streams += streams

@@ -113,6 +113,8 @@ _KEYS: dict[str, str] = {
     LAYERS: "own part of a layer of current, m/s",
     "thrust.slip_mps": "slip of the propeller, m/s",
     "thrust.noise_mps": "noise of the propeller's speed, m/s",
+    "effort.slip_mps": "slip of the speed by thrusters, m/s",
+    "effort.noise_n": "noise of a thrusters' force, N",
 }
 
 SWAY_KEYS: dict[str, str] = {

@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
+use bottomlock::aiding::effort::EffortModel;
 use bottomlock::aiding::outliers::{Robust, Tail};
 use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
+use bottomlock::aiding::sensor::Fraction;
 use bottomlock::aiding::thrust::{ThrustModel, ThrustUse};
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
@@ -13,8 +15,8 @@ use bottomlock::frames::{Rot, Vec3};
 use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, ThrustSample, VelocitySample,
-    WATER_TRACK, WaterSample,
+    AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, ThrustSample,
+    VelocitySample, WATER_TRACK, WaterSample,
 };
 use bottomlock::navigator::{Finding, LiveNavigator, Method, Notice, Standing};
 use nalgebra::Matrix3;
@@ -87,6 +89,11 @@ impl Case {
                 sensors[SensorKind::Thrust as usize].push(revolutions(&mut propeller, time_ns));
                 time_ns = later(&mut propeller, time_ns, 200 * MS);
             }
+            let mut time_ns = 0;
+            while time_ns <= last_ns {
+                sensors[SensorKind::Effort as usize].push(forces(&mut propeller, time_ns));
+                time_ns = later(&mut propeller, time_ns, 300 * MS);
+            }
         }
         let mut log: Vec<Event> = imu.iter().copied().map(Event::Imu).collect();
         log.extend(pings.iter().copied().map(Event::Beams));
@@ -101,6 +108,15 @@ impl Case {
             advance_sd_m: 0.01,
             slip_sd_mps: 0.02,
             ..ThrustModel::default()
+        };
+        model.sensors.effort = EffortModel {
+            mass_kg: [30.0; 3],
+            linear_drag_kgps: [20.0, 40.0, 0.0],
+            quadratic_drag_kgpm: [10.0, 0.0, 0.0],
+            speed_scale_sd: Fraction(0.1),
+            inertia_sd: Fraction(0.1),
+            slip_sd_mps: 0.02,
+            ..EffortModel::default()
         };
         Self {
             method,
@@ -225,6 +241,16 @@ fn revolutions(random: &mut ChaCha8Rng, time_ns: i64) -> Measurement {
         time_ns,
         revolutions_hz,
         sd_mps: 0.05,
+    }
+    .into()
+}
+
+fn forces(random: &mut ChaCha8Rng, time_ns: i64) -> Measurement {
+    let wild = if random.random_bool(0.15) { 30.0 } else { 1.0 };
+    EffortSample {
+        time_ns,
+        force_p_n: Vec3::new(40.0 + wild * normal(random), wild * normal(random), 0.0),
+        sd_n: 1.0,
     }
     .into()
 }

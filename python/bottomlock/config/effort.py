@@ -1,0 +1,71 @@
+"""Forces of thrusters, the speed through the water by the vehicle's drag: mass, drag and their errors."""
+
+from typing import Any, Literal, Self
+
+from pydantic import model_validator
+
+from bottomlock import units
+from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section, Vector
+from bottomlock.kernel import models
+
+
+class EffortErrors(Section):
+    """What a filter makes of the forces of thrusters: mass, drag, slip and noise, 1 sigma; surge, sway and heave each.
+
+    An axis without drag is not used. `corrects` is what a reading corrects: "velocity" leaves attitude and biases
+    alone.
+    """
+
+    mass_kg: Vector
+    linear_drag_kg_per_s: Vector = (0.0, 0.0, 0.0)
+    quadratic_drag_kg_per_m: Vector = (0.0, 0.0, 0.0)
+    buoyancy_n: Finite = 0.0
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    uncertainty_percent: NonNegative = 10.0
+    inertia_percent: NonNegative = 20.0
+    slip_mps: Positive = 0.02
+    slip_time_s: Positive = 5.0
+    noise_n: Positive = 1.0
+    corrects: Literal["velocity", "all"] = "velocity"
+
+    @model_validator(mode="after")
+    def _has_drag(self) -> Self:
+        for key in ("mass_kg", "linear_drag_kg_per_s", "quadratic_drag_kg_per_m"):
+            if min(getattr(self, key)) < 0.0:
+                raise ValueError(f"{key} is {getattr(self, key)}, expected numbers of 0 or more")
+        drags = zip(self.linear_drag_kg_per_s, self.quadratic_drag_kg_per_m, strict=True)
+        has_drag = [max(drag) > 0.0 for drag in drags]
+        if not any(has_drag):
+            raise ValueError(
+                "linear_drag_kg_per_s and quadratic_drag_kg_per_m are 0: an axis needs one of them"
+            )
+        for axis, mass, has in zip(("surge", "sway", "heave"), self.mass_kg, has_drag, strict=True):
+            if has and mass == 0.0:
+                raise ValueError(f"mass_kg of {axis} is 0, expected mass and added mass: the axis has drag")
+        return self
+
+    def kernel_model(self) -> models.EffortModel:
+        """The errors in SI."""
+        return models.EffortModel(
+            mass_kg=self.mass_kg,
+            linear_drag_kgps=self.linear_drag_kg_per_s,
+            quadratic_drag_kgpm=self.quadratic_drag_kg_per_m,
+            buoyancy_n=self.buoyancy_n,
+            speed_scale_sd=units.fraction_from_percent(self.uncertainty_percent),
+            inertia_sd=units.fraction_from_percent(self.inertia_percent),
+            slip_sd_mps=self.slip_mps,
+            slip_time_s=self.slip_time_s,
+            noise_sd_n=self.noise_n,
+        )
+
+    def kernel_options(self) -> dict[str, Any]:
+        """What it adds to the filter's options."""
+        return {"thrust": self.corrects, "effort_lever_p_m": self.lever_arm_m}
+
+
+def require_one_use(thrust: Any, effort: EffortErrors | None) -> None:  # noqa: ANN401 - the section of revolutions
+    """Raises ValueError where revolutions and forces are to correct different states: a filter has one use of both."""
+    if thrust is not None and effort is not None and thrust.corrects != effort.corrects:
+        raise ValueError(
+            f'thrust.corrects is "{thrust.corrects}" and effort.corrects "{effort.corrects}", expected the same'
+        )

@@ -1,0 +1,382 @@
+"""Streams of a MAVLink telemetry log (.tlog) of a ground station, by pymavlink (extra `mavlink`).
+
+Each record is the station's time, microseconds since 1970 as eight bytes, big end first, and a MAVLink packet, version
+1 or 2. Messages of one autopilot are put on its own clock, which is laid on the station's by the message that came with
+the least delay. Signatures are not checked.
+
+Sources: QGroundControl and MAVProxy, which write them; common.xml and ardupilotmega.xml.
+"""
+
+import re
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import DataError
+from bottomlock.io.account import Account
+from bottomlock.io.beam_table import Recording
+from bottomlock.io.log_stream import (
+    ESTIMATE,
+    UNTURNED,
+    LogStream,
+    LogStreams,
+    attitudes_of,
+    body_velocity,
+    check_any,
+    content,
+    velocities_recording,
+    velocity_of_displacements,
+)
+from bottomlock.io.progress import reporter
+from bottomlock.io.rows import PLAIN, Options
+from bottomlock.support.extras import install
+from bottomlock.units import STANDARD_GRAVITY_MPS2
+
+NAME = "mavlink-tlog"
+TIMES_ITS_SIZE = 14.0
+"""Memory that reading a log takes, over its size (measured: 12.4)."""
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_STAMP = 8
+_V1, _V2, _SIGNED = 0xFE, 0xFD, 1
+_EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000
+"""2000 and 2100: times of a log."""
+_BOOT_BEFORE_US = 100_000_000_000_000
+"""Three years: a smaller number counts from boot, a larger one from 1970."""
+_RESTART_US = 1_000_000
+_RECORD = re.compile(rb"\x00[\x03-\x0e].{6}[\xfd\xfe]", re.DOTALL)
+LEAST_IMU_HZ = 20.0
+"""Slower readings alias the motion that they are to be integrated over."""
+_MILLIGEE = (740.0, 1350.0)
+_FIX_3D, _NO_AUTOPILOT, _BODY_FRD = 3, 8, 12
+_EVERY = 1 << 22
+
+_Values = tuple[float, ...]
+_MG, _MRADPS = 1e-3 * STANDARD_GRAVITY_MPS2, 1e-3
+
+
+@dataclass(frozen=True)
+class _Message:
+    """A message as a stream: its time's field and factor to us, our columns, and their values; None leaves it out."""
+
+    time: tuple[str, int]
+    columns: tuple[str, ...]
+    values: Callable[[Any], _Values | None]
+    remark: str = ""
+
+
+_IMU = tuple(f"gyro_{a}_radps" for a in "xyz") + tuple(f"acc_{a}_mps2" for a in "xyz")
+_NED = ("velocity_north_mps", "velocity_east_mps", "velocity_down_mps")
+_BOOT, _USEC = ("time_boot_ms", 1000), ("time_usec", 1)
+_SENT = "positions that were sent to the autopilot: whose they are, the log does not say"
+
+
+def _scaled_imu(m: Any) -> _Values:  # noqa: ANN401 - the library's messages are not typed
+    gyro, acc = (m.xgyro, m.ygyro, m.zgyro), (m.xacc, m.yacc, m.zacc)
+    return (*(_MRADPS * w for w in gyro), *(_MG * f for f in acc))
+
+
+def _fixed(m: Any) -> _Values | None:  # noqa: ANN401
+    return (m.lat / 1e7, m.lon / 1e7, m.alt / 1e3) if m.fix_type >= _FIX_3D else None
+
+
+def _odometry(m: Any) -> _Values | None:  # noqa: ANN401
+    return (m.vx, m.vy, m.vz) if m.child_frame_id == _BODY_FRD else None
+
+
+_MESSAGES: dict[str, _Message] = {
+    "HIGHRES_IMU": _Message(_USEC, _IMU, lambda m: (m.xgyro, m.ygyro, m.zgyro, m.xacc, m.yacc, m.zacc)),
+    "RAW_IMU": _Message(_USEC, _IMU, _scaled_imu),
+    **{f"SCALED_IMU{k}": _Message(_BOOT, _IMU, _scaled_imu) for k in ("", "2", "3")},
+    "ATTITUDE": _Message(_BOOT, ("roll_rad", "pitch_rad", "yaw_rad"), lambda m: (m.roll, m.pitch, m.yaw), ESTIMATE),
+    "ATTITUDE_QUATERNION": _Message(_BOOT, ("q_w", "q_x", "q_y", "q_z"), lambda m: (m.q1, m.q2, m.q3, m.q4), ESTIMATE),
+    **{
+        f"SCALED_PRESSURE{k}": _Message(_BOOT, ("pressure_pa",), lambda m: (100.0 * m.press_abs,))
+        for k in ("", "2", "3")
+    },
+    **{
+        name: _Message(_USEC, ("latitude_deg", "longitude_deg", "height_m"), _fixed)
+        for name in ("GPS_RAW_INT", "GPS2_RAW")
+    },
+    "GLOBAL_POSITION_INT": _Message(
+        _BOOT, ("latitude_deg", "longitude_deg", "height_m", *_NED),
+        lambda m: (m.lat / 1e7, m.lon / 1e7, m.alt / 1e3, m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
+        if m.lat or m.lon else None,
+        ESTIMATE,
+    ),
+    "LOCAL_POSITION_NED": _Message(
+        _BOOT, ("north_m", "east_m", "down_m", *_NED), lambda m: (m.x, m.y, m.z, m.vx, m.vy, m.vz), ESTIMATE
+    ),
+    "VISION_POSITION_ESTIMATE": _Message(
+        ("usec", 1), ("north_m", "east_m", "down_m"), lambda m: (m.x, m.y, m.z), _SENT
+    ),
+    "GLOBAL_VISION_POSITION_ESTIMATE": _Message(
+        ("usec", 1), ("north_m", "east_m", "down_m"), lambda m: (m.x, m.y, m.z), _SENT
+    ),
+    "VISION_POSITION_DELTA": _Message(
+        _USEC, ("interval_s", "x_m", "y_m", "z_m", "confidence"),
+        lambda m: (m.time_delta_usec * 1e-6, *m.position_delta, m.confidence),
+    ),
+    "VISION_SPEED_ESTIMATE": _Message(("usec", 1), ("x_mps", "y_mps", "z_mps"), lambda m: (m.x, m.y, m.z)),
+    "ODOMETRY": _Message(_USEC, ("surge_mps", "sway_mps", "heave_mps"), _odometry),
+}  # fmt: skip
+
+
+@dataclass(eq=False)
+class _Read:
+    """What one system and component sent of one message: the station's and the sender's time, us, and the values."""
+
+    order: list[int] = field(default_factory=list)
+    stamp_us: list[int] = field(default_factory=list)
+    own_us: list[int] = field(default_factory=list)
+    values: list[_Values] = field(default_factory=list)
+
+
+_Source = tuple[int, int]
+
+
+def sniff_path(_: Path, head: bytes) -> bool:
+    """Whether the beginning of a file looks like this format: two records, or one that is whole."""
+    end = _end(head, 0)
+    return end is not None and (end >= len(head) or _end(head, end) is not None)
+
+
+def _end(data: bytes, at: int) -> int | None:
+    """Where a record that begins at a byte ends; None for none. It may be beyond the data."""
+    if (
+        at + _STAMP + 3 > len(data)
+        or not _EARLIEST_US < int.from_bytes(data[at : at + _STAMP], "big") < _LATEST_US
+    ):
+        return None
+    magic, length, flags = data[at + _STAMP : at + _STAMP + 3]
+    if magic == _V1:
+        return at + _STAMP + 8 + length
+    if magic == _V2 and flags in {0, _SIGNED}:
+        return at + _STAMP + 12 + length + 13 * flags
+    return None
+
+
+def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
+    """The velocities of a DVL in a log, which have no beams.
+
+    Raises:
+        DataError: without `instrument_only`, with what to record instead; for no velocity, or several.
+    """
+    return velocities_recording(streams(content(path, TIMES_ITS_SIZE), place), place, NAME, options)
+
+
+def streams(data: bytes, place: str) -> LogStreams:
+    """Every stream of a log that a replay can use.
+
+    Raises:
+        DataError: where pymavlink is not installed, for a log without a message that is used, or with two vehicles.
+    """
+    account = Account(unit="byte")
+    found, vehicles = _messages(data, account)
+    if not found:
+        lost = f", {account.lost} damaged parts" if account.lost else ""
+        raise DataError(f"{place}: holds no message of a sensor ({account.read} messages{lost})")
+    if len(vehicles) > 1:
+        systems = ", ".join(map(str, sorted(vehicles)))
+        raise DataError(
+            f"{place}: holds autopilots of the systems {systems}; expected one vehicle: write a log of one with "
+            "`mavlogdump.py --source-system` of pymavlink, or record each on its own"
+        )
+    log = LogStreams(
+        [], account, "the autopilot's, laid on the ground station's UTC by the least delayed message"
+    )
+    clocks = _clocks(found)
+    for (source, name), read_ in found.items():
+        message = _MESSAGES[name]
+        several = sum(other == name for _, other in found) > 1
+        label = f"{name} of {source[0]}/{source[1]}" if several else name
+        columns = dict(zip(message.columns, np.array(read_.values, dtype=np.float64).T, strict=True))
+        log.streams.append(
+            LogStream(label, clocks(source, read_), columns, message.remark, independent=not message.remark)
+        )
+    log.streams = [one for stream in log.streams if (one := _checked(stream, log.notes)) is not None]
+    log.streams.sort(key=_order)
+    log.streams = [one for stream in log.streams if (one := _of_dvl(stream, log)) is not None]
+    check_any(log, place)
+    if account.lost:
+        lost = ", ".join(
+            f"{one.count} {why} (first at byte {one.first})" for why, one in account.skipped.items()
+        )
+        log.notes.append(f"damaged parts are left out: {lost}")
+    return log
+
+
+def _dialect() -> Any:  # noqa: ANN401 - the library is not typed
+    """The library's messages, version 2.
+
+    Raises:
+        DataError: where it is not installed.
+    """
+    try:
+        from pymavlink.dialects.v20 import ardupilotmega  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise DataError(f"MAVLink logs need the library pymavlink: {install('mavlink')}") from error
+    return ardupilotmega
+
+
+def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], _Read], set[int]]:
+    """What each source sent of each message that is used, and the systems that have an autopilot."""
+    library = _dialect()
+    parser = library.MAVLink(None)
+    wanted = {getattr(library, f"MAVLINK_MSG_ID_{name}"): name for name in _MESSAGES}
+    heartbeat = library.MAVLINK_MSG_ID_HEARTBEAT
+    found: dict[tuple[_Source, str], _Read] = {}
+    vehicles: set[int] = set()
+    at, size, told, reached = 0, len(data), reporter(), _EVERY
+    while at < size:
+        end = _end(data, at)
+        if end is None or end > size:
+            again = _RECORD.search(data, at + 1)
+            if end is not None and again is None:
+                account.skip("breaks off within a message", at)
+            else:
+                account.skip("bytes of no message", at, data[at : at + 16])
+            at = size if again is None else again.start()
+            continue
+        packet = data[at + _STAMP : end]
+        account.read += 1
+        kind, source = _kind(packet)
+        if kind == heartbeat or kind in wanted:
+            try:
+                message = parser.decode(bytearray(packet))
+            except (library.MAVError, struct.error) as error:
+                account.skip("wrong checksum or length", at, str(error)[:60])
+                # Lost bytes move the end: the next record may have begun before it.
+                again = _RECORD.search(data, at + 1)
+                at = end if _end(data, end) is not None or again is None else again.start()
+                continue
+            if kind == heartbeat:
+                if message.autopilot != _NO_AUTOPILOT:
+                    vehicles.add(source[0])
+            else:
+                _take(
+                    found.setdefault((source, wanted[kind]), _Read()),
+                    account.read,
+                    data[at : at + _STAMP],
+                    message,
+                )
+        else:
+            account.pass_by("messages of other kinds", at)
+        at = end
+        if told is not None and at > reached:
+            told(at)
+            reached = at + _EVERY
+    return {key: one for key, one in found.items() if one.values}, vehicles
+
+
+def _kind(packet: bytes) -> tuple[int, _Source]:
+    """Number of the message, and system and component that sent it; their bytes stand before the checksum is known."""
+    if packet[0] == _V1:
+        return packet[5], (packet[3], packet[4])
+    return int.from_bytes(packet[7:10], "little"), (packet[5], packet[6])
+
+
+def _take(read_: _Read, order: int, stamp: bytes, message: Any) -> None:  # noqa: ANN401 - the library is not typed
+    spec = _MESSAGES[message.get_type()]
+    values = spec.values(message)
+    if values is None:
+        return
+    name, factor = spec.time
+    read_.order.append(order)
+    read_.stamp_us.append(int.from_bytes(stamp, "big"))
+    read_.own_us.append(min(int(getattr(message, name)) * factor, _LATEST_US))
+    read_.values.append(values)
+
+
+def _clocks(found: dict[tuple[_Source, str], _Read]) -> Callable[[_Source, _Read], Integers]:
+    """Makes the times of a source's messages: its own clock on that of the station, anew after each restart."""
+    offsets: dict[_Source, tuple[Integers, Integers]] = {}
+    for source in {source for source, _ in found}:
+        mine = [read_ for (of, _), read_ in found.items() if of == source and _since_boot(read_)]
+        if not mine:
+            continue
+        order, stamp, own = (
+            np.concatenate([np.array(getattr(one, name), dtype=np.int64) for one in mine])
+            for name in ("order", "stamp_us", "own_us")
+        )
+        chosen = np.argsort(order, kind="stable")
+        order, stamp, own = order[chosen], stamp[chosen], own[chosen]
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(own) < -_RESTART_US) + 1])
+        offsets[source] = order[starts], np.minimum.reduceat(stamp - own, starts)
+
+    def times(source: _Source, read_: _Read) -> Integers:
+        stamp, own = np.array(read_.stamp_us, dtype=np.int64), np.array(read_.own_us, dtype=np.int64)
+        if not _since_boot(read_):
+            # Since 1970, or none that runs: then the station's.
+            dated = (own > _EARLIEST_US).all() and (own < _LATEST_US).all() and len(np.unique(own)) > 1
+            return (own if dated else stamp) * 1000
+        first, offset = offsets[source]
+        part = np.searchsorted(first, np.array(read_.order), side="right") - 1
+        return np.asarray((own + offset[part]) * 1000)
+
+    return times
+
+
+def _since_boot(read_: _Read) -> bool:
+    """Whether the sender's time counts from its start, and runs."""
+    own = np.array(read_.own_us, dtype=np.int64)
+    return bool((own < _BOOT_BEFORE_US).all() and len(np.unique(own)) > max(1, len(own) // 2))
+
+
+def _order(stream: LogStream) -> tuple[bool, float]:
+    """Of several pressures the one that moves most is first: the other is that of the air in the hull."""
+    dvl = {"interval_s", "x_mps"} & stream.columns.keys()
+    return bool(dvl), -float(
+        np.ptp(stream.columns["pressure_pa"])
+    ) if "pressure_pa" in stream.columns else 0.0
+
+
+def _checked(stream: LogStream, notes: list[str]) -> LogStream | None:
+    """The stream; None for inertial readings that are too slow or in counts, and for positions that stand still."""
+    if "acc_x_mps2" in stream.columns:
+        step_s = float(np.median(np.diff(stream.time_ns))) * 1e-9 if len(stream.time_ns) > 1 else np.inf
+        if step_s * LEAST_IMU_HZ > 1.0:
+            notes.append(
+                f"{stream.name} comes at {1.0 / step_s:.3g} Hz, too slow to be integrated (expected {LEAST_IMU_HZ:g} "
+                "Hz or more), and is left out: the autopilot's own log (.BIN) has every reading"
+            )
+            return None
+        size = (
+            float(np.median(np.linalg.norm([stream.columns[f"acc_{a}_mps2"] for a in "xyz"], axis=0))) / _MG
+        )
+        if not _MILLIGEE[0] < size < _MILLIGEE[1]:
+            notes.append(
+                f"{stream.name} is left out: its acceleration has a median of {size:.4g} mg, expected gravity, 1000 "
+                "mg; are these raw counts?"
+            )
+            return None
+    if "north_m" in stream.columns and all(
+        np.ptp(stream.columns[part]) == 0.0 for part in ("north_m", "east_m")
+    ):
+        notes.append(f"{stream.name} never moves, and is left out")
+        return None
+    return stream
+
+
+def _of_dvl(stream: LogStream, log: LogStreams) -> LogStream | None:
+    """Velocities of a DVL from a displacement, or from a velocity of unknown axes; other streams as they are."""
+    columns = stream.columns
+    if "interval_s" in columns:
+        moved = np.stack([columns[f"{axis}_m"] for axis in "xyz"], axis=1)
+        return velocity_of_displacements(
+            stream.name, stream.time_ns, columns["interval_s"], moved, np.asarray(columns["confidence"] > 0.0)
+        )
+    if "x_mps" not in columns:
+        return stream
+    velocity = np.stack([columns[f"{axis}_mps"] for axis in "xyz"], axis=1)
+    imu = next((one for one in log.streams if "acc_x_mps2" in one.columns), None)
+    body = body_velocity(stream.name, stream.time_ns, velocity, attitudes_of(log.streams), imu)
+    if body is None:
+        log.notes.append(f"{stream.name} {UNTURNED}")
+    return body

@@ -1,0 +1,228 @@
+"""Forces of thrusters in a replay: dives in a current with the bottom hidden, the section's keys, the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.kernel.models import EffortModel
+from bottomlock.recordings.streams import Floats
+from bottomlock.replay.case import load_case
+from bottomlock.replay.reading import read_streams
+from bottomlock.replay.report import make_replay_report
+from bottomlock.replay.rerun import kernel_log, prepare
+from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.tune.parameters import noise_of
+from tests.replay.rov_dive import RovDive, rov_dive, write_csv
+from tests.replay.test_thrust_section import BARE, SEEDS
+from tests.replay.test_water_track import CURRENT, end_m, write
+
+MASS, LIGHT_N = np.array([20.0, 21.0, 32.0]), 2.4
+LINEAR, QUADRATIC = np.array([14.0, 5.0, 33.0]), np.array([141.0, 217.0, 190.0])
+SLIP_MPS, SLIP_TIME_S, NOISE_N = 0.02, 5.0, 1.0
+SECTION = """[effort]
+file = "thrusters.csv"
+clock = { column = "time" }
+force = ["x", "y", "z"]
+mass_kg = [20.0, 21.0, 32.0]
+linear_drag_kg_per_s = [14.0, 5.0, 33.0]
+quadratic_drag_kg_per_m = [141.0, 217.0, 190.0]
+buoyancy_n = 2.4
+"""
+CASE = BARE.replace("[reference]", f"{SECTION}[reference]")
+
+
+def forces_of(dive: RovDive, seed: int) -> tuple[Floats, Floats]:
+    """Times, s, and forces, N, that the true motion takes, axis by axis, with slip and noise of their own."""
+    t, rng = dive.imu_s, np.random.default_rng(seed)
+    turned = Rotation.from_euler("ZYX", np.unwrap(dive.rpy, axis=0)[:, ::-1])
+    u = dive.velocity - turned.inv().apply(CURRENT)
+    rate = np.gradient(np.unwrap(dive.rpy, axis=0), t, axis=0)
+    roll, pitch, _ = dive.rpy.T
+    # Angular rate of Euler angles (Groves 2013, Eq. 2.58).
+    omega = np.stack(
+        [
+            rate[:, 0] - np.sin(pitch) * rate[:, 2],
+            np.cos(roll) * rate[:, 1] + np.sin(roll) * np.cos(pitch) * rate[:, 2],
+            -np.sin(roll) * rate[:, 1] + np.cos(roll) * np.cos(pitch) * rate[:, 2],
+        ],
+        axis=1,
+    )
+    accelerating = MASS * np.gradient(u, t, axis=0) + np.cross(omega, MASS * u)
+    seconds = np.arange(0.55, t[-1] - 0.5, 0.5)
+    kept, count = np.exp(-0.5 / SLIP_TIME_S), len(seconds)
+    slip = SLIP_MPS * rng.normal(size=(count, 3))
+    for k in range(1, count):
+        slip[k] = kept * slip[k - 1] + np.sqrt(1.0 - kept**2) * slip[k]
+    by_thrusters = dive.at(seconds, u) - slip
+    drag = LINEAR * by_thrusters + QUADRATIC * np.abs(by_thrusters) * by_thrusters
+    down_p = turned.inv().apply([0.0, 0.0, 1.0])
+    held = dive.at(seconds, accelerating + LIGHT_N * down_p)
+    return seconds, drag + held + NOISE_N * rng.normal(size=(count, 3))
+
+
+def write_dive(folder: Path, dive: RovDive, text: str = CASE, seed: int = 1) -> Path:
+    """The tables of a dive with those of its thrusters; returns the case's path."""
+    path = write(folder, dive)
+    seconds, force_n = forces_of(dive, seed)
+    columns = {"time": seconds, **dict(zip("xyz", force_n.T, strict=True))}
+    write_csv(folder / "thrusters.csv", columns | {"still": 0.0 * seconds, "many": 1e4 * force_n[:, 0]})
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_dive(tmp_path_factory.mktemp("effort"), rov_dive(7, seconds=210.0))
+
+
+@pytest.fixture(scope="module")
+def replayed(case_file: Path) -> ReplayResult:
+    return replay_case(load_case(case_file))
+
+
+@pytest.fixture(scope="module")
+def ends_m(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
+    """(10,) errors of `tc`, m, after 140 s without the bottom, of ten dives."""
+    sections = {"without": "", "velocity": SECTION, "all": f'{SECTION}corrects = "all"\n'}
+    for name, factor in {"20 % too large": 1.2, "20 % too small": 0.8}.items():
+        wrong = [f"{(factor * law).tolist()}" for law in (LINEAR, QUADRATIC)]
+        sections[name] = SECTION.replace("[14.0, 5.0, 33.0]", wrong[0]).replace(
+            "[141.0, 217.0, 190.0]", wrong[1]
+        )
+    folder = tmp_path_factory.mktemp("dives")
+    errors: dict[str, list[float]] = {name: [] for name in sections}
+    for seed in SEEDS:
+        path = write_dive(folder, rov_dive(seed, seconds=210.0), seed=seed)
+        for name, section in sections.items():
+            text = BARE.replace('"tc", "sway_current"', '"tc"')
+            path.write_text(text.replace("[reference]", f"{section}[reference]"), encoding="utf-8")
+            errors[name].append(end_m(replay_case(load_case(path)), "hidden", "tc"))
+    return {name: np.array(of) for name, of in errors.items()}
+
+
+@pytest.mark.parametrize("wrong", ["20 % too large", "20 % too small"])
+def test_a_wrong_drag_is_no_worse_than_none(ends_m: dict[str, Floats], wrong: str) -> None:
+    """A tenth of the speed, one of its sigmas: the minute with the bottom corrects it."""
+    assert (ends_m[wrong] < ends_m["without"]).all()
+    assert np.median(ends_m[wrong]) == pytest.approx(np.median(ends_m["velocity"]), rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("name", "median", "greatest"),
+    [
+        ("without", 11.6, 17.2),
+        ("velocity", 2.7, 5.0),
+        ("all", 1.14, 1.92),
+        ("20 % too large", 2.6, 4.9),
+        ("20 % too small", 2.8, 5.0),
+    ],
+)
+def test_numbers_of_the_page(ends_m: dict[str, Floats], name: str, median: float, greatest: float) -> None:
+    """docs/howto/thrust.md."""
+    assert np.median(ends_m[name]) == pytest.approx(median, rel=0.05)
+    assert ends_m[name].max() == pytest.approx(greatest, rel=0.05)
+
+
+def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
+    """On the clock of the case; model and option are those of the keys."""
+    path = case_file.with_name("keys.toml")
+    keys = "uncertainty_percent = 5.0\ninertia_percent = 30.0\nslip_mps = 0.03\nslip_time_s = 8.0\nnoise_n = 2.0\n"
+    keys += 'lever_arm_m = [0.1, 0.0, -0.2]\ncorrects = "all"\n'
+    section = (SECTION + keys).replace('{ column = "time" }', '{ column = "time", offset_s = 2.5 }')
+    path.write_text(CASE.replace(SECTION, section), encoding="utf-8")
+    case = load_case(path)
+    streams = read_streams(case)
+    seconds, force_n = forces_of(rov_dive(7, seconds=210.0), 1)
+    assert streams.forces is not None
+    np.testing.assert_allclose(streams.forces.force_p_n, force_n, atol=1e-8)
+    np.testing.assert_allclose(streams.forces.time_ns * 1e-9, seconds + 2.5, atol=1e-9)
+    prepared = prepare(case, streams, 0)
+    log = kernel_log(case, prepared, streams.beams.valid[prepared.pings])
+    end = int(np.searchsorted(streams.forces.time_ns, log["imu_time_ns"][-1] + 1))
+    np.testing.assert_array_equal(log["effort_time_ns"], streams.forces.time_ns[:end])
+    np.testing.assert_array_equal(log["effort_force_p_n"], streams.forces.force_p_n[:end])
+    assert prepared.model.effort == EffortModel(
+        mass_kg=tuple(MASS),
+        linear_drag_kgps=tuple(LINEAR),
+        quadratic_drag_kgpm=tuple(QUADRATIC),
+        buoyancy_n=2.4,
+        speed_scale_sd=0.05,
+        inertia_sd=0.3,
+        slip_sd_mps=0.03,
+        slip_time_s=8.0,
+        noise_sd_n=2.0,
+    )
+    assert prepared.options.thrust == "all"
+    assert tuple(prepared.options.effort_lever_p_m) == (0.1, 0.0, -0.2)
+
+
+def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
+    """How the forces fit each method, of three rows a reading, and the current."""
+    rows = {row[0]: row[1:] for row in replayed.manifest["effort"]["fixes"]["recorded"]}
+    assert set(rows) == {"`tc`", "`sway_current`"}
+    readings, beyond, nis, degrees = rows["`tc`"]
+    count = 3 * len(forces_of(rov_dive(7, seconds=210.0), 1)[0])
+    assert int(readings) == count
+    assert float(degrees) == 1.0
+    assert int(beyond) < 0.02 * count
+    # The acceleration is a tenth of a second old: 1.16 seen, where chi-squared of as many rows is within 0.16.
+    assert abs(float(nis) - 1.0) < 0.2
+    assert set(replayed.currents["method"]) == {"tc", "sway_current"}
+    write_replay(replayed, tmp_path / "out")
+    page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
+    assert "Forces along each axis as the filters used them" in page
+
+
+def test_revolutions_and_forces_have_one_use(case_file: Path) -> None:
+    path = case_file.with_name("both.toml")
+    thrust = '[thrust]\nfile = "thrusters.csv"\nclock = { column = "time" }\ncolumn = "x"\nunit = "Hz"\n'
+    thrust += "advance_m = 0.1\n"
+    path.write_text(CASE.replace("[effort]", f'{thrust}corrects = "all"\n[effort]'), encoding="utf-8")
+    with pytest.raises(
+        ScenarioError, match=r'thrust\.corrects is "all" and effort\.corrects "velocity", expected the same'
+    ):
+        load_case(path)
+    path.write_text(CASE.replace("[effort]", f"{thrust}[effort]"), encoding="utf-8")
+    assert load_case(path).thrust is not None
+
+
+def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> None:
+    case = load_case(case_file)
+    found = {
+        one.key: one.start for one in noise_of(case, read_streams(case)) if one.key.startswith("effort.")
+    }
+    assert found == {"effort.slip_mps": 0.02, "effort.noise_n": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('force = ["x", "y", "z"]', 'force = ["x", "y"]', r"effort\.force"),
+        ('force = ["x", "y", "z"]', 'force = ["x", "y", "zed"]', "zed"),
+        ('force = ["x", "y", "z"]', 'force = ["still", "still", "still"]', "are 0 in every row"),
+        ('force = ["x", "y", "z"]', 'force = ["many", "y", "z"]', "check the unit of the forces"),
+        ("mass_kg = [20.0, 21.0, 32.0]", "mass_kg = [20.0, 0.0, 32.0]", "mass_kg of sway is 0"),
+        ("mass_kg = [20.0, 21.0, 32.0]", "", r"effort\.mass_kg"),
+        ("[14.0, 5.0, 33.0]", "[-14.0, 5.0, 33.0]", "expected numbers of 0 or more"),
+        ("buoyancy_n = 2.4", "buoyancy_kg = 2.4", "buoyancy_kg"),
+        (
+            "[14.0, 5.0, 33.0]\nquadratic_drag_kg_per_m = [141.0, 217.0, 190.0]",
+            "[0.0, 0.0, 0.0]",
+            "an axis needs one of them",
+        ),
+    ],
+)
+def test_mistakes_are_named(case_file: Path, tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in CASE
+    path = tmp_path / "case.toml"
+    for file in case_file.parent.iterdir():
+        if file.suffix in (".csv", ".parquet"):
+            (tmp_path / file.name).symlink_to(file)
+    path.write_text(CASE.replace(old, new), encoding="utf-8")
+    with pytest.raises((DataError, ScenarioError), match=words):
+        read_streams(load_case(path))
