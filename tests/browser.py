@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -69,6 +70,7 @@ class Browser:
         os.close(theirs_out)
         self._unread, self._sent, self._session = b"", 0, ""
         self._events: list[str] = []
+        self._asked: list[str] = []
         target = self._call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self._call("Page.enable")
@@ -113,9 +115,44 @@ class Browser:
             raise ValueError(done["exceptionDetails"])
         return done["result"].get("value")
 
+    def wait(self, script: str) -> None:
+        """Returns once an expression of JavaScript is true.
+
+        Raises:
+            TimeoutError: after 30 s.
+        """
+        for _ in range(600):
+            if self.value(script):
+                return
+            time.sleep(0.05)
+        raise TimeoutError(script)
+
+    def mouse(self, *places: tuple[float, float], held: bool = False) -> None:
+        """Moves the pointer through places of the window, CSS pixels; its button is held from the first to the last."""
+        buttons = {"button": "left", "buttons": 1, "clickCount": 1} if held else {}
+        self._pointer("mouseMoved", places[0])
+        if held:
+            self._pointer("mousePressed", places[0], **buttons)
+        for place in places[1:]:
+            self._pointer("mouseMoved", place, **buttons)
+        if held:
+            self._pointer("mouseReleased", places[-1], button="left", clickCount=1)
+
+    def _pointer(self, kind: str, place: tuple[float, float], **more: Any) -> None:  # noqa: ANN401 - any JSON value
+        self._call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], **more)
+
+    def scripts(self, *, allowed: bool) -> None:
+        """Whether the pages that are opened from now on may run scripts."""
+        self._call("Emulation.setScriptExecutionDisabled", value=not allowed)
+
+    def requests(self) -> list[str]:
+        """Begins to keep the addresses that pages ask for; the list grows."""
+        self._call("Network.enable")
+        return self._asked
+
     def press(self, key: str) -> None:
         """Presses and releases a key that writes nothing, such as Tab or Enter."""
-        code = {"Tab": 9, "Enter": 13}[key]
+        code = {"Tab": 9, "Enter": 13, "ArrowLeft": 37, "ArrowRight": 39}[key]
         for kind in ("keyDown", "keyUp"):
             text = {"text": "\r"} if key == "Enter" and kind == "keyDown" else {}
             self._call(
@@ -162,6 +199,8 @@ class Browser:
             self._unread += part
         message, self._unread = self._unread.split(b"\0", 1)
         answer: dict[str, Any] = json.loads(message)
+        if answer.get("method") == "Network.requestWillBeSent":
+            self._asked.append(answer["params"]["request"]["url"])
         return answer
 
 

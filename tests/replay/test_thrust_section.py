@@ -14,7 +14,7 @@ from bottomlock.kernel.models import ThrustModel
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.report import drawings, make_replay_report, read_replay
+from bottomlock.replay.report import dive_of, drawings, make_replay_report, read_replay
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.replay.tune.parameters import noise_of, with_values
@@ -177,7 +177,7 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     tables = read_replay(tmp_path / "out")
     assert tables.currents is not None
     assert set(tables.currents["method"]) == {"tc", "sway_current"}
-    assert {"current_recorded", "current_hidden"} <= {one.name for one in drawings(tables)}
+    assert {"current_recorded", "current_hidden"} <= {one.name for one in drawings(tables, dive_of(tables))}
     page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
     assert "Revolutions as the filters used them" in page
     assert "Beams of the water" not in page

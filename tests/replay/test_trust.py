@@ -15,12 +15,13 @@ from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
-from bottomlock.replay.figures import map_figure
+from bottomlock.replay.dive_plots import framed, tracks_of
 from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
 from bottomlock.replay.findings.expected_nis import least_ratio, weight
 from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, answer_of
 from bottomlock.replay.findings.verdict import WRONG, Innovations, verdict_finding
+from bottomlock.replay.map_figure import ELLIPSES, map_figure
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.statistics.chi_squared import CONSISTENT
@@ -209,12 +210,13 @@ def test_the_page_begins_with_the_answer(replayed: ReplayResult, tmp_path: Path)
 def test_ellipses_are_two_sigma_and_none_hides_the_map() -> None:
     frame = tracks(1, 0.0).with_columns(run=pl.lit(0), time_ns=pl.Series(range(600)).cast(pl.Int64))
     frame = frame.with_columns(north_m=pl.int_range(600).cast(pl.Float64))
-    drawn = map_figure(frame, None, methods=["tc", METHOD], title="", claims=["tc"])
-    ellipses = [one for one in drawn.axes[0].patches if isinstance(one, Ellipse)]
-    assert len(ellipses) == 4
-    assert {(one.width, one.height) for one in ellipses} == {(8.0, 8.0)}
-    wide = frame.with_columns(sd_position_east_m=pl.lit(1e6))
-    assert not map_figure(wide, None, methods=["tc", METHOD], title="", claims=["tc"]).axes[0].patches
+    for sd_m, widths in ((None, {8.0}), (1e6, set())):
+        samples = frame if sd_m is None else frame.with_columns(sd_position_east_m=pl.lit(sd_m))
+        ways = tracks_of(samples, ["tc", METHOD])
+        drawn = map_figure(ways, {}, None, framed(ways, None, "tc"), title="", claims=["tc"])
+        ellipses = [one for one in drawn.axes[0].patches if isinstance(one, Ellipse)]
+        assert len(ellipses) == (ELLIPSES if widths else 0)
+        assert {one.width for one in ellipses} == {one.height for one in ellipses} == widths
 
 
 def test_the_heading_at_the_start_is_told_where_the_log_was_smoothed(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from bottomlock.io.water_table import WaterTable
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.report import drawings, make_replay_report, read_replay
+from bottomlock.replay.report import dive_of, drawings, make_replay_report, read_replay
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.replay.tune.parameters import noise_of
@@ -212,7 +212,7 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     tables = read_replay(tmp_path)
     assert tables.currents is not None
     assert tables.currents.equals(replayed.currents)
-    assert {"current_recorded", "current_hidden"} <= {one.name for one in drawings(tables)}
+    assert {"current_recorded", "current_hidden"} <= {one.name for one in drawings(tables, dive_of(tables))}
     page = make_replay_report(tmp_path).read_text(encoding="utf-8")
     assert "Water track" in page
     assert replayed.manifest["water_track"]["cells"] in page

@@ -1,6 +1,6 @@
 """Output of an audit: tables, figures and one page."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,14 +9,17 @@ from matplotlib.figure import Figure
 
 from bottomlock.audit import figures
 from bottomlock.audit.findings import findings_table
+from bottomlock.audit.plots import plots_of
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
+from bottomlock.pages.explained import explained
 from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
-from bottomlock.pages.page import Page, Part, Picture, Table, html
+from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Table, html
 from bottomlock.pages.pieces import json_part
+from bottomlock.pages.plots import Plots
 
 CAPTIONS = {
     "closure": "Closure of the full pings, and a Gaussian of its robust sigma.",
@@ -92,25 +95,31 @@ def audit_files(audit: Audit) -> Files:
         "beams.parquet": parquet_bytes(beams_table(audit)),
         "closure.parquet": parquet_bytes(closure_table(audit)),
     }
-    pictures = []
+    pictures = {}
     for name, figure in drawings(audit).items():
         files |= {f"{name}.png": png_bytes(figure), f"{name}.svg": svg_text(figure)}
         kind = "" if name in HALF else "wide"
-        pictures.append(Picture.of(figure, f"audit_{name}", CAPTIONS[name], kind=kind))
-    return files | {"audit.html": html(page_of(audit, content, pictures))}
+        pictures[name] = Picture.of(figure, f"audit_{name}", CAPTIONS[name], kind=kind)
+    return files | {"audit.html": html(explained(page_of(audit, content, pictures, plots_of(audit))))}
 
 
-def page_of(audit: Audit, numbers: dict[str, Any], pictures: Sequence[Picture] = ()) -> Page:
+def page_of(
+    audit: Audit,
+    numbers: dict[str, Any],
+    pictures: Mapping[str, Picture] | None = None,
+    plots: Plots | None = None,
+) -> Page:
     """An audit laid out: findings, figures, what was estimated.
 
     Args:
         audit: result.
         numbers: `numbers_of(audit)`.
-        pictures: its figures.
+        pictures: its figures, by name.
+        plots: what the reader can look into.
     """
     parts = [
         findings_part([finding.to_json() for finding in audit.findings]),
-        *([Part("figures", "Figures", pictures)] if pictures else []),
+        *([Part("figures", "Figures", _figures(pictures, plots))] if pictures else []),
         *([_beams_part(audit)] if numbers["matrix"] else []),
         *([_closure_part(numbers["closure"])] if numbers["closure"] else []),
         *([_mounting_part(audit, numbers["mounting"])] if numbers["mounting"] else []),
@@ -118,6 +127,18 @@ def page_of(audit: Audit, numbers: dict[str, Any], pictures: Sequence[Picture] =
     ]
     parts.append(json_part("numbers", "All numbers", "audit.json", numbers))
     return Page("Audit of the DVL", [], parts, "bottomlock", about=_counts(audit))
+
+
+IN_TIME = ("residuals", "validity")
+"""Figures that the curves show too."""
+
+
+def _figures(pictures: Mapping[str, Picture], plots: Plots | None) -> list[Block]:
+    """The figures, and in place of those in time the curves where scripts run."""
+    if plots is None:
+        return list(pictures.values())
+    still = [pictures[name] for name in IN_TIME if name in pictures]
+    return [*(one for name, one in pictures.items() if name not in IN_TIME), Looked(plots, still)]
 
 
 def _counts(audit: Audit) -> str:

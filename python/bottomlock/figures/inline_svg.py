@@ -45,7 +45,17 @@ def inline_svg(svg: str, name: str, words: str) -> str:
     glyphs = {one: f"{name}-{one}" for one in uses if "DejaVu" in one}
     box = f' viewBox="{top.attrib["viewBox"]}"' if "viewBox" in top.attrib else ""
     inside = "".join(part for child in top for part in _written(child, ids | glyphs))
-    return f'<svg role="img" aria-label="{escape(words)}"{box}>{inside}</svg>'
+    width = _natural_width(top.attrib.get("width", ""))
+    return f'<svg role="img" aria-label="{escape(words)}"{width}{box}>{inside}</svg>'
+
+
+def _natural_width(said: str) -> str:
+    """The width in CSS pixels, so that a figure is shown at the size at which its letters are.
+
+    >>> _natural_width("403.2pt"), _natural_width("")
+    (' width="538"', '')
+    """
+    return f' width="{round(float(said.removesuffix("pt")) * 4.0 / 3.0)}"' if said.endswith("pt") else ""
 
 
 def _written(element: ET.Element, ids: dict[str, str]) -> Iterator[str]:

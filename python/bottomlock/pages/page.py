@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import STROKES, svg_text
 from bottomlock.files.atomic_write import write_text
+from bottomlock.pages.plots import Plots
 from bottomlock.pages.render import method, render
 
 VERDICTS = ("consistent", "overconfident", "conservative", "fault", "warning", "note")
@@ -111,7 +112,33 @@ class Folded:
     printed: bool = True
 
 
-Block = str | Picture | Table | Terms | Folded
+@dataclass(frozen=True)
+class Looked:
+    """Plots that a reader looks into where the page's script runs, and the figures that stand for them elsewhere.
+
+    Attributes:
+        plots: for the script. A page has at most one of these blocks.
+        still: the same on paper and without scripts.
+    """
+
+    plots: Plots
+    still: Sequence[Picture]
+
+    @property
+    def hint(self) -> str:
+        """How to look, for those who can."""
+        return _HINT.format(map=" and map" if self.plots.has_map else "", parts=self.plots.buckets)
+
+
+_HINT = (
+    "Drag over a plot to zoom into the time, double-click for all; with Ctrl the wheel zooms plots{map}. From the "
+    "keyboard: Tab to a plot, ← → move the cursor (with Shift faster), + − zoom, 0 shows all. Of each of {parts} equal "
+    "parts of the time a curve keeps its least and greatest value, so no extreme is lost; what lies between is in the "
+    "tables."
+)
+
+
+Block = str | Picture | Table | Terms | Folded | Looked
 """A string is a paragraph, a list, a smaller heading or lines of code."""
 
 
@@ -169,6 +196,7 @@ def html(page: Page) -> str:
         "line": _line,
         "kind": kind_of,
         "plain": plain_text,
+        "looked": any(isinstance(block, Looked) for part in page.parts for block in part.blocks),
     }
     return render(content)
 

@@ -1,5 +1,8 @@
 """The one template, and how a method looks within it."""
 
+import re
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 import jinja2
@@ -15,6 +18,31 @@ def method(name: str) -> Markup:
     return Markup(f'<span class="method" title="{words}">{look}{escape(name)}</span>')  # noqa: S704 - numbers, colours
 
 
+def compact_css(sheet: str) -> str:
+    """A stylesheet without comments and needless blanks.
+
+    >>> compact_css("a:hover { color: red; } /* none */ @media (x) and (y) { b > c { d: 0 1px } }")
+    'a:hover{color: red}@media (x) and (y){b>c{d: 0 1px}}'
+    """
+    bare = re.sub(r"\s+", " ", re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL))
+    return re.sub(r" ?([{};,>]) ?", r"\1", bare).replace(";}", "}").strip()
+
+
+@cache
+def _file(name: str) -> str:
+    return files("bottomlock.pages").joinpath(name).read_text(encoding="utf-8")
+
+
+def sheet(name: str) -> Markup:
+    """A stylesheet of the package."""
+    return Markup(compact_css(_file(name)))  # noqa: S704 - our own
+
+
+def script(name: str) -> Markup:
+    """A script or licence of the package as it is."""
+    return Markup(_file(name))  # noqa: S704 - our own
+
+
 def render(content: dict[str, Any]) -> str:
     """The template with its content, as text; what its figures have in common stands in it once."""
     environment = jinja2.Environment(
@@ -25,4 +53,5 @@ def render(content: dict[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    return share_svg(environment.get_template("page.html.j2").render(content))
+    template = environment.get_template("page.html.j2")
+    return share_svg(template.render(content | {"sheet": sheet, "script": script, "markup": Markup}))

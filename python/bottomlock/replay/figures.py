@@ -1,14 +1,14 @@
-"""Figures of a replay: map, errors with their standard deviations, innovations, NIS, valid beams."""
+"""Figures of a replay: errors with their standard deviations, innovations, NIS, valid beams."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
@@ -21,14 +21,15 @@ from bottomlock.figures.palette import (
     STYLE,
     WIDTH_IN,
     draw_order,
-    marks,
     new_figure,
     stroke,
 )
-from bottomlock.tables.replay import FORWARD, SMOOTHED
+from bottomlock.figures.series import scattered_rows, thinned_rows
+from bottomlock.tables.replay import FORWARD
 
 Floats = NDArray[np.float64]
-_BEAMS = tuple(
+Times = NDArray[np.int64]
+BEAM_COLOURS = tuple(
     STROKES[method].colour for method in ("tc", "consistent", "nsv", "elc", "ins", "weak_sway", "vhv", "plcf")
 )
 _QUANTITIES = (
@@ -36,93 +37,20 @@ _QUANTITIES = (
     ("velocity", "mps", "velocity, m/s"),
     ("attitude", "deg", "attitude, degrees"),
 )
+PARTS = 300
+"""Parts of the time of each of which a curve shows its least and greatest value: about the pixels of a panel."""
 ORDERS = 6.0
 """Most decades of an error axis: an error that starts at 0 would stretch a logarithmic axis without limit."""
 
 
+def _thinned(method: tuple[str, ...], time_s: Floats, value: Floats) -> Line:
+    """A curve of methods without the points that its panel cannot show."""
+    rows = thinned_rows(np.rint(time_s * 1e9).astype(np.int64), [value], PARTS)
+    return Line(method, time_s[rows], value[rows])
+
+
 def _left_title(figure: Figure, title: str) -> None:
     figure.text(0.012, 0.992, title, ha="left", va="top", fontsize=10.0, color=INK)
-
-
-def map_figure(
-    samples: pl.DataFrame,
-    path: pl.DataFrame | None,
-    *,
-    methods: Sequence[str],
-    title: str,
-    claims: Sequence[str] = (),
-) -> Figure:
-    """Plan view of the methods in one what-if case (first run), dotted where smoothed, and of the reference.
-
-    Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of one what-if case.
-        path: `tables.replay.PATH`, or None.
-        methods: which to draw.
-        title: text above the figure.
-        claims: methods whose 2 sigma of north and east are drawn as ellipses along the way.
-    """
-    first = samples.filter(pl.col("run") == samples["run"].min())
-    with mpl.rc_context(STYLE):
-        figure = new_figure(height_in=4.6)
-        axes = figure.add_axes((0.125, 0.11, 0.635, 0.79))
-        if path is not None:
-            span = path.filter(pl.col("time_ns").is_between(first["time_ns"].min(), first["time_ns"].max()))
-            axes.plot(span["east_m"], span["north_m"], color=FAINT, linewidth=4.0, alpha=0.45, zorder=1)
-        ends = {}
-        for number, method in enumerate(draw_order(list(methods))):
-            for name, width, alpha in ((FORWARD, 1.3, 0.95), (SMOOTHED, 1.0, 0.55)):
-                rows = first.filter((pl.col("method") == method) & (pl.col("pass") == name))
-                if not rows.height:
-                    continue
-                look = marks(method, rows.height, number / len(methods))
-                if name != FORWARD:
-                    look = {"color": look["color"], "linestyle": (0, (1.5, 1.2))}
-                axes.plot(rows["east_m"], rows["north_m"], linewidth=width, alpha=alpha, **look)
-                if name == FORWARD:
-                    ends[method] = (rows["east_m"].to_numpy(), rows["north_m"].to_numpy())
-                if name == FORWARD and method in claims:
-                    _ellipses(axes, rows, stroke(method).colour)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.margins(0.06)
-        start = first.row(0, named=True)
-        axes.plot(start["east_m"], start["north_m"], "o", color=INK, markersize=5.0, zorder=5)
-        axes.annotate(
-            "start",
-            (start["east_m"], start["north_m"]),
-            xytext=(6, 6),
-            textcoords="offset points",
-            fontsize=9.0,
-        )
-        axes.set_xlabel("east, m")
-        axes.set_ylabel("north, m")
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(MaxNLocator(6))
-        groups = coincident(
-            {method: np.concatenate(path_m) for method, path_m in ends.items()}, tolerance=2e-3
-        )
-        label_ends(axes, [Line(group, *ends[group[0]]) for group in groups])
-        _left_title(figure, title)
-    return figure
-
-
-ELLIPSES = 4
-"""Along a track, the last of them at its end."""
-LARGEST = 3.0
-"""Extent of a track over which its ellipses are left away: they would hide what is drawn."""
-
-
-def _ellipses(axes: Axes, rows: pl.DataFrame, colour: str) -> None:
-    """2 sigma of north and east at places evenly spread over the time."""
-    place = rows.select("east_m", "north_m").to_numpy()
-    sd = rows.select("sd_position_east_m", "sd_position_north_m").to_numpy()
-    extent = max(float(np.ptp(place, axis=0).max()), 1.0)
-    for row in np.linspace(0, rows.height - 1, ELLIPSES + 1).round().astype(int)[1:]:
-        if not 0.0 < 2.0 * sd[row].max() < LARGEST * extent:
-            continue
-        width, height = 4.0 * sd[row]
-        axes.add_patch(
-            Ellipse(place[row], width, height, edgecolor=colour, facecolor="none", linewidth=0.9, alpha=0.8)
-        )
 
 
 def error_figure(
@@ -175,8 +103,9 @@ def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str
     lines = []
     for group in coincident(rms, tolerance=1e-2):
         look = stroke(group[0])
-        axes.plot(time_s, sd[group[0]], color=look.colour, linewidth=0.9, linestyle=(0, (1, 1.6)))
-        lines.append(Line(group, time_s, rms[group[0]]))
+        claimed = _thinned(group, time_s, sd[group[0]])
+        axes.plot(claimed.x, claimed.y, color=look.colour, linewidth=0.9, linestyle=(0, (1, 1.6)))
+        lines.append(_thinned(group, time_s, rms[group[0]]))
     draw_lines(axes, lines, width=1.3)
     label_ends(axes, lines)
 
@@ -223,11 +152,22 @@ def current_figure(currents: pl.DataFrame, start_ns: int, *, methods: Sequence[s
     return figure
 
 
+_DOT: Any = {"linestyle": "", "marker": ".", "markersize": 2.5}
+_RING: Any = {
+    "linestyle": "",
+    "marker": "o",
+    "markersize": 3.0,
+    "markerfacecolor": "none",
+    "markeredgewidth": 0.7,
+}
+
+
 def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, title: str) -> Figure:
     """Innovations of the beams of one method (first run) with their ±2 sigma; rejected pings are hollow."""
     rows = innovations.filter((pl.col("method") == method) & (pl.col("run") == innovations["run"].min()))
     beams = sum(name.endswith("_innovation_mps") for name in rows.columns)
-    time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
+    times_ns = rows["time_ns"].to_numpy()
+    time_s = (times_ns - start_ns) * 1e-9
     accepted = (rows["status"] != "rejected").to_numpy()
     with mpl.rc_context(STYLE):
         height = 0.8 + 0.95 * beams
@@ -240,18 +180,16 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, 
         for k, axes in enumerate(panels):
             value = rows[f"beam{k + 1}_innovation_mps"].fill_null(np.nan).to_numpy()
             sd = rows[f"beam{k + 1}_innovation_sd_mps"].fill_null(np.nan).to_numpy()
-            axes.fill_between(time_s, -2.0 * sd, 2.0 * sd, color=FAINT, alpha=0.3, linewidth=0.0)
-            colour = _BEAMS[k % len(_BEAMS)]
-            axes.plot(time_s[accepted], value[accepted], ".", markersize=2.5, color=colour)
-            axes.plot(
-                time_s[~accepted],
-                value[~accepted],
-                "o",
-                markersize=3.0,
-                markerfacecolor="none",
-                markeredgewidth=0.7,
-                color=colour,
+            kept = thinned_rows(times_ns, [sd], PARTS)
+            axes.fill_between(
+                time_s[kept], -2.0 * sd[kept], 2.0 * sd[kept], color=FAINT, alpha=0.3, linewidth=0.0
             )
+            colour = BEAM_COLOURS[k % len(BEAM_COLOURS)]
+            for which, look in ((accepted, _DOT), (~accepted, _RING)):
+                there = np.flatnonzero(which & np.isfinite(value))
+                if there.size:
+                    kept = there[scattered_rows(times_ns[there], value[there], PARTS)]
+                    axes.plot(time_s[kept], value[kept], color=colour, **look)
             axes.text(0.008, 0.93, f"beam {k + 1}", transform=axes.transAxes, va="top", fontsize=9.0)
             sizes = np.abs(np.concatenate([value, 2.0 * sd]))
             spans.append(float(np.nanpercentile(sizes, 99.0)) if np.isfinite(sizes).any() else 0.0)
@@ -269,13 +207,36 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, 
     return figure
 
 
+WINDOW = 30
+"""Pings over which NIS is averaged."""
+
+
+def nis_ratios(fixes: pl.DataFrame) -> tuple[Times, Floats] | None:
+    """Times and NIS over its degrees, sliding mean over `WINDOW` of a method's fixes; None for fewer than two windows.
+
+    Args:
+        fixes: `tables.replay.innovations_schema` of one method, those that have a NIS.
+    """
+    if fixes.height < 2 * WINDOW:
+        return None
+    ratio = (fixes["nis"] / fixes["degrees"]).to_numpy()
+    mean = np.convolve(ratio, np.full(WINDOW, 1.0 / WINDOW), mode="valid")
+    return fixes["time_ns"].to_numpy()[WINDOW - 1 :], np.asarray(mean, dtype=np.float64)
+
+
+def nis_band(fixes: pl.DataFrame, least_ratio: float) -> tuple[float, float]:
+    """The 95 % band of that mean for a consistent filter; its lower end is of noise as claimed under heavy tails."""
+    degrees = WINDOW * float(fixes["degrees"].to_numpy().mean())
+    low, high = chi2.ppf([0.025, 0.975], degrees) / degrees
+    return least_ratio * float(low), float(high)
+
+
 def nis_figure(
     innovations: pl.DataFrame,
     start_ns: int,
     *,
     methods: Sequence[str],
     title: str,
-    window: int = 30,
     least_ratio: float = 1.0,
 ) -> Figure:
     """NIS over its degrees of freedom, sliding mean over pings (first run), with the 95 % band of that mean.
@@ -285,17 +246,16 @@ def nis_figure(
     first = innovations.filter(pl.col("run") == innovations["run"].min())
     lines: dict[str, Floats] = {}
     times: dict[str, Floats] = {}
-    degrees = 1.0
+    low, high = 0.0, 0.0
     for method in draw_order(list(methods)):
         rows = first.filter(
             (pl.col("method") == method) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0)
         )
-        if rows.height < 2 * window:
+        ratios = nis_ratios(rows)
+        if ratios is None:
             continue
-        ratio = (rows["nis"] / rows["degrees"]).to_numpy()
-        lines[method] = np.convolve(ratio, np.full(window, 1.0 / window), mode="valid")
-        times[method] = (rows["time_ns"].to_numpy()[window - 1 :] - start_ns) * 1e-9
-        degrees = float(rows["degrees"].to_numpy().mean())
+        times[method], lines[method] = np.asarray((ratios[0] - start_ns) * 1e-9, dtype=np.float64), ratios[1]
+        low, high = nis_band(rows, least_ratio)
     with mpl.rc_context(STYLE):
         figure = new_figure(height_in=3.2)
         axes = figure.add_axes((0.115, 0.15, 0.645, 0.72))
@@ -303,8 +263,7 @@ def nis_figure(
         if not lines:
             axes.text(0.5, 0.5, "too few fixes", transform=axes.transAxes, ha="center", color=FAINT)
             return figure
-        low, high = chi2.ppf([0.025, 0.975], window * degrees) / (window * degrees)
-        axes.axhspan(least_ratio * float(low), float(high), color=FAINT, alpha=0.35, linewidth=0.0)
+        axes.axhspan(low, high, color=FAINT, alpha=0.35, linewidth=0.0)
         axes.set_yscale("log")
         every = np.concatenate(list(lines.values()))
         axes.set_ylim(max(min(float(every.min()), 0.5) / 1.4, 1e-4), max(float(every.max()), 2.0) * 1.4)
@@ -313,7 +272,7 @@ def nis_figure(
         axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_title(
-            f"NIS over its degrees, mean of {window} pings (band: consistent, 95 %)",
+            f"NIS over its degrees, mean of {WINDOW} pings (band: consistent, 95 %)",
             loc="left",
             fontsize=9.5,
         )
@@ -327,6 +286,7 @@ def nis_figure(
                 drawn[drawn.index(alike)] = Line((*alike.methods, method), alike.x, alike.y)
                 continue
             drawn.append(Line((method,), times[method], line))
+        drawn = [_thinned(tuple(one.methods), one.x, one.y) for one in drawn]
         draw_lines(axes, drawn, width=1.2)
         label_ends(axes, drawn)
     return figure
@@ -352,7 +312,9 @@ def validity_figure(pings: pl.DataFrame, start_ns: int, *, title: str) -> Figure
             for k in range(beams):
                 valid = rows[f"beam{k + 1}_valid"].to_numpy()
                 spans = _runs_of(valid, time_s, steps)
-                axes.broken_barh(spans, (base + k + 0.08, 0.84), color=_BEAMS[k % len(_BEAMS)], linewidth=0.0)
+                axes.broken_barh(
+                    spans, (base + k + 0.08, 0.84), color=BEAM_COLOURS[k % len(BEAM_COLOURS)], linewidth=0.0
+                )
             ticks.append(base + beams / 2.0)
             labels.append(what_if.replace("_", " "))
         axes.set_yticks(ticks, labels)

@@ -9,8 +9,9 @@ import polars as pl
 from bottomlock.pages.featured import featured
 from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
-from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
+from bottomlock.pages.page import Block, Coloured, Folded, Looked, Page, Part, Picture, Table, Terms, listed
 from bottomlock.pages.pieces import glossaries, json_part, title_of
+from bottomlock.pages.plots import Plots
 from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.statistics.replay import summary_table, track_table
 from bottomlock.tables.replay import FORWARD
@@ -68,6 +69,7 @@ def page_of(
     samples: pl.DataFrame,
     calibration: pl.DataFrame | None,
     figures: Sequence[Shown] = (),
+    plots: Plots | None = None,
 ) -> Page:
     """A finished replay as a page, with its figures where there are any.
 
@@ -75,15 +77,17 @@ def page_of(
         manifest: of the replay.
         runs, samples, calibration: its tables.
         figures: drawn from its tables.
+        plots: what the reader can look into.
     """
     summary, tracks = summary_table(runs), track_table(samples)
     answer = manifest.get("answer")
     parts = [
         *([_trust(answer)] if answer else []),
-        _results(manifest, summary, figures),
+        *([_dive(manifest, figures, plots)] if plots else []),
+        _results(manifest, summary),
         findings_part(manifest.get("findings", []), listed(manifest.get("answers", []))),
         *(_case(manifest, name, words, summary, tracks, figures) for name, words in manifest["what_if"]),
-        Part("beams", "Which beams returned", [one.picture for one in figures if one.what_if is None]),
+        Part("beams", "Which beams returned", [one.picture for one in figures if one.name == VALIDITY]),
         *([_water(manifest)] if "water_track" in manifest else []),
         *([_thrust(manifest)] if "thrust" in manifest else []),
         *([_effort(manifest)] if "effort" in manifest else []),
@@ -145,8 +149,30 @@ def _trust(answer: Mapping[str, Any]) -> Part:
     return Part("trust", "What decides it", [Terms(rows)])
 
 
-def _results(manifest: Mapping[str, Any], summary: pl.DataFrame, figures: Sequence[Shown]) -> Part:
-    """The best of each case, the map of the first, and the methods."""
+def _dive(manifest: Mapping[str, Any], figures: Sequence[Shown], plots: Plots) -> Part:
+    """Map and curves against time, to look into, and the figures that stand for them."""
+    first_map = f"map_{manifest['what_if'][0][0]}"
+    by_name = {one.name: one.picture for one in figures}
+    still = [by_name[name] for name in (first_map, TIMELINE)]
+    terms = [
+        (
+            "±σ",
+            "one standard deviation as the filter claims it; the error should be within it two times of three",
+        ),
+        (
+            "dead reckoning",
+            "the DVL's velocity turned by the recorded attitude and summed up: what a filter has to beat",
+        ),
+    ]
+    return Part("dive", "The dive", [Looked(plots, still), Terms(terms)])
+
+
+TIMELINE, VALIDITY = "timeline", "validity"
+"""Names of the figures of the curves and of the valid beams."""
+
+
+def _results(manifest: Mapping[str, Any], summary: pl.DataFrame) -> Part:
+    """The best of each case, and the methods."""
     names = [name for name, _ in manifest["what_if"]]
     rows = []
     for name, words in manifest["what_if"]:
@@ -163,7 +189,6 @@ def _results(manifest: Mapping[str, Any], summary: pl.DataFrame, figures: Sequen
     shown = len(columns) if known else 2
     blocks: list[Block] = [
         Table(columns[:shown], [row[:shown] for row in rows], f"{caption}.", left=min(3, shown)),
-        *(one.picture for one in figures if one.name == f"map_{names[0]}"),
         *glossaries(manifest["methods"], first, {"lc": _LC}),
     ]
     return Part("summary", "What-if cases and results", blocks)

@@ -1,38 +1,50 @@
 """The report of a finished replay, from its tables alone: the same tables give the same bytes."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
 from bottomlock.figures.images import image_process
+from bottomlock.figures.series import Track
+from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
+from bottomlock.pages.explained import explained
 from bottomlock.pages.page import Picture, html
+from bottomlock.pages.plots import Plots
+from bottomlock.replay.dive_plots import (
+    framed,
+    holds,
+    lost_beams,
+    plots_of,
+    reference_track,
+    taken,
+    tracks_of,
+)
 from bottomlock.replay.figures import (
     current_figure,
     error_figure,
     innovation_figure,
-    map_figure,
     nis_figure,
     validity_figure,
 )
 from bottomlock.replay.findings.expected_nis import least_ratio
-from bottomlock.replay.page import Shown, featured_in, page_of
+from bottomlock.replay.map_figure import map_figure, scale_words, shown_frame
+from bottomlock.replay.page import TIMELINE, VALIDITY, Shown, featured_in, page_of
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, SMOOTHED
 
+PAGE = "report.html"
 BEAM_ROWS = ("tc", "sway_current", "consistent")
 """Methods whose innovations are of single beams; the first of them that was run is drawn."""
-FAR = 25.0
-"""A method that goes this many times further from the start than the median method is left off the map."""
-FAR_OF_RECKONING = 5.0
-"""The same against dead reckoning, which does not run away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,34 +133,59 @@ def make_replay_report(folder: str | Path, *, force: bool = False) -> Path:
     tables = read_replay(folder)
     result = Result(folder, "report", "report", digests_of(folder, [folder / "manifest.json"]), beside=True)
     result.check(force=force)
+    files = report_files(tables)
+    result.write(files, force=force)
+    return folder / PAGE
+
+
+def report_files(tables: ReplayTables) -> Files:
+    """The contents of the page and of the figures."""
     files: Files = {}
     figures = []
+    first_map = f"map_{tables.manifest['what_if'][0][0]}"
+    plots = dive_of(tables)
     with image_process() as draw:
-        drawn = draw(drawings(tables))
+        drawn = draw(drawings(tables, plots))
     for drawing, image in drawn:
         files |= {f"figures/{drawing.name}.svg": image.svg, f"figures/{drawing.name}.png": image.png}
-        kind = "wide" if drawing.what_if is None else ""
+        kind = "wide" if drawing.what_if is None or drawing.name == first_map else ""
         picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind)
         figures.append(Shown(drawing.name, picture, drawing.what_if, drawing.folded))
-    page = folder / "report.html"
-    files[page.name] = html(
-        page_of(tables.manifest, tables.runs, tables.samples, tables.calibration, figures)
-    )
-    result.write(files, force=force)
-    return page
+    page = page_of(tables.manifest, tables.runs, tables.samples, tables.calibration, figures, plots)
+    return files | {PAGE: html(explained(page))}
 
 
-def drawings(tables: ReplayTables) -> list[Drawing]:
-    """Every figure of a replay: valid beams, and for each what-if case map, errors, innovations and NIS."""
+def dive_of(tables: ReplayTables) -> Plots:
+    """The dive to look into, with the methods that the figures show."""
+    summary, manifest = summary_table(tables.runs), tables.manifest
+    return plots_of(
+        manifest, tables.samples, tables.innovations, tables.pings, tables.path, tables.currents,
+        methods={name: featured_in(manifest, summary, name) for name, _ in manifest["what_if"]},
+        least_ratio=_least_ratio(manifest),
+    )  # fmt: skip
+
+
+def _least_ratio(manifest: dict[str, Any]) -> float:
+    """What NIS over its degrees is of noise as claimed, under the weights of the replay."""
+    robust = manifest.get("options", {}).get("robust")
+    return least_ratio(None if robust is None else Robust(**robust))
+
+
+def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
+    """Every figure of a replay: valid beams, and for each what-if case map, errors, innovations and NIS.
+
+    The first case also has the curves against time that `plots` shows first.
+    """
     manifest = tables.manifest
     tail = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
     start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     found = [
+        _timeline(manifest, plots, tail),
         Drawing(
-            "validity",
+            VALIDITY,
             f"Beams given to the filters: coloured where a beam is valid{tail}.",
             validity_figure(tables.pings, start_ns, title=f"valid beams, from beam 1 down{tail}"),
-        )
+        ),
     ]
     for what_if, _ in manifest["what_if"]:
         shown = featured_in(manifest, summary_table(tables.runs), what_if)
@@ -173,6 +210,16 @@ def drawings(tables: ReplayTables) -> list[Drawing]:
     return found
 
 
+def _timeline(manifest: dict[str, Any], plots: Plots, tail: str) -> Drawing:
+    """The curves that are shown first."""
+    shown = tuple(choice.first for choice in plots.choices)
+    title = f"{manifest['case'].replace('_', ' ')}, {', '.join(shown)}{tail}"
+    figure = timeline_figure(plots.views[shown].panels, plots.start_ns, utc=plots.is_utc, title=title)
+    caption = f"Estimates of {shown[-1]} against time{tail}; shaded: ±σ as claimed"
+    caption += ", of NIS the 95 % band of a consistent filter; dashed: dead reckoning."
+    return Drawing(TIMELINE, caption, figure)
+
+
 def _title(tables: ReplayTables, what_if: str) -> str:
     return f"{tables.manifest['case'].replace('_', ' ')}, {what_if.replace('_', ' ')}"
 
@@ -192,14 +239,24 @@ def _of_methods(
     def add(name: str, caption: str, figure: Figure) -> None:
         found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, what_if, folded))
 
-    near, far = _near_and_far(samples, methods)
+    first = taken(manifest)
+    wanted = list(
+        dict.fromkeys([*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])])
+    )
+    tracks, reference = tracks_of(samples, wanted), reference_track(tables.path, samples)
+    claims = [one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks]
+    pings = tables.pings.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
+    lost = lost_beams(pings, tracks[first].time_ns)
+    figure = map_figure(
+        tracks, tracks_of(samples, methods, SMOOTHED), reference, framed(tracks, reference, first), title=title,
+        claims=claims, lost=(tracks[first], lost),
+    )  # fmt: skip
     caption = f"Plan view{tail}"
-    caption += "; broad grey: the reference" if tables.path is not None else ""
+    caption += "; broad grey: the reference" if reference is not None else ""
     caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
-    claims = _claiming(manifest, near)
-    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}" if claims else ""
-    caption += f"; off the map: {', '.join(far)}" if far else ""
-    add("map", caption + ".", map_figure(samples, tables.path, methods=near, title=title, claims=claims))
+    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}"
+    caption += _cut_words(tracks, [one for one in tracks if not holds(shown_frame(figure), tracks[one])])
+    add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in (FORWARD, SMOOTHED):
         if manifest["has_reference"] and (ensemble["pass"] == name).any():
             drawn = error_figure(ensemble, methods=methods, title=f"{title}, {name}", which=name)
@@ -207,29 +264,31 @@ def _of_methods(
                 f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
             )
             add(f"errors_{name}", caption, drawn)
-    robust = manifest.get("options", {}).get("robust")
-    ratio = least_ratio(None if robust is None else Robust(**robust))
     caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
-    add("nis", caption, nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=ratio))
+    add(
+        "nis",
+        caption,
+        nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=_least_ratio(manifest)),
+    )
     return found
 
 
-def _claiming(manifest: dict[str, Any], methods: list[str]) -> list[str]:
-    """Of these methods the one whose track is to be taken and dead reckoning, whose ellipses are drawn."""
-    taken = manifest.get("answer", {}).get("method") or "tc"
-    wanted = dict.fromkeys([taken if taken != DEAD_RECKONING else "tc", DEAD_RECKONING])
-    return [method for method in wanted if method in methods]
+def _cut_words(tracks: Mapping[str, Track], cut: Sequence[str]) -> str:
+    """The methods that the frame cuts off, and how far from the start they go."""
+    far = []
+    for method in cut:
+        track = tracks[method]
+        reach = np.hypot(track.north_m - track.north_m[0], track.east_m - track.east_m[0])
+        far.append(f"{method} (up to {scale_words(float(f'{np.nanmax(reach):.2g}'))} from the start)")
+    return f"; cut off by the frame: {', '.join(far)}" if far else ""
 
 
-def _near_and_far(samples: pl.DataFrame, methods: list[str]) -> tuple[list[str], list[str]]:
-    """Methods that share one map, and those too far off to draw at its scale."""
-    end = (
-        samples.filter(pl.col("pass") == FORWARD)
-        .group_by("method", maintain_order=True)
-        .agg((pl.col("north_m") ** 2 + pl.col("east_m") ** 2).sqrt().max().alias("reach"))
+def _origin_words(origin: Mapping[str, float] | None) -> str:
+    """Where metres count from, where that is known."""
+    if origin is None:
+        return ""
+    latitude, longitude = (float(np.rad2deg(origin[f"{name}_rad"])) for name in ("latitude", "longitude"))
+    return (
+        f"; metres from {abs(latitude):.6f}° {'N' if latitude >= 0.0 else 'S'}, "
+        f"{abs(longitude):.6f}° {'E' if longitude >= 0.0 else 'W'}"
     )
-    reach = dict(end.iter_rows())
-    usual = float(end["reach"].median())  # type: ignore[arg-type]
-    most = FAR_OF_RECKONING * reach[DEAD_RECKONING] if DEAD_RECKONING in reach else FAR * usual
-    far = [method for method in methods if reach[method] > max(most, 10.0)]
-    return [method for method in methods if method not in far], far

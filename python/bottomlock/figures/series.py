@@ -1,0 +1,181 @@
+"""What is looked at against time and on a map: curves in panels that share one time, and tracks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A quantity against time.
+
+    Attributes:
+        label: its name beside the value.
+        colour: CSS colour.
+        time_ns: (n,) in order.
+        value: (n,) NaN where there is none, at which the line breaks.
+        sd: (n,) claimed standard deviation, shaded on both sides; None for none.
+        dash: lengths of strokes and gaps, pixels; () for a whole line.
+        kind: "line", "dots", or "held" until the next value.
+        width: of the line, pixels.
+    """
+
+    label: str
+    colour: str
+    time_ns: Times
+    value: Floats
+    sd: Floats | None = None
+    dash: Sequence[float] = ()
+    kind: Literal["line", "dots", "held"] = "line"
+    width: float = 1.4
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves with one vertical axis.
+
+    Attributes:
+        title: quantity and unit.
+        curves: in the order of drawing.
+        decimals: of a value that is read off.
+        log: whether the axis is logarithmic.
+        band: low and high of a shaded range of values; None for none.
+        period: of an angle that may go around; its values are shown within one turn. 0 for none.
+        names: of the whole numbers from 1 on, where they stand for things; () where they are numbers.
+    """
+
+    title: str
+    curves: Sequence[Curve]
+    decimals: int = 2
+    log: bool = False
+    band: tuple[float, float] | None = None
+    period: float = 0.0
+    names: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A way over ground.
+
+    Attributes:
+        label: its name.
+        colour: CSS colour.
+        time_ns: (n,) in order.
+        north_m, east_m: (n,) from the origin.
+        sd_north_m, sd_east_m: (n,) claimed standard deviations; None for a reference.
+        lost: (n,) beams lost since the point before; None where it is not shown.
+        dash: as of a curve.
+        width: of the line, pixels.
+    """
+
+    label: str
+    colour: str
+    time_ns: Times
+    north_m: Floats
+    east_m: Floats
+    sd_north_m: Floats | None = None
+    sd_east_m: Floats | None = None
+    lost: Floats | None = None
+    dash: Sequence[float] = ()
+    width: float = 1.6
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What a map shows, m from the origin."""
+
+    south_m: float
+    north_m: float
+    west_m: float
+    east_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Panels and tracks that are seen together; the first track is the one that is looked at, None need be."""
+
+    panels: Sequence[Panel]
+    tracks: Sequence[Track] = ()
+    frame: Frame | None = None
+
+
+def held_curve(
+    label: str, colour: str, time_ns: Times, there: NDArray[np.bool_], level: float, width: float = 8.0
+) -> Curve:
+    """A line at a level while something is there: a point where that changes, and the first and the last.
+
+    Args:
+        label, colour, width: as of a curve.
+        time_ns: (n,) in order.
+        there: (n,) which times have it, until the next.
+        level: value of the line.
+    """
+    changed = np.flatnonzero(there[1:] != there[:-1]) + 1
+    rows = np.unique(np.concatenate([[0], changed, [len(there) - 1]])) if len(there) else changed
+    value = np.where(there[rows], level, np.nan)
+    return Curve(label, colour, time_ns[rows], value, kind="held", width=width)
+
+
+def frame_of(tracks: Sequence[Track], margin: float = 0.08) -> Frame:
+    """The frame that tracks need, at least 2 m wide, with a margin as a part of its extent."""
+    north = np.concatenate([track.north_m for track in tracks])
+    east = np.concatenate([track.east_m for track in tracks])
+    north, east = north[np.isfinite(north)], east[np.isfinite(east)]
+    extent = max(float(np.ptp(north)), float(np.ptp(east)), 2.0 / (1.0 + 2.0 * margin))
+    edges = []
+    for axis in (north, east):
+        half = max(0.5 * float(np.ptp(axis)), 0.5 * extent / 3.0) + margin * extent
+        middle = 0.5 * float(axis.min() + axis.max())
+        edges += [middle - half, middle + half]
+    return Frame(*edges)
+
+
+def thinned_rows(time_ns: Times, values: Sequence[Floats], buckets: int) -> Rows:
+    """Rows that keep the extremes: of each equal part of the time the least and greatest of every value.
+
+    Args:
+        time_ns: (n,) in order.
+        values: (n,) each; a part's first NaN is kept too, at which a line breaks.
+        buckets: number of parts. All rows stay where they are few.
+
+    Returns:
+        Rows in order; the first and the last are among them.
+    """
+    count = len(time_ns)
+    if count <= 2 * buckets * max(1, len(values)):
+        return np.arange(count)
+    span = int(time_ns[-1] - time_ns[0]) + 1
+    # Whole numbers: a dive of 10 h times 10⁴ parts stays below 2⁶³.
+    part = (time_ns - time_ns[0]) * buckets // span
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(part) > 0]))
+    ends = np.append(starts[1:], count)
+    kept = [np.array([0, count - 1])]
+    for value in values:
+        missing = ~np.isfinite(value)
+        for worst, pick in ((np.inf, np.argmin), (-np.inf, np.argmax)):
+            filled = np.where(missing, worst, value)
+            kept.append(np.array([a + pick(filled[a:b]) for a, b in zip(starts, ends, strict=True)]))
+        gaps = np.flatnonzero(missing & ~np.concatenate([[False], missing[:-1]]))
+        kept.append(gaps)
+    return np.unique(np.concatenate(kept))
+
+
+def scattered_rows(time_ns: Times, value: Floats, parts: int) -> Rows:
+    """Rows of a cloud of points: evenly chosen ones, which show how it is spread, and the extremes.
+
+    Args:
+        time_ns: (n,) in order.
+        value: (n,)
+        parts: of the time; twice as many rows are chosen evenly, and the extremes of a quarter as many parts.
+    """
+    if len(time_ns) <= 3 * parts:
+        return np.arange(len(time_ns))
+    even = np.linspace(0, len(time_ns) - 1, 2 * parts).astype(np.int64)
+    return np.union1d(even, thinned_rows(time_ns, [value], max(1, parts // 4)))

@@ -1,0 +1,140 @@
+"""Panels against one time, on paper: what the page's script draws, as a figure."""
+
+import datetime as dt
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from bottomlock.figures.curves import plain_number
+from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, new_figure
+from bottomlock.figures.series import Curve, Floats, Panel, Times, scattered_rows, thinned_rows
+
+HEIGHT_IN = 1.05
+"""Of a panel."""
+PARTS = 600
+"""Of the time: more than one in two pixels."""
+
+
+def timeline_figure(panels: Sequence[Panel], start_ns: int, *, utc: bool, title: str) -> Figure:
+    """Every panel above the next, against UTC or seconds from the start.
+
+    Args:
+        panels: what to draw, each with its title above it and the names of its curves.
+        start_ns: beginning of the time that is counted.
+        utc: whether the times are of the calendar.
+        title: text above the figure.
+    """
+    with mpl.rc_context(STYLE):
+        height = 0.75 + HEIGHT_IN * len(panels)
+        figure = new_figure(height_in=height, width_in=1.5 * WIDTH_IN)
+        first: Axes | None = None
+        for index, panel in enumerate(panels):
+            bottom = (0.5 + HEIGHT_IN * (len(panels) - 1 - index)) / height
+            axes = figure.add_axes((0.09, bottom, 0.885, 0.72 * HEIGHT_IN / height), sharex=first)
+            first = first or axes
+            _panel(axes, panel, start_ns, utc=utc)
+            axes.tick_params(labelbottom=index == len(panels) - 1)
+        if first is not None:
+            _time_axis(first, axes, panels, start_ns, utc=utc)
+        figure.text(0.012, 1.0 - 0.06 / height, title, ha="left", va="top", fontsize=10.0, color=INK)
+    return figure
+
+
+def _time_axis(first: Axes, last: Axes, panels: Sequence[Panel], start_ns: int, *, utc: bool) -> None:
+    ends = [curve.time_ns[[0, -1]] for panel in panels for curve in panel.curves if len(curve.time_ns)]
+    if ends:
+        low, high = _shown(np.array([np.min(ends), np.max(ends)]), start_ns, utc=utc)
+        first.set_xlim(low, high if high > low else low + 1.0)
+    if utc:
+        locator = AutoDateLocator(tz=dt.UTC)  # type: ignore[no-untyped-call]
+        last.xaxis.set_major_locator(locator)
+        last.xaxis.set_major_formatter(
+            ConciseDateFormatter(  # type: ignore[no-untyped-call]
+                locator,
+                tz=dt.UTC,
+                show_offset=False,
+                zero_formats=["", "%Y", "%b", "%d %b", "%H:%M", "%H:%M"],
+            )
+        )
+        day = dt.datetime.fromtimestamp(start_ns * 1e-9, tz=dt.UTC)
+        last.set_xlabel(f"UTC, from {day:%Y-%m-%d}")
+    else:
+        last.set_xlabel("time from the start, s")
+
+
+def _shown(time_ns: Times, start_ns: int, *, utc: bool) -> Floats:
+    """Times as the axis counts them: days of Unix time, or seconds from the start."""
+    return np.asarray(time_ns / 86400e9 if utc else (time_ns - start_ns) * 1e-9, dtype=np.float64)
+
+
+def _panel(axes: Axes, panel: Panel, start_ns: int, *, utc: bool) -> None:
+    if panel.band is not None:
+        axes.axhspan(*panel.band, color=FAINT, alpha=0.35, linewidth=0.0)
+    for curve in panel.curves:
+        shown = curve if curve.kind == "held" else _thinned(curve)
+        _draw(axes, shown, _shown(shown.time_ns, start_ns, utc=utc))
+    if panel.log:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(numticks=5))
+        axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    elif panel.names:
+        axes.set_yticks(np.arange(1, len(panel.names) + 1), panel.names)
+        axes.set_ylim(len(panel.names) + 0.6, 0.4)
+        axes.grid(visible=False, axis="y")
+    elif panel.period:
+        axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 1.8, 3.6, 4.5, 9, 10]))
+        axes.yaxis.set_major_formatter(FuncFormatter(partial(_within, panel.period)))
+    else:
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+    axes.set_title(panel.title, loc="left", fontsize=9.0, pad=3.0)
+    if not panel.names:
+        _legend(axes, panel.curves)
+
+
+def _within(period: float, value: float, _: int) -> str:
+    """A value within one period, as the label of a tick."""
+    return f"{value % period:g}"
+
+
+def _thinned(curve: Curve) -> Curve:
+    """The curve without what no eye can tell apart, and with its extremes."""
+    if curve.kind == "dots":
+        rows = scattered_rows(curve.time_ns, curve.value, PARTS)
+    else:
+        rows = thinned_rows(curve.time_ns, [curve.value], PARTS)
+    sd = None if curve.sd is None else curve.sd[rows]
+    return replace(curve, time_ns=curve.time_ns[rows], value=curve.value[rows], sd=sd)
+
+
+def _draw(axes: Axes, curve: Curve, x: Floats) -> None:
+    if curve.sd is not None:
+        low, high = curve.value - curve.sd, curve.value + curve.sd
+        axes.fill_between(x, low, high, color=curve.colour, alpha=0.2, linewidth=0.0)
+    dash = (0, tuple(one / curve.width for one in curve.dash)) if curve.dash else "-"
+    if curve.kind == "dots":
+        axes.plot(x, curve.value, ".", markersize=2.0, color=curve.colour, label=curve.label)
+    else:
+        style = "steps-post" if curve.kind == "held" else "default"
+        axes.plot(
+            x, curve.value, drawstyle=style, linestyle=dash, linewidth=curve.width, color=curve.colour,
+            label=curve.label, solid_capstyle="butt",
+        )  # fmt: skip
+
+
+def _legend(axes: Axes, curves: Sequence[Curve]) -> None:
+    """Names of the curves at the right, above the panel."""
+    x = 1.0
+    for curve in reversed(curves):
+        text = axes.annotate(
+            curve.label, (x, 1.0), xycoords="axes fraction", xytext=(0.0, 4.0), textcoords="offset points",
+            ha="right", va="baseline", fontsize=8.5, color=curve.colour,
+        )  # fmt: skip
+        x -= (len(text.get_text()) * 5.2 + 12.0) / (0.885 * 1.5 * WIDTH_IN * 72.0)

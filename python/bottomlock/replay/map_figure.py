@@ -1,0 +1,183 @@
+"""Plan view of a replay: scaled to the tracks to be trusted, with claimed σ, beams lost, scale and north."""
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
+from matplotlib.ticker import MaxNLocator
+
+from bottomlock.figures.labels import Line, coincident, label_ends
+from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, marks, new_figure
+from bottomlock.figures.series import Floats, Frame, Track
+from bottomlock.replay.dive_plots import LOST_COLOURS
+
+ELLIPSES = 8
+"""Along a track, the last of them at its end."""
+LARGEST = 0.5
+"""Part of the map that an ellipse may fill: a larger one would hide what is drawn."""
+
+
+def map_figure(
+    tracks: Mapping[str, Track],
+    smoothed: Mapping[str, Track],
+    reference: Track | None,
+    frame: Frame,
+    *,
+    title: str,
+    claims: Sequence[str] = (),
+    lost: tuple[Track, Floats] | None = None,
+) -> Figure:
+    """Plan view of methods, dotted where smoothed, and of the reference; what leaves the frame is cut off.
+
+    Args:
+        tracks: the way of each method.
+        smoothed: of the smoothed passes.
+        reference: None without its positions.
+        frame: what the map shows, at least.
+        title: text above the figure.
+        claims: methods whose 2 sigma of north and east are drawn as ellipses along the way.
+        lost: a track and (n,) how many beams are lost there.
+    """
+    with mpl.rc_context(STYLE):
+        figure = new_figure(height_in=4.6)
+        axes = figure.add_axes((0.125, 0.11, 0.635, 0.79))
+        _scale(axes, frame)
+        if reference is not None:
+            axes.plot(reference.east_m, reference.north_m, color=FAINT, linewidth=4.0, alpha=0.45, zorder=1)
+        if lost is not None:
+            _lost(axes, *lost)
+        ends = {}
+        for number, method in enumerate(draw_order(list(tracks))):
+            track = tracks[method]
+            look = marks(method, len(track.time_ns), number / len(tracks))
+            axes.plot(track.east_m, track.north_m, linewidth=1.3, alpha=0.95, **look)
+            if method in smoothed:
+                way = smoothed[method]
+                axes.plot(
+                    way.east_m, way.north_m, color=look["color"], linestyle=(0, (1.5, 1.2)), linewidth=1.0,
+                    alpha=0.55,
+                )  # fmt: skip
+            if _inside(axes, track).any():
+                ends[method] = track
+            if method in claims:
+                _ellipses(axes, track)
+        _places(axes, next(iter(tracks.values())))
+        groups = coincident(
+            {method: np.concatenate([one.east_m, one.north_m]) for method, one in ends.items()},
+            tolerance=2e-3,
+        )
+        label_ends(axes, [_line(axes, group, ends[group[0]]) for group in groups])
+        figure.text(0.012, 0.992, title, ha="left", va="top", fontsize=10.0, color=INK)
+    return figure
+
+
+def shown_frame(figure: Figure) -> Frame:
+    """What a map shows: its frame, with what the shape of the figure leaves room for."""
+    axes = figure.axes[0]
+    return Frame(*axes.get_ylim(), *axes.get_xlim())
+
+
+def _scale(axes: Axes, frame: Frame) -> None:
+    """Limits that hold the frame, with one scale for both axes."""
+    box = axes.get_window_extent()
+    m_per_pixel = max((frame.east_m - frame.west_m) / box.width, (frame.north_m - frame.south_m) / box.height)
+    for low, high, pixels, limit in (
+        (frame.west_m, frame.east_m, box.width, axes.set_xlim),
+        (frame.south_m, frame.north_m, box.height, axes.set_ylim),
+    ):
+        middle, half = 0.5 * (low + high), 0.5 * m_per_pixel * pixels
+        limit(middle - half, middle + half)
+
+
+def _inside(axes: Axes, track: Track) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+    """(n,) which points of a track the map shows."""
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    return np.asarray(
+        (track.east_m >= west) & (track.east_m <= east) & (track.north_m >= south) & (track.north_m <= north)
+    )
+
+
+def _line(axes: Axes, methods: tuple[str, ...], track: Track) -> Line:
+    """A track up to the last point that the map shows, where its label points to."""
+    last = int(np.flatnonzero(_inside(axes, track))[-1]) + 1
+    return Line(methods, track.east_m[:last], track.north_m[:last])
+
+
+def _places(axes: Axes, first: Track) -> None:
+    """Start, axes, scale bar and north."""
+    axes.plot(first.east_m[0], first.north_m[0], "o", color=INK, markersize=5.0, zorder=5)
+    axes.annotate(
+        "start", (first.east_m[0], first.north_m[0]), xytext=(6, 6), textcoords="offset points", fontsize=9.0
+    )
+    axes.set_xlabel("east, m")
+    axes.set_ylabel("north, m")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(6))
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    width, height = east - west, north - south
+    length = scale_length(0.25 * width)
+    x, y = west + 0.03 * width, south + 0.03 * height
+    axes.plot([x, x + length], [y, y], color=INK, linewidth=2.5, solid_capstyle="butt", zorder=6)
+    axes.text(x, y + 0.012 * height, scale_words(length), fontsize=8.5, va="bottom", zorder=6)
+    axes.annotate(
+        "N", (0.97, 0.985), (0.97, 0.885), xycoords="axes fraction", ha="center", va="center", fontsize=9.0,
+        arrowprops={"arrowstyle": "-|>", "color": INK, "shrinkA": 0.0, "shrinkB": 0.0},
+    )  # fmt: skip
+
+
+def scale_length(most_m: float) -> float:
+    """The greatest of 1, 2, 5 times a power of ten that is at most so long.
+
+    >>> scale_length(134.0), scale_length(0.7), scale_length(5.0)
+    (100.0, 0.5, 5.0)
+    """
+    power = 10.0 ** np.floor(np.log10(most_m))
+    return float(max(one * power for one in (1.0, 2.0, 5.0) if one * power <= most_m * (1.0 + 1e-9)))
+
+
+def scale_words(length_m: float) -> str:
+    """A length on a map.
+
+    >>> scale_words(2000.0), scale_words(0.5)
+    ('2 km', '0.5 m')
+    """
+    return f"{length_m / 1000.0:g} km" if length_m >= 1000.0 else f"{length_m:g} m"
+
+
+def _lost(axes: Axes, track: Track, lost: Floats) -> None:
+    """A broad line in a colour where beams are lost, with a legend."""
+    place = np.column_stack([track.east_m, track.north_m])
+    starts = np.flatnonzero(np.diff(lost[1:], prepend=-1.0)) + 1
+    shown = {}
+    for start, end in zip(starts, [*starts[1:], len(lost)], strict=True):
+        number = int(lost[start])
+        if number:
+            index = min(number, len(LOST_COLOURS)) - 1
+            (shown[number],) = axes.plot(
+                *place[start - 1 : end].T, color=LOST_COLOURS[index], linewidth=4.0 + index, zorder=1.5,
+                solid_capstyle="butt", label=f"{number} lost",
+            )  # fmt: skip
+    if shown:
+        axes.legend(
+            handles=[shown[number] for number in sorted(shown)], title="beams", loc="upper left",
+            bbox_to_anchor=(1.0, 0.3), fontsize=8.5, title_fontsize=8.5, frameon=False, alignment="left",
+        )  # fmt: skip
+
+
+def _ellipses(axes: Axes, track: Track) -> None:
+    """2 sigma of north and east at places evenly spread over the time."""
+    assert track.sd_east_m is not None
+    assert track.sd_north_m is not None
+    most = LARGEST * max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
+    for row in np.linspace(0, len(track.time_ns) - 1, ELLIPSES + 1).round().astype(int)[1:]:
+        width, height = 4.0 * track.sd_east_m[row], 4.0 * track.sd_north_m[row]
+        if 0.0 < max(width, height) < most:
+            axes.add_patch(
+                Ellipse(
+                    (track.east_m[row], track.north_m[row]), width, height, edgecolor=track.colour,
+                    facecolor="none", linewidth=0.9, alpha=0.8,
+                )
+            )  # fmt: skip

@@ -1,0 +1,235 @@
+"""The dive on a page in a real browser, from disk: hover, zoom, cursor, paper, no scripts, no requests, size."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bottomlock.replay.report import PAGE, report_files
+from tests.browser import CUT_OFF, WIDTHS, Browser, chromium
+from tests.replay.dive_tables import SPIKE_MPS, SPIKE_S, dive_tables
+
+pytestmark = [pytest.mark.skipif(chromium() is None, reason="no Chromium"), pytest.mark.slow]
+
+READY = "document.getElementById('plots').dataset.ready === 'yes'"
+MOST_BYTES = 5_000_000
+PANELS = "document.querySelectorAll('.canvas')"
+
+
+def write(folder: Path, seconds: float, rate_hz: float) -> Path:
+    text = report_files(dive_tables(seconds, rate_hz))[PAGE]
+    assert isinstance(text, str)
+    page = folder / PAGE
+    page.write_text(text, encoding="utf-8")
+    return page
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A minute at 5 Hz."""
+    return write(tmp_path_factory.mktemp("dive"), 60.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def tab() -> Iterator[Browser]:
+    with Browser() as opened:
+        yield opened
+
+
+@pytest.fixture
+def browser(tab: Browser) -> Browser:
+    """As a reader begins."""
+    tab.size(1280)
+    tab.media()
+    tab.scripts(allowed=True)
+    return tab
+
+
+def look(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    browser.wait(READY)
+
+
+def area(browser: Browser, panel: int) -> tuple[float, float, float, float]:
+    """Where the values of a panel are drawn: left, top, width, height in the window, after it was scrolled there."""
+    browser.value(f"{PANELS}[{panel}].scrollIntoView({{block: 'center', behavior: 'instant'}})")
+    box = f"{PANELS}[{panel}].querySelector('.u-over').getBoundingClientRect()"
+    left, top, width, height = (
+        float(browser.value(f"{box}.{side}")) for side in ("left", "top", "width", "height")
+    )
+    return left, top, width, height
+
+
+def readout(browser: Browser, panel: int) -> str:
+    return str(browser.value(f"document.querySelectorAll('.column .panel')[{panel}].innerText"))
+
+
+def hover(browser: Browser, panel: int, part: float) -> None:
+    left, top, width, height = area(browser, panel)
+    browser.mouse((left + 5.0, top + height / 2.0), (left + part * width, top + height / 2.0))
+
+
+def cursors(browser: Browser) -> list[float]:
+    """Where the line of the cursor stands in each panel, as a part of its width."""
+    script = (
+        f"[...{PANELS}].map(one => new DOMMatrix(getComputedStyle(one.querySelector('.u-cursor-x')).transform).m41"
+        " / one.querySelector('.u-over').clientWidth)"
+    )
+    return [float(one) for one in browser.value(script)]
+
+
+def text_of(browser: Browser, selector: str) -> str:
+    return str(browser.value(f"document.querySelector({selector!r}).textContent"))
+
+
+def seconds_of(browser: Browser) -> float:
+    """The time of the cursor after the start."""
+    found = re.search(r"\(([\d.]+) s\)", text_of(browser, ".at"))
+    assert found
+    return float(found[1])
+
+
+def test_hover_shows_the_values_of_that_time_everywhere(browser: Browser, page: Path) -> None:
+    """At the one sample of the spike; the other panels, the clock and the map follow."""
+    look(browser, page)
+    hover(browser, 3, SPIKE_S / 59.8)
+    assert f"{SPIKE_MPS:.3f} ± 0.01" in readout(browser, 0)
+    assert re.search(r"tc 2\d\.\d\d", readout(browser, 4))
+    assert seconds_of(browser) == pytest.approx(SPIKE_S, abs=0.11)
+    # 1 767 225 610 s is 00:00:10 UTC on the first of January 2026.
+    assert text_of(browser, ".at").startswith("00:00:4")
+    assert "2026-01-01 00:00:10 to 00:01:10 UTC" in text_of(browser, ".range")
+    where = cursors(browser)
+    assert len(where) == 9
+    assert max(where) - min(where) < 0.005
+    assert where[0] == pytest.approx(SPIKE_S / 59.8, abs=0.005)
+
+
+def test_lost_beams_are_told(browser: Browser, page: Path) -> None:
+    look(browser, page)
+    for seconds, words in ((25.0, "lost"), (35.0, "valid")):
+        hover(browser, 0, seconds / 59.8)
+        beams = readout(browser, 7)
+        assert re.search(rf"beam 2\s+{words}", beams)
+        assert re.search(r"beam 1\s+valid", beams)
+    assert "2 beams lost" in text_of(browser, ".legend")
+
+
+def test_cursor_moves_on_the_map(browser: Browser, page: Path) -> None:
+    """And the map moves it: at the place of the marker stands the same time."""
+    look(browser, page)
+    marker = "document.querySelector('.map .marker circle[data-label=tc]')"
+    assert browser.value(marker) is None
+    places = []
+    for part in (0.2, 0.55):
+        hover(browser, 0, part)
+        places.append(
+            browser.value(f"[{marker}.getAttribute('cx'), {marker}.getAttribute('cy')].map(Number)")
+        )
+    assert places[0] != places[1]
+    assert re.search(r"° N, 3\.\d{6}° W", text_of(browser, ".place"))
+    told = seconds_of(browser)
+    at = browser.value(
+        f"(one => [one.left + one.width / 2, one.top + one.height / 2])({marker}.getBoundingClientRect())"
+    )
+    hover(browser, 0, 0.9)
+    assert abs(seconds_of(browser) - told) > 5.0
+    browser.mouse((at[0] + 3.0, at[1]), (at[0], at[1]))
+    # The map goes from sample to sample, 0.2 s apart.
+    assert seconds_of(browser) == pytest.approx(told, abs=0.11)
+
+
+def test_zoom_is_of_all_panels_and_of_the_track(browser: Browser, page: Path) -> None:
+    """A drag over a fifth of one panel, which is not in the middle; a double-click shows all again."""
+    look(browser, page)
+    inside = "document.querySelectorAll('.map .outside').length"
+    assert browser.value(inside) == 0
+    left, top, width, height = area(browser, 0)
+    y = top + height / 2.0
+    browser.mouse((left + 0.6 * width, y), (left + 0.7 * width, y), (left + 0.8 * width, y), held=True)
+    assert re.search(r"00:00:4[56] to 00:00:5[78]", text_of(browser, ".range"))
+    assert browser.value(inside) > 0
+    for panel in (1, 5):
+        hover(browser, panel, 0.5)
+        assert seconds_of(browser) == pytest.approx(0.7 * 59.8, abs=0.3)
+    over = f"{PANELS}[4].querySelector('.u-over')"
+    browser.value(f"{over}.dispatchEvent(new MouseEvent('dblclick', {{bubbles: true}}))")
+    assert "00:00:10 to 00:01:10" in text_of(browser, ".range")
+
+
+def test_keyboard_moves_the_cursor_and_zooms(browser: Browser, page: Path) -> None:
+    look(browser, page)
+    browser.value(f"{PANELS}[0].focus()")
+    browser.press("ArrowRight")
+    first = text_of(browser, ".at")
+    browser.press("ArrowRight")
+    assert first
+    assert text_of(browser, ".at") > first
+    for key, shown in (("+", "00:00:2"), ("0", "00:00:10 to")):
+        browser.value(
+            f"{PANELS}[0].dispatchEvent(new KeyboardEvent('keydown', {{key: {key!r}, bubbles: true}}))"
+        )
+        assert shown in text_of(browser, ".range")
+
+
+def test_another_method_is_chosen(browser: Browser, page: Path) -> None:
+    """Of the free INS the map keeps its frame, and the time its range."""
+    look(browser, page)
+    ticks = "[...document.querySelectorAll('.map text')].map(one => one.textContent).join()"
+    before = browser.value(ticks)
+    choose = (
+        "(one => { one.value = 'ins'; one.dispatchEvent(new Event('change')); })"
+        "(document.querySelectorAll('.bar select')[1])"
+    )
+    browser.value(choose)
+    hover(browser, 0, 0.5)
+    assert "ins" in readout(browser, 0)
+    assert browser.value(ticks) == before
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_is_cut_off_and_figures_are_of_natural_size(
+    browser: Browser, page: Path, width: int, dark: bool
+) -> None:
+    browser.size(width)
+    browser.media(dark=dark)
+    look(browser, page)
+    hover(browser, 0, 0.5)
+    assert browser.value(CUT_OFF) == []
+    stretched = (
+        "[...document.querySelectorAll('figure svg')].filter(one => one.clientWidth > 1 + "
+        "Number(one.getAttribute('width'))).length"
+    )
+    assert browser.value(stretched) == 0
+
+
+def test_paper_and_readers_without_scripts_have_the_figures(browser: Browser, page: Path) -> None:
+    look(browser, page)
+    shown = (
+        "['.still figure', '#plots', '.hint'].map("
+        "one => document.querySelector(one).getBoundingClientRect().height > 20)"
+    )
+    assert browser.value(shown) == [False, True, True]
+    browser.media(paper=True)
+    assert browser.value(shown) == [True, False, False]
+    browser.media()
+    browser.scripts(allowed=False)
+    browser.open(page)
+    browser.scripts(allowed=True)
+    assert browser.value(shown) == [True, False, False]
+
+
+def test_an_hour_at_20_hz_is_small_and_asks_for_nothing(browser: Browser, tmp_path: Path) -> None:
+    """Also after everything was used."""
+    page = write(tmp_path, 3600.0, 20.0)
+    assert page.stat().st_size < MOST_BYTES
+    asked = browser.requests()
+    look(browser, page)
+    hover(browser, 3, SPIKE_S / 3600.0)
+    browser.value("[...document.querySelectorAll('.tools button')].forEach(one => one.click())")
+    assert [one for one in asked if not one.startswith("file://")] == []
+    assert len(asked) == 1
