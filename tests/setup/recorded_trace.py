@@ -1,8 +1,8 @@
 """A recorded stream of an A50 through the configuration of the set-up page: what the autopilot would have been sent.
 
 The recording has no IMU. The bytes of one are made here: HIGHRES_IMU and ATTITUDE of a vehicle that does not turn and
-has the velocities that the recording shows, with errors as the configuration claims them. So lost beams, stale reports and
-their times are the recording's, and the inertial bridge between them is ours.
+has the velocities that the recording shows, with errors as the configuration claims them. So lost beams, stale reports
+and their times are the recording's, and the inertial bridge between them is ours.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ def trace(lines: list[bytes], keep: tuple[int, ...] | None = None, outage_s: flo
         if keep is not None and at_s > CALM_S + outage_s and (at_s - CALM_S) // outage_s % 2:
             report["velocity_valid"] = False
             report["transducers"] = [
-                dict(one, beam_valid=bool(one["beam_valid"] and one["id"] in keep)) for one in report["transducers"]
+                dict(one, beam_valid=bool(one["beam_valid"] and one["id"] in keep))
+                for one in report["transducers"]
             ]
     return Trace(
         [json.dumps(report).encode() + b"\r\n" for report in whole],
@@ -80,7 +81,9 @@ def trace(lines: list[bytes], keep: tuple[int, ...] | None = None, outage_s: flo
 def of_form(form: SetupForm, folder: Path) -> LiveConfig:
     """The configuration of a form; the recording's json_v1 has no stamps, so they are those of arrival."""
     (folder / "geometry.toml").write_text(geometry_of(form), encoding="utf-8")
-    text = config_text(form, "geometry.toml").replace('"waterlinked-json"\n', '"waterlinked-json"\nclock = "arrival"\n')
+    text = config_text(form, "geometry.toml").replace(
+        '"waterlinked-json"\n', '"waterlinked-json"\nclock = "arrival"\n'
+    )
     return parse_config(text, place="live.toml", folder=folder)
 
 
@@ -103,7 +106,9 @@ def autopilot(moves: Trace) -> Iterator[tuple[float, bytes]]:
         )
         data = bytes(message.pack(link))
         if k % 5 == 0:
-            data += bytes(ardupilotmega.MAVLink_attitude_message(round(at_s * 1e3), 0, 0, 0.5, 0, 0, 0).pack(link))
+            data += bytes(
+                ardupilotmega.MAVLink_attitude_message(round(at_s * 1e3), 0, 0, 0.5, 0, 0, 0).pack(link)
+            )
         yield at_s, data
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -16,16 +16,17 @@ from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import solve_velocity
 from bottomlock.live.config import load_config
 from bottomlock.live.sections import AttitudeSection, ImuSection
+from bottomlock.ports.estimate import Mode
 from bottomlock.setup.folder import SetupFolder
 from bottomlock.setup.form import FORM_AUTOPILOTS, FORM_INSTRUMENTS, HEALTH_PORT, ROUTER, SetupForm
 
 pytest.importorskip("pymavlink", reason="needs pymavlink (extra mavlink)")
 
 
-@pytest.mark.parametrize("mode", ["velocity", "navigation"])
+@pytest.mark.parametrize("mode", get_args(Mode))
 @pytest.mark.parametrize("autopilot", FORM_AUTOPILOTS)
 @pytest.mark.parametrize("instrument", FORM_INSTRUMENTS)
-def test_every_choice_is_a_configuration(tmp_path: Path, instrument: str, autopilot: str, mode: str) -> None:
+def test_every_choice_is_a_configuration(tmp_path: Path, instrument: str, autopilot: str, mode: Mode) -> None:
     """What the page offers is accepted, and says what the form says."""
     form = SetupForm(
         instrument=instrument, autopilot=autopilot, mode=mode, latitude_deg=-32.5, address="tcp:10.0.0.9:1234",
@@ -116,7 +117,7 @@ def test_what_is_refused_changes_nothing(tmp_path: Path, monkeypatch: pytest.Mon
     folder.save(SetupForm(mode="velocity"))
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     monkeypatch.setattr("bottomlock.setup.folder.config_text", lambda *_: 'name = "half')
-    with pytest.raises(ScenarioError, match="live.toml"):
+    with pytest.raises(ScenarioError, match=r"live\.toml"):
         folder.save(SetupForm(mode="velocity", name="other"))
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 

@@ -32,7 +32,8 @@ VELOCITY = {CIRCLE: 41, PLAIN: 17, TURN: 21}
 
 def by_extension(moves: Trace) -> np.ndarray:
     """Times of the messages of BlueOS-Water-Linked-DVL: `if not valid: return`."""
-    return moves.time_s[moves.shown_valid]
+    times: np.ndarray = moves.time_s[moves.shown_valid]
+    return times
 
 
 @pytest.mark.parametrize("autopilot", ["ardusub", "px4"])
@@ -64,7 +65,8 @@ def test_no_gap_with_one_beam_for_ten_seconds(tmp_path: Path, name: str, keep: t
     moves, whole = trace(lines, keep), trace(lines)
     assert (moves.beams == len(keep)).sum() > 100
     assert max(length for _, length in gaps(by_extension(moves), moves)) > 10.0
-    times, _ = sent(of_form(SetupForm(latitude_deg=LATITUDE_DEG), tmp_path), moves, whole, data := [])
+    data: list[bytes] = []
+    times, _ = sent(of_form(SetupForm(latitude_deg=LATITUDE_DEG), tmp_path), moves, whole, data)
     assert gaps(times, moves) == []
     at_s, velocity = smooth_velocity(whole)
     error, sd = deltas(times, data, at_s, velocity)

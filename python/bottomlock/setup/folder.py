@@ -64,7 +64,7 @@ class SetupFolder:
         """The configuration; None for none."""
         try:
             return self.config.read_text(encoding="utf-8")
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
 
     def by_hand(self) -> bool:

@@ -78,7 +78,11 @@ class SetupServer(HttpServer):
         elif request.path.startswith("/logs/"):
             await self._download(request.path.removeprefix("/logs/"), writer)
         else:
-            writer.write(self._get(request.path))
+            try:
+                writer.write(self._get(request.path))
+            except OSError as error:
+                words = f"{error.filename}: cannot be read ({error.strerror or error})\n"
+                writer.write(reply(503, TEXT, words.encode()))
 
     def _get(self, path: str) -> bytes:
         if path == "/":
