@@ -29,6 +29,9 @@ _STALLED_S = 60.0
 """Longest time that a client takes nothing of a raw log."""
 _PASSED_ON = ("/health", "/metrics", "/events")
 """What is asked of the live process."""
+_STOPPED = {"state": "STOPPED", "why": "bottomlock live does not run"}
+# A browser gives up for good at any other code; so it asks again, until the live process answers.
+_AGAIN = reply(200, "text/event-stream", b"retry: 500\n\n")
 
 
 def service() -> dict[str, Any]:
@@ -157,7 +160,7 @@ class SetupServer(HttpServer):
             async with asyncio.timeout(REQUEST_S):
                 reader, asking = await asyncio.open_connection("127.0.0.1", health.port)
         except (OSError, BottomlockError):
-            writer.write(_json(503, {"state": "STOPPED", "why": "bottomlock live does not run"}))
+            writer.write(_AGAIN if path == "/events" else _json(503, _STOPPED))
             return
         try:
             asking.write(f"GET {path} HTTP/1.1\r\n\r\n".encode())
