@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from bottomlock.live import health, listening
+from bottomlock.live import http_server, listening
 from bottomlock.live.address import source_address
 from bottomlock.live.connections import MOST_CLIENTS, SECOND, SLOWED, Allowance, Connection, cancel
 from bottomlock.live.health import HealthServer, status
@@ -152,7 +152,7 @@ def test_the_page_answers_beside_idle_clients() -> None:
 
     answer, held = served(lambda: status(flown()), use)
     assert b"200 OK" in answer
-    assert held <= health._CLIENTS
+    assert held <= http_server._CLIENTS
 
 
 def test_followers_do_not_take_the_whole_page() -> None:

@@ -31,6 +31,10 @@ JOBS = {
             "live_demo",
             "Show live navigation without hardware: instruments, live, MAVLink listener.",
         ),
+        "live-setup": (
+            "live_setup",
+            "Set live navigation up in a browser: instrument, autopilot, mounting; start, stop, state, raw logs.",
+        ),
         "simulate-dvl": (
             "simulate_dvl",
             "Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.",

@@ -40,6 +40,7 @@ EXAMPLES = {
     "live": ("live live.toml",),
     "completion": ("completion bash",),
     "live-demo": ("live-demo",),
+    "live-setup": ("live-setup vehicle", "live-setup vehicle --host 0.0.0.0"),
 }
 """By command, without the program's name."""
 

@@ -1,5 +1,7 @@
 """Error messages for settings files: place, key, value found, value expected, unit."""
 
+from collections.abc import Iterator
+
 from pydantic import BaseModel, ValidationError
 
 from bottomlock.config.key_reference import key_of, model_at, section_models, section_paths
@@ -12,6 +14,8 @@ _BOUNDS = {
     "less_than": ("lt", "<"),
     "less_than_equal": ("le", "<="),
 }
+_UNPARSED = ", unable to parse string as a number"
+"""What pydantic adds of a text in place of a number, which says no more."""
 
 
 def _missing(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> str:
@@ -53,7 +57,11 @@ def _unknown(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> s
 
 def explain(error: ValidationError, place: str, model: type[BaseModel]) -> str:
     """One line per fault: place, key, value found, what was expected, unit."""
-    lines = []
+    return "\n".join(dict.fromkeys(f"{place}: {words}" for _, words in faults(error, model)))
+
+
+def faults(error: ValidationError, model: type[BaseModel]) -> Iterator[tuple[str, str]]:
+    """Each fault: its key, "" for one of the whole, and a line with key, value found, what was expected, unit."""
     for fault in error.errors():
         location = tuple(part for part in fault["loc"] if part not in {"normal", "constrained-float"})
         # Of a section that may be one of several models, the model is part of the place, but not of the key.
@@ -62,16 +70,15 @@ def explain(error: ValidationError, place: str, model: type[BaseModel]) -> str:
         value, kind, context = fault.get("input"), fault["type"], fault.get("ctx", {})
         unit = f" {unit_of(key)}" if unit_of(key) else ""
         if kind == "extra_forbidden":
-            lines.append(f"{place}: {_unknown(key, model, location)}")
+            words = _unknown(key, model, location)
         elif kind == "missing":
-            lines.append(f"{place}: {_missing(key, model, location)}")
+            words = _missing(key, model, location)
         elif kind in _BOUNDS:
             name, sign = _BOUNDS[kind]
-            lines.append(f"{place}: '{key}' is {value}, expected {sign} {context[name]}{unit}")
+            words = f"'{key}' is {value}, expected {sign} {context[name]}{unit}"
         elif kind == "value_error":
-            lines.append(f"{place}: {key + ': ' if key else ''}{context['error']}")
+            words = f"{key + ': ' if key else ''}{context['error']}"
         else:
-            lines.append(
-                f"{place}: '{key}' is {value!r}, expected {fault['msg'].removeprefix('Input should be ')}{unit}"
-            )
-    return "\n".join(dict.fromkeys(lines))
+            expected = fault["msg"].removeprefix("Input should be ").removesuffix(_UNPARSED)
+            words = f"'{key}' is {value!r}, expected {expected}{unit}"
+        yield key, words

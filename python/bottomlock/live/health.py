@@ -4,11 +4,8 @@ Read only, and on the loopback address unless the configuration says otherwise. 
 """
 
 import asyncio
-import contextlib
-import ipaddress
 import json
 import math
-import socket
 from collections.abc import Callable, Sequence
 from importlib import resources
 from typing import Any
@@ -16,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.live.estimator import Estimator
-from bottomlock.live.listening import accept, listen
+from bottomlock.live.http_server import HTML, JSON, REQUEST_S, TEXT, HttpServer, Request, reply
 from bottomlock.live.runner import Live
 from bottomlock.live.states import ORDER
 from bottomlock.ports.estimate import Estimate
@@ -24,9 +21,8 @@ from bottomlock.ports.rotation import angles
 
 EVENT_S = 0.25
 """Time between two events of the page."""
-_REQUEST_BYTES, _REQUEST_S = 8192, 5.0
-_CLIENTS, _STREAMS = 32, 16
-"""Most connections at a time, and most of them that follow the events."""
+_STREAMS = 16
+"""Most connections that follow the events at a time."""
 _AXES = ("surge", "sway", "heave")
 
 
@@ -203,15 +199,12 @@ def _escaped(label: str) -> str:
     return label.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n")
 
 
-class HealthServer:
+class HealthServer(HttpServer):
     """Serves the page on the running loop.
 
     Args:
         show: gives the status; asked once in `EVENT_S` at most, however many clients there are.
-        host, port: where; port 0 takes a free one.
-        names: host names under which it may be asked, beside addresses, localhost and `host`. A page of the web
-            whose name was pointed at this address asks under its own name, and gets nothing.
-        say: is told when the system has no room for a client.
+        host, port, names, say: see `HttpServer`.
     """
 
     def __init__(
@@ -223,32 +216,10 @@ class HealthServer:
         names: Sequence[str] = (),
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self._source, self._host, self._port, self._say = show, host, port, say
-        self._names = {name.lower() for name in ("localhost", host, *names)}
+        super().__init__(host, port, names=names, say=say)
+        self._source = show
         self._shown: tuple[float, dict[str, Any]] | None = None
-        self._silent: dict[asyncio.StreamWriter, None] = {}
-        self._clients: dict[asyncio.StreamWriter, asyncio.Task[None]] = {}
         self._streams = 0
-        self.url = ""
-        self.opened = asyncio.Event()
-
-    async def run(self) -> None:
-        """Serves until it is cancelled.
-
-        Raises:
-            OSError: where the address cannot be used.
-        """
-        servers = await listen(self._host, self._port)
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        self.url = f"http://{host}:{servers[0].getsockname()[1]}/"
-        self.opened.set()
-        try:
-            await asyncio.gather(*(accept(server, self._add, self._say) for server in servers))
-        finally:
-            for server in servers:
-                server.close()
-            for task in self._clients.values():
-                task.cancel()
 
     def _show(self) -> dict[str, Any]:
         now = asyncio.get_running_loop().time()
@@ -256,84 +227,26 @@ class HealthServer:
             self._shown = now, self._source()
         return self._shown[1]
 
-    async def _add(self, client: socket.socket) -> None:
-        """A further client, in place of the one that has asked nothing for longest where there is no room."""
-        if len(self._clients) >= _CLIENTS:
-            if not self._silent:
-                client.close()
-                return
-            oldest = next(iter(self._silent))
-            del self._silent[oldest]
-            self._clients.pop(oldest).cancel()
-            oldest.transport.abort()
-        loop = asyncio.get_running_loop()
-        reader = asyncio.StreamReader(limit=_REQUEST_BYTES)
-        protocol = asyncio.StreamReaderProtocol(reader)
-        transport, _ = await loop.connect_accepted_socket(lambda: protocol, client)
-        writer = asyncio.StreamWriter(transport, protocol, reader, loop)
-        self._silent[writer] = None
-        self._clients[writer] = asyncio.create_task(self._client(reader, writer))
-
-    async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        try:
-            async with asyncio.timeout(_REQUEST_S):
-                request = await reader.readuntil(b"\r\n\r\n")
-            self._silent.pop(writer, None)
-            first, *headers = request.split(b"\r\n")
-            if not self._is_meant(headers):
-                writer.write(_reply(421, "text/plain", _NOT_MEANT))
-            else:
-                await self._answer(first.split(b" "), writer)
-            await writer.drain()
-        except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            pass  # a client that went away, or never asked anything
-        except asyncio.CancelledError:
-            pass  # the program ends, or another client has its place
-        finally:
-            self._silent.pop(writer, None)
-            self._clients.pop(writer, None)
-            with contextlib.suppress(OSError):
-                writer.close()
-
-    def _is_meant(self, headers: list[bytes]) -> bool:
-        """Whether a request is to this host; one without a host comes from no browser."""
-        hosts = [line.split(b":", 1)[1].strip() for line in headers if line.lower().startswith(b"host:")]
-        return len(hosts) < 2 and all(self._is_ours(host.decode("latin-1")) for host in hosts)
-
-    def _is_ours(self, host: str) -> bool:
-        name = host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
-        if name.lower().rstrip(".") in self._names:
-            return True
-        try:
-            ipaddress.ip_address(name)
-        except ValueError:
-            return False
-        return True
-
-    async def _answer(self, request: list[bytes], writer: asyncio.StreamWriter) -> None:
-        if len(request) < 2 or request[0] != b"GET":
-            writer.write(_reply(405, "text/plain", b"only GET\n"))
-            return
-        path = request[1].split(b"?", 1)[0]
-        if path == b"/":
-            page = (resources.files("bottomlock.live") / "page.html").read_bytes()
-            writer.write(_reply(200, "text/html; charset=utf-8", page))
-        elif path == b"/health":
+    async def _answer(self, request: Request, writer: asyncio.StreamWriter) -> None:
+        path = request.path
+        if path == "/":
+            writer.write(reply(200, HTML, page()))
+        elif path == "/health":
             shown = self._show()
             good = shown["state"] not in {"UNSAFE", "INITIALISING"}
-            writer.write(_reply(200 if good else 503, "application/json", json.dumps(shown).encode() + b"\n"))
-        elif path == b"/metrics":
-            writer.write(_reply(200, "text/plain; version=0.0.4", metrics(self._show()).encode()))
-        elif path == b"/events" and self._streams >= _STREAMS:
-            writer.write(_reply(503, "text/plain", b"too many clients\n"))
-        elif path == b"/events":
+            writer.write(reply(200 if good else 503, JSON, json.dumps(shown).encode() + b"\n"))
+        elif path == "/metrics":
+            writer.write(reply(200, "text/plain; version=0.0.4", metrics(self._show()).encode()))
+        elif path == "/events" and self._streams >= _STREAMS:
+            writer.write(reply(503, TEXT, b"too many clients\n"))
+        elif path == "/events":
             self._streams += 1
             try:
                 await self._events(writer)
             finally:
                 self._streams -= 1
         else:
-            writer.write(_reply(404, "text/plain", b"there are /, /health, /metrics and /events\n"))
+            writer.write(reply(404, TEXT, b"there are /, /health, /metrics and /events\n"))
 
     async def _events(self, writer: asyncio.StreamWriter) -> None:
         writer.write(
@@ -343,26 +256,11 @@ class HealthServer:
         while not writer.is_closing():
             writer.write(b"data: " + json.dumps(self._show()).encode() + b"\n\n")
             # A client that does not read is not waited for, and does not fill the memory.
-            async with asyncio.timeout(_REQUEST_S):
+            async with asyncio.timeout(REQUEST_S):
                 await writer.drain()
             await asyncio.sleep(EVENT_S)
 
 
-_NOT_MEANT = b"asked under another name than localhost or an address: list it in health.names\n"
-_WORDS = {
-    200: "OK",
-    404: "Not Found",
-    405: "Method Not Allowed",
-    421: "Misdirected Request",
-    503: "Service Unavailable",
-}
-
-
-def _reply(code: int, kind: str, body: bytes) -> bytes:
-    head = (
-        f"HTTP/1.1 {code} {_WORDS[code]}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
-        "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
-        "Content-Security-Policy: default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
-        "connect-src 'self'\r\nConnection: close\r\n\r\n"
-    )
-    return head.encode() + body
+def page() -> bytes:
+    """The page, which asks for `events` beside it."""
+    return (resources.files("bottomlock.live") / "page.html").read_bytes()

@@ -18,6 +18,8 @@ Quaternion = tuple[float, float, float, float]
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 PASCAL_PER_HECTOPASCAL = 100.0
 MOST_LATITUDE_DEG, MOST_LONGITUDE_DEG = 90.0, 360.0
+SLOW_HZ = 10.0
+"""Greatest rate at which an autopilot is asked for what does not move the vehicle."""
 _FIX_3D = 3
 """Of GPS_RAW_INT: from here on the position has a height."""
 _ROUNDING = 1e-3
@@ -260,6 +262,18 @@ class MavlinkReader:
         self._dialect = dialect()
         self.framer = _MavlinkFramer(self)
         self.restart()
+
+    def wanted(self, rate_hz: float) -> dict[str, float]:
+        """The messages that are read, with the rates to ask for: `rate_hz`, of what does not move the vehicle 10 Hz."""
+        slow_hz = min(rate_hz, SLOW_HZ)
+        rates_hz = {"HIGHRES_IMU": rate_hz} if self.inertial else {}
+        if self.attitude is not None:
+            rates_hz[self.attitude] = slow_hz if self.inertial else rate_hz
+        if self.depth is not None:
+            rates_hz[self.depth.message] = slow_hz
+        if self.gps:
+            rates_hz["GPS_RAW_INT"] = slow_hz
+        return rates_hz
 
     def restart(self) -> None:
         """A parser without a message that has begun."""

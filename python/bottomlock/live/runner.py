@@ -17,10 +17,12 @@ from bottomlock.live.connections import Answers, Connection, cancel, no_answer
 from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.garbage import collected_between_readings
 from bottomlock.live.raw_log import Kind, RawLog
+from bottomlock.live.readings import MavlinkReader
 from bottomlock.live.sections import ROS_TYPES
 from bottomlock.live.sink import Sink
 from bottomlock.live.sinks import open_sink
 from bottomlock.ports.mavlink import MavlinkPort, Timesync
+from bottomlock.ports.message_intervals import MessageIntervals
 
 SILENT_CONNECTION_PERIODS = 10.0
 
@@ -76,9 +78,19 @@ class Live:
             on_connected=lambda: self.connected(place),
             on_state=lambda words: self._say(f"source {section.name}: {words}"),
             silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
-            answers=self._timesync() if section.format == "mavlink" else no_answer,
+            answers=self._answers_of_source(place),
             ros_type=ROS_TYPES.get(section.format, ""),
         )
+
+    def _answers_of_source(self, place: int) -> Answers:
+        section, reader = self.config.source[place], self.engine.sources[place].reader
+        if not isinstance(reader, MavlinkReader):
+            return no_answer
+        timesync = self._timesync()
+        if section.request_hz is None or self._send is not None:
+            return timesync
+        intervals = MessageIntervals(reader.wanted(section.request_hz))
+        return lambda data: timesync(data) + intervals.answers(data, self.clock())
 
     def _sinks(self) -> Iterator[Sink]:
         for section, one in zip(self.config.port, self.engine.ports, strict=True):

@@ -226,7 +226,8 @@ class SourceSection(Section):
     "instrument" maps its own stamps to the host's clock; "host" takes them as they are; "arrival" takes the time of
     arrival. `latency_s` is subtracted from the times. A stamp that is further than `step_s` from where the clock
     should be is not used. `checksum` demands one of every line of numbers; without it they are demanded from the first
-    line that has one.
+    line that has one. `request_hz` is the rate at which an autopilot is asked for what is read of it, 10 Hz at most of
+    what does not move the vehicle.
     """
 
     name: Name
@@ -239,6 +240,7 @@ class SourceSection(Section):
     negate_beams: bool = False
     keep_stale: bool = False
     checksum: bool = False
+    request_hz: Annotated[float, Field(gt=0, le=1000)] | None = None
 
     @model_validator(mode="after")
     def _messages_stay_whole(self) -> Self:
@@ -261,6 +263,10 @@ class SourceSection(Section):
 
     @model_validator(mode="after")
     def _flags_of_a_format(self) -> Self:
+        if self.request_hz is not None and self.format != "mavlink":
+            raise ValueError(
+                f"'request_hz' belongs to MAVLink, and source '{self.name}' has format '{self.format}'"
+            )
         if "checksum" in self.model_fields_set and not self.format.endswith("-csv"):
             raise ValueError(
                 "'checksum' belongs to lines of numbers (imu-csv, attitude-csv, depth-csv), and source "

@@ -1,0 +1,67 @@
+"""The command `bottomlock live-setup`: the set-up page, and the live process that it starts and stops."""
+
+import asyncio
+import contextlib
+import signal
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from bottomlock.cli.console import errors
+from bottomlock.errors import OutputError
+from bottomlock.setup.folder import SetupFolder
+from bottomlock.setup.process import LiveProcess
+from bottomlock.setup.server import NAMES, PORT, SetupServer
+
+
+def live_setup(
+    folder: Path,
+    *,
+    host: Annotated[
+        str, Parameter(help='Address of the page; "0.0.0.0" lets the whole network set it up.')
+    ] = "127.0.0.1",
+    port: Annotated[int, Parameter(help="TCP port of the page; 0: a free one.")] = PORT,
+    names: Annotated[
+        tuple[str, ...],
+        Parameter(help="Further host names under which the page may be asked; .END: all that end so."),
+    ] = NAMES,
+) -> None:
+    """Set live navigation up in a browser: instrument, autopilot, mounting; start, stop, state, raw logs.
+
+    Parameters
+    ----------
+    folder
+        Of the configuration (live.toml), its raw logs and checkpoint; made where it is missing.
+    """
+    asyncio.run(_serve(folder, host, port, names))
+
+
+def _say(words: str) -> None:
+    errors.print(words, markup=False, highlight=False, soft_wrap=True)
+
+
+async def _serve(folder: Path, host: str, port: int, names: tuple[str, ...]) -> None:
+    kept = SetupFolder(folder)
+    process = LiveProcess(kept.config, _say)
+    server = SetupServer(kept, process, host, port, names=names, say=_say)
+    process.want(running=kept.shall_run)
+    serving, living = asyncio.create_task(server.run()), asyncio.create_task(process.run())
+    opened = asyncio.create_task(server.opened.wait())
+    loop = asyncio.get_running_loop()
+    for name in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):
+            loop.add_signal_handler(name, serving.cancel)
+    try:
+        await asyncio.wait({serving, opened}, return_when=asyncio.FIRST_COMPLETED)
+        if server.opened.is_set():
+            _say(f"bottomlock: set-up page {server.url}, configuration in {kept.folder}")
+        await serving
+    except asyncio.CancelledError:
+        pass
+    except OSError as error:
+        raise OutputError(f"no set-up page on {host}:{port}: {error.strerror or error}") from error
+    finally:
+        for task in (opened, living):
+            task.cancel()
+        await asyncio.gather(opened, living, return_exceptions=True)

@@ -1,0 +1,142 @@
+"""The form of the set-up page, and the configuration of `bottomlock live` that it stands for.
+
+The configuration is the TOML file that a person would write: the form has no meaning of its own.
+"""
+
+import json
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from bottomlock.config.scenario_sections import Finite, Section
+from bottomlock.io.beams import geometry_text, read_geometry
+from bottomlock.live.address import SinkAddress, SourceAddress
+from bottomlock.live.sections import Name
+from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS
+from bottomlock.ports.estimate import Mode
+
+LOGS = "logs"
+"""Folder of the raw logs, beside the configuration."""
+HEALTH_PORT = 8771
+"""Of the live process, on the loopback address; the set-up page passes it on."""
+ROUTER = "tcp:127.0.0.1:5777"
+"""BlueOS' own "Internal Link": its MAVLink router, for what runs on the vehicle's computer."""
+IMU_HZ = 50
+FORM_INSTRUMENTS = {name: one for name, one in INSTRUMENTS.items() if not one.geometry.endswith(".toml")}
+"""Those whose geometry is packaged; the others need a file of their own, and so a configuration by hand."""
+FORM_AUTOPILOTS = {name: AUTOPILOTS[name] for name in ("ardusub", "px4")}
+
+_Degrees = Annotated[float, Field(ge=-180, le=180)]
+_Pitch = Annotated[float, Field(ge=-90, le=90)]
+
+
+class SetupForm(Section):
+    """What the page asks for. The lever arm is from the autopilot's IMU to the DVL.
+
+    The mounting angles rotate the DVL's axes to the vehicle's; pitch 90 is a DVL that looks forward.
+    """
+
+    name: Name = "vehicle"
+    instrument: Literal[tuple(FORM_INSTRUMENTS)] = "a50"  # type: ignore[valid-type]
+    address: SourceAddress = INSTRUMENTS["a50"].address
+    mounting_roll_deg: _Degrees = 0.0
+    mounting_pitch_deg: _Pitch = 0.0
+    mounting_yaw_deg: _Degrees = 0.0
+    lever_forward_m: Finite = 0.0
+    lever_starboard_m: Finite = 0.0
+    lever_down_m: Finite = 0.0
+    autopilot: Literal[tuple(FORM_AUTOPILOTS)] = "ardusub"  # type: ignore[valid-type]
+    to: SinkAddress = ROUTER
+    mode: Mode = "navigation"
+    imu: SourceAddress = ROUTER
+    latitude_deg: Annotated[float | None, Field(ge=-90, le=90, validate_default=True)] = None
+    record: bool = True
+
+    @field_validator("latitude_deg", mode="after")
+    @classmethod
+    def _needed_to_navigate(cls, latitude_deg: float | None, info: ValidationInfo) -> float | None:
+        if latitude_deg is None and info.data.get("mode") == "navigation":
+            raise ValueError(
+                "missing, expected number in deg, -90 to 90: where the vehicle is, for gravity and the Earth's rate"
+            )
+        return latitude_deg
+
+
+def geometry_of(form: SetupForm) -> str:
+    """The geometry of the form's instrument with its mounting and lever arms, as TOML."""
+    name = FORM_INSTRUMENTS[form.instrument].geometry
+    lever_m = [form.lever_forward_m, form.lever_starboard_m, form.lever_down_m]
+    beams = read_geometry(name).geometry.beams
+    return (
+        "# From the set-up page: the instrument's axes to the vehicle's, and each transducer from the autopilot.\n"
+        f"mounting_roll_deg = {form.mounting_roll_deg!r}\n"
+        f"mounting_pitch_deg = {form.mounting_pitch_deg!r}\n"
+        f"mounting_yaw_deg = {form.mounting_yaw_deg!r}\n"
+        f"lever_arms_m = {[lever_m] * beams}\n\n"
+    ) + geometry_text(name)
+
+
+def config_text(form: SetupForm, geometry: str) -> str:
+    """The configuration of a form, as TOML, with the file of its geometry."""
+    instrument, autopilot = FORM_INSTRUMENTS[form.instrument], FORM_AUTOPILOTS[form.autopilot]
+    parts = [
+        _HEAD,
+        f"name = {_quoted(form.name)}\nmode = {_quoted(form.mode)}",
+        f'[dvl]\ngeometry = "{geometry}"\nbeam_noise_mps = {instrument.beam_noise_mps!r}',
+        _source("dvl", form.address, instrument.format, instrument.rate_hz),
+    ]
+    if form.mode == "navigation":
+        parts += [_source("autopilot", form.imu, "mavlink", IMU_HZ) + f"\nrequest_hz = {IMU_HZ}"]
+        parts += [_NAVIGATION.format(latitude=form.latitude_deg, rate=IMU_HZ)]
+    port = [line for line in autopilot.port if not line.startswith("to = ")]
+    parts += ["\n".join(["[[port]]", f"to = {_quoted(form.to)}", *port])]
+    if form.record:
+        parts += [f'[log]\nfolder = "{LOGS}"']
+    parts += [f'[health]\nhost = "127.0.0.1"\nport = {HEALTH_PORT}']
+    return "\n\n".join(parts) + "\n"
+
+
+def _source(name: str, address: str, form: str, rate_hz: float) -> str:
+    return "\n".join(
+        [
+            "[[source]]",
+            f'name = "{name}"',
+            f"address = {_quoted(address)}",
+            f'format = "{form}"',
+            f"rate_hz = {rate_hz:g}",
+        ]
+    )
+
+
+def _quoted(text: str) -> str:
+    """A string of TOML: JSON's, which escapes the same characters."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+_HEAD = """# From the set-up page of bottomlock. Edit it by hand where the page does not reach (docs/live.md): the page
+# then runs it as it is, and says so before it replaces it."""
+# Of the inertial sensors of a flight controller, cautious. The heading of the start is the autopilot's own; it aids
+# nothing, because it is made from the same inertial readings.
+_NAVIGATION = """[origin]
+latitude_deg = {latitude!r}
+
+[imu]
+rate_hz = {rate}
+accel_bias_mg = 5.0
+gyro_bias_deg_per_h = 50.0
+accel_noise_mps_per_rt_h = 0.1
+gyro_noise_deg_per_rt_h = 0.3
+
+[attitude]
+message = "ATTITUDE"
+aids = "nothing"
+yaw_sd_deg = 5.0
+
+[start]
+window_s = 5.0
+
+[navigation]
+method = "tc"
+
+[checkpoint]
+file = "navigator.checkpoint\""""

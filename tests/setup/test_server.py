@@ -1,0 +1,257 @@
+"""`bottomlock live-setup` as a process: set up, started, stopped, killed, asked by whom it should not answer."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega
+
+from bottomlock.setup.form import HEALTH_PORT
+from tests.live.processes import Instruments, free_port
+from tests.setup.blueos import ask, detect_service, get, post
+
+pytest.importorskip("mcap", reason="needs mcap (extra live)")
+PATIENCE_S = 60.0
+
+
+@contextlib.contextmanager
+def served(folder: Path, *words: str) -> Iterator[int]:
+    """The port of a running set-up page; it ends with SIGTERM, and its live process with it."""
+    command = [sys.executable, "-m", "bottomlock", "live-setup", str(folder), "--port", "0", *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+        try:
+            assert running.stderr is not None
+            line = running.stderr.readline()
+            found = re.search(r"set-up page http://\S+:(\d+)/", line)
+            assert found, line + running.stderr.read()
+            yield int(found[1])
+        finally:
+            running.terminate()
+            _, told = running.communicate(timeout=PATIENCE_S)
+            assert "Traceback" not in told, told
+    assert running.returncode == 0
+
+
+def shown(port: int) -> dict[str, Any]:
+    code, text = get(port, "/setup")
+    assert code == 200
+    content: dict[str, Any] = json.loads(text)
+    return content
+
+
+def until(port: int, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """What the page shows once it holds."""
+    end_s = time.monotonic() + PATIENCE_S
+    while not holds(content := shown(port)):
+        assert time.monotonic() < end_s, content
+        time.sleep(0.1)
+    return content
+
+
+def measured(port: int) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(get(port, "/health")[1])
+    return content
+
+
+@pytest.fixture
+def health_port() -> None:
+    """The one port of the live process is free here."""
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind(("127.0.0.1", HEALTH_PORT))
+        except OSError:
+            pytest.skip(f"port {HEALTH_PORT} is taken")
+
+
+def form(instruments: Instruments, to: int) -> dict[str, Any]:
+    return {
+        "mode": "velocity",
+        "address": f"tcp:127.0.0.1:{instruments.dvl_port}",
+        "to": f"udpout:127.0.0.1:{to}",
+    }
+
+
+@pytest.mark.usefixtures("health_port")
+def test_set_up_started_stopped_and_downloaded(tmp_path: Path) -> None:
+    """From an empty folder to MAVLink of the autopilot, and the raw log with the bytes of the disk."""
+    folder = tmp_path / "vehicle"
+    with (
+        Instruments(90.0) as instruments,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot,
+        served(folder) as port,
+    ):
+        autopilot.bind(("127.0.0.1", 0))
+        autopilot.settimeout(PATIENCE_S)
+        assert measured(port)["state"] == "STOPPED"
+        assert post(port, "/start") == (
+            422,
+            {"faults": [{"field": "", "words": "there is no configuration yet: save the form first"}]},
+        )
+        assert post(port, "/save", form(instruments, autopilot.getsockname()[1])) == (200, {"faults": []})
+        assert post(port, "/start") == (200, {"faults": []})
+        link = ardupilotmega.MAVLink(None)
+        messages = link.parse_buffer(autopilot.recv(4096))
+        assert messages[0].get_type() == "VISION_POSITION_DELTA"
+        assert measured(port)["state"] == "OK"
+        assert b"bottomlock_state" in get(port, "/metrics")[1]
+        assert b"Beams of the last ping" in get(port, "/state")[1]
+        assert post(port, "/stop") == (200, {"faults": []})
+        stopped = until(port, lambda now: not now["process"]["running"])
+        assert stopped["process"]["ended"] == "exit code 0"
+        assert any("state OK" in line for line in stopped["process"]["lines"])
+        (log,) = stopped["logs"]
+        code, content = get(port, f"/logs/{log['name']}")
+        assert (code, content) == (200, (folder / "logs" / log["name"]).read_bytes())
+        assert len(content) == log["bytes"] > 1000
+    # Nothing half-written stays, and no process.
+    assert not live_processes(folder)
+    assert not list(folder.glob(".*"))
+
+
+@pytest.mark.usefixtures("health_port")
+def test_killed_it_is_started_again_and_saved_it_begins_anew(tmp_path: Path) -> None:
+    """A kill of the live process; another form while it runs; a whole start of the vehicle, in which it goes on."""
+    with Instruments(120.0) as instruments:
+        with served(tmp_path) as port:
+            post(port, "/save", form(instruments, free_port(socket.SOCK_DGRAM)))
+            post(port, "/start")
+            until(port, lambda now: any("raw log" in line for line in now["process"]["lines"]))
+            (live,) = live_processes(tmp_path)
+            os.kill(live, signal.SIGKILL)
+            until(port, lambda now: any("ended: signal SIGKILL" in line for line in now["process"]["lines"]))
+            until(port, lambda now: now["process"]["running"] and len(now["logs"]) == 2)
+            changed = form(instruments, free_port(socket.SOCK_DGRAM)) | {"name": "second"}
+            assert post(port, "/save", changed)[0] == 200
+            until(port, lambda now: now["process"]["running"] and len(now["logs"]) == 3)
+        with served(tmp_path) as port:
+            again = until(port, lambda now: len(now["logs"]) == 4)
+            assert again["process"]["wanted"]
+            assert again["form"]["name"] == "second"
+            end_s = time.monotonic() + PATIENCE_S
+            while measured(port).get("name") != "second":
+                assert time.monotonic() < end_s
+                time.sleep(0.1)
+
+
+def live_processes(folder: Path) -> list[int]:
+    """Processes that run `bottomlock live` in a folder."""
+    listed = subprocess.run(
+        ["ps", "-ww", "-eo", "pid=,args="], capture_output=True, text=True, check=True
+    ).stdout
+    wanted = f" -m bottomlock live {folder / 'live.toml'}"
+    return [int(line.split(None, 1)[0]) for line in listed.splitlines() if line.endswith(wanted)]
+
+
+def test_blueos_finds_the_service(tmp_path: Path) -> None:
+    """As its helper does: a page, then metadata of its own type; the name that BlueOS makes of it has letters."""
+    with served(tmp_path) as port:
+        found = detect_service(port)
+        assert found is not None
+        assert re.sub(r"[^a-z0-9]", "", found.name.lower()) == "bottomlock"
+        assert found.icon.startswith("mdi-")
+        assert found.works_in_relative_paths
+        # Relative, or the page would ask BlueOS itself under /extensionv2/bottomlock/.
+        page = get(port, "/")[1].decode()
+        assert not re.findall(r"""(?:fetch|EventSource|href|src)[(=]["'`]/""", page)
+        assert get(port, "/docs")[0] == 404
+
+
+def test_other_pages_change_nothing(tmp_path: Path) -> None:
+    """A form of another page, one of another origin, a name of the web, a method, a length: each is refused."""
+    with served(tmp_path) as port:
+        good = {"Content-Type": "application/json"}
+        body = json.dumps({"mode": "velocity"})
+        for headers, code in (
+            ({"Content-Type": "text/plain"}, 415),
+            ({"Content-Type": "application/x-www-form-urlencoded"}, 415),
+            ({}, 415),
+            (good | {"Origin": "http://evil.example"}, 403),
+            (good | {"Origin": "null"}, 403),
+            (good | {"Host": "evil.example"}, 421),
+            (good | {"Host": "blueos.local.evil.example"}, 421),
+            (good | {"Content-Length": "99999999999999"}, 413),
+            (good | {"Content-Length": "-1"}, 411),
+        ):
+            assert ask(port, "POST", "/save", body, headers)[0] == code, headers
+        # A browser asks for leave before a POST of JSON from another origin: there is none.
+        assert ask(port, "OPTIONS", "/save", None, {"Origin": "http://blueos.local"})[0] == 405
+        assert get(port, "/save")[0] == 404
+        assert not list(tmp_path.iterdir())
+        # Through BlueOS' own server, and by the vehicle's name in its network.
+        for origin, host in (
+            ("http://blueos.local", "127.0.0.1"),
+            ("http://192.168.2.2:8770", "rov.local:8770"),
+        ):
+            assert ask(port, "POST", "/save", body, good | {"Origin": origin, "Host": host})[0] == 200
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../live.toml",
+        "..%2Flive.toml",
+        "/etc/passwd",
+        "",
+        ".",
+        "secret.txt",
+        "link.mcap",
+        "folder.mcap",
+        "a.mcap/../../x",
+    ],
+)
+def test_only_raw_logs_are_given(tmp_path: Path, name: str) -> None:
+    """No path, no other file, no link, no folder."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    (logs / "a.mcap").write_bytes(b"log")
+    (logs / "secret.txt").write_bytes(b"secret")
+    (tmp_path / "live.toml").write_text("secret")
+    (logs / "link.mcap").symlink_to(tmp_path / "live.toml")
+    (logs / "folder.mcap").mkdir()
+    with served(tmp_path) as port:
+        assert get(port, "/logs/a.mcap") == (200, b"log")
+        assert [log["name"] for log in shown(port)["logs"]] == ["a.mcap"]
+        assert get(port, f"/logs/{name}")[0] == 404
+
+
+def test_no_form_at_all_is_told(tmp_path: Path) -> None:
+    """What is no JSON, or JSON of something else."""
+    with served(tmp_path) as port:
+        good = {"Content-Type": "application/json"}
+        for body in ("{", "[" * 30_000, "3", "null", '"mode"'):
+            code, text = ask(port, "POST", "/save", body, good)
+            assert (code, bool(json.loads(text)["faults"])) == (422, True), body[:20]
+
+
+def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
+    """A folder that is a file: the page says so in place of the field, and goes on."""
+    place = tmp_path / "taken"
+    place.write_text("")
+    with served(place / "vehicle") as port:
+        code, answer = post(port, "/save", {"mode": "velocity"})
+        assert code == 422
+        assert "cannot be written" in answer["faults"][0]["words"]
+        assert shown(port)["configuration"] is None
+
+
+def test_a_taken_port_is_one_line(tmp_path: Path) -> None:
+    """Port and reason, and the exit code of wrong usage."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        number = taken.getsockname()[1]
+        command = [sys.executable, "-m", "bottomlock", "live-setup", str(tmp_path), "--port", str(number)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert done.returncode == 2
+    assert done.stderr.strip() == f"bottomlock: no set-up page on 127.0.0.1:{number}: Address already in use"
