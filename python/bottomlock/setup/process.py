@@ -95,6 +95,10 @@ class LiveProcess:
         reading = asyncio.create_task(self._read(process))
         try:
             await asyncio.wait({stopping, reading}, return_when=asyncio.FIRST_COMPLETED)
+            if reading.done():
+                # It ends by itself. A signal now could take its exit code away from asyncio, which would report 255.
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(process.wait(), PATIENCE_S)
         finally:
             stopping.cancel()
             await self._end(process)
