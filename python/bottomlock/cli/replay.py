@@ -105,9 +105,9 @@ def replay(
     if formats is not None and case.is_dir():
         _export(case, formats, split(methods), force=force)
         return
+    _check_case(case)
     if out is None:
         raise OutputError("--out is missing, expected a directory for tables and report")
-    _check_case(case)
     check_threads(threads)
     loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
     if formats is not None:
