@@ -13,15 +13,17 @@ from bottomlock.cli.page_output import print_blocks, print_headline, print_part
 from bottomlock.cli.parameters import Threads, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
-from bottomlock.files.overwriting import check_free
+from bottomlock.files.overwriting import check_free, remove_outdated
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
 from bottomlock.pages.page import Table, plain_text
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
+from bottomlock.replay.export.run import FORMATS, check_formats, export_replay
 from bottomlock.replay.init.make import Made, make_case
 from bottomlock.replay.page import page_of
+from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
 from bottomlock.replay.tune.passes import horizons_of
@@ -56,7 +58,10 @@ def replay(
         ),
     ] = None,
     methods: Annotated[
-        str | None, Parameter(help="Aiding methods, separated by commas; the case's own by default.")
+        str | None,
+        Parameter(
+            help="Aiding methods, separated by commas; the case's own by default. Of a folder: methods to export."
+        ),
     ] = None,
     runs: Annotated[
         int | None, Parameter(help="Number of draws of noise and dropouts; the case's own by default.")
@@ -74,6 +79,13 @@ def replay(
             help="TOML file for a copy of the DVL's file with the estimated calibration and its 1 sigma."
         ),
     ] = None,
+    export: Annotated[
+        str | None,
+        Parameter(
+            help=f"Formats of the tracks, written to the folder `export` in DIR, separated by commas: "
+            f"{', '.join(FORMATS)}. With the folder of a replay as FILE nothing else is done."
+        ),
+    ] = None,
 ) -> None:
     """Navigate a recorded dive again, also with fewer beams.
 
@@ -81,6 +93,7 @@ def replay(
     ----------
     files
         The case: a TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
+        With --export: that, or the folder of a replay, of which the tracks are exported.
         With --init: the log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
     """
     if init:
@@ -88,20 +101,17 @@ def replay(
         if tune:
             _tune(made, threads=threads, force=force)
         return
-    if len(files) != 1:
-        raise ScenarioError(
-            f"{len(files)} files are named, expected one, the case; bottomlock replay --init FILE... writes one "
-            "from logs"
-        )
+    case, formats = _only(files), split(export)
+    if formats is not None and case.is_dir():
+        _export(case, formats, split(methods), force=force)
+        return
+    _check_case(case)
     if out is None:
         raise OutputError("--out is missing, expected a directory for tables and report")
-    case = files[0]
-    if case.suffix.lower() != ".toml":
-        raise ScenarioError(
-            f"{case}: not a case file (TOML); bottomlock replay --init {case} ... writes one from logs"
-        )
     check_threads(threads)
     loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
+    if formats is not None:
+        check_formats(formats, has_origin=has_origin(loaded))
     inputs = (case, Path(loaded.dvl.geometry), *loaded.files().values())
     if write_calibration is not None:
         require_toml(write_calibration)
@@ -127,6 +137,7 @@ def replay(
                 replayed = replay_case(loaded, threads=threads, progress=report)
                 write_replay(replayed, out)
             page = make_replay_report(out, force=force)
+            remove_outdated(out)
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
@@ -135,7 +146,37 @@ def replay(
         instrument = read_geometry(loaded.dvl.geometry)
         write(write_calibration, instrument, replayed.calibration, loaded, force=force)
         console.print(f"wrote {write_calibration}", highlight=False)
+    if formats is not None:
+        _export(out, formats, None, force=force)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
+
+
+def _only(files: Sequence[Path]) -> Path:
+    """The one file that is named."""
+    if len(files) != 1:
+        raise ScenarioError(
+            f"{len(files)} files are named, expected one, the case; bottomlock replay --init FILE... writes one "
+            "from logs"
+        )
+    return files[0]
+
+
+def _check_case(case: Path) -> None:
+    """Checks the name of a case."""
+    if case.is_dir():
+        raise ScenarioError(
+            f"{case}: is a folder, expected a case file (TOML); of a replay's folder --export takes the tracks along"
+        )
+    if case.suffix.lower() != ".toml":
+        raise ScenarioError(
+            f"{case}: not a case file (TOML); bottomlock replay --init {case} ... writes one from logs"
+        )
+
+
+def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None, *, force: bool) -> None:
+    """Exports a replay and names the files."""
+    for path in export_replay(folder, formats, methods=methods, force=force):
+        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
 def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> Made:

@@ -316,6 +316,12 @@ def _triple(table: dict[str, Floats], part: str) -> Floats | None:
     return np.stack([table[f"{part}.{k}"] for k in range(3)], axis=1)
 
 
+def has_origin(case: Case) -> bool:
+    """Whether the origin of the tangent frame is a place on the Earth: stated, or of geodetic positions."""
+    stated = case.origin.latitude_deg is not None and case.origin.longitude_deg is not None
+    return stated or any(stream is not None and stream.geodetic for stream in (case.reference, case.gps))
+
+
 def _origin(case: Case, placed: dict[str, tuple[Times, dict[str, Floats]]]) -> Place | None:
     """Origin of the tangent frame: as the case states, else the first geodetic position of reference or GPS."""
     stated = case.origin

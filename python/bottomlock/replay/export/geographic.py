@@ -1,0 +1,53 @@
+"""What the formats on the Earth share: points as text, and times where they are UTC."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from bottomlock.errors import DataError
+from bottomlock.recordings.streams import Floats
+from bottomlock.replay.export.decimals import decimal, utc
+from bottomlock.replay.export.tracks import ExportTrack
+
+NO_ORIGIN = (
+    "kml, geojson and gpx need a place on the Earth, and the case has none; give origin.latitude_deg and "
+    "origin.longitude_deg, or export csv, tum or mcap"
+)
+
+
+@dataclass(frozen=True)
+class Point:
+    """Longitude and latitude, deg, height, m, and UTC; the time is None where the clock of the case is not UTC."""
+
+    longitude: str
+    latitude: str
+    height: str
+    utc: str | None
+
+
+def geodetic(track: ExportTrack) -> Floats:
+    """(n, 3) latitude, longitude, deg, and height, m.
+
+    Raises:
+        DataError: without an origin on the Earth.
+    """
+    if track.geodetic is None:
+        raise DataError(NO_ORIGIN)
+    return track.geodetic
+
+
+def points(track: ExportTrack) -> Iterator[Point]:
+    """The points of a track.
+
+    Raises:
+        DataError: without an origin on the Earth.
+    """
+    is_utc = track.is_utc
+    for time_ns, (latitude, longitude, height) in zip(track.time_ns, geodetic(track), strict=True):
+        yield Point(decimal(longitude), decimal(latitude), decimal(height), utc(time_ns) if is_utc else None)
+
+
+def crosses_antimeridian(track: ExportTrack) -> bool:
+    """Whether the track crosses 180 degrees of longitude."""
+    return bool((np.abs(np.diff(geodetic(track)[:, 1])) > 180.0).any())

@@ -1,0 +1,32 @@
+"""GPX 1.1: a `trk` a track; times are left out where the clock of the case is not UTC."""
+
+from collections.abc import Sequence
+from xml.sax.saxutils import escape
+
+from bottomlock.replay.export.geographic import Point, points
+from bottomlock.replay.export.tracks import ExportTrack
+
+HEAD = """<?xml version="1.0" encoding="UTF-8"?>
+<gpx version="1.1" creator="bottomlock" xmlns="http://www.topografix.com/GPX/1/1">"""
+
+
+def gpx(case: str, tracks: Sequence[ExportTrack]) -> str:
+    """A GPX file with the name of the case.
+
+    Raises:
+        DataError: without an origin on the Earth.
+    """
+    return "\n".join(
+        [HEAD, f"<metadata><name>{escape(case)}</name></metadata>", *map(_track, tracks), "</gpx>", ""]
+    )
+
+
+def _track(track: ExportTrack) -> str:
+    rows = "\n".join(map(_point, points(track)))
+    name, words = escape(track.name), escape(track.description)
+    return f"<trk>\n<name>{name}</name>\n<desc>{words}</desc>\n<trkseg>\n{rows}\n</trkseg>\n</trk>"
+
+
+def _point(point: Point) -> str:
+    time = "" if point.utc is None else f"<time>{point.utc}</time>"
+    return f'<trkpt lat="{point.latitude}" lon="{point.longitude}"><ele>{point.height}</ele>{time}</trkpt>'

@@ -1,0 +1,21 @@
+"""TUM trajectory: `time_s x y z qx qy qz qw` a line, east-north-up, orientation of forward-left-up axes."""
+
+import numpy as np
+
+from bottomlock.replay.export.decimals import decimal, seconds
+from bottomlock.replay.export.tracks import ExportTrack
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def tum(track: ExportTrack) -> str:
+    """A trajectory, m; of a track without an attitude the orientation is the identity, not to be compared."""
+    orientation = track.orientation_enu_flu
+    if orientation is None:
+        orientation = np.tile(IDENTITY, (len(track.time_ns), 1))
+    rows = np.hstack([track.position_enu_m, orientation])
+    lines = (
+        " ".join([seconds(time_ns), *map(decimal, row)])
+        for time_ns, row in zip(track.time_ns, rows, strict=True)
+    )
+    return "\n".join(lines) + "\n"
