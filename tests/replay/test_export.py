@@ -174,8 +174,49 @@ def test_times_are_utc_to_the_nanosecond() -> None:
     (feature,) = json.loads(str(files["export/tracks.geojson"]))["features"]
     read(feature["properties"]["coordinateProperties"]["times"])
     read([row["utc"] for row in csv.DictReader(str(files["export/recorded_tc.csv"]).splitlines())])
-    first, second = str(files["export/recorded_tc.tum"]).splitlines()[:2]
+    frames, first, second = str(files["export/recorded_tc.tum"]).splitlines()[:3]
+    assert frames.startswith("# east north up from the origin, orientation of forward left up; ")
     assert (first.split()[0], second.split()[0]) == ("1767225610.000000000", "1767225610.200000000")
+
+
+def test_a_reference_without_heights_has_none(tmp_path: Path) -> None:
+    """No number stands for them on the Earth, and the description says so; estimates keep theirs."""
+    case = synthetic_dive.write(tmp_path, ASKED)
+    text = case.read_text("utf-8")
+    assert text.count('height = "height"\n') == 1
+    case.write_text(text.replace('height = "height"\n', ""), encoding="utf-8")
+    write_replay(replay_case(load_case(case)), tmp_path / "out")
+    export_replay(tmp_path / "out", ("kml", "geojson", "gpx", "tum"))
+    folder = tmp_path / "out" / "export"
+    heights = {
+        track.findtext("gpx:name", namespaces=GPX): len(track.findall(".//gpx:ele", GPX))
+        for track in ET.fromstring((folder / "tracks.gpx").read_text("utf-8")).findall("gpx:trk", GPX)
+    }
+    assert heights.pop("reference") == 0
+    assert min(heights.values()) > 0
+    features = json.loads((folder / "tracks.geojson").read_text("utf-8"))["features"]
+    sizes = {one["properties"]["name"]: len(one["geometry"]["coordinates"][0]) for one in features}
+    assert (sizes["reference"], sizes["recorded_tc"]) == (2, 3)
+    assert "heights were not recorded" in (folder / "reference.tum").read_text("utf-8").splitlines()[0]
+    placed = ET.fromstring((folder / "tracks.kml").read_text("utf-8")).findall(".//kml:LineString", KML)
+    commas = {line.findtext("kml:coordinates", "", KML).split()[0].count(",") for line in placed}
+    assert commas == {1, 2}
+
+
+def test_what_a_track_leaves_out_is_said() -> None:
+    """Rows without a position, and a method that is not to be taken."""
+    tables = utc_dive(answer={"method": None, "sentence": "The beams do not fit."})
+    is_last = pl.int_range(pl.len()) == pl.len() - 1
+    columns = [
+        pl.when(is_last).then(None).otherwise(pl.col(name)).alias(name) for name in ("north_m", "east_m")
+    ]
+    tc = tables.samples.filter(pl.col("method") == "tc").with_columns(columns)
+    files = export_files(replace(tables, samples=tc), ("gpx", "tum"))
+    words = ET.fromstring(str(files["export/tracks.gpx"])).findtext(".//gpx:desc", namespaces=GPX)
+    assert words is not None
+    assert "not the track to take (The beams do not fit.)" in words
+    assert words.endswith("; 1 times without a position are left out")
+    assert words in str(files["export/recorded_tc.tum"]).splitlines()[0]
 
 
 def test_gpxpy_and_fastkml_read_the_same_points(tmp_path: Path) -> None:

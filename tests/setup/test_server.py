@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -66,14 +68,17 @@ def measured(port: int) -> dict[str, Any]:
 
 
 @pytest.fixture
-def health_port() -> None:
-    """The one port of the live process is free here."""
-    with socket.socket() as one:
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            one.bind(("127.0.0.1", HEALTH_PORT))
-        except OSError:
-            pytest.skip(f"port {HEALTH_PORT} is taken")
+def health_port() -> Iterator[None]:
+    """The one port of the live process is free here, and one test at a time has it, of whatever process."""
+    with (Path(tempfile.gettempdir()) / "bottomlock_health_port.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with socket.socket() as one:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                one.bind(("127.0.0.1", HEALTH_PORT))
+            except OSError:
+                pytest.skip(f"port {HEALTH_PORT} is taken")
+        yield
 
 
 def form(instruments: Instruments, to: int) -> dict[str, Any]:

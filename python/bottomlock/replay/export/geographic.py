@@ -18,11 +18,14 @@ NO_ORIGIN = (
 
 @dataclass(frozen=True)
 class Point:
-    """Longitude and latitude, deg, height, m, and UTC; the time is None where the clock of the case is not UTC."""
+    """Longitude and latitude, deg, height, m, and UTC.
+
+    The height is None where none was recorded, the time where the clock of the case is not UTC.
+    """
 
     longitude: str
     latitude: str
-    height: str
+    height: str | None
     utc: str | None
 
 
@@ -45,7 +48,8 @@ def points(track: ExportTrack) -> Iterator[Point]:
     """
     is_utc = track.is_utc
     for time_ns, (latitude, longitude, height) in zip(track.time_ns, geodetic(track), strict=True):
-        yield Point(decimal(longitude), decimal(latitude), decimal(height), utc(time_ns) if is_utc else None)
+        of_height = decimal(height) if track.has_height else None
+        yield Point(decimal(longitude), decimal(latitude), of_height, utc(time_ns) if is_utc else None)
 
 
 def crosses_antimeridian(track: ExportTrack) -> bool:

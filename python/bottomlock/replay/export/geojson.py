@@ -39,7 +39,7 @@ def _feature(case: str, track: ExportTrack) -> dict[str, Any]:
     if track.is_utc:
         properties["coordinateProperties"] = {"times": [utc(time_ns) for time_ns in track.time_ns]}
     # RFC 7946, section 3.1.1: longitude, latitude, height above the ellipsoid.
-    coordinates = geodetic(track)[:, [1, 0, 2]]
+    coordinates = geodetic(track)[:, [1, 0, 2] if track.has_height else [1, 0]]
     return {
         "type": "Feature",
         "properties": properties,

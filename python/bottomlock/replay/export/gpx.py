@@ -1,4 +1,4 @@
-"""GPX 1.1: a `trk` a track; times are left out where the clock of the case is not UTC."""
+"""GPX 1.1: a `trk` a track; times are left out where the clock of the case is not UTC, heights not recorded too."""
 
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
@@ -29,4 +29,5 @@ def _track(track: ExportTrack) -> str:
 
 def _point(point: Point) -> str:
     time = "" if point.utc is None else f"<time>{point.utc}</time>"
-    return f'<trkpt lat="{point.latitude}" lon="{point.longitude}"><ele>{point.height}</ele>{time}</trkpt>'
+    height = "" if point.height is None else f"<ele>{point.height}</ele>"
+    return f'<trkpt lat="{point.latitude}" lon="{point.longitude}">{height}{time}</trkpt>'

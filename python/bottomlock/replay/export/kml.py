@@ -14,7 +14,7 @@ HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def kml(case: str, tracks: Sequence[ExportTrack]) -> str:
-    """A document with a placemark a track; heights are absolute, m.
+    """A document with a placemark a track, on the surface; heights above the ellipsoid, m, where they were recorded.
 
     Raises:
         DataError: without an origin on the Earth.
@@ -37,13 +37,18 @@ def _placemark(track: ExportTrack) -> str:
 def _timed(track: ExportTrack) -> str:
     found = list(points(track))
     when = "\n".join(f"<when>{one.utc}</when>" for one in found)
-    where = "\n".join(f"<gx:coord>{one.longitude} {one.latitude} {one.height}</gx:coord>" for one in found)
-    return f"<gx:Track>\n<altitudeMode>absolute</altitudeMode>\n{when}\n{where}\n</gx:Track>"
+    where = "\n".join(
+        f"<gx:coord>{one.longitude} {one.latitude} {one.height or 0}</gx:coord>" for one in found
+    )
+    return f"<gx:Track>\n<altitudeMode>clampToGround</altitudeMode>\n{when}\n{where}\n</gx:Track>"
 
 
 def _line(track: ExportTrack) -> str:
-    where = "\n".join(f"{one.longitude},{one.latitude},{one.height}" for one in points(track))
-    return f"<LineString>\n<altitudeMode>absolute</altitudeMode>\n<coordinates>\n{where}\n</coordinates>\n</LineString>"
+    where = "\n".join(
+        ",".join(filter(None, [one.longitude, one.latitude, one.height])) for one in points(track)
+    )
+    inner = f"<altitudeMode>clampToGround</altitudeMode>\n<coordinates>\n{where}\n</coordinates>"
+    return f"<LineString>\n{inner}\n</LineString>"
 
 
 def _colour(track: ExportTrack) -> str:

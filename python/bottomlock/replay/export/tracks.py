@@ -39,6 +39,7 @@ class ExportTrack:
         geodetic: (n, 3) latitude, longitude, deg, and height above the ellipsoid, m; None without an origin.
         orientation_enu_flu: (n, 4) unit quaternions x, y, z, w, forward-left-up to east-north-up; None for a track
             without an attitude.
+        has_height: whether its heights and depths were recorded; those of a reference without are the origin's.
     """
 
     name: str
@@ -49,6 +50,7 @@ class ExportTrack:
     position_t_m: Floats
     geodetic: Floats | None
     orientation_enu_flu: Floats | None
+    has_height: bool = True
 
     @property
     def time_ns(self) -> Times:
@@ -95,17 +97,36 @@ def export_tracks(tables: ReplayTables, methods: Sequence[str] | None = None) ->
     if tables.path is not None:
         rows = _placed(tables.path)
         if rows.height:
-            note = manifest["reference_note"] or "as recorded"
-            words = f"{manifest['case']}: reference, {note}"
-            position = _position(rows)
-            tracks.append(
-                ExportTrack(
-                    REFERENCE, REFERENCE, "", words, rows, position, _geodetic(position, origin), None
-                )
-            )
+            tracks.append(_reference(manifest, rows, tables.path.height, origin))
     if not tracks:
         raise DataError("the replay has no position to export: its start has none")
     return tracks
+
+
+def _reference(
+    manifest: Mapping[str, Any], rows: pl.DataFrame, times: int, origin: Place | None
+) -> ExportTrack:
+    """The reference, of so many times."""
+    section, position = manifest["configuration"]["reference"], _position(rows)
+    has_height = section["height"] is not None or section["down"] is not None
+    words = f"{manifest['case']}: reference, {manifest['reference_note'] or 'as recorded'}"
+    words += "" if has_height else "; heights were not recorded"
+    return ExportTrack(
+        name=REFERENCE,
+        method=REFERENCE,
+        what_if="",
+        description=words + _without(times - rows.height),
+        rows=rows,
+        position_t_m=position,
+        geodetic=_geodetic(position, origin),
+        orientation_enu_flu=None,
+        has_height=has_height,
+    )
+
+
+def _without(times: int) -> str:
+    """Times that a track leaves out, in words; none for none."""
+    return f"; {times} times without a position are left out" if times else ""
 
 
 def _environment(manifest: Mapping[str, Any]) -> Environment:
@@ -126,18 +147,21 @@ def _estimates(
 ) -> Iterator[ExportTrack]:
     """The passes of a method in a what-if case."""
     manifest = tables.manifest
-    samples = _placed(
-        tables.samples.filter(
-            (pl.col("what_if") == what_if)
-            & (pl.col("method") == method)
-            & (pl.col("run") == pl.col("run").min())
-        )
+    samples = tables.samples.filter(
+        (pl.col("what_if") == what_if) & (pl.col("method") == method) & (pl.col("run") == pl.col("run").min())
     )
-    for (which,), rows in samples.group_by(["pass"], maintain_order=True):
+    answer = manifest.get("answer", {})
+    for (which,), every in samples.group_by(["pass"], maintain_order=True):
+        rows = _placed(every)
+        if not rows.height:
+            continue
         end = "" if which == FORWARD else f"_{which}"
         description = f"{manifest['case']}: {words}; method {method}, {which}"
         if manifest["semi_synthetic"]:
             description += "; semi-synthetic"
+        if answer.get("method") != method:
+            description += f"; not the track to take ({answer.get('sentence', 'there is no verdict')})"
+        description += _without(every.height - rows.height)
         position = _position(rows)
         angles = np.deg2rad(rows.select("roll_deg", "pitch_deg", "yaw_deg").to_numpy())
         attitude = level_axes(environment, position) * from_angles(*angles.T)

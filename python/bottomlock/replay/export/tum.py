@@ -1,4 +1,4 @@
-"""TUM trajectory: `time_s x y z qx qy qz qw` a line, east-north-up, orientation of forward-left-up axes."""
+"""TUM trajectory: `time_s x y z qx qy qz qw` a line, after one with frames and description that begins with #."""
 
 import numpy as np
 
@@ -18,4 +18,7 @@ def tum(track: ExportTrack) -> str:
         " ".join([seconds(time_ns), *map(decimal, row)])
         for time_ns, row in zip(track.time_ns, rows, strict=True)
     )
-    return "\n".join(lines) + "\n"
+    frames = "east north up from the origin, orientation of forward left up; " + track.description.replace(
+        "\n", " "
+    )
+    return "\n".join([f"# {frames}", *lines]) + "\n"
