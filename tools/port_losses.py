@@ -38,6 +38,7 @@ SETTINGS: dict[str, dict[str, object]] = {
     "pd0": {"receiver_sd_mps": 0.1, "geometry": JANUS},
     "waterlinked_json": {"geometry": JANUS},
     "ros_dvl": {"geometry": JANUS},
+    "distance_sensor": {"geometry": JANUS},
     "vision_position_delta": {"variance_factor": 1.0},
     "vision_speed_estimate": {"variance_factor": 1.0},
     "odometry": {"variance_factor": 1.0},

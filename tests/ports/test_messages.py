@@ -12,13 +12,13 @@ import pytest
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.kernel import Navigator, normal_gravity_mps2, solve_velocity
+from bottomlock.kernel import BeamGeometry, Navigator, normal_gravity_mps2, solve_velocity
 from bottomlock.kernel.models import InitialState
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.registry import PORTS, port
 from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, mavlink, mip, navigated, ping
 
-GEOMETRY = {"ros_dvl", "waterlinked_json", "pd0"}
+GEOMETRY = {"distance_sensor", "ros_dvl", "waterlinked_json", "pd0"}
 MAVLINK = {"vision_position_delta", "vision_speed_estimate", "odometry"}
 ALL = sorted(PORTS)
 FULL, OPPOSITE, SIDE, SINGLE = (
@@ -112,6 +112,35 @@ def test_vision_position_delta_of_pings() -> None:
     largest = float(np.sqrt(np.linalg.eigvalsh(estimate.covariance_m2ps2)[-1]))
     assert largest <= sd < largest + 2e-6
     assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 197)
+
+
+def test_the_distance_to_the_bottom() -> None:
+    """The mean of the ranges along z in cm, downwards, once a ping; beyond its limits and without a range nothing."""
+    one = made("distance_sensor")
+    message = mavlink(one.encode(from_beams(SIDE)))
+    # 30 m along beams of 20 deg, whichever of them return.
+    assert message.current_distance == round(3000.0 * np.cos(np.deg2rad(20.0)))
+    assert (message.get_type(), message.orientation, message.type) == ("DISTANCE_SENSOR", 25, 1)
+    assert (message.min_distance, message.max_distance, message.covariance) == (5, 5000, 255)
+    assert message.time_boot_ms == START // 1_000_000 % 2**32
+    beams = ping(FULL)
+    first, again = (navigated(START + k * SECOND, beams=beams) for k in (1, 2))
+    assert one.encode(first) is not None
+    assert one.encode(again) is None
+    assert one.waits
+    assert one.reason == "the distance of this ping was sent"
+    assert one.sends(navigated(START + 3 * SECOND)) == "there is no ping of the geometry's beams"
+    assert one.sends(from_beams((0, 0, 0, 0), START + 3 * SECOND)) == "no beam of the ping has a range"
+    near = made("distance_sensor", max_distance_m=20.0)
+    assert near.sends(from_beams(FULL)) == "the distance is 28.19 m, outside of 0.05 to 20"
+    assert np.isnan(one.loss(from_beams(FULL)).sd_ratio).all()
+    with pytest.raises(
+        ScenarioError, match=r"max_distance_m is 700\.0, expected more than min_distance_m, .* at most 655"
+    ):
+        made("distance_sensor", max_distance_m=700.0)
+    ahead = BeamGeometry(JANUS.directions_p, mounting_rpy_rad=[0.0, np.pi / 2, 0.0])
+    with pytest.raises(ScenarioError, match="more than 60 degrees away from down"):
+        made("distance_sensor", geometry=ahead)
 
 
 def test_vision_position_delta_integrates_a_turn() -> None:

@@ -112,6 +112,10 @@ def autopilot(moves: Trace) -> Iterator[tuple[float, bytes]]:
         yield at_s, data
 
 
+VELOCITY = 0
+"""Place of the port of the form that sends velocities; the other sends distances."""
+
+
 def smooth_velocity(moves: Trace) -> tuple[np.ndarray, np.ndarray]:
     """Times and velocities (n, 3) of the pings that determine all of it, as a mean over five of them."""
     geometry = read_geometry("waterlinked_a50").geometry
@@ -134,7 +138,7 @@ def smooth_velocity(moves: Trace) -> tuple[np.ndarray, np.ndarray]:
 def sent(
     config: LiveConfig, moves: Trace, whole: Trace | None = None, data: list[bytes] | None = None
 ) -> tuple[np.ndarray, list[str]]:
-    """Times at which the autopilot is sent a message, s, and the states with their reasons in their order.
+    """Times at which the autopilot is sent a velocity, s, and the states with their reasons in their order.
 
     With `whole`, the trace with all its beams, there is an IMU that moves as that shows. `data` is given the messages.
     """
@@ -143,7 +147,9 @@ def sent(
     arrivals += [(at, 1, data) for at, data in autopilot(whole)] if whole is not None else []
     times, states = [], []
     for at_s, place, arrived in sorted(arrivals, key=lambda one: one[:2]):
-        messages = engine.arrive(place, START_NS + round(at_s * 1e9), arrived)
+        messages = [
+            one for one in engine.arrive(place, START_NS + round(at_s * 1e9), arrived) if one.port == VELOCITY
+        ]
         times += [at_s] * len(messages)
         if data is not None:
             data += [message.data for message in messages]

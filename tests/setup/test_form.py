@@ -38,7 +38,8 @@ def test_every_choice_is_a_configuration(tmp_path: Path, instrument: str, autopi
     assert (config.name, config.mode) == ("rov_7", mode)
     assert config.source[0].address == "tcp:10.0.0.9:1234"
     assert config.source[0].format == FORM_INSTRUMENTS[instrument].format
-    assert [one.to for one in config.port] == [ROUTER]
+    assert [one.to for one in config.port] == [ROUTER, ROUTER]
+    assert config.port[1].port == "distance_sensor"
     assert config.port[0].port == {"ardusub": "vision_position_delta", "px4": "odometry"}[autopilot]
     assert config.health is not None
     assert (config.health.host, config.health.port) == ("127.0.0.1", HEALTH_PORT)

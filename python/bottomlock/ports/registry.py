@@ -9,6 +9,7 @@ from typing import Any
 
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
+from bottomlock.ports.distance_sensor import DistanceSensor
 from bottomlock.ports.mip import MicroStrain
 from bottomlock.ports.odometry import Odometry
 from bottomlock.ports.port import Port
@@ -27,6 +28,7 @@ PORTS: dict[str, Callable[..., Port]] = {
         VisionPositionDelta,
         VisionSpeedEstimate,
         Odometry,
+        DistanceSensor,
         MicroStrain,
         RosVelocity,
         RosTwist,

@@ -22,6 +22,8 @@ HEALTH_PORT = 8771
 ROUTER = "tcp:127.0.0.1:5777"
 """BlueOS' own "Internal Link": its MAVLink router, for what runs on the vehicle's computer."""
 IMU_HZ = 50
+LOOKS_DOWN_DEG = 30.0
+"""Of the mounting: up to here its beams measure the distance to the bottom, for the autopilot's rangefinder."""
 FORM_INSTRUMENTS = {name: one for name, one in INSTRUMENTS.items() if not one.geometry.endswith(".toml")}
 """Those whose geometry is packaged; the others need a file of their own, and so a configuration by hand."""
 FORM_AUTOPILOTS = {name: AUTOPILOTS[name] for name in ("ardusub", "px4")}
@@ -90,6 +92,8 @@ def config_text(form: SetupForm, geometry: str) -> str:
         parts += [_NAVIGATION.format(latitude=form.latitude_deg, rate=IMU_HZ)]
     port = [line for line in autopilot.port if not line.startswith("to = ")]
     parts += ["\n".join(["[[port]]", f"to = {_quoted(form.to)}", *port])]
+    if max(abs(form.mounting_roll_deg), abs(form.mounting_pitch_deg)) < LOOKS_DOWN_DEG:
+        parts += [f'[[port]]\nto = {_quoted(form.to)}\nport = "distance_sensor"']
     if form.record:
         parts += [f'[log]\nfolder = "{LOGS}"']
     parts += [f'[health]\nhost = "127.0.0.1"\nport = {HEALTH_PORT}']
