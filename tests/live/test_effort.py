@@ -1,0 +1,90 @@
+"""Forces of thrusters live: lines, and what the filter makes of them where the bottom is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.live.engine import Engine
+from bottomlock.live.navigation import NavigationEstimator
+from bottomlock.live.readings import EffortReading, LineReader
+from tests.live.test_water_track import THROUGH
+from tests.live.world import START_NS, VELOCITY, World, config
+
+SECONDS, LOST_S, DRAG = 30.0, 10.0, np.array([20.0, 40.0, 60.0])
+SOURCE = """
+[[source]]
+name = "thrusters"
+address = "udpin:127.0.0.1:12"
+format = "effort-csv"
+rate_hz = 5
+clock = "host"
+"""
+SECTION = """[effort]
+mass_kg = [20.0, 25.0, 30.0]
+linear_drag_kg_per_s = [20.0, 40.0, 60.0]
+"""
+
+
+def lines(factor: float = 1.0) -> list[tuple[int, int, bytes]]:
+    """Five a second, of the drag at the speed through the water, with noise of a fifth of a newton."""
+    random, found = np.random.default_rng(9), []
+    for k in range(round(5 * SECONDS)):
+        time_ns = START_NS + round((k + 0.3) / 5 * 1e9)
+        force_n = factor * DRAG * THROUGH + 0.2 * random.standard_normal(3)
+        line = f"{time_ns},{','.join(map(repr, force_n.tolist()))}\n".encode()
+        found.append((time_ns + 5_000_000, 2, line))
+    return found
+
+
+def flown(extra: str, more: list[tuple[int, int, bytes]]) -> tuple[Engine, np.ndarray, np.ndarray]:
+    """Engine, errors of surge and sway and their 1 sigma, m/s, after 20 s without the bottom."""
+    engine = Engine(config("navigation", extra=extra))
+    world = World(SECONDS, lambda t: (0, 1, 2, 3) if t >= LOST_S else ())
+    for arrival_ns, source, data in sorted([*world.arrivals(imu=True), *more], key=lambda one: one[:2]):
+        engine.arrive(source, arrival_ns, data)
+    assert isinstance(engine.estimator, NavigationEstimator)
+    navigator = engine.estimator.navigator
+    assert navigator is not None
+    error = np.asarray(navigator.state()["velocity_p_mps"]) - VELOCITY
+    return engine, error[:2], np.sqrt(np.diag(navigator.covariance())[6:8])
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.2])
+def test_forces_hold_the_velocity(factor: float) -> None:
+    """Surge and sway claimed half as far off as without, and within it; also where the drag is a sixth too small."""
+    engine, error, sd = flown(SECTION + SOURCE, lines(factor))
+    _, coasting, alone = flown("", [])
+    assert (np.abs(error) < 3.0 * sd).all()
+    assert (np.abs(coasting) < 3.0 * alone).all()
+    assert (sd < 0.5 * alone).all()
+    assert engine.state == "COASTING"
+    assert dict(engine.estimator.gated) == {}
+
+
+def test_a_line() -> None:
+    """A time and three numbers."""
+    reader = LineReader("effort-csv")
+    assert reader.feed(b"5,-12.5,1.0,0.5\n") == [EffortReading(5, (-12.5, 1.0, 0.5))]
+    assert reader.feed(b"6,1.0\n7,nan,0,0\n") == []
+    assert dict(reader.skipped) == {
+        "not the columns time_ns,surge_n,sway_n,heave_n": 1,
+        "not a time in ns and finite numbers": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        (SOURCE, r"'effort-csv', which needs the section \[effort\]"),
+        (SECTION, r"\[effort\] needs a source with format \"effort-csv\""),
+        ("[effort]\nmass_kg = [1.0, 1.0, 1.0]\n" + SOURCE, "an axis needs one of them"),
+        (SECTION.replace("25.0", "0.0") + SOURCE, "mass_kg of sway is 0"),
+    ],
+)
+def test_a_section_without_what_it_needs_is_named(extra: str, words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        config("navigation", extra=extra)
+    with pytest.raises(ScenarioError, match=r'\[effort\] belongs to mode = "navigation"'):
+        config("velocity", extra=SECTION)
