@@ -44,9 +44,9 @@ class EffortErrors(Section):
                 raise ValueError(f"mass_kg of {axis} is 0, expected mass and added mass: the axis has drag")
         return self
 
-    def kernel_model(self) -> models.EffortModel:
-        """The errors in SI."""
-        return models.EffortModel(
+    def kernel_models(self) -> dict[str, models.Settings]:
+        """Section of the kernel's model, SI."""
+        errors = models.EffortModel(
             mass_kg=self.mass_kg,
             linear_drag_kgps=self.linear_drag_kg_per_s,
             quadratic_drag_kgpm=self.quadratic_drag_kg_per_m,
@@ -57,6 +57,7 @@ class EffortErrors(Section):
             slip_time_s=self.slip_time_s,
             noise_sd_n=self.noise_n,
         )
+        return {"effort": errors}
 
     def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""

@@ -32,6 +32,10 @@ class ThrustErrors(Section):
             noise_sd_mps=self.noise_mps,
         )
 
+    def kernel_models(self) -> dict[str, models.Settings]:
+        """Section of the kernel's model, SI."""
+        return {"thrust": self.kernel_model()}
+
     def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""
         return {"thrust": self.corrects}

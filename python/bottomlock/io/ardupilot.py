@@ -20,13 +20,13 @@ from bottomlock.io.beam_table import Recording
 from bottomlock.io.dataflash import Records, looks_like, parse
 from bottomlock.io.log_stream import (
     ESTIMATE,
-    UNTURNED,
     LogStream,
     LogStreams,
-    attitudes_of,
     body_velocity,
-    check_any,
+    change_of_pressure,
     content,
+    finish,
+    never_moves,
     velocities_recording,
     velocity_of_displacements,
 )
@@ -124,17 +124,10 @@ def streams(data: bytes, place: str) -> LogStreams:
                 stream = _stream(label, records, message, log.notes)
                 if stream is not None:
                     log.streams.append(stream)
-    log.streams.sort(key=_order)
+    log.streams.sort(key=lambda one: -change_of_pressure(one))
     log.streams += _of_dvl(found, log)
     log.streams = [replace(one, time_ns=one.time_ns + offset_ns) for one in log.streams]
-    check_any(log, place)
-    if account.lost:
-        lost = ", ".join(
-            f"{reason.count} {name} (first at byte {reason.first})"
-            for name, reason in account.skipped.items()
-        )
-        log.notes.append(f"damaged parts are left out: {lost}")
-    return log
+    return finish(log, place)
 
 
 def _check_one_boot(found: dict[str, Records], place: str) -> None:
@@ -173,11 +166,6 @@ def _in_order(label: str, records: Records, notes: list[str]) -> Records:
     return records.where(kept)
 
 
-def _order(stream: LogStream) -> float:
-    """Of several pressures the one that moves most is first: the other is that of the air in the hull."""
-    return -float(np.ptp(stream.columns["pressure_pa"])) if "pressure_pa" in stream.columns else 0.0
-
-
 def _stream(label: str, records: Records, message: _Message, notes: list[str]) -> LogStream | None:
     """A message as a stream; None for one without its columns or without a row that is used."""
     also = () if message.used is None else ("Status",)
@@ -190,7 +178,7 @@ def _stream(label: str, records: Records, message: _Message, notes: list[str]) -
     columns = {ours: records.numbers(theirs, unit) for ours, (theirs, unit) in message.columns.items()}
     if not len(records.values):
         return None
-    if message.moves and all(np.ptp(columns[part]) == 0.0 for part in ("north_m", "east_m")):
+    if message.moves and never_moves(columns):
         notes.append(f"{label} never moves, and is left out")
         return None
     return LogStream(label, records.time_ns(), columns, message.remark, independent=not message.remark)
@@ -234,14 +222,9 @@ def _of_dvl(found: dict[str, Records], log: LogStreams) -> Iterator[LogStream]:
         own = "CTimeMS" if visv.has("CTimeMS") else "TimeUS"
         time_ns = visv.time_ns(own) * (1000 if own == "CTimeMS" else 1)
         velocity = np.stack([visv.numbers(column, "m/s") for column in ("VX", "VY", "VZ")], axis=1)
-        imu = next((one for one in log.streams if "acc_x_mps2" in one.columns), None)
-        stream = (
-            body_velocity("VISV", time_ns, velocity, attitudes_of(log.streams), imu) if len(time_ns) else None
-        )
+        stream = body_velocity("VISV", time_ns, velocity, log) if len(time_ns) else None
         if stream is not None:
             yield stream
-        else:
-            log.notes.append(f"VISV {UNTURNED}")
 
 
 def _intervals(viso: Records) -> tuple[NDArray[np.float64], str]:

@@ -1,6 +1,6 @@
 """A stream of an autopilot's log, and the velocities that a DVL sent to it, which have no beams."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +23,6 @@ Integers = NDArray[np.int64]
 
 VELOCITY = ("surge_mps", "sway_mps", "heave_mps")
 ESTIMATE = "the autopilot's own estimate of the same sensors, not independent"
-UNTURNED = "is a velocity north, east, down, and no attitude turns it to the vehicle's axes"
 ADVICE = (
     "record the DVL's own output beside it, for a Water Linked its TCP stream (port 16171), and convert that; keep "
     "these velocities with --instrument-only"
@@ -95,8 +94,8 @@ class Attitudes:
         return turn((np.clip(time_ns, first, self.time_ns[-1]) - first) * 1e-9), inside
 
 
-def check_any(log: LogStreams, place: str) -> None:
-    """Checks that a log has a stream.
+def finish(log: LogStreams, place: str) -> LogStreams:
+    """The log with a note of its damaged parts, once it has a stream.
 
     Raises:
         DataError: where it has none, with what was left out.
@@ -104,6 +103,22 @@ def check_any(log: LogStreams, place: str) -> None:
     if not log.streams:
         why = "; ".join(log.notes) or "no message of a sensor"
         raise DataError(f"{place}: holds no stream that a replay could use ({why})")
+    if log.account.lost:
+        lost = ", ".join(
+            f"{one.count} {why} (first at byte {one.first})" for why, one in log.account.skipped.items()
+        )
+        log.notes.append(f"damaged parts are left out: {lost}")
+    return log
+
+
+def change_of_pressure(stream: LogStream) -> float:
+    """Of several pressures the one that moves most is the depth's: the other is that of the air in the hull."""
+    return float(np.ptp(stream.columns["pressure_pa"])) if "pressure_pa" in stream.columns else 0.0
+
+
+def never_moves(columns: Mapping[str, Floats]) -> bool:
+    """Whether columns are of positions that stand still."""
+    return all(part in columns and np.ptp(columns[part]) == 0.0 for part in ("north_m", "east_m"))
 
 
 def attitudes_of(streams: Sequence[LogStream]) -> Attitudes | None:
@@ -178,22 +193,22 @@ def velocity_of_displacements(
     return LogStream(name, middle_ns, columns | {"valid": valid.astype(np.float64)}, remark)
 
 
-def body_velocity(
-    name: str,
-    time_ns: Integers,
-    velocity: Floats,
-    attitude: "Attitudes | None",
-    imu: LogStream | None,
-) -> LogStream | None:
+def body_velocity(name: str, time_ns: Integers, velocity: Floats, log: LogStreams) -> LogStream | None:
     """Body velocities of a message that is defined north, east, down, and into which senders write body axes, too.
 
     The accelerometers tell the two apart: turned to the level frame with the attitude, they integrate to the changes of
     the velocity in its true frame. Where they do not tell, the definition holds.
 
     Returns:
-        The stream; None without an attitude, as a velocity in the level frame is no body velocity then.
+        The stream; None with a note without an attitude in the log, as a velocity in the level frame is no body
+        velocity then.
     """
+    attitude = attitudes_of(log.streams)
+    imu = next((one for one in log.streams if "acc_x_mps2" in one.columns), None)
     if attitude is None:
+        log.notes.append(
+            f"{name} is a velocity north, east, down, and no attitude turns it to the vehicle's axes"
+        )
         return None
     turned, known = attitude.at(time_ns)
     velocity = np.where(known[:, None], velocity, np.nan)

@@ -22,13 +22,13 @@ from bottomlock.io.account import Account
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.log_stream import (
     ESTIMATE,
-    UNTURNED,
     LogStream,
     LogStreams,
-    attitudes_of,
     body_velocity,
-    check_any,
+    change_of_pressure,
     content,
+    finish,
+    never_moves,
     velocities_recording,
     velocity_of_displacements,
 )
@@ -203,13 +203,7 @@ def streams(data: bytes, place: str) -> LogStreams:
     log.streams = [one for stream in log.streams if (one := _checked(stream, log.notes)) is not None]
     log.streams.sort(key=_order)
     log.streams = [one for stream in log.streams if (one := _of_dvl(stream, log)) is not None]
-    check_any(log, place)
-    if account.lost:
-        lost = ", ".join(
-            f"{one.count} {why} (first at byte {one.first})" for why, one in account.skipped.items()
-        )
-        log.notes.append(f"damaged parts are left out: {lost}")
-    return log
+    return finish(log, place)
 
 
 def _dialect() -> Any:  # noqa: ANN401 - the library is not typed
@@ -330,11 +324,9 @@ def _since_boot(read_: _Read) -> bool:
 
 
 def _order(stream: LogStream) -> tuple[bool, float]:
-    """Of several pressures the one that moves most is first: the other is that of the air in the hull."""
+    """Those of a DVL last, which need the others; of several pressures the depth's first."""
     dvl = {"interval_s", "x_mps"} & stream.columns.keys()
-    return bool(dvl), -float(
-        np.ptp(stream.columns["pressure_pa"])
-    ) if "pressure_pa" in stream.columns else 0.0
+    return bool(dvl), -change_of_pressure(stream)
 
 
 def _checked(stream: LogStream, notes: list[str]) -> LogStream | None:
@@ -356,9 +348,7 @@ def _checked(stream: LogStream, notes: list[str]) -> LogStream | None:
                 "mg; are these raw counts?"
             )
             return None
-    if "north_m" in stream.columns and all(
-        np.ptp(stream.columns[part]) == 0.0 for part in ("north_m", "east_m")
-    ):
+    if never_moves(stream.columns):
         notes.append(f"{stream.name} never moves, and is left out")
         return None
     return stream
@@ -375,8 +365,4 @@ def _of_dvl(stream: LogStream, log: LogStreams) -> LogStream | None:
     if "x_mps" not in columns:
         return stream
     velocity = np.stack([columns[f"{axis}_mps"] for axis in "xyz"], axis=1)
-    imu = next((one for one in log.streams if "acc_x_mps2" in one.columns), None)
-    body = body_velocity(stream.name, stream.time_ns, velocity, attitudes_of(log.streams), imu)
-    if body is None:
-        log.notes.append(f"{stream.name} {UNTURNED}")
-    return body
+    return body_velocity(stream.name, stream.time_ns, velocity, log)

@@ -362,18 +362,12 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
     # The kernel's model names every sensor; those that are not there are never pushed.
     sensors: dict[str, Any] = {one.name: one.model(one.section(), gravity) for one in SENSORS}
     added: dict[str, Any] = {}
-    for section in (config.depth, config.gps, config.acoustic_position):
+    for section in (config.depth, config.gps, config.acoustic_position, config.thrust, config.effort):
         if section is not None:
             sensors |= section.kernel_models()
             added |= section.kernel_options()
     if config.attitude is not None:
         sensors |= config.attitude.kernel_models()
-    if config.thrust is not None:
-        sensors["thrust"] = config.thrust.kernel_model()
-        added |= config.thrust.kernel_options()
-    if config.effort is not None:
-        sensors["effort"] = config.effort.kernel_model()
-        added |= config.effort.kernel_options()
     tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
     model = models.Model(
         environment=models.Environment(

@@ -6,14 +6,11 @@ from numpy.typing import NDArray
 from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.live.readings import AttitudeReading
-from bottomlock.ports.rotation import product, quaternion
+from bottomlock.ports.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product, quaternion
 
 Floats = NDArray[np.float64]
 
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
-_NED_FROM_ENU = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
-"""Half a turn about the horizontal axis between north and east."""
-_FLU_FROM_FRD = np.array([0.0, 1.0, 0.0, 0.0])
 
 
 class PlatformAttitude:
@@ -24,8 +21,8 @@ class PlatformAttitude:
         self._after = np.array(quaternion(*map(units.rad_from_deg, angles))) * _CONJUGATE
         self._before = np.array(quaternion(0.0, 0.0, units.rad_from_deg(section.yaw_offset_deg)))
         if section.frame == "enu_flu":
-            self._after = product(_FLU_FROM_FRD, self._after)
-            self._before = product(self._before, _NED_FROM_ENU)
+            self._after = product(QUATERNION_FLU_FRD, self._after)
+            self._before = product(self._before, QUATERNION_ENU_NED)
 
     def of(self, reading: AttitudeReading) -> Floats:
         """(4,) quaternion, scalar first, platform to north-east-down."""

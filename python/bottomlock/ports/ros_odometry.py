@@ -15,21 +15,18 @@ from bottomlock.ports.base import PortBase
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.ros_velocity import RosTwist, later_than_a_ros_time
-from bottomlock.ports.rotation import product
+from bottomlock.ports.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product
 
 Floats = NDArray[np.float64]
 
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-_HALF = np.sqrt(0.5)
-_ENU_FROM_NED = np.array([0.0, _HALF, _HALF, 0.0])
-_FRD_FROM_FLU = np.array([0.0, 1.0, 0.0, 0.0])
 
 
 def pose_enu_flu(estimate: Estimate) -> tuple[Floats, Floats]:
     """Position (3,) east, north, up, m, and unit quaternion (4,), scalar first, forward-left-up to east-north-up."""
     assert estimate.position_t_m is not None  # of mode navigation
     assert estimate.attitude_t_p is not None
-    attitude = product(product(_ENU_FROM_NED, estimate.attitude_t_p), _FRD_FROM_FLU)
+    attitude = product(product(QUATERNION_ENU_NED, estimate.attitude_t_p), QUATERNION_FLU_FRD)
     return ENU_FROM_NED @ estimate.position_t_m, attitude if attitude[0] >= 0.0 else -attitude
 
 

@@ -9,6 +9,10 @@ Floats = NDArray[np.float64]
 
 FLU_FROM_FRD = np.array([1.0, -1.0, -1.0])
 """Forward-right-down to forward-left-up: the same forward axis, the other two reversed."""
+QUATERNION_FLU_FRD = np.array([0.0, 1.0, 0.0, 0.0])
+"""The same as a rotation, half a turn about the forward axis, in either direction."""
+QUATERNION_ENU_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
+"""North-east-down to east-north-up and back: half a turn about the horizontal axis between north and east."""
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

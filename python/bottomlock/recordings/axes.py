@@ -11,9 +11,9 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
 """For each axis of the platform the sensor's, with its sign."""
 
-_ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Symmetric: the same matrix takes east–north–up to north–east–down."""
-_FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
+FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
 
 
 def permute_axes(values: Floats, axes: Axes) -> Floats:
@@ -69,6 +69,6 @@ def platform_attitude(
         yaw_offset_rad: added about the vertical, for instance a declination.
     """
     if frame == "enu_flu":
-        attitude = Rotation.from_matrix(_ENU_FROM_NED @ attitude.as_matrix() @ _FLU_FROM_FRD)
+        attitude = Rotation.from_matrix(ENU_FROM_NED @ attitude.as_matrix() @ FLU_FROM_FRD)
     platform = attitude * from_angles(*np.asarray(mounting_rpy_rad)).inv()
     return Rotation.from_euler("Z", yaw_offset_rad) * platform

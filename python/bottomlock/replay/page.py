@@ -89,8 +89,7 @@ def page_of(
         *(_case(manifest, name, words, summary, tracks, figures) for name, words in manifest["what_if"]),
         Part("beams", "Which beams returned", [one.picture for one in figures if one.name == VALIDITY]),
         *([_water(manifest)] if "water_track" in manifest else []),
-        *([_thrust(manifest)] if "thrust" in manifest else []),
-        *([_effort(manifest)] if "effort" in manifest else []),
+        *(_driven(manifest, section) for section in DRIVEN if section in manifest),
         *([_calibration(calibration)] if calibration is not None else []),
         Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
         _clocks(manifest),
@@ -275,16 +274,17 @@ def _water(manifest: Mapping[str, Any]) -> Part:
     return Part("water", "Water track", [terms, _fixes(manifest, "water_track", "Pings", caption)])
 
 
-def _thrust(manifest: Mapping[str, Any]) -> Part:
-    """How the propeller's revolutions fit each method."""
-    caption = "Revolutions as the filters used them"
-    return Part("thrust", "Thrust", [_fixes(manifest, "thrust", "Readings", caption)])
+DRIVEN = {
+    "thrust": ("Thrust", "Revolutions as the filters used them"),
+    "effort": ("Forces of thrusters", "Forces along each axis as the filters used them"),
+}
+"""Sections of what drives the vehicle: title and caption."""
 
 
-def _effort(manifest: Mapping[str, Any]) -> Part:
-    """How the forces of the thrusters fit each method."""
-    caption = "Forces along each axis as the filters used them"
-    return Part("effort", "Effort of the thrusters", [_fixes(manifest, "effort", "Readings", caption)])
+def _driven(manifest: Mapping[str, Any], section: str) -> Part:
+    """How the readings of what drives the vehicle fit each method."""
+    title, caption = DRIVEN[section]
+    return Part(section, title, [_fixes(manifest, section, "Readings", caption)])
 
 
 def _fixes(manifest: Mapping[str, Any], section: str, readings: str, caption: str) -> Table:

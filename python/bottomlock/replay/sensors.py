@@ -126,8 +126,8 @@ def _water_log(_: WaterTrackStream, streams: Streams, within: Within) -> dict[st
     }
 
 
-def _thrust_model(stream: ThrustStream | None) -> dict[str, Settings]:
-    return {} if stream is None else {"thrust": stream.kernel_model()}
+def _driven_model(stream: ThrustStream | EffortStream | None) -> dict[str, Settings]:
+    return {} if stream is None else stream.kernel_models()
 
 
 def _thrust_log(_: ThrustStream, streams: Streams, within: Within) -> dict[str, Any]:
@@ -138,10 +138,6 @@ def _thrust_log(_: ThrustStream, streams: Streams, within: Within) -> dict[str, 
         "thrust_time_ns": streams.revolutions.time_ns[rows],
         "thrust_revolutions_hz": streams.revolutions.revolutions_hz[rows],
     }
-
-
-def _effort_model(stream: EffortStream | None) -> dict[str, Settings]:
-    return {} if stream is None else {"effort": stream.kernel_model()}
 
 
 def _effort_log(_: EffortStream, streams: Streams, within: Within) -> dict[str, Any]:
@@ -180,6 +176,6 @@ SENSORS = (
         log=_water_log,
         options=lambda _: {"water_track": True},
     ),
-    Sensor(section="thrust", model=_thrust_model, log=_thrust_log, options=ThrustStream.kernel_options),
-    Sensor(section="effort", model=_effort_model, log=_effort_log, options=EffortStream.kernel_options),
+    Sensor(section="thrust", model=_driven_model, log=_thrust_log, options=ThrustStream.kernel_options),
+    Sensor(section="effort", model=_driven_model, log=_effort_log, options=EffortStream.kernel_options),
 )

@@ -113,7 +113,7 @@ impl Calibration {
     }
 }
 
-/// How the motion changes, as a clock sees it.
+/// How the motion changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionChange {
     /// Rate of change of the velocity's components in the platform frame, m/s².

@@ -55,11 +55,7 @@ impl CalibrationBlock {
 
     /// How the motion changes; `velocity_by_state` are the rows of F for the velocity.
     pub(super) fn motion_change(&self, velocity_by_state: SMatrix<f64, 3, DIM>) -> MotionChange {
-        MotionChange {
-            acceleration_p_mps2: self.change.acceleration_p_mps2,
-            angular_acceleration_p_radps2: self.change.angular_acceleration_p_radps2,
-            velocity_by_state,
-        }
+        self.change.motion_change(velocity_by_state)
     }
 
     /// The motion has gone on for `duration_s`, to `end`.

@@ -5,7 +5,6 @@ use nalgebra::{SMatrix, SVector};
 use super::Eskf;
 use super::mean_change::MeanChange;
 use crate::aiding::Innovation;
-use crate::aiding::calibration::MotionChange;
 use crate::aiding::effort::{EFFORT, EffortModel, EffortSample, SPEED_SCALE, effort};
 use crate::aiding::further::FIRST_EFFORT;
 use crate::error::NavError;
@@ -79,11 +78,7 @@ impl Eskf {
         let Some(block) = self.extensions.effort.as_deref() else {
             return Innovation::empty();
         };
-        let change = MotionChange {
-            acceleration_p_mps2: block.change.acceleration_p_mps2,
-            angular_acceleration_p_radps2: block.change.angular_acceleration_p_radps2,
-            velocity_by_state: self.velocity_by_state(),
-        };
+        let change = block.change.motion_change(self.velocity_by_state());
         let speed_scale = self.extensions.processes.estimate()[FIRST_EFFORT + SPEED_SCALE + axis];
         self.with_motion(|motion| effort(axis, motion, &change, &block.model, sample, &lever_p_m.0, speed_scale))
     }

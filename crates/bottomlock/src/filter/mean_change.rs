@@ -1,13 +1,15 @@
-//! The mean acceleration of the last moments, for the clock of the DVL.
+//! The mean acceleration of the last moments, for the clock of the DVL and for the forces that explain it.
 //!
 //! What a clock that is off by τ changes is the mean acceleration over τ, times τ. It is taken from what the strapdown steps
 //! add to the velocity, without the corrections of the updates, as a moving mean with the clock's own σ as time constant: its
 //! noise then enters the beams as a velocity random walk of half that time, which is far below theirs.
 
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, Vector3};
 
+use crate::aiding::calibration::MotionChange;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
+use crate::layout::DIM;
 use crate::mechanisation::Kinematics;
 
 /// Moving means of acceleration and angular acceleration.
@@ -66,13 +68,22 @@ impl MeanChange {
         self.elapsed_s += duration_s;
     }
 
+    /// How the motion changes; `velocity_by_state` are the rows of F for the velocity.
+    pub(super) fn motion_change(&self, velocity_by_state: SMatrix<f64, 3, DIM>) -> MotionChange {
+        MotionChange {
+            acceleration_p_mps2: self.acceleration_p_mps2,
+            angular_acceleration_p_radps2: self.angular_acceleration_p_radps2,
+            velocity_by_state,
+        }
+    }
+
     /// Checks numbers that were read from bytes.
     ///
     /// # Errors
     /// [`NavError::NotFinite`].
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
-        require_finite("calibration change", time_ns, &[self.window_s, self.elapsed_s])?;
-        require_finite("calibration change", time_ns, &self.attitude_t_p.to_quaternion_wxyz())?;
+        require_finite("mean acceleration", time_ns, &[self.window_s, self.elapsed_s])?;
+        require_finite("mean acceleration", time_ns, &self.attitude_t_p.to_quaternion_wxyz())?;
         [
             self.velocity_p_mps,
             self.rate_p_radps,
@@ -82,7 +93,7 @@ impl MeanChange {
         .iter()
         .try_for_each(|vector| {
             require_finite(
-                "calibration change",
+                "mean acceleration",
                 time_ns,
                 &Vec3::<Platform>::from(*vector).to_array(),
             )

@@ -26,14 +26,14 @@ use crate::aiding::thrust::{ADVANCE, SLIP, THRUST};
 use crate::aiding::{Corrects, Innovation};
 
 /// The advance and the slip of a report among the further states.
-pub(crate) struct SpeedOf {
+pub(crate) struct SpeedStates {
     advance: usize,
     slip: usize,
 }
 
-impl SpeedOf {
+impl SpeedStates {
     /// Those of a report; `None` for one that says no speed through the water by what drives the vehicle.
-    pub(crate) fn report(sensor: Sensor) -> Option<Self> {
+    pub(crate) fn of(sensor: Sensor) -> Option<Self> {
         if sensor == Sensor::Thrust {
             let (advance, slip) = (FIRST_THRUST + ADVANCE, FIRST_THRUST + SLIP);
             return Some(Self { advance, slip });
@@ -89,7 +89,7 @@ impl Eskf {
         corrects: Corrects,
     ) -> Innovation {
         let innovation = self.measured_innovation(measurement, sensor, levers);
-        match SpeedOf::report(sensor) {
+        match SpeedStates::of(sensor) {
             Some(states) => self.without_slip(&states, innovation, corrects),
             None => innovation,
         }
@@ -97,7 +97,7 @@ impl Eskf {
 
     /// The innovation of revolutions or forces with the column of the advance without slip and noise, and with the states that it
     /// corrects; [`Eskf::prepare_for_thrust`] has gone before.
-    fn without_slip(&self, states: &SpeedOf, innovation: Innovation, corrects: Corrects) -> Innovation {
+    fn without_slip(&self, states: &SpeedStates, innovation: Innovation, corrects: Corrects) -> Innovation {
         let advance = self.extensions.processes.estimate()[states.advance];
         let found = self.with_further_noise(&innovation).and_then(|whole| {
             let s = PredictedInnovation::<1>::of(&self.covariance, &whole)?.s[(0, 0)];
@@ -131,7 +131,7 @@ impl Eskf {
     /// Counts the rejection of revolutions or forces with this innovation; the further state that is to become uncertain where it is
     /// one too many, and the variance to be added to it.
     pub(crate) fn note_rejected_speed(&mut self, sensor: Sensor, innovation: &Innovation) -> Option<(usize, f64)> {
-        let states = SpeedOf::report(sensor)?;
+        let states = SpeedStates::of(sensor)?;
         if self.inflate_after_rejections == 0 || innovation.rows == 0 {
             return None;
         }

@@ -36,8 +36,8 @@ fn filter(state: NavState) -> Eskf {
     Eskf::new(state, &model, &options).unwrap().with_water(Some(water))
 }
 
-fn propeller() -> SpeedOf {
-    SpeedOf::report(Sensor::Thrust).unwrap()
+fn propeller() -> SpeedStates {
+    SpeedStates::of(Sensor::Thrust).unwrap()
 }
 
 fn row_of(filter: &Eskf, revolutions_hz: f64) -> Innovation {

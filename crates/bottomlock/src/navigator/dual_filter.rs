@@ -14,7 +14,7 @@ use crate::filter::inflation::AdmissibleError;
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::filter::slip_test::Alarm;
 use crate::filter::tape::Tape;
-use crate::filter::thrust::SpeedOf;
+use crate::filter::thrust::SpeedStates;
 use crate::filter::water_block::WaterBlock;
 use crate::mechanisation::ImuSample;
 
@@ -179,7 +179,7 @@ impl DualFilter {
             let innovation = innovation_of(filter);
             let is_plausible = filter.update_with_verdict(&innovation, sensor, report.verdict)?;
             // A wrong advance says nothing of sway and heave.
-            let is_plausible = is_plausible || SpeedOf::report(sensor).is_some();
+            let is_plausible = is_plausible || SpeedStates::of(sensor).is_some();
             self.implausible = if is_plausible { 0 } else { self.implausible + 1 };
             if self.implausible > 0 && self.implausible == filter.rejections_allowed() {
                 self.widen_slip(BOTH_LARGER);
@@ -203,7 +203,7 @@ impl DualFilter {
             return Ok(report);
         }
         let rejected = innovation_of(&self.measurements_only);
-        if SpeedOf::report(sensor).is_some() {
+        if SpeedStates::of(sensor).is_some() {
             let noted = self.measurements_only.note_rejected_speed(sensor, &rejected);
             let Some((state, variance)) = noted else {
                 return Ok(report);

@@ -12,7 +12,7 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.kernel.models import Environment
 from bottomlock.pages.plots import is_utc
-from bottomlock.recordings.axes import from_angles
+from bottomlock.recordings.axes import ENU_FROM_NED, FLU_FROM_FRD, from_angles
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.dive_plots import taken
@@ -21,8 +21,6 @@ from bottomlock.replay.report import ReplayTables
 from bottomlock.tables.replay import FORWARD
 
 REFERENCE = "reference"
-ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
