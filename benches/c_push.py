@@ -23,6 +23,7 @@ from bottomlock.plant.telemetry import euler_rad
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from tests.c.dive_files import write_files
+from tests.drawn_log import drawn_log
 from tools.install_c import install
 
 METHODS = ("tc", "sway_current", "consistent")
@@ -51,16 +52,8 @@ def flown(method: Any, seconds: float, folder: Path) -> tuple[Path, Path]:  # no
         attitude_t_p=truth.attitude_t_p[0],
         velocity_p_mps=truth.velocity_p_mps[0],
     )
-    log = {
-        "imu_time_ns": drawn["imu_time_ns"],
-        "omega_p_radps": drawn["imu_omega_p_radps"],
-        "force_p_mps2": drawn["imu_force_p_mps2"],
-        "dvl_time_ns": drawn["dvl_time_ns"],
-        "beam_velocity_mps": drawn["dvl_velocity_mps"],
-        "beam_valid": drawn["dvl_valid"],
+    log = drawn_log(drawn) | {
         "beam_sd_mps": np.full(drawn["dvl_velocity_mps"].shape, model.dvl.beam_noise_sd_mps),
-        "depth_time_ns": drawn["depth_time_ns"],
-        "depth_m": drawn["depth_m"],
         "attitude_time_ns": drawn["magnetometer_time_ns"],
         "attitude_rpy_rad": euler_rad(drawn["magnetometer_attitude_t_p"]),
     }

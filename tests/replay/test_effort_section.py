@@ -18,12 +18,12 @@ from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.replay.tune.parameters import noise_of
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
-from tests.replay.test_thrust_section import BARE, SEEDS
+from tests.replay.test_thrust_section import BARE, SEEDS, SLIP_MPS, slipping
 from tests.replay.test_water_track import CURRENT, end_m, write
 
 MASS, LIGHT_N = np.array([20.0, 21.0, 32.0]), 2.4
 LINEAR, QUADRATIC = np.array([14.0, 5.0, 33.0]), np.array([141.0, 217.0, 190.0])
-SLIP_MPS, SLIP_TIME_S, NOISE_N = 0.02, 5.0, 1.0
+NOISE_N = 1.0
 SECTION = """[effort]
 file = "thrusters.csv"
 clock = { column = "time" }
@@ -54,10 +54,8 @@ def forces_of(dive: RovDive, seed: int) -> tuple[Floats, Floats]:
     )
     accelerating = MASS * np.gradient(u, t, axis=0) + np.cross(omega, MASS * u)
     seconds = np.arange(0.55, t[-1] - 0.5, 0.5)
-    kept, count = np.exp(-0.5 / SLIP_TIME_S), len(seconds)
-    slip = SLIP_MPS * rng.normal(size=(count, 3))
-    for k in range(1, count):
-        slip[k] = kept * slip[k - 1] + np.sqrt(1.0 - kept**2) * slip[k]
+    count = len(seconds)
+    slip = slipping(SLIP_MPS * rng.normal(size=(count, 3)), 0.5)
     by_thrusters = dive.at(seconds, u) - slip
     drag = LINEAR * by_thrusters + QUADRATIC * np.abs(by_thrusters) * by_thrusters
     down_p = turned.inv().apply([0.0, 0.0, 1.0])

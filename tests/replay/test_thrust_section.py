@@ -36,16 +36,21 @@ CASE = BARE.replace("[reference]", f"{SECTION}[reference]")
 SEEDS = tuple(range(1, 11))
 
 
+def slipping(drawn: Floats, step_s: float) -> Floats:
+    """First-order Gauss-Markov processes from normal numbers of their sigma, (n,) or (n, k), `step_s` apart."""
+    kept, found = np.exp(-step_s / SLIP_TIME_S), drawn.copy()
+    for k in range(1, len(found)):
+        found[k] = kept * found[k - 1] + np.sqrt(1.0 - kept**2) * found[k]
+    return found
+
+
 def revolutions_of(dive: RovDive, seed: int = 1) -> tuple[Floats, Floats]:
     """Times, s, and revolutions a second of the true speed through the water, with slip and noise of their own."""
     rng = np.random.default_rng(seed)
     seconds = np.arange(0.55, dive.imu_s[-1] - 0.5, 1.0)
     turned = Rotation.from_euler("ZYX", dive.at(seconds, np.unwrap(dive.rpy, axis=0))[:, ::-1])
     through = (dive.at(seconds, dive.velocity) - turned.inv().apply(CURRENT))[:, 0]
-    kept = np.exp(-1.0 / SLIP_TIME_S)
-    slip = SLIP_MPS * rng.normal(size=len(seconds))
-    for k in range(1, len(slip)):
-        slip[k] = kept * slip[k - 1] + np.sqrt(1.0 - kept**2) * slip[k]
+    slip = slipping(SLIP_MPS * rng.normal(size=len(seconds)), 1.0)
     return seconds, (through - slip - NOISE_MPS * rng.normal(size=len(seconds))) / ADVANCE_M
 
 

@@ -17,6 +17,7 @@ from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.truth.truth import Truth
 from tests.analytic import analytic_simulation
+from tests.drawn_log import drawn_log
 from tests.oracle.rotations import Array
 
 SEED = 20170222
@@ -158,12 +159,7 @@ def _log(
         velocity[bad] += simulation.geometry.beam_velocities(wrong[None])[0]
     elif what == "random":
         velocity[bad] += rng.uniform(-5.0, 5.0, (int(bad.sum()), 4))
-    log = {
-        "imu_time_ns": drawn["imu_time_ns"], "force_p_mps2": drawn["imu_force_p_mps2"],
-        "omega_p_radps": drawn["imu_omega_p_radps"], "dvl_time_ns": drawn["dvl_time_ns"],
-        "beam_velocity_mps": np.where(valid, velocity, np.nan), "beam_valid": valid,
-        "depth_time_ns": drawn["depth_time_ns"], "depth_m": drawn["depth_m"],
-    }  # fmt: skip
+    log = drawn_log(drawn) | {"beam_velocity_mps": np.where(valid, velocity, np.nan), "beam_valid": valid}
     if what == "position":
         fixes = position_t_m + rng.normal(size=position_t_m.shape)
         fixes[bad] += rng.uniform(-100.0, 100.0, 3)

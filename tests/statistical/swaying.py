@@ -17,6 +17,7 @@ import bottomlock
 from bottomlock.config.instrument_grades import imu_grade
 from bottomlock.config.scenario_sections import Filter
 from bottomlock.kernel.models import ImuModel
+from tests.drawn_log import drawn_log
 from tests.oracle.rotations import Array
 from tests.property import settings
 from tests.statistical import worlds
@@ -178,15 +179,7 @@ def evidence(name: str, runs: int, **water: float) -> Array:
             geometry(world), truth_of(world, number), made.model, made.schedule,
             seed=SEED, trajectory_key=31, run=number,
         )  # fmt: skip
-        log: Any = {
-            "imu_time_ns": drawn["imu_time_ns"],
-            "force_p_mps2": drawn["imu_force_p_mps2"],
-            "omega_p_radps": drawn["imu_omega_p_radps"],
-            "dvl_time_ns": drawn["dvl_time_ns"],
-            "beam_velocity_mps": drawn["dvl_velocity_mps"],
-            "beam_valid": drawn["dvl_valid"],
-            "depth_time_ns": drawn["depth_time_ns"],
-            "depth_m": drawn["depth_m"],
+        log: Any = drawn_log(drawn) | {
             "attitude_time_ns": drawn["magnetometer_time_ns"],
             "attitude_rpy_rad": euler(drawn["magnetometer_attitude_t_p"]),
         }

@@ -23,6 +23,7 @@ from bottomlock.plant.hovering_vehicle import HoveringVehicle
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics.chi_squared import mean_band
+from tests.drawn_log import drawn_log
 from tests.oracle.rotations import exp_rotation, matrix_from_quaternion, quaternion_from_euler
 
 pytestmark = [pytest.mark.statistical, pytest.mark.long]
@@ -105,15 +106,7 @@ def run(
             simulation.geometry, arrays, model, plan, imu_sampling=simulation.scenario.imu.sampling,
             options=options, seed=1, trajectory_key=KEY, run=number,
         )  # fmt: skip
-        log: Any = {
-            "imu_time_ns": drawn["imu_time_ns"],
-            "omega_p_radps": drawn["imu_omega_p_radps"],
-            "force_p_mps2": drawn["imu_force_p_mps2"],
-            "dvl_time_ns": drawn["dvl_time_ns"],
-            "beam_velocity_mps": drawn["dvl_velocity_mps"],
-            "beam_valid": drawn["dvl_valid"],
-            "depth_time_ns": drawn["depth_time_ns"],
-            "depth_m": drawn["depth_m"],
+        log: Any = drawn_log(drawn) | {
             "heading_time_ns": drawn["heading_time_ns"],
             "heading_rad": drawn["heading_rad"],
         }
