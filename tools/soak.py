@@ -199,7 +199,7 @@ def soak(
             reports = navigator.push_imu_block(time_ns, omega_p_radps=rate, force_p_mps2=force)
             for push, values in pushes:
                 reports += getattr(navigator, push)(**values)
-            verdicts[name].update(f"{report['sensor']} {report['verdict']}" for report in reports)
+            verdicts[name].update(f"{report.sensor} {report.verdict}" for report in reports)
         if (second + 1) % JUDGED_EVERY_S:
             continue
         true = voyage.at(second + 1)

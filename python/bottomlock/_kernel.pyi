@@ -6,15 +6,18 @@ Settings are objects of `bottomlock.kernel.models`; dicts with the same keys are
 that is given must be one that is read: an unknown one is an error that names the nearest.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from threading import Event
 from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bottomlock.io.beams import Instrument
 from bottomlock.kernel import FixMethod, JanusConfiguration, Method, OwnName
 from bottomlock.kernel.models import Environment, ImuModel, InitialState, Model, Options
+from bottomlock.live.started import StartedNavigator
 
 __all__ = [
     "DEFAULT_OPTIONS",
@@ -28,6 +31,7 @@ __all__ = [
     "BeamGeometry",
     "ClosedLoop",
     "Navigator",
+    "Report",
     "__version__",
     "check_settings",
     "covariance_history",
@@ -240,24 +244,6 @@ class EffortStateDict(TypedDict):
     slip_mps: NDArray[np.float64]
     inertia_error: NDArray[np.float64]
     covariance: NDArray[np.float64]
-
-@type_check_only
-class ReportDict(TypedDict):
-    sensor: str
-    time_ns: int
-    residual: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    degrees: int
-    nis: float
-    threshold: float
-    verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information", "withheld", "withdrawn"]
-    revised: bool
-    reason: str | None
-    inflation: float | None
-    beyond_linear_range: bool
-    rejected_rows: NDArray[np.bool_]
-    beam_weight: NDArray[np.float64] | None
-    choice: dict[str, Any] | None
 
 @type_check_only
 class ImuFaultsDict(TypedDict):
@@ -509,6 +495,43 @@ class BeamGeometry:
     def __deepcopy__(self, _memo: dict[int, Any]) -> BeamGeometry: ...
 
 @final
+class Report:
+    """What became of a measurement, or of an inertial reading that was rejected."""
+
+    @property
+    def sensor(self) -> str: ...
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def residual(self) -> NDArray[np.float64]: ...
+    @property
+    def covariance(self) -> NDArray[np.float64]: ...
+    @property
+    def degrees(self) -> int: ...
+    @property
+    def nis(self) -> float: ...
+    @property
+    def threshold(self) -> float: ...
+    @property
+    def verdict(
+        self,
+    ) -> Literal["accepted", "accepted_in_part", "rejected", "no_information", "withheld", "withdrawn"]: ...
+    @property
+    def revised(self) -> bool: ...
+    @property
+    def reason(self) -> str | None: ...
+    @property
+    def inflation(self) -> float | None: ...
+    @property
+    def beyond_linear_range(self) -> bool: ...
+    @property
+    def rejected_rows(self) -> NDArray[np.bool_]: ...
+    @property
+    def beam_weight(self) -> NDArray[np.float64] | None: ...
+    @property
+    def choice(self) -> dict[str, Any] | None: ...
+
+@final
 class Navigator:
     """An aided inertial navigator, fed a sample at a time."""
 
@@ -523,15 +546,26 @@ class Navigator:
         covariance: ArrayLike | None = None,
         horizon_ns: int | None = None,
     ) -> Navigator: ...
+    @staticmethod
+    def start(
+        *,
+        dvl: str | Path | Mapping[str, Any] | Instrument,
+        imu: str | Mapping[str, Any] | ImuModel,
+        latitude_deg: float,
+        heading_deg: float | None = None,
+        heading_sd_deg: float | None = None,
+        method: Method | OwnName = "tc",
+        **sections: Mapping[str, Any] | None,
+    ) -> StartedNavigator: ...
     def push_imu(
         self, time_ns: int, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
-    ) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
     def push_imu_block(
         self, time_ns: ArrayLike, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
-    ) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
     def push_beams(
         self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
-    ) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
     def push_water_track(
         self,
         time_ns: int,
@@ -540,17 +574,17 @@ class Navigator:
         *,
         sd_mps: ArrayLike,
         range_m: float = 0.0,
-    ) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
     def push_velocity(
         self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike
-    ) -> list[ReportDict]: ...
-    def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_mps: float) -> list[ReportDict]: ...
-    def push_effort(self, time_ns: int, force_p_n: ArrayLike, *, sd_n: float) -> list[ReportDict]: ...
-    def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
+    def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_mps: float) -> list[Report]: ...
+    def push_effort(self, time_ns: int, force_p_n: ArrayLike, *, sd_n: float) -> list[Report]: ...
+    def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[Report]: ...
     def push_attitude(
         self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
-    ) -> list[ReportDict]: ...
-    def push_heading(self, time_ns: int, yaw_rad: float, *, sd_rad: float) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
+    def push_heading(self, time_ns: int, yaw_rad: float, *, sd_rad: float) -> list[Report]: ...
     def push_gps(
         self,
         time_ns: int,
@@ -559,13 +593,13 @@ class Navigator:
         *,
         position_sd_m: ArrayLike,
         velocity_sd_mps: ArrayLike,
-    ) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
     def push_position(
         self, time_ns: int, position_t_m: ArrayLike, *, position_sd_m: ArrayLike
-    ) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
     def push_acoustic_position(
         self, *, time_ns: int, position_t_m: ArrayLike, sd_m: ArrayLike | None = None
-    ) -> list[ReportDict]: ...
+    ) -> list[Report]: ...
     def late_events(self) -> dict[str, int]: ...
     def imu_faults(self) -> ImuFaultsDict: ...
     def discard_waiting(self) -> int: ...

@@ -15,7 +15,7 @@ from bottomlock import imu_grade, kernel, solve_velocity
 from bottomlock.config.instrument_grades import grades
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
-from bottomlock.kernel import Navigator, models
+from bottomlock.kernel import Navigator, Report, models
 from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
@@ -28,24 +28,24 @@ VERDICTS = ("accepted", "accepted_in_part", "rejected", "no_information", "withh
 JANUS_20 = read_geometry("x_janus_20").geometry
 
 
-def same_report(ours: Any, theirs: dict[str, Any]) -> None:  # noqa: ANN401 - a structure of the header
+def same_report(ours: Any, theirs: Report) -> None:  # noqa: ANN401 - a structure of the header
     """A report of C is that of Python, to the last bit."""
     rows = ours.rows
-    assert ours.sensor.decode() == theirs["sensor"]
-    assert (ours.time_ns, VERDICTS[ours.verdict]) == (theirs["time_ns"], theirs["verdict"])
-    assert bool(ours.revised) == theirs["revised"]
-    assert (ours.nis, ours.threshold, ours.degrees) == (theirs["nis"], theirs["threshold"], theirs["degrees"])
-    np.testing.assert_array_equal(ours.residual[:rows], theirs["residual"])
-    np.testing.assert_array_equal(np.array(ours.covariance)[:rows, :rows], theirs["covariance"])
-    np.testing.assert_array_equal(np.array(ours.rejected_rows[:rows], dtype=bool), theirs["rejected_rows"])
-    assert ours.inflation == (theirs["inflation"] or 1.0)
-    assert bool(ours.beyond_linear_range) == theirs["beyond_linear_range"]
-    assert ours.reason.decode() == (theirs["reason"] or "")
-    weight = theirs["beam_weight"]
+    assert ours.sensor.decode() == theirs.sensor
+    assert (ours.time_ns, VERDICTS[ours.verdict]) == (theirs.time_ns, theirs.verdict)
+    assert bool(ours.revised) == theirs.revised
+    assert (ours.nis, ours.threshold, ours.degrees) == (theirs.nis, theirs.threshold, theirs.degrees)
+    np.testing.assert_array_equal(ours.residual[:rows], theirs.residual)
+    np.testing.assert_array_equal(np.array(ours.covariance)[:rows, :rows], theirs.covariance)
+    np.testing.assert_array_equal(np.array(ours.rejected_rows[:rows], dtype=bool), theirs.rejected_rows)
+    assert ours.inflation == (theirs.inflation or 1.0)
+    assert bool(ours.beyond_linear_range) == theirs.beyond_linear_range
+    assert ours.reason.decode() == (theirs.reason or "")
+    weight = theirs.beam_weight
     assert bool(ours.has_beam_weight) == (weight is not None)
     if weight is not None:
         np.testing.assert_array_equal(ours.beam_weight[: len(weight)], weight)
-    choice = theirs["choice"] or {}
+    choice = theirs.choice or {}
     if "method" in choice:
         assert ours.selected_method.decode() == choice["method"]
         assert ours.selection_reason.decode() == choice["reason"]

@@ -46,5 +46,5 @@ for step in range(1001):
     if step % 100 == 50:
         beams_mps = janus.beam_velocities([[2.0, 0.0, 0.0]])[0]
         for report in navigator.push_beams(time_ns, beams_mps, valid, sd_mps=np.full(4, 0.02)):
-            assert report["verdict"] == "accepted"
+            assert report.verdict == "accepted"
 velocity_p_mps = navigator.state()["velocity_p_mps"]

@@ -17,7 +17,7 @@ from tests.analytic import analytic
 from tests.property import settings
 
 
-def reports(method: Method, beams_mps: list[list[float]]) -> list[dict[str, Any]]:
+def reports(method: Method, beams_mps: list[list[float]]) -> list[Any]:
     """A vehicle at rest, pings with beams 1 and 2 a second apart."""
     start: Any = {
         "time_ns": 0, "position_t_m": [0.0] * 3, "attitude_t_p": [1.0, 0, 0, 0], "velocity_p_mps": [0.0] * 3,
@@ -42,21 +42,18 @@ def test_each_ping_says_what_was_chosen_and_why() -> None:
     """Of methods that choose; the others say nothing. The reports are those of the filter on the beams alone."""
     still = [[0.01, -0.01, np.nan, np.nan]] * 5
     chosen = reports("consistent", still)
-    assert [report["sensor"] for report in chosen] == ["beams"] * 5
+    assert [report.sensor for report in chosen] == ["beams"] * 5
     for report in chosen:
-        assert report["choice"]["method"] in kernel.SELECTOR_METHODS
-        assert report["choice"]["reason"] in kernel.SELECTION_REASONS
-        assert report["choice"]["reason"] != "beams_contradict"
-        assert (
-            report["choice"]["statistic"] <= report["choice"]["threshold"]
-            or report["choice"]["threshold"] == 0
-        )
+        assert report.choice["method"] in kernel.SELECTOR_METHODS
+        assert report.choice["reason"] in kernel.SELECTION_REASONS
+        assert report.choice["reason"] != "beams_contradict"
+        assert report.choice["statistic"] <= report.choice["threshold"] or report.choice["threshold"] == 0
     tight = reports("tc", still)
-    assert all(report["choice"] is None for report in tight)
+    assert all(report.choice is None for report in tight)
     for one, other in zip(chosen, tight, strict=True):
-        assert one["nis"] == other["nis"]
+        assert one.nis == other.nis
     paper = reports("elc", still)
-    assert {kernel.SOURCES[code] for code in (paper[-1]["choice"][axis] for axis in ("surge", "sway", "heave"))} <= {
+    assert {kernel.SOURCES[code] for code in (paper[-1].choice[axis] for axis in ("surge", "sway", "heave"))} <= {
         "vb", "nsv", "plcf", "vhv",
     }  # fmt: skip
 

@@ -45,7 +45,7 @@ def test_the_first_reading_is_the_literal_one(pitch_deg: float) -> None:
     flown.push_imu(0, omega_p_radps=rate, force_p_mps2=force_p)
     forces, sd_n = np.array([40.0, 5.0, -12.0]), 1e-3
     reports = flown.push_effort(0, forces, sd_n=sd_n)
-    assert [report["sensor"] for report in reports] == list(AXES)
+    assert [report.sensor for report in reports] == list(AXES)
     hull = oracle.Hull(
         np.array(HULL.mass_kg),
         np.array(HULL.linear_drag_kgps),
@@ -69,8 +69,8 @@ def test_the_first_reading_is_the_literal_one(pitch_deg: float) -> None:
     # The column of a is that of the speed without slip and noise.
     slip = z[0] * min(10.0 * HULL.slip_sd_mps**2 / S, 1.0)
     H[0, oracle.SCALE.start] += slip
-    np.testing.assert_allclose(reports[0]["residual"], z[:1], atol=1e-9)
-    np.testing.assert_allclose(reports[0]["covariance"], [[H[0] @ P @ H[0]]], rtol=1e-5)
+    np.testing.assert_allclose(reports[0].residual, z[:1], atol=1e-9)
+    np.testing.assert_allclose(reports[0].covariance, [[H[0] @ P @ H[0]]], rtol=1e-5)
 
 
 def crabbing(*, forces: bool) -> Navigator:
@@ -114,8 +114,8 @@ def test_wrong_forces_are_gated_and_then_widen_the_scale() -> None:
         )
         before = flown.state()["velocity_p_mps"]
         report, *_ = flown.push_effort(step * 10_000_000, [2075.0, 0.0, 2.4], sd_n=1.0)
-        verdicts.append((report["verdict"], report["inflation"] is not None))
-        if report["verdict"] == "rejected":
+        verdicts.append((report.verdict, report.inflation is not None))
+        if report.verdict == "rejected":
             np.testing.assert_allclose(flown.state()["velocity_p_mps"][0], before[0], rtol=1e-12)
     assert verdicts[:5] == [("rejected", False)] * 4 + [("accepted", True)]
     assert flown.effort()["speed_scale"][0] < 0.9  # type: ignore[index]

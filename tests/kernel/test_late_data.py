@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import METHODS, KernelError, Method, Navigator
+from tests.kernel.report_bits import report_bits
 from tests.kernel.test_replay_log import JANUS, LOG, START, replayed
 from tests.property import settings
 
@@ -61,15 +62,12 @@ def push(to: Navigator, t: int, name: str, k: int) -> list[Any]:
 def stand(told: dict[Any, Any], reports: list[Any]) -> None:
     """Keeps what stands of all reports, by sensor and time; a report that is not marked is the first of its kind."""
     for report in reports:
-        key = report["sensor"], report["time_ns"]
-        assert report["revised"] == (key in told)
-        if report["verdict"] == "withdrawn":
+        key = report.sensor, report.time_ns
+        assert report.revised == (key in told)
+        if report.verdict == "withdrawn":
             del told[key]
         else:
-            report.pop("revised")
-            told[key] = [
-                value.tobytes() if isinstance(value, np.ndarray) else repr(value) for value in report.values()
-            ]
+            told[key] = report_bits(report, without=("revised",))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -128,9 +126,9 @@ def test_what_a_late_fix_changes_comes_again() -> None:
     to = under_way()
     (first,) = to.push_depth(2900 * MS, 1.0, sd_m=0.1)
     late, again = to.push_depth(2000 * MS, 1.0, sd_m=0.1)
-    assert [first["revised"], late["revised"], again["revised"]] == [False, False, True]
-    assert (late["time_ns"], again["time_ns"]) == (2000 * MS, 2900 * MS)
-    assert abs(again["residual"][0]) < abs(first["residual"][0])
+    assert [first.revised, late.revised, again.revised] == [False, False, True]
+    assert (late.time_ns, again.time_ns) == (2000 * MS, 2900 * MS)
+    assert abs(again.residual[0]) < abs(first.residual[0])
     assert to.state()["time_ns"] == 3000 * MS
 
 
@@ -141,9 +139,9 @@ def test_a_rejection_is_withdrawn() -> None:
     still = {"omega_p_radps": np.zeros(3), "force_p_mps2": LEVEL}
     assert to.push_imu(0, **still) + to.push_imu(10 * MS, **still) == []
     (stuck,) = to.push_imu(30 * MS, **still)
-    assert (stuck["verdict"], stuck["revised"]) == ("rejected", False)
+    assert (stuck.verdict, stuck.revised) == ("rejected", False)
     (back,) = to.push_imu(20 * MS, omega_p_radps=np.full(3, 0.01), force_p_mps2=LEVEL)
-    assert (back["sensor"], back["time_ns"], back["verdict"], back["revised"]) == (
+    assert (back.sensor, back.time_ns, back.verdict, back.revised) == (
         "imu",
         30 * MS,
         "withdrawn",

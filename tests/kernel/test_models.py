@@ -203,7 +203,7 @@ def test_a_sensor_that_is_not_there_is_none() -> None:
         navigator.push_imu(k * 10_000_000, omega_p_radps=[0.0] * 3, force_p_mps2=[0.0, 0.0, -9.8])
     reports = navigator.push_depth(150_000_000, 0.0, sd_m=0.1)
     reports += navigator.push_attitude(150_000_000, [1, 0, 0, 0], roll_pitch_sd_rad=0.01, yaw_sd_rad=0.1)
-    assert [report["verdict"] for report in reports] == ["accepted"] * len(reports) != []
+    assert [report.verdict for report in reports] == ["accepted"] * len(reports) != []
     with pytest.raises(KernelError, match=r"model\.dvl is None, expected a DvlModel"):
         bare.of(models.DvlModel)
 

@@ -43,7 +43,7 @@ def fly(to: bottomlock.Navigator, from_s: int, to_s: int, beams: int) -> list[fl
             readings = np.asarray(JANUS.beam_velocities(VELOCITY[None]))[0]
             reports += to.push_beams(time_ns, readings, valid, sd_mps=np.full(4, 0.01))
         reports += to.push_imu(time_ns, omega_p_radps=still, force_p_mps2=still)
-        found += [report["time_ns"] * 1e-9 for report in reports if report["sensor"] == "motion"]
+        found += [report.time_ns * 1e-9 for report in reports if report.sensor == "motion"]
     return found
 
 

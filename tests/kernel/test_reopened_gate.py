@@ -29,63 +29,61 @@ def navigator(fixes: int, method: Method = "lc", **other: Any) -> bottomlock.Nav
     return bottomlock.Navigator(JANUS, settings.table_2(), options, initial, method=method)
 
 
-def push_speeds(
-    nav: bottomlock.Navigator, speeds_mps: list[float], beam_4_mps: float = 0.0
-) -> list[dict[str, Any]]:
+def push_speeds(nav: bottomlock.Navigator, speeds_mps: list[float], beam_4_mps: float = 0.0) -> list[Any]:
     """A ping a second of a vehicle that the beams see at these speeds; the reports of the beams."""
-    reports: list[dict[str, Any]] = []
+    reports: list[Any] = []
     for k in range(10 * len(speeds_mps) + 1):
         nav.push_imu(k * 100_000_000, omega_p_radps=np.zeros(3), force_p_mps2=np.array(LEVEL))
         if k and k % 10 == 0:
             y = JANUS.beam_velocities(np.array([[speeds_mps[k // 10 - 1], 0.0, 0.0]]))[0]
             y[3] += beam_4_mps
             heard: Any = nav.push_beams(k * 100_000_000, y, np.ones(4, dtype=bool), sd_mps=np.full(4, 0.042))
-            reports += [report for report in heard if report["sensor"] == "beams"]
+            reports += [report for report in heard if report.sensor == "beams"]
     return reports
 
 
 def test_consecutive_rejections_inflate_by_what_they_showed() -> None:
     """The third of three is tested again after the inflation, and accepted: its error is then of the order of sigma."""
     reports = push_speeds(navigator(3), [3.0] * 4)
-    assert [report["verdict"] for report in reports] == ["rejected"] * 2 + ["accepted"] * 2
-    assert [report["inflation"] is None for report in reports] == [True, True, False, True]
-    assert 0.1 < reports[2]["nis"] / reports[2]["degrees"] < 3.0
+    assert [report.verdict for report in reports] == ["rejected"] * 2 + ["accepted"] * 2
+    assert [report.inflation is None for report in reports] == [True, True, False, True]
+    assert 0.1 < reports[2].nis / reports[2].degrees < 3.0
 
 
 def test_a_fix_in_between_starts_anew() -> None:
     reports = push_speeds(navigator(3), [2.0, 4.0, 0.0, 8.0, 10.0, 0.0])
-    assert [report["verdict"][:3] for report in reports] == ["rej", "rej", "acc"] * 2
-    assert all(report["inflation"] is None for report in reports)
+    assert [report.verdict[:3] for report in reports] == ["rej", "rej", "acc"] * 2
+    assert all(report.inflation is None for report in reports)
 
 
 def test_fixes_that_do_not_agree_are_noise() -> None:
     """Wrong by metres per second to either side by turns: no error of the filter does that."""
     reports = push_speeds(navigator(3), [4.0, -4.0] * 3)
-    assert {report["verdict"] for report in reports} == {"rejected"}
+    assert {report.verdict for report in reports} == {"rejected"}
 
 
 def test_never_is_never() -> None:
     reports = push_speeds(navigator(0), AWAY_MPS)
-    assert {report["verdict"] for report in reports} == {"rejected"}
+    assert {report.verdict for report in reports} == {"rejected"}
 
 
 def test_beams_that_contradict_each_other_stay_refused() -> None:
     """One beam off by 3 m/s: no velocity explains four such beams, so no width of the covariance lets them in."""
     reports = push_speeds(navigator(3, method="tc"), [0.0] * 30, beam_4_mps=3.0)
-    assert {report["verdict"] for report in reports} == {"rejected"}
+    assert {report.verdict for report in reports} == {"rejected"}
 
 
-def push_beams(wrong_mps: list[float], valid: list[bool]) -> list[dict[str, Any]]:
+def push_beams(wrong_mps: list[float], valid: list[bool]) -> list[Any]:
     """Twenty pings of a vehicle at rest, then twenty whose beams read `wrong_mps`; the reports of the last twenty."""
     nav = navigator(3, method="tc", robust=ROBUST)
-    reports: list[dict[str, Any]] = []
+    reports: list[Any] = []
     for k in range(401):
         nav.push_imu(k * 100_000_000, omega_p_radps=np.zeros(3), force_p_mps2=np.array(LEVEL))
         if k and k % 10 == 0:
             y = np.array(wrong_mps) if k > 200 else np.zeros(4)
             heard: Any = nav.push_beams(k * 100_000_000, y, np.array(valid), sd_mps=np.full(4, 0.042))
-            reports += [report for report in heard if report["sensor"] == "beams"]
-    assert {report["verdict"] for report in reports[:20]} == {"accepted"}
+            reports += [report for report in heard if report.sensor == "beams"]
+    assert {report.verdict for report in reports[:20]} == {"accepted"}
     return reports[20:]
 
 
@@ -102,13 +100,13 @@ def test_a_burst_beyond_five_sigma_of_beams_that_were_accepted_does_not_get_in(
 ) -> None:
     """What else explains the beams is an error of the filter that was not there at the ping before."""
     reports = push_beams(wrong_mps, valid)
-    assert all(report["inflation"] is None for report in reports[:10])
+    assert all(report.inflation is None for report in reports[:10])
 
 
 def test_redundant_beams_that_all_disagree_overrule_the_filter() -> None:
     """Forward at 3 m/s say all four, and agree: after three of them the filter goes with them."""
     reports = push_beams(JANUS.beam_velocities(np.array([[3.0, 0.0, 0.0]]))[0].tolist(), [True] * 4)
-    assert [report["inflation"] is None for report in reports[:3]] == [True, True, False]
+    assert [report.inflation is None for report in reports[:3]] == [True, True, False]
 
 
 @pytest.mark.parametrize(

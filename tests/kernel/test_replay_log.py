@@ -114,8 +114,8 @@ def test_replay_is_the_streaming_navigator(method: Method) -> None:
             place = log["gps_position_t_m"][k]
             reports = nav.push_position(t, place, position_sd_m=model["gps"]["position_sd_m"])
         for report in reports:
-            if report["sensor"] == "beams" and len(report["residual"]):
-                nis[np.searchsorted(LOG["dvl_time_ns"], report["time_ns"])] = report["nis"]
+            if report.sensor == "beams" and len(report.residual):
+                nis[np.searchsorted(LOG["dvl_time_ns"], report.time_ns)] = report.nis
     out, state = replayed(methods=(method,)), nav.state()
     for key, value in (
         ("position_t_m", state["position_t_m"]),

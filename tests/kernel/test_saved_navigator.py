@@ -12,6 +12,7 @@ import pytest
 
 from bottomlock.kernel import METHODS, SENSORS, BeamGeometry, KernelError, Navigator
 from bottomlock.kernel.models import EffortModel, ThrustModel
+from tests.kernel.report_bits import report_bits
 from tests.property import settings
 
 JANUS = BeamGeometry.janus(0.35, lever_arms_p_m=[[1.0, 0.1, 0.5]] * 4, sound_speed_scale=1.01)
@@ -123,17 +124,12 @@ def everything(of: Navigator) -> bytes:
     return b"".join(np.asarray(value).tobytes() for value in values)
 
 
-def bits(report: dict[str, Any]) -> list[Any]:
-    """A report as it is compared: numbers whole."""
-    return [value.tobytes() if isinstance(value, np.ndarray) else repr(value) for value in report.values()]
-
-
 def goes_on(to: Navigator, first: int, push: Push, seed: int) -> list[Any]:
     """The reports of the next ten seconds; the reading of step `first` alone completes what waits."""
     reports = imu(to, first * STEP_NS, np.random.default_rng(seed))
     for k in range(first + 1, first + SECONDS * 10**9 // STEP_NS):
         reports += turn(to, k, push, seed)
-    return [bits(report) for report in reports]
+    return [report_bits(report) for report in reports]
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -49,9 +49,9 @@ def swim(
 def test_each_ping_tells_of_beams_heave_and_sway() -> None:
     """The assumptions come after the beams, each with a report of its own."""
     _, reports = swim("sway_current")
-    assert [report["sensor"] for report in reports[0]] == ["beams", "heave", "sway"]
-    assert all(report["verdict"] == "accepted" for report in reports[-1])
-    assert [report["sensor"] for report in swim("tc", 1)[1][0]] == ["beams"]
+    assert [report.sensor for report in reports[0]] == ["beams", "heave", "sway"]
+    assert all(report.verdict == "accepted" for report in reports[-1])
+    assert [report.sensor for report in swim("tc", 1)[1][0]] == ["beams"]
 
 
 def test_the_current_is_found_where_the_sway_over_ground_is_known() -> None:
@@ -83,7 +83,7 @@ def test_the_selector_has_the_current_of_the_filter_it_selects() -> None:
     navigator = swim("consistent", 0)[0]
     assert navigator.water() is None
     navigator, reports = swim("consistent")
-    assert reports[-1][0]["choice"]["method"] == "sway_current"
+    assert reports[-1][0].choice["method"] == "sway_current"
     np.testing.assert_equal(navigator.water(), swim("sway_current")[0].water())
     restored: Any = kernel.Navigator.load(navigator.save())
     np.testing.assert_array_equal(

@@ -52,9 +52,9 @@ def test_updates_are_the_literal_filter(used: Literal["velocity", "all"], pitch_
     z = oracle.residual(n, advance, slip, velocity, R, current)
     H = oracle.jacobian(n, R, current)
     H = oracle.jacobian(oracle.without_slip(n, z, P, H, 0.02**2, advance), R, current)
-    assert (report["sensor"], report["verdict"], report["degrees"]) == ("thrust", "accepted", 1)
-    np.testing.assert_allclose(report["residual"], [z], atol=1e-12)
-    np.testing.assert_allclose(report["covariance"], H @ P @ H.T + 0.02**2, rtol=1e-9)
+    assert (report.sensor, report.verdict, report.degrees) == ("thrust", "accepted", 1)
+    np.testing.assert_allclose(report.residual, [z], atol=1e-12)
+    np.testing.assert_allclose(report.covariance, H @ P @ H.T + 0.02**2, rtol=1e-9)
     error, P = oracle.update(P, H, 0.02**2, z, corrected)
     state, estimated, water = flown.state(), flown.thrust(), flown.water()
     assert estimated is not None
@@ -80,7 +80,7 @@ def test_a_current_moves_the_row() -> None:
         velocity, current = np.asarray(state["velocity_p_mps"]), np.asarray(water["current_t_mps"])
         z = oracle.residual(n, estimated["advance_m"], estimated["slip_mps"], velocity, np.eye(3), current)
         # Slip and current have been kept for a hundredth of a second since.
-        np.testing.assert_allclose(report["residual"], [z], atol=1e-4)
+        np.testing.assert_allclose(report.residual, [z], atol=1e-4)
     assert flown.water()["current_t_mps"][0] > 0.1  # type: ignore[index]
 
 
@@ -121,8 +121,8 @@ def test_wrong_revolutions_are_gated_and_then_widen_the_advance() -> None:
         still(flown, step * 10_000_000)
         before = flown.state()["velocity_p_mps"]
         (report,) = flown.push_thrust(step * 10_000_000, 38.0, sd_mps=0.01)
-        verdicts.append((report["verdict"], report["inflation"] is not None))
-        if report["verdict"] == "rejected":
+        verdicts.append((report.verdict, report.inflation is not None))
+        if report.verdict == "rejected":
             np.testing.assert_array_equal(flown.state()["velocity_p_mps"], before)
     assert verdicts[:5] == [("rejected", False)] * 4 + [("accepted", True)]
     assert flown.thrust()["advance_m"] < 0.08  # type: ignore[index]

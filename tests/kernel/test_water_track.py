@@ -34,7 +34,7 @@ def test_the_row_is_the_literal_equation() -> None:
     model, current_sd = example.model, ON.water.current_sd_mps
     b = np.asarray(example.janus.directions_p)[valid]
     v, R = np.array([2.0, 0.0, 0.0]), matrix_from_euler(*RPY_RAD)
-    np.testing.assert_allclose(report["residual"], beam_mps[valid] - b @ v, atol=1e-12)
+    np.testing.assert_allclose(report.residual, beam_mps[valid] - b @ v, atol=1e-12)
     across = (b @ R.T)[:, :2]
     dvl: Any = model.dvl
     expected = (
@@ -43,8 +43,8 @@ def test_the_row_is_the_literal_equation() -> None:
         + np.outer(b @ v, b @ v) * dvl.scale_factor_sd**2
         + across @ across.T * current_sd**2
     )
-    np.testing.assert_allclose(report["covariance"], expected, rtol=1e-9)
-    assert (report["sensor"], report["verdict"]) == ("water_track", "accepted")
+    np.testing.assert_allclose(report.covariance, expected, rtol=1e-9)
+    assert (report.sensor, report.verdict) == ("water_track", "accepted")
 
 
 def test_a_cell_between_layers_is_the_literal_equation() -> None:
@@ -69,7 +69,7 @@ def test_a_cell_between_layers_is_the_literal_equation() -> None:
         + np.outer(b @ v, b @ v) * dvl.scale_factor_sd**2
         + across @ across.T * shared
     )
-    np.testing.assert_allclose(report["covariance"], expected, rtol=1e-9)
+    np.testing.assert_allclose(report.covariance, expected, rtol=1e-9)
 
 
 def test_layers_are_told_with_their_age() -> None:

@@ -24,15 +24,17 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.pings import Ping, PingReader
+from bottomlock.live.navigator_config import kernel_settings
+from bottomlock.live.pings import PingReader
 from bottomlock.live.platform_attitude import PlatformAttitude
 from bottomlock.live.raw_log import RawLog
-from bottomlock.live.readings import AttitudeReading, ImuReading, MavlinkReader
+from bottomlock.live.readings import MavlinkReader
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live
 from bottomlock.live.sections import AttitudeSection, StartSection
 from bottomlock.ports.rotation import angles, quaternion
 from bottomlock.recordings.axes import from_angles, platform_attitude, quaternions
+from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping
 from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
@@ -183,7 +185,7 @@ def test_a_navigator_that_is_given_them_in_order_has_the_same_bits(entries: Arri
         if isinstance(first.estimator, NavigationEstimator) and first.estimator.navigator is not None:
             break
     start = navigator_of(first).state()
-    settings = engine.estimator._settings
+    settings = kernel_settings(config, config.instrument())
     model = settings.model
     assert config.attitude is not None
     platform = PlatformAttitude(config.attitude)

@@ -15,8 +15,9 @@ from bottomlock.kernel import Navigator
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.readings import AttitudeReading, LineReader, MavlinkReader
+from bottomlock.live.readings import LineReader, MavlinkReader
 from bottomlock.ports.rotation import quaternion
+from bottomlock.recordings.readings import AttitudeReading
 from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, Sent, World
 
 PLACES = {

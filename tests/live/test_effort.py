@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bottomlock.errors import ScenarioError
-from bottomlock.live.readings import EffortReading, LineReader
+from bottomlock.live.readings import LineReader
+from bottomlock.recordings.readings import EffortReading
 from tests.live.test_thrust import SECONDS, flown
 from tests.live.test_water_track import THROUGH
 from tests.live.world import START_NS, config

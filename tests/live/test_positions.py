@@ -13,9 +13,10 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.raw_log import RawLog
-from bottomlock.live.readings import AcousticPositionReading, GpsReading, LineReader, MavlinkReader
+from bottomlock.live.readings import LineReader, MavlinkReader
 from bottomlock.live.replay import replay_log
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
+from bottomlock.recordings.readings import AcousticPositionReading, GpsReading
 from tests.live.world import LATITUDE_DEG, NAVIGATION_TOML, START_NS, VELOCITY, World
 
 SECONDS, HEADING_RAD = 20.0, np.deg2rad(30.0)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,7 +14,7 @@ from bottomlock.live.config import parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.estimator import solve_ping
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.pings import Ping
+from bottomlock.recordings.readings import Ping
 from tests.live import world
 from tests.live.world import World, config
 
@@ -113,13 +116,19 @@ def test_what_the_used_beams_determine() -> None:
     valid = np.array([True, True, True, False])
     none = np.full(4, np.nan)
     ping = Ping(0, 0, np.where(valid, velocity, np.nan), valid, none, none, np.full(3, np.nan), None)
-    report = {"verdict": "accepted_in_part", "degrees": 2, "nis": 1.0, "reason": "", "beam_weight": None}
+    told: dict[str, Any] = {
+        "verdict": "accepted_in_part", "degrees": 2, "nis": 1.0, "reason": None, "beam_weight": None,
+    }  # fmt: skip
+
+    def report(**changed: Any) -> Any:  # noqa: ANN401 - in the shape of the kernel's
+        return SimpleNamespace(**told | changed)
+
     fixes = solve_ping(instrument, ping, "info")
-    estimator._judged(report | {"rejected_rows": [True, False, False]}, ping, fixes)
+    estimator._judged(report(rejected_rows=[True, False, False]), ping, fixes)
     assert (estimator.rank, estimator.last.used.tolist()) == (2, [False, True, True, False])
-    estimator._judged(report | {"rejected_rows": [False, False, False]}, ping, fixes)
+    estimator._judged(report(rejected_rows=[False, False, False]), ping, fixes)
     assert estimator.rank == 3
-    estimator._judged(report | {"verdict": "rejected", "rejected_rows": []}, ping, fixes)
+    estimator._judged(report(verdict="rejected", rejected_rows=[]), ping, fixes)
     assert (estimator.rank, estimator.rejected) == (0, 1)
 
 

@@ -7,8 +7,9 @@ import os
 import pytest
 
 from bottomlock.io.sentences import xor_of
-from bottomlock.live.readings import DepthReading, ImuReading, LineReader, MavlinkReader
+from bottomlock.live.readings import LineReader, MavlinkReader
 from bottomlock.live.sections import DepthSection
+from bottomlock.recordings.readings import DepthReading, ImuReading
 
 IMU = b"1000,0.1,-0.2,0.3,0.01,0.02,-9.81"
 

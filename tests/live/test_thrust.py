@@ -8,7 +8,8 @@ import pytest
 from bottomlock.errors import ScenarioError
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.readings import LineReader, ThrustReading
+from bottomlock.live.readings import LineReader
+from bottomlock.recordings.readings import ThrustReading
 from tests.live.test_water_track import THROUGH
 from tests.live.world import START_NS, VELOCITY, World, config
 

@@ -15,13 +15,14 @@ from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.water_table import WaterTable
 from bottomlock.live.checkpoint import begin, pack
-from bottomlock.live.config import LiveConfig, kernel_settings
+from bottomlock.live.config import LiveConfig
 from bottomlock.live.engine import Engine
 from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.pings import Ping
+from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.odometry import quality
+from bottomlock.recordings.readings import Ping
 from tests.live.test_engine import asked_in_between, fly, states
 from tests.live.world import VELOCITY, Sent, World, config
 
@@ -270,7 +271,7 @@ def test_the_navigator_is_given_the_mean_of_the_cells_at_its_range() -> None:
     engine = with_water()
     fly(engine, World(4.0), imu=True)
     estimator: Any = engine.estimator
-    spy = estimator._navigator = Spy(estimator._navigator)
+    spy = estimator._aligned.navigator = Spy(estimator.navigator)
     time_ns = int(spy.state()["time_ns"])
     none = np.full(4, np.nan)
     ping = Ping(

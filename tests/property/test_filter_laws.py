@@ -128,7 +128,7 @@ def test_beam_update_is_the_textbook_update(
     expected = expected_readings(instrument, before, rate)
     y = expected + noise[: instrument.beams]
     reports = navigator.push_beams(6_666_667, y, valid, sd_mps=instrument.sd)
-    assert [report["verdict"] for report in reports] == ["accepted"]
+    assert [report.verdict for report in reports] == ["accepted"]
 
     scale = before["dvl_scale_factor"]
     H = beams.h_tight(instrument.directions, before["velocity_p_mps"], instrument.levers, scale)[valid]
@@ -140,7 +140,7 @@ def test_beam_update_is_the_textbook_update(
     np.testing.assert_allclose(error_of(navigator.state(), before) / sd, x / sd, atol=1e-7)
     got = navigator.covariance()
     np.testing.assert_allclose(got / np.outer(sd, sd), P_new / np.outer(sd, sd), atol=1e-8)
-    assert reports[0]["nis"] == pytest.approx(kalman.nis(H, P, R, residual), rel=1e-7, abs=1e-9)
+    assert reports[0].nis == pytest.approx(kalman.nis(H, P, R, residual), rel=1e-7, abs=1e-9)
 
 
 def test_ping_at_the_first_sample_uses_its_rate() -> None:
@@ -155,7 +155,7 @@ def test_ping_at_the_first_sample_uses_its_rate() -> None:
     navigator.push_imu(0, omega_p_radps=rate, force_p_mps2=np.array([0.0, 0.0, -9.8]))
     y = expected_readings(instrument, navigator.state(), rate)
     report = navigator.push_beams(0, y, np.ones(4, bool), sd_mps=instrument.sd)[0]
-    np.testing.assert_allclose(report["residual"], 0.0, atol=1e-12)
+    np.testing.assert_allclose(report.residual, 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_gyro_noise_reaches_the_beams_through_lever_arms() -> None:
         before = navigator.covariance()
         H = beams.h_tight(directions, navigator.state()["velocity_p_mps"], levers, 0.004)
         report = navigator.push_beams(int(time_ns[-1]), np.zeros(4), np.ones(4, bool), sd_mps=sd)[0]
-        shares.append(report["covariance"] - H @ before @ H.T)
+        shares.append(report.covariance - H @ before @ H.T)
     np.testing.assert_allclose(shares[0], np.diag(sd**2), atol=1e-10)
     # One reading of a gyro of density n at 150 Hz has the variance n² · 150.
     full = beams.beam_noise(directions, levers, 1e-3 * np.sqrt(150), sd)

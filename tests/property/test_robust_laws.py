@@ -67,10 +67,10 @@ def test_student_t_is_the_variational_update(
     less = (degrees + 3) / (degrees + 1)
     x, posterior, w = heavy_tails.student_t(P, H, SD[valid] * np.sqrt(less), noise[valid], degrees)
     sd = np.sqrt(np.diag(P))
-    np.testing.assert_allclose(report["beam_weight"][valid], w / less, rtol=1e-5)
+    np.testing.assert_allclose(report.beam_weight[valid], w / less, rtol=1e-5)
     np.testing.assert_allclose(got / sd, x / sd, atol=1e-5)
     np.testing.assert_allclose(after / np.outer(sd, sd), posterior / np.outer(sd, sd), atol=1e-5)
-    assert np.isnan(report["beam_weight"][~valid]).all()
+    assert np.isnan(report.beam_weight[~valid]).all()
 
 
 @given(P=state_covariances(), drawn=noises, mask=masks, threshold=st.floats(0.5, 3))
@@ -98,7 +98,7 @@ def test_off_is_off_bit_for_bit(method: Method) -> None:
         other = pushed(robust, P, noise, valid, method)
         np.testing.assert_array_equal(other[0], plain[0])
         np.testing.assert_array_equal(other[1], plain[1])
-        assert other[2]["beam_weight"] is None
+        assert other[2].beam_weight is None
 
 
 @given(P=state_covariances(), drawn=noises, mask=masks)

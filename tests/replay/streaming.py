@@ -95,8 +95,8 @@ def stream(
             reached = time_ns
         reports = push(navigator, model, log, STREAMS[kind], time_ns, row)
         for report in reports:
-            if report["sensor"] in {"beams", "velocity"} and report["verdict"] != "no_information":
-                nis[np.searchsorted(log["dvl_time_ns"], report["time_ns"])] = report["nis"]
+            if report.sensor in {"beams", "velocity"} and report.verdict != "no_information":
+                nis[np.searchsorted(log["dvl_time_ns"], report.time_ns)] = report.nis
     record(reached)
     return {
         **{

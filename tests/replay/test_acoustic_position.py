@@ -64,10 +64,10 @@ def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
     R = oracle.deviation(fix, transceiver, MODEL["sd_m"], MODEL["sd_per_range"]) ** 2 * np.eye(3)
     residual = fix - oracle.expected_fix(position, rotation, lever)
     error, after, H = kalman.update_position(np.zeros(20), before, H, R, residual)
-    assert (report["sensor"], report["verdict"], report["degrees"]) == ("acoustic_position", "accepted", 3)
-    np.testing.assert_allclose(report["residual"], residual, atol=1e-12)
-    np.testing.assert_allclose(report["covariance"], H @ before @ H.T + R, atol=1e-12)
-    assert report["nis"] == pytest.approx(kalman.nis(H, before, R, residual), rel=1e-10)
+    assert (report.sensor, report.verdict, report.degrees) == ("acoustic_position", "accepted", 3)
+    np.testing.assert_allclose(report.residual, residual, atol=1e-12)
+    np.testing.assert_allclose(report.covariance, H @ before @ H.T + R, atol=1e-12)
+    assert report.nis == pytest.approx(kalman.nis(H, before, R, residual), rel=1e-10)
     np.testing.assert_allclose(navigator.covariance(), after, atol=1e-10)
     np.testing.assert_allclose(navigator.state()["position_t_m"], position + error[:3], atol=1e-10)
 
@@ -80,13 +80,13 @@ def test_outliers_are_gated_and_good_fixes_are_not() -> None:
     place = START["position_t_m"]
     far = np.asarray(place) + np.array([200.0, 0.0, 0.0])
     (report,) = navigator.push_acoustic_position(time_ns=0, position_t_m=far, sd_m=[1.0, 1.0, 1.0])
-    assert report["verdict"] == "rejected"
-    assert report["nis"] > report["threshold"]
+    assert report.verdict == "rejected"
+    assert report.nis > report.threshold
     after: Any = navigator.state()
     assert all(np.array_equal(state[key], after[key]) for key in after)
     navigator.push_imu(10_000_000, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     (report,) = navigator.push_acoustic_position(time_ns=10_000_000, position_t_m=place, sd_m=[1.0, 1.0, 1.0])
-    assert report["verdict"] == "accepted"
+    assert report.verdict == "accepted"
     assert np.sqrt(navigator.covariance()[0, 0]) < 1.0
 
 
@@ -143,7 +143,7 @@ def stream_of(navigator: Navigator, log: Any, fixes: Any, sd: Any) -> dict[str, 
                     time_ns=t, position_t_m=fixes[k], sd_m=None if sd is None else sd[k]
                 )
         for report in reports:
-            told[report["sensor"]] = told.get(report["sensor"], 0) + 1
+            told[report.sensor] = told.get(report.sensor, 0) + 1
     return told
 
 
@@ -154,7 +154,7 @@ def test_it_does_not_collide_with_gps() -> None:
     navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     reports = navigator.push_position(0, place, position_sd_m=[2.0, 2.0, 4.0])
     reports += navigator.push_acoustic_position(time_ns=0, position_t_m=place)
-    assert [report["sensor"] for report in reports] == ["gps_position", "acoustic_position"]
+    assert [report.sensor for report in reports] == ["gps_position", "acoustic_position"]
     with pytest.raises(KernelError, match="acoustic_position time 0 ns does not come after 0 ns"):
         navigator.push_acoustic_position(time_ns=0, position_t_m=place)
     counts = navigator.late_events()
@@ -202,7 +202,7 @@ def test_without_a_model_a_fix_brings_its_own_deviation() -> None:
     with pytest.raises(KernelError, match="acoustic_position sd_m is 0, expected a finite number > 0"):
         navigator.push_acoustic_position(time_ns=0, position_t_m=place)
     (report,) = navigator.push_acoustic_position(time_ns=0, position_t_m=place, sd_m=[1.0, 1.0, 1.0])
-    assert report["verdict"] == "accepted"
+    assert report.verdict == "accepted"
 
 
 def test_case_section_reaches_the_kernel(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import bottomlock
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import normal_gravity_mps2
-from bottomlock.live import navigation
+from bottomlock.live import aligned
 from bottomlock.live.config import load_config
 from bottomlock.live.raw_log import read_raw_log
 from bottomlock.live.replay import replay_log
@@ -82,7 +82,7 @@ def test_a_bag_gives_the_bits_of_a_replay(
         begun.append((*args, settings))
         return bottomlock.Navigator(*args, **settings)
 
-    monkeypatch.setattr(navigation, "Navigator", recorded)
+    monkeypatch.setattr(aligned, "Navigator", recorded)
     played, read = dive.read_bag(bag)
     node = started(module)
     play(graph, played)

@@ -77,7 +77,7 @@ def test_simulated_outliers_are_gated() -> None:
             position_t_m=drawn["acoustic_position_t_m"][k],
             sd_m=drawn["acoustic_position_sd_m"][k],
         )
-        rejected.append(report["verdict"] == "rejected")
+        rejected.append(report.verdict == "rejected")
     caught = np.array(rejected)
     assert caught[outlier][10:].all()
     assert not caught[~outlier].sum() > 3

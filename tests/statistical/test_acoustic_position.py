@@ -54,7 +54,7 @@ def run_filter(method: Method, weigh: float) -> tuple[float, int, float]:
             (report,) = navigator.push_acoustic_position(
                 time_ns=time_ns, position_t_m=fix, sd_m=np.full(3, sd * weigh)
             )
-            nis.append(report["nis"])
+            nis.append(report.nis)
             if method == "tc":
                 sd_mps = np.full(4, readings._model.of(DvlModel).beam_noise_sd_mps)
                 navigator.push_beams(time_ns, drawn["dvl_velocity_mps"][k], readings.valid[k], sd_mps=sd_mps)

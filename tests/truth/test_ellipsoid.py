@@ -154,7 +154,7 @@ def test_gps_is_taken_after_fifty_kilometres(
     place = geodesy.geodetic_from_tangent(truth.position_t_m[-1:], home)
     fix = geodesy.tangent_from_geodetic(*place, home)[0]
     (report,) = navigator.push_position(int(truth.time_ns[-1]), fix, position_sd_m=[2.0, 2.0, 4.0])
-    assert report["verdict"] == verdict
+    assert report.verdict == verdict
 
 
 def test_blocks_give_the_truth_of_the_whole() -> None:

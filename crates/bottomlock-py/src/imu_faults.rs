@@ -1,7 +1,7 @@
 //! Limits and faults of inertial readings.
 
 use bottomlock::frames::Vec3;
-use bottomlock::mechanisation::{IMU_FAULTS, ImuFault, ImuLimits, ImuSample, LongGap};
+use bottomlock::mechanisation::{IMU_FAULTS, ImuLimits, ImuSample, LongGap};
 use bottomlock::replay as core;
 use bottomlock::replay::{ImuFaults, RejectedReading};
 use pyo3::prelude::*;
@@ -55,26 +55,6 @@ pub fn put_limits(dict: &Bound<'_, PyDict>, limits: &ImuLimits) -> PyResult<()> 
     dict.set_item("imu_gap", gap)?;
     dict.set_item("imu_gap_rate_sd_radps", limits.gap_rate_sd_radps)?;
     dict.set_item("imu_gap_accel_sd_mps2", limits.gap_accel_sd_mps2)
-}
-
-/// The dict of an inertial reading that was rejected, with the keys of a report; it has no rows.
-pub fn rejected_report<'py>(py: Python<'py>, time_ns: i64, fault: &ImuFault) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    out.set_item("sensor", "imu")?;
-    out.set_item("time_ns", time_ns)?;
-    out.set_item("residual", array::<f64>(py, vec![], &[0])?)?;
-    out.set_item("covariance", array::<f64>(py, vec![], &[0, 0])?)?;
-    out.set_item("degrees", 0)?;
-    out.set_item("nis", 0.0)?;
-    out.set_item("threshold", f64::INFINITY)?;
-    out.set_item("verdict", "rejected")?;
-    out.set_item("reason", fault.to_string())?;
-    out.set_item("inflation", py.None())?;
-    out.set_item("beyond_linear_range", false)?;
-    out.set_item("rejected_rows", array::<bool>(py, vec![], &[0])?)?;
-    out.set_item("beam_weight", py.None())?;
-    out.set_item("choice", py.None())?;
-    Ok(out)
 }
 
 /// Readings from their columns.

@@ -53,6 +53,8 @@ mod _kernel {
     #[pymodule_export]
     use super::replay::replay_log;
     #[pymodule_export]
+    use super::report::Report;
+    #[pymodule_export]
     use super::segments::integrate_segments;
     #[pymodule_export]
     use super::settings::normal_gravity_mps2;

@@ -102,6 +102,26 @@ impl Navigator {
         }))
     }
 
+    /// A navigator that begins by itself from the readings that are pushed to it (`bottomlock.live.started.start`).
+    ///
+    /// Raises ScenarioError for an unknown name or key, and for a value out of range.
+    #[staticmethod]
+    #[pyo3(signature = (*, dvl, imu, latitude_deg, heading_deg=None, heading_sd_deg=None, method="tc", **sections))]
+    #[allow(clippy::too_many_arguments)]
+    fn start<'py>(
+        py: Python<'py>,
+        dvl: &Bound<'py, PyAny>,
+        imu: &Bound<'py, PyAny>,
+        latitude_deg: f64,
+        heading_deg: Option<f64>,
+        heading_sd_deg: Option<f64>,
+        method: &str,
+        sections: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let given = (dvl, imu, latitude_deg, heading_deg, heading_sd_deg, method);
+        py.import("bottomlock.live.started")?.getattr("start")?.call(given, sections)
+    }
+
     /// An inertial reading: angular rate relative to inertial space and specific force in the platform frame, (3,) each, rad/s and
     /// m/s²; at rest and level force_p_mps2 is (0, 0, -9.8).
     ///

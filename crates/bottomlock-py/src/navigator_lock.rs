@@ -7,7 +7,7 @@ use pyo3::types::PyList;
 
 use super::Navigator;
 use crate::errors::{invalid, raise};
-use crate::report::notice_dict;
+use crate::report::Report;
 use crate::shared::Shared;
 
 const BROKEN: &str = "this navigator has met an internal error before: start a new one, or load a saved one";
@@ -73,7 +73,7 @@ impl Navigator {
             py,
             pushed
                 .iter()
-                .map(|notice| notice_dict(py, notice, self.beams))
+                .map(|notice| Report::of(py, notice, self.beams))
                 .collect::<PyResult<Vec<_>>>()?,
         )?;
         match outcome {

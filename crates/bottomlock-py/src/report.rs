@@ -1,66 +1,136 @@
-//! Update reports as Python dicts.
+//! What a push tells, as Python sees it.
 
 use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict};
+use bottomlock::mechanisation::ImuFault;
 use bottomlock::navigator::{Finding, Notice, SELECTOR_METHODS, Standing};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::array;
-use crate::imu_faults::rejected_report;
 use crate::velocity::source_code;
 
-/// The dict of what a push tells, for an instrument with `beams` beams.
-pub fn notice_dict<'py>(py: Python<'py>, notice: &Notice, beams: usize) -> PyResult<Bound<'py, PyDict>> {
-    let out = match &notice.finding {
-        Finding::Update(report) => report_dict(py, report, beams)?,
-        Finding::Rejected { time_ns, fault } => rejected_report(py, *time_ns, fault)?,
-    };
-    out.set_item("revised", notice.standing != Standing::New)?;
-    if notice.standing == Standing::Withdrawn {
-        out.set_item("verdict", "withdrawn")?;
-    }
-    Ok(out)
+/// What became of a measurement, or of an inertial reading that was rejected.
+///
+/// `sensor`, `time_ns`: what was measured, and its time of validity.
+/// `residual` (m,), `covariance` (m, m): measured minus expected, and the covariance of that, by rows.
+/// `degrees`, `nis`, `threshold`: normalised innovation squared, its degrees of freedom, and what the gate accepts.
+/// `verdict`: "accepted", "accepted_in_part", "rejected", "no_information", "withheld" or "withdrawn".
+/// `revised`: whether it replaces an earlier report, since data came late.
+/// `reason`: why an inertial reading was rejected; else None.
+/// `inflation`: factor on the covariance after a row of rejections; None without one.
+/// `beyond_linear_range`: whether the correction is larger than linearisation allows.
+/// `rejected_rows` (m,): rows of a measurement accepted in part that were not used.
+/// `beam_weight` (beams,): weights of a robust update; None without one.
+/// `choice`: of a selector: sources of surge, sway and heave, or the method with its reason; None without one.
+#[pyclass(module = "bottomlock", frozen, get_all)]
+pub struct Report {
+    sensor: &'static str,
+    time_ns: i64,
+    residual: Py<PyAny>,
+    covariance: Py<PyAny>,
+    degrees: usize,
+    nis: f64,
+    threshold: f64,
+    verdict: &'static str,
+    revised: bool,
+    reason: Option<String>,
+    inflation: Option<f64>,
+    beyond_linear_range: bool,
+    rejected_rows: Py<PyAny>,
+    beam_weight: Option<Py<PyAny>>,
+    choice: Option<Py<PyDict>>,
 }
 
-/// The dict of a report, for an instrument with `beams` beams.
-fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) -> PyResult<Bound<'py, PyDict>> {
-    let (verdict, rejected) = match report.verdict {
-        Verdict::Accepted => ("accepted", 0),
-        Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
-        Verdict::Rejected => ("rejected", u8::MAX),
-        Verdict::NoInformation => ("no_information", 0),
-        Verdict::Withheld => ("withheld", 0),
-    };
-    let rows = report.rows;
-    let covariance = (0..rows * rows)
-        .map(|k| report.covariance[(k / rows, k % rows)])
-        .collect();
-    let out = PyDict::new(py);
-    out.set_item("sensor", report.sensor.name())?;
-    out.set_item("time_ns", report.time_ns)?;
-    out.set_item(
-        "residual",
-        array::<f64>(py, report.residual.as_slice()[..rows].to_vec(), &[rows])?,
-    )?;
-    out.set_item("covariance", array::<f64>(py, covariance, &[rows, rows])?)?;
-    out.set_item("degrees", report.degrees)?;
-    out.set_item("nis", report.nis)?;
-    out.set_item("threshold", report.threshold)?;
-    out.set_item("verdict", verdict)?;
-    out.set_item("reason", py.None())?;
-    out.set_item("inflation", report.inflation)?;
-    out.set_item("beyond_linear_range", report.is_beyond_linear_range)?;
-    let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
-    out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
-    let weight = report
-        .beam_weight
-        .map(|weight| array::<f64>(py, weight[..beams].to_vec(), &[beams]));
-    out.set_item("beam_weight", weight.transpose()?)?;
-    out.set_item(
-        "choice",
-        report.choice.map(|choice| choice_dict(py, &choice)).transpose()?,
-    )?;
-    Ok(out)
+#[pymethods]
+impl Report {
+    fn __repr__(&self) -> String {
+        let Self {
+            sensor,
+            time_ns,
+            verdict,
+            ..
+        } = self;
+        match &self.reason {
+            Some(reason) => format!("<Report of {sensor} at {time_ns} ns: {verdict}, {reason}>"),
+            None => format!(
+                "<Report of {sensor} at {time_ns} ns: {verdict}, NIS {:.2} of {}>",
+                self.nis, self.degrees
+            ),
+        }
+    }
+}
+
+impl Report {
+    /// The report of what a push tells, for an instrument with `beams` beams.
+    pub fn of(py: Python<'_>, notice: &Notice, beams: usize) -> PyResult<Self> {
+        let mut out = match &notice.finding {
+            Finding::Update(report) => Self::of_update(py, report, beams)?,
+            Finding::Rejected { time_ns, fault } => Self::of_reading(py, *time_ns, fault)?,
+        };
+        out.revised = notice.standing != Standing::New;
+        if notice.standing == Standing::Withdrawn {
+            out.verdict = "withdrawn";
+        }
+        Ok(out)
+    }
+
+    fn of_update(py: Python<'_>, report: &UpdateReport, beams: usize) -> PyResult<Self> {
+        let (verdict, rejected) = match report.verdict {
+            Verdict::Accepted => ("accepted", 0),
+            Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
+            Verdict::Rejected => ("rejected", u8::MAX),
+            Verdict::NoInformation => ("no_information", 0),
+            Verdict::Withheld => ("withheld", 0),
+        };
+        let rows = report.rows;
+        let covariance = (0..rows * rows)
+            .map(|k| report.covariance[(k / rows, k % rows)])
+            .collect();
+        let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
+        let weight = report
+            .beam_weight
+            .map(|weight| array::<f64>(py, weight[..beams].to_vec(), &[beams]))
+            .transpose()?;
+        let choice = report.choice.map(|choice| choice_dict(py, &choice)).transpose()?;
+        Ok(Self {
+            sensor: report.sensor.name(),
+            time_ns: report.time_ns,
+            residual: array::<f64>(py, report.residual.as_slice()[..rows].to_vec(), &[rows])?.into(),
+            covariance: array::<f64>(py, covariance, &[rows, rows])?.into(),
+            degrees: report.degrees,
+            nis: report.nis,
+            threshold: report.threshold,
+            verdict,
+            revised: false,
+            reason: None,
+            inflation: report.inflation,
+            beyond_linear_range: report.is_beyond_linear_range,
+            rejected_rows: array::<bool>(py, flags, &[rows])?.into(),
+            beam_weight: weight.map(Into::into),
+            choice: choice.map(Into::into),
+        })
+    }
+
+    /// The report of an inertial reading that was rejected; it has no rows.
+    fn of_reading(py: Python<'_>, time_ns: i64, fault: &ImuFault) -> PyResult<Self> {
+        Ok(Self {
+            sensor: "imu",
+            time_ns,
+            residual: array::<f64>(py, vec![], &[0])?.into(),
+            covariance: array::<f64>(py, vec![], &[0, 0])?.into(),
+            degrees: 0,
+            nis: 0.0,
+            threshold: f64::INFINITY,
+            verdict: "rejected",
+            revised: false,
+            reason: Some(fault.to_string()),
+            inflation: None,
+            beyond_linear_range: false,
+            rejected_rows: array::<bool>(py, vec![], &[0])?.into(),
+            beam_weight: None,
+            choice: None,
+        })
+    }
 }
 
 /// The dict of a selection: source codes of surge, sway and heave, or the selected method with its reason.

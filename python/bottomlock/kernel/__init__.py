@@ -19,7 +19,7 @@ Examples:
     >>> reports = navigator.push_beams(
     ...     150 * 6_666_667, np.zeros(4), np.array([True, True, False, False]), sd_mps=np.full(4, 0.042)
     ... )
-    >>> reports[0]["verdict"], bool(np.linalg.norm(navigator.state()["velocity_p_mps"]) < 0.01)
+    >>> reports[0].verdict, bool(np.linalg.norm(navigator.state()["velocity_p_mps"]) < 0.01)
     ('accepted', True)
 """
 
@@ -43,6 +43,7 @@ from bottomlock._kernel import (
     BeamGeometry,
     ClosedLoop,
     Navigator,
+    Report,
     check_settings,
     covariance_history,
     error_model,
@@ -86,6 +87,7 @@ __all__ = [
     "Method",
     "Navigator",
     "OwnName",
+    "Report",
     "VelocityFixes",
     "check_settings",
     "covariance_history",
@@ -138,7 +140,7 @@ FIX_METHODS: dict[FixMethod, FixMethod] = {
 STATUS = ("fix", "partial", "unobservable", "too_few_beams", "prior_required")
 """Outcome of a ping, by the kernel's code."""
 
-COMPONENT_STATUS = (
+COMPONENT_STATUS: tuple[str, ...] = (
     "solved",
     "no_beams",
     "outside_row_space",

@@ -1,26 +1,28 @@
 """Measurements beside pings and attitudes, as the navigator takes them."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from bottomlock import units
-from bottomlock.kernel import Navigator
-from bottomlock.live.config import LiveConfig
-from bottomlock.live.readings import (
+from bottomlock.kernel import Navigator, Report
+from bottomlock.live.navigator_config import NavigatorConfig
+from bottomlock.live.sections import OriginSection
+from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
+from bottomlock.recordings.readings import (
     AcousticPositionReading,
     AidingReading,
     DepthReading,
     EffortReading,
     GpsReading,
     ThrustReading,
+    WaterReading,
 )
-from bottomlock.live.sections import OriginSection
-from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 
 
-def push(navigator: Navigator, config: LiveConfig, time_ns: int, reading: AidingReading) -> Sequence[Any]:
+def push(
+    navigator: Navigator, config: NavigatorConfig, time_ns: int, reading: AidingReading
+) -> Sequence[Report]:
     """The navigator's reports of a measurement; none where the configuration has no section for it.
 
     Raises:
@@ -29,7 +31,7 @@ def push(navigator: Navigator, config: LiveConfig, time_ns: int, reading: Aiding
     if isinstance(reading, DepthReading) and config.depth is not None:
         return navigator.push_depth(time_ns, reading.depth_m, sd_m=config.depth.sd_m)
     if isinstance(reading, GpsReading) and config.gps is not None:
-        assert config.origin is not None  # validated in LiveConfig
+        assert config.origin is not None  # validated
         position_t_m = _tangent(reading, config.origin)
         return navigator.push_position(time_ns, position_t_m, position_sd_m=config.gps.position_sd_m)
     if isinstance(reading, AcousticPositionReading) and config.acoustic_position is not None:
@@ -43,9 +45,20 @@ def push(navigator: Navigator, config: LiveConfig, time_ns: int, reading: Aiding
     return ()
 
 
+def push_water(navigator: Navigator, reading: WaterReading) -> Sequence[Report]:
+    """The navigator's reports of beams that the water returned.
+
+    Raises:
+        KernelError: for one that is older than the horizon.
+    """
+    return navigator.push_water_track(
+        reading.time_ns, reading.velocity_mps, reading.valid, sd_mps=reading.sd_mps, range_m=reading.range_m
+    )
+
+
 def _tangent(reading: GpsReading, origin: OriginSection) -> np.ndarray:
     """(3,) north, east, down from the origin, m."""
-    assert origin.longitude_deg is not None  # validated in LiveConfig
+    assert origin.longitude_deg is not None  # validated
     home = Place(
         units.rad_from_deg(origin.latitude_deg), units.rad_from_deg(origin.longitude_deg), origin.height_m
     )

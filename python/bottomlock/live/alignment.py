@@ -39,6 +39,7 @@ class Alignment:
         self._readings: deque[tuple[int, Floats]] = deque()
         self._attitudes: deque[tuple[int, Floats]] = deque()
         self._velocity: tuple[int, Floats] | None = None
+        self._depth_m: float | None = None
 
     def imu(self, time_ns: int, force_p_mps2: Floats) -> None:
         """Takes an inertial reading; one that does not follow the others begins a new window."""
@@ -59,6 +60,10 @@ class Alignment:
     def velocity(self, time_ns: int, velocity_p_mps: Floats) -> None:
         """Takes the velocity (3,) of a ping that determines the whole of it."""
         self._velocity = time_ns, velocity_p_mps
+
+    def depth(self, depth_m: float) -> None:
+        """Takes a depth, where the vehicle begins unless the section says where."""
+        self._depth_m = depth_m
 
     @property
     def waiting_for(self) -> str:
@@ -136,13 +141,20 @@ class Alignment:
     def _mean_force(self) -> Floats:
         return np.asarray(np.mean([force for _, force in self._readings], axis=0))
 
+    @property
+    def _position_m(self) -> tuple[float, float, float]:
+        north, east, down = self._start.position_m
+        if self._depth_m is None or "position_m" in self._start.model_fields_set:
+            return north, east, down
+        return north, east, self._depth_m
+
     def state(self) -> InitialState:
         """The state at the last reading, once `waiting_for` is empty."""
         start, time_ns = self._start, self._time_ns
         measured = self._velocity_at(time_ns) if start.velocity == "beams" else None
         return InitialState(
             time_ns=time_ns,
-            position_t_m=start.position_m,
+            position_t_m=self._position_m,
             attitude_t_p=self._attitude_t_p(),
             velocity_p_mps=start.velocity_mps if measured is None else tuple(measured.tolist()),
         )

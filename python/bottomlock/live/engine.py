@@ -12,16 +12,18 @@ from bottomlock import units
 from bottomlock.errors import BottomlockError
 from bottomlock.io.rows import Options
 from bottomlock.live.clock import ClockMap
-from bottomlock.live.config import LiveConfig, kernel_settings
+from bottomlock.live.config import LiveConfig
 from bottomlock.live.estimator import Estimator, VelocityEstimator
-from bottomlock.live.pings import Ping, PingReader
-from bottomlock.live.readings import AttitudeReading, ImuReading, LineReader, MavlinkReader, Reading
+from bottomlock.live.navigator_config import kernel_settings
+from bottomlock.live.pings import PingReader
+from bottomlock.live.readings import LineReader, MavlinkReader
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.ros_readings import RosReader
 from bottomlock.live.sections import DVL_FORMATS, ROS_TYPES, ImuFromAttitude, ImuSection, SourceSection
 from bottomlock.live.states import Facts, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
 from bottomlock.ports.port import Port
+from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping, Reading
 
 TICK_NS = 50_000_000
 WAIT_NS = 150_000_000

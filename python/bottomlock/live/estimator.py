@@ -10,11 +10,10 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import VelocityFixes, solve_velocity
 from bottomlock.live.beam_jumps import BeamJumps
 from bottomlock.live.closure import Closure
-from bottomlock.live.pings import Ping
-from bottomlock.live.readings import AidingReading, AttitudeReading, ImuReading
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import VelocityMethod, VelocitySection
 from bottomlock.ports.estimate import Beams, Estimate, State
+from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.water_cells import CellCounts
 
 Floats = NDArray[np.float64]
@@ -27,13 +26,11 @@ class Estimator(Protocol):
         fault: why the estimate cannot be used at all; "" if it can.
         rank: directions that the used beams of the last ping with a valid beam determine.
         closure: of the beams, against their claimed noise.
-        imu_fault: why the last inertial reading was rejected; "" if it was not.
         rejected: pings in a row that the gate has rejected.
         resets: discontinuities that no measurement explains, since the start.
         ping_used_ns: arrival of what made a beam used the last time; None before the first.
         imu_used_ns: the same of inertial readings, or of attitudes in their place.
         water_used_ns: the same of beams of the water that determine the whole velocity through it.
-        water_counts: what became of the cells of the water.
         last: what is known of the last ping, for the health page.
         gated: measurements beside the pings that the gate has rejected, by sensor.
     """
@@ -45,11 +42,17 @@ class Estimator(Protocol):
     ping_used_ns: int | None
     imu_used_ns: int | None
     water_used_ns: int | None
-    water_counts: CellCounts
     last: "LastPing"
     gated: Reasons
     closure: Closure
-    imu_fault: str
+
+    @property
+    def imu_fault(self) -> str:
+        """Why the last inertial reading was rejected; "" if it was not."""
+
+    @property
+    def water_counts(self) -> CellCounts:
+        """What became of the cells of the water."""
 
     @property
     def waiting_for(self) -> str:

@@ -18,39 +18,10 @@ from bottomlock.io.formats import LIVE
 from bottomlock.io.rows import Options
 from bottomlock.io.water_table import WaterTable, joined
 from bottomlock.live.reasons import Reasons
-from bottomlock.recordings.water_cells import CellTable
+from bottomlock.recordings.readings import Ping
 
 _MOST_HELD = 16
 """Records of the water that are held for the next ping of the bottom; of more the last."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ping:
-    """A ping of a live DVL.
-
-    Attributes:
-        time_ns: instrument's clock: time of validity where the format has it, else of the record.
-        transmission_ns: instrument's clock when the report was sent; `time_ns` where the format does not say.
-        velocity_mps: (n,) along the beams, towards the bottom positive; NaN where there is none.
-        valid: (n,).
-        sd_mps: (n,) the instrument's figure of merit of each beam, 1 sigma; NaN where there is none.
-        range_m: (n,) along the beam; NaN where there is none.
-        instrument_mps: (3,) the instrument's own velocity; NaN where there is none.
-        instrument_valid: whether the instrument calls it valid; None without a flag.
-        stale: the beams repeat those of the report before; none is valid.
-        water: cells of the water, of this ping or measured since the one before; None where there are none.
-    """
-
-    time_ns: int
-    transmission_ns: int
-    velocity_mps: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-    sd_mps: NDArray[np.float64]
-    range_m: NDArray[np.float64]
-    instrument_mps: NDArray[np.float64]
-    instrument_valid: bool | None
-    stale: bool = False
-    water: CellTable | None = None
 
 
 @dataclass

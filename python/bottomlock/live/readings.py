@@ -11,9 +11,17 @@ from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import AttitudeMessage, DepthSection
 from bottomlock.ports.mavlink import dialect
 from bottomlock.ports.rotation import quaternion
-
-Triple = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
+from bottomlock.recordings.readings import (
+    AcousticPositionReading,
+    AttitudeReading,
+    DepthReading,
+    EffortReading,
+    GpsReading,
+    ImuReading,
+    Quaternion,
+    Reading,
+    ThrustReading,
+)
 
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 PASCAL_PER_HECTOPASCAL = 100.0
@@ -24,70 +32,6 @@ _FIX_3D = 3
 """Of GPS_RAW_INT: from here on the position has a height."""
 _ROUNDING = 1e-3
 """By how much the norm of a quaternion of single precision may be off."""
-
-
-@dataclass(frozen=True)
-class ImuReading:
-    """Angular rate (rad/s) and specific force (m/s²) in the sensor's axes, at a time of its clock."""
-
-    time_ns: int
-    omega_radps: Triple
-    force_mps2: Triple
-
-
-@dataclass(frozen=True)
-class AttitudeReading:
-    """Attitude of the sensor, quaternion, scalar first, to north-east-down, at a time of its clock."""
-
-    time_ns: int
-    attitude_t_s: Quaternion
-
-
-@dataclass(frozen=True)
-class DepthReading:
-    """Depth, m, at a time of the sensor's clock."""
-
-    time_ns: int
-    depth_m: float
-
-
-@dataclass(frozen=True)
-class GpsReading:
-    """Position of the antenna, degrees and m, at a time of the receiver's clock."""
-
-    time_ns: int
-    latitude_deg: float
-    longitude_deg: float
-    height_m: float
-
-
-@dataclass(frozen=True)
-class AcousticPositionReading:
-    """Position of the transponder, north, east, down, m, and 1 sigma of each, m, where it is stated."""
-
-    time_ns: int
-    position_t_m: Triple
-    sd_m: Triple | None
-
-
-@dataclass(frozen=True)
-class ThrustReading:
-    """Revolutions of the propeller, 1/s, positive forward."""
-
-    time_ns: int
-    revolutions_hz: float
-
-
-@dataclass(frozen=True)
-class EffortReading:
-    """Forces of the thrusters along surge, sway and heave, N."""
-
-    time_ns: int
-    force_p_n: Triple
-
-
-AidingReading = DepthReading | GpsReading | AcousticPositionReading | ThrustReading | EffortReading
-Reading = ImuReading | AttitudeReading | AidingReading
 
 
 def _imu(time_ns: int, values: list[float]) -> Reading:

@@ -12,7 +12,10 @@ from typing import Any
 from bottomlock.errors import DataError
 from bottomlock.io.framing import Whole
 from bottomlock.io.ros_messages import decode, stamp_ns
-from bottomlock.live.readings import (
+from bottomlock.live.readings import is_on_earth
+from bottomlock.live.reasons import Reasons
+from bottomlock.live.sections import DepthSection
+from bottomlock.recordings.readings import (
     AcousticPositionReading,
     AttitudeReading,
     DepthReading,
@@ -20,10 +23,7 @@ from bottomlock.live.readings import (
     ImuReading,
     Reading,
     Triple,
-    is_on_earth,
 )
-from bottomlock.live.reasons import Reasons
-from bottomlock.live.sections import DepthSection
 
 _MISSING = -1.0
 _UNIT_TOLERANCE = 1e-3

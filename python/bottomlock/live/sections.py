@@ -158,6 +158,8 @@ class OriginSection(Section):
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
 
 
+HEADING_SD_DEG = 2.0
+"""1 sigma of a heading that is given without one: dynamic accuracy of a magnetic AHRS (config/grades/attitude.toml)."""
 LEVELLING_SD_DEG = 1.0
 """1 sigma of levelling in a moving vehicle, where the file states none."""
 
@@ -167,6 +169,7 @@ class StartSection(Section):
 
     `heading_deg` is that of the platform when the program starts; left out, it is the yaw of [attitude]. With `level` =
     "attitude", as always without inertial readings, [attitude] gives roll and pitch, too, and there is no window.
+    Without `position_m` the vehicle begins at the origin, at the depth of [depth] where one has come.
     `level_sd_deg` is 1 sigma of roll and pitch; the vehicle's own acceleration during the window belongs to it. What
     [attitude] gives has the 1 sigma of that section, unless it is stated here. There is no start where the
     accelerometers measure a tilt above `largest_tilt_deg`, or gravity elsewhere than below that attitude.

@@ -158,7 +158,7 @@ class Readings:
     def _watched(self, navigator: kernel.Navigator, k: int, valid: NDArray[np.bool_]) -> Iterator[Fix]:
         before_mps, before_cov = navigator.state()["velocity_p_mps"], navigator.covariance()
         pushed = self._ping(navigator, k, valid)
-        reports = [one for one in pushed if one["sensor"] == "beams" and one["degrees"] > 0]
+        reports = [one for one in pushed if one.sensor == "beams" and one.degrees > 0]
         after_cov = navigator.covariance()
         for report in reports[:1]:
             yield Fix(
@@ -166,9 +166,9 @@ class Readings:
                 step_p_mps=navigator.state()["velocity_p_mps"] - before_mps,
                 before_sd_mps=np.sqrt(np.diag(before_cov)[_VELOCITY]),
                 after_sd_mps=np.sqrt(np.diag(after_cov)[_VELOCITY]),
-                nis=report["nis"],
-                degrees=report["degrees"],
-                used=report["verdict"] in {"accepted", "accepted_in_part"},
+                nis=report.nis,
+                degrees=report.degrees,
+                used=report.verdict in {"accepted", "accepted_in_part"},
             )
 
     def _aid(self, navigator: kernel.Navigator, name: str, k: int, time_ns: int) -> None:

@@ -1,0 +1,300 @@
+"""A navigator that begins by itself: it aligns itself with what arrives, and takes every kind of reading."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bottomlock import units
+from bottomlock.io.beams import Instrument
+from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
+from bottomlock.kernel.attitude_motion import MotionFromAttitude
+from bottomlock.kernel.models import MagnetometerModel
+from bottomlock.live.aiding import push, push_water
+from bottomlock.live.alignment import Alignment, AttitudeAlignment
+from bottomlock.live.estimator import solve_ping
+from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig
+from bottomlock.live.platform_attitude import PlatformAttitude
+from bottomlock.live.sections import ImuFromAttitude
+from bottomlock.ports.rotation import angles
+from bottomlock.recordings.readings import (
+    AidingReading,
+    AttitudeReading,
+    DepthReading,
+    ImuReading,
+    Ping,
+    WaterReading,
+)
+from bottomlock.recordings.streams import Flags, Floats
+from bottomlock.recordings.water_cells import CellCounts, water_beams
+
+
+def _motion_of_attitudes(
+    config: NavigatorConfig, longest_attitude_s: float
+) -> Callable[[], MotionFromAttitude] | None:
+    """Makes the motion that takes the place of inertial readings; None where there are such."""
+    imu, origin = config.imu, config.origin
+    if not isinstance(imu, ImuFromAttitude):
+        return None
+    assert origin is not None  # validated
+    longest_s = max(imu.limits.max_gap_s, longest_attitude_s)
+    return partial(MotionFromAttitude, units.rad_from_deg(origin.latitude_deg), longest_interval_s=longest_s)
+
+
+class AlignedNavigator:
+    """A navigator that waits for its alignment, and is then given every reading with the sections' errors.
+
+    Args:
+        config: its sections.
+        instrument: geometry and noise of the DVL.
+        settings: what the kernel takes of the sections.
+        longest_attitude_s: of attitudes in place of inertial readings: a longer interval is a gap.
+
+    Attributes:
+        navigator: None before the alignment.
+        time_ns: of the last reading that moved it; None before the alignment.
+        omega_p_radps: (3,) of the last inertial reading; None before the first.
+        water_counts: what became of the cells of the water.
+        imu_fault: why the last reading of the alignment cannot be used; "" if it can.
+    """
+
+    def __init__(
+        self,
+        config: NavigatorConfig,
+        instrument: Instrument,
+        settings: KernelSettings,
+        *,
+        longest_attitude_s: float = 0.0,
+    ) -> None:
+        assert config.start is not None  # validated
+        self._config, self._start = config, config.start
+        self._instrument, self._settings = instrument, settings
+        self._horizon_ns = units.ns_from_s(config.navigation.horizon_s)
+        self._platform = None if config.attitude is None else PlatformAttitude(config.attitude)
+        self._new_motion = _motion_of_attitudes(config, longest_attitude_s)
+        self._motion = None if self._new_motion is None else self._new_motion()
+        self._alignment = self._new_alignment()
+        self._last_ns: int | None = None
+        self.navigator: Navigator | None = None
+        self.time_ns: int | None = None
+        self.omega_p_radps: Floats | None = None
+        self.water_counts = CellCounts()
+        self.imu_fault = ""
+
+    @property
+    def turns(self) -> bool:
+        """Whether attitudes take the place of inertial readings."""
+        return self._motion is not None
+
+    @property
+    def waiting_for(self) -> str:
+        """What the start still lacks; "" once there is an estimate."""
+        if self.navigator is not None:
+            return ""
+        if self.imu_fault:
+            return f"inertial readings in range: {self.imu_fault}"
+        return self._alignment.waiting_for or "the next inertial reading"
+
+    def check_time(self, time_ns: int) -> None:
+        """Checks the time of what moves the vehicle.
+
+        Raises:
+            KernelError: for one that is not later than those before.
+        """
+        if self._last_ns is not None and time_ns <= self._last_ns:
+            raise KernelError(f"its time does not rise: {time_ns} ns, and the last was {self._last_ns} ns")
+        if self.time_ns is not None and (time_ns < self.time_ns or (self.turns and time_ns == self.time_ns)):
+            raise KernelError(
+                f"it is older than the estimate: {time_ns} ns, and that is of {self.time_ns} ns"
+            )
+
+    def imu(self, time_ns: int, reading: ImuReading) -> Sequence[Report]:
+        """Takes an inertial reading.
+
+        Raises:
+            KernelError: as `check_time`, and for one that the kernel refuses, or the alignment.
+        """
+        self.check_time(time_ns)
+        axes = self._settings.imu_axes
+        omega, force = axes @ np.array(reading.omega_radps), axes @ np.array(reading.force_mps2)
+        if self.navigator is None:
+            self._align(time_ns, omega, force)
+            if self.navigator is None:
+                return ()
+        reports = self.navigator.push_imu(time_ns, omega_p_radps=omega, force_p_mps2=force)
+        self._last_ns = self.time_ns = time_ns
+        self.omega_p_radps = omega
+        return reports
+
+    def _align(self, time_ns: int, omega: Floats, force: Floats) -> None:
+        """Takes a reading for the alignment; the navigator begins once that is complete."""
+        options = self._settings.options
+        for what, reading, scale, unit in (
+            ("angular rate", omega, options.max_imu_rate_radps, "rad/s: are the rates in deg/s?"),
+            ("specific force", force, options.max_imu_force_mps2, "m/s²: are the forces in mg?"),
+        ):
+            if not np.isfinite(reading).all():
+                raise KernelError(f"a reading of the alignment has an {what} that is not finite: {reading}")
+            if np.abs(reading).max() >= scale:
+                self.imu_fault = f"{what} beyond the full scale of {scale:.4g} {unit}"
+                raise KernelError(f"a reading of the alignment has an {self.imu_fault}")
+        self.imu_fault = ""
+        self._last_ns = time_ns
+        self._alignment.imu(time_ns, force)
+        if not self._alignment.waiting_for:
+            self._start_navigator()
+
+    def attitude(self, time_ns: int, reading: AttitudeReading) -> Sequence[Report]:
+        """Takes an attitude: aiding, or in place of an inertial reading; nothing without a section for it.
+
+        Raises:
+            KernelError: for one that is older than the horizon, or, in place of an inertial reading, as `imu`.
+        """
+        if self._platform is None:
+            return ()
+        attitude_t_p = self._platform.of(reading)
+        if self._motion is not None:
+            return self._turn(self._motion, time_ns, attitude_t_p)
+        if self.navigator is None:
+            self._alignment.attitude(time_ns, attitude_t_p)
+            return ()
+        return self._aid(self.navigator, time_ns, attitude_t_p)
+
+    def _aid(self, navigator: Navigator, time_ns: int, attitude_t_p: Floats) -> Sequence[Report]:
+        """The reports of an attitude, or of its heading alone, as a measurement."""
+        section, model = self._config.attitude, self._settings.model
+        assert section is not None
+        if section.aids == "attitude":
+            noise = model.of(MagnetometerModel)
+            return navigator.push_attitude(
+                time_ns,
+                attitude_t_p,
+                roll_pitch_sd_rad=noise.roll_pitch_sd_rad,
+                yaw_sd_rad=noise.yaw_sd_rad,
+            )
+        if section.aids == "heading":
+            assert model.heading is not None
+            return navigator.push_heading(time_ns, angles(attitude_t_p)[2], sd_rad=model.heading.sd_rad)
+        return ()
+
+    def _turn(self, motion: MotionFromAttitude, time_ns: int, attitude_t_p: Floats) -> Sequence[Report]:
+        """Takes an attitude in place of an inertial reading."""
+        self.check_time(time_ns)
+        if self.navigator is None:
+            self._last_ns = time_ns
+            self._alignment.attitude(time_ns, attitude_t_p)
+            if not self._alignment.waiting_for:
+                self._motion = self._begun(self._alignment.state().velocity_p_mps, time_ns, attitude_t_p)
+                self._start_navigator()
+            return ()
+        block = motion.block(time_ns, attitude_t_p)
+        reports = self.navigator.push_imu_block(**block)
+        self._last_ns = self.time_ns = time_ns
+        self.omega_p_radps = block["omega_p_radps"][-1]
+        return reports
+
+    def _begun(self, velocity_p_mps: ArrayLike, time_ns: int, attitude_t_p: Floats) -> MotionFromAttitude:
+        """A motion that begins with a velocity and an attitude."""
+        assert self._new_motion is not None
+        motion = self._new_motion()
+        motion.hold(velocity_p_mps)
+        motion.block(time_ns, attitude_t_p)
+        return motion
+
+    def _new_alignment(self) -> Alignment:
+        if self.turns:
+            return AttitudeAlignment(self._start)
+        return Alignment(
+            self._start,
+            level_by_attitude=self._config.level_by_attitude,
+            gravity_mps2=self._settings.model.environment.gravity_mps2,
+        )
+
+    def _start_navigator(self) -> None:
+        self._begin(
+            Navigator(
+                self._instrument.geometry,
+                self._settings.model,
+                self._settings.options,
+                self._alignment.state(),
+                method=self._config.navigation.method,
+                horizon_ns=self._horizon_ns,
+            )
+        )
+
+    def _begin(self, navigator: Navigator) -> None:
+        self.navigator = navigator
+        self.time_ns = int(navigator.state()["time_ns"])
+
+    def restart(self) -> None:
+        """Gives the navigator up: a fresh alignment follows."""
+        self.navigator = self.time_ns = None
+        self._alignment = self._new_alignment()
+
+    def continue_from(self, navigator: Navigator) -> None:
+        """Goes on with a navigator that was saved; the readings since then are a gap, which it bridges."""
+        self._begin(navigator)
+        if self.turns:
+            state = navigator.state()
+            self._motion = self._begun(
+                state["velocity_p_mps"], int(state["time_ns"]), np.asarray(state["attitude_t_p"])
+            )
+
+    def solve(self, time_ns: int, ping: Ping) -> VelocityFixes:
+        """The velocity of a ping by itself, which the alignment waits for."""
+        fixes = solve_ping(self._instrument, ping, "info")
+        if int(fixes.rank[0]) == 3:
+            self._alignment.velocity(time_ns, fixes.velocity_p_mps[0])
+            if self._motion is not None:
+                self._motion.hold(fixes.velocity_p_mps[0])
+        return fixes
+
+    def beams(self, time_ns: int, ping: Ping) -> Sequence[Report]:
+        """Takes the beams of a ping, also one without a valid beam: the priors of the motion count from ping to ping.
+
+        Raises:
+            KernelError: for one that is older than the horizon.
+        """
+        if self.navigator is None:
+            return ()
+        return self.navigator.push_beams(
+            time_ns, ping.velocity_mps, ping.valid, sd_mps=self._instrument.beam_sd_mps
+        )
+
+    def water(self, time_ns: int, ping: Ping) -> Iterator[tuple[int, Flags, Sequence[Report]]]:
+        """Takes the cells of the water that came with a ping; yields time, valid beams and reports of each.
+
+        Raises:
+            KernelError: as `beams`.
+        """
+        section, navigator, instrument = self._config.water_track, self.navigator, self._instrument
+        if section is None or ping.water is None or navigator is None:
+            return
+        rows, counts = water_beams(
+            ping.water,
+            instrument.geometry,
+            section,
+            beam_sd_mps=instrument.beam_sd_mps,
+            bottom=(np.array([ping.time_ns]), ping.range_m[np.newaxis]),
+        )
+        self.water_counts += counts
+        for row in np.flatnonzero(rows.valid.any(axis=1)):
+            # Water of a record of its own was measured at another time than the bottom.
+            at_ns = time_ns + int(rows.time_ns[row]) - ping.time_ns
+            reading = WaterReading(
+                at_ns, rows.velocity_mps[row], rows.valid[row], rows.sd_mps[row], float(rows.range_m[row])
+            )
+            yield at_ns, reading.valid, push_water(navigator, reading)
+
+    def aid(self, time_ns: int, reading: AidingReading) -> Sequence[Report]:
+        """Takes a measurement beside pings and attitudes; before the alignment a depth alone, where the vehicle begins.
+
+        Raises:
+            KernelError: for one that is older than the horizon.
+        """
+        if self.navigator is not None:
+            return push(self.navigator, self._config, time_ns, reading)
+        if isinstance(reading, DepthReading) and self._config.depth is not None:
+            self._alignment.depth(reading.depth_m)
+        return ()

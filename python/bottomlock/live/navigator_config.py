@@ -1,0 +1,207 @@
+"""The sections of a navigator that is fed with what arrives, and what the kernel takes of them."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, Tag
+
+from bottomlock import units
+from bottomlock.config.effort import EffortErrors
+from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
+from bottomlock.config.scenario_sections import Filter, Robust, Section
+from bottomlock.config.sensors import SENSORS
+from bottomlock.config.thrust import ThrustErrors
+from bottomlock.config.water_cells import WaterCells
+from bottomlock.io.beams import Instrument, read_geometry
+from bottomlock.kernel import models, normal_gravity_mps2
+from bottomlock.live.sections import (
+    LEVELLING_SD_DEG,
+    AcousticPositionSection,
+    AttitudeSection,
+    DepthSection,
+    DvlSection,
+    GpsSection,
+    ImuFromAttitude,
+    ImuSection,
+    NavigationSection,
+    OriginSection,
+    StartSection,
+    kind_of_imu,
+)
+from bottomlock.ports.rotation import matrix, quaternion
+
+
+class NavigatorConfig(Section):
+    """The DVL, the other sensors, the start and the filter; where readings come from is not here."""
+
+    dvl: DvlSection
+    imu: (
+        Annotated[
+            Annotated[ImuSection, Tag(ImuSection.__name__)]
+            | Annotated[ImuFromAttitude, Tag(ImuFromAttitude.__name__)],
+            Discriminator(kind_of_imu),
+        ]
+        | None
+    ) = None
+    attitude: AttitudeSection | None = None
+    depth: DepthSection | None = None
+    gps: GpsSection | None = None
+    acoustic_position: AcousticPositionSection | None = None
+    water_track: WaterCells | None = None
+    thrust: ThrustErrors | None = None
+    effort: EffortErrors | None = None
+    origin: OriginSection | None = None
+    start: StartSection | None = None
+    navigation: NavigationSection = NavigationSection()
+    filter: Filter = Filter()
+    robust: Robust = Robust()
+
+    def start_is_known(self, *, by_attitude: bool) -> None:
+        """Checks that somebody gives the initial level and heading, and the place where positions need one.
+
+        Raises:
+            ValueError: where nobody does, or two do.
+        """
+        start, attitude, origin = self.start, self.attitude, self.origin
+        assert start is not None  # seen before
+        assert origin is not None
+        if self.gps is not None and origin.longitude_deg is None:
+            raise ValueError("'origin.longitude_deg' is missing, expected number in deg: [gps] needs it")
+        if by_attitude:
+            if attitude is None:
+                raise ValueError('imu.source = "attitude" needs the section [attitude], which is missing')
+            attitude.replaces_inertial_readings()
+            if start.heading_deg is not None:
+                raise ValueError(
+                    "'start.heading_deg' is given, but imu.source = \"attitude\" gives the heading"
+                )
+            if start.level == "levelling":
+                raise ValueError(
+                    'start.level = "levelling" needs inertial readings, and imu.source is "attitude": set '
+                    'start.level = "attitude"'
+                )
+        elif attitude is None:
+            if start.level == "attitude":
+                raise ValueError('start.level = "attitude" needs the section [attitude], which is missing')
+            if start.heading_deg is None:
+                raise ValueError(
+                    "'start.heading_deg' is missing, expected number in deg: heading of the platform at the start, "
+                    "which only a section [attitude] can give instead"
+                )
+        elif attitude.aids == "nothing" and start.heading_deg is not None and start.level != "attitude":
+            raise ValueError(
+                'attitude.aids is "nothing", and the start does not use [attitude] either: set attitude.aids = '
+                '"attitude" or "heading", or leave start.heading_deg out'
+            )
+
+    @property
+    def motion(self) -> str:
+        """The readings that move the vehicle: a key of `FORMATS`."""
+        return "attitude" if isinstance(self.imu, ImuFromAttitude) else "imu"
+
+    @property
+    def level_by_attitude(self) -> bool:
+        """Whether roll and pitch of the start are those of [attitude]."""
+        return isinstance(self.imu, ImuFromAttitude) or (
+            self.start is not None and self.start.level == "attitude"
+        )
+
+    def start_sd_deg(self) -> tuple[float, float]:
+        """1 sigma of roll and pitch and of the heading at the start, deg, of a configuration in mode navigation."""
+        start, attitude = self.start, self.attitude
+        assert start is not None  # validated
+        level, heading = start.level_sd_deg or LEVELLING_SD_DEG, start.heading_sd_deg
+        if attitude is not None:
+            heading = heading or attitude.start_yaw_sd_deg
+            if self.level_by_attitude:
+                level = start.level_sd_deg or attitude.start_roll_pitch_sd_deg
+        assert heading is not None  # validated
+        return level, heading
+
+    def instrument(self) -> Instrument:
+        """Geometry of the DVL and noise of its beams.
+
+        Raises:
+            ScenarioError: as `read_geometry`.
+        """
+        instrument = read_geometry(self.dvl.geometry)
+        if self.dvl.beam_noise_mps is None:
+            return instrument
+        noise = np.full(instrument.geometry.beams, self.dvl.beam_noise_mps)
+        return replace(instrument, beam_sd_mps=noise)
+
+
+@dataclass(frozen=True)
+class KernelSettings:
+    """What a navigator is made of: model, options, and the rotation (3, 3) from the IMU's axes to the platform's.
+
+    `gravity_mps2` is that of the place, also where the readings are without it.
+    """
+
+    model: models.Model
+    options: models.Options
+    imu_axes: NDArray[np.float64]
+    gravity_mps2: float
+
+
+def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSettings:
+    """Model and options in SI, as the kernel takes them, of a configuration in mode navigation.
+
+    Raises:
+        KernelError: for values that the kernel does not take.
+    """
+    imu, origin, start = config.imu, config.origin, config.start
+    assert imu is not None  # validated in LiveConfig
+    assert origin is not None
+    assert start is not None
+    latitude = units.rad_from_deg(origin.latitude_deg)
+    gravity = normal_gravity_mps2(latitude) if origin.gravity == "normal" else float(origin.gravity)
+    # The kernel's model names every sensor; those that are not there are never pushed.
+    sensors: dict[str, Any] = {one.name: one.model(one.section(), gravity) for one in SENSORS}
+    added: dict[str, Any] = {}
+    for section in (config.depth, config.gps, config.acoustic_position, config.thrust, config.effort):
+        if section is not None:
+            sensors |= section.kernel_models()
+            added |= section.kernel_options()
+    if config.attitude is not None:
+        sensors |= config.attitude.kernel_models()
+    tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
+    model = models.Model(
+        environment=models.Environment(
+            latitude_rad=latitude,
+            gravity_mps2=WEIGHTLESS_MPS2 if isinstance(imu, ImuFromAttitude) else gravity,
+            earth=origin.earth,
+        ),
+        imu=_imu_model(imu, config.attitude),
+        dvl=config.dvl.errors.kernel_model(float(instrument.beam_sd_mps.mean())),
+        initial=models.InitialModel(
+            position_sd_m=start.position_sd_m,
+            attitude_sd_rad=(tilt, tilt, heading),
+            velocity_sd_mps=start.velocity_sd_mps,
+        ),
+        **sensors,
+    )
+    options = models.Options(
+        **config.filter.kernel_options(),
+        robust=config.robust.kernel_options(),
+        **imu.limits.kernel_options() | {"imu_gap": "inflate"},
+        imu_sampling="averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
+        water_track=config.water_track is not None,
+        **added,
+    )
+    axes = np.eye(3)
+    if isinstance(imu, ImuSection):
+        turned = (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)
+        axes = matrix(np.array(quaternion(*map(math.radians, turned))))
+    return KernelSettings(model, options, axes, gravity)
+
+
+def _imu_model(imu: ImuSection | ImuFromAttitude, attitude: AttitudeSection | None) -> models.ImuModel:
+    """The errors of inertial readings, or of a motion made from attitudes."""
+    if isinstance(imu, ImuSection):
+        return imu.kernel_model()
+    assert attitude is not None  # validated in LiveConfig
+    return imu.kernel_model(0.0, attitude.gyro_noise_rad_rts)

@@ -1,0 +1,245 @@
+"""`Navigator.start`: a navigator in Python that begins by itself, from names and the readings that are pushed to it."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from bottomlock.config.effort import require_one_use
+from bottomlock.config.scenario_sections import ImuErrors
+from bottomlock.config.validation import explain
+from bottomlock.errors import ScenarioError
+from bottomlock.io.beams import Instrument
+from bottomlock.kernel import KernelError, Navigator, Report
+from bottomlock.kernel.models import ImuModel
+from bottomlock.live.aiding import push_water
+from bottomlock.live.aligned import AlignedNavigator
+from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
+from bottomlock.live.reasons import Reasons
+from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude
+from bottomlock.recordings.readings import (
+    AcousticPositionReading,
+    AttitudeReading,
+    DepthReading,
+    EffortReading,
+    GpsReading,
+    ImuReading,
+    Ping,
+    Reading,
+    ThrustReading,
+    WaterReading,
+)
+from bottomlock.recordings.streams import Floats
+
+PLACE = "Navigator.start"
+"""Names the settings in errors."""
+SLOWEST_ATTITUDE_S = 3.0
+"""Longest interval of attitudes in place of inertial readings: three of 1 Hz, as in a live configuration."""
+
+
+class StartedNavigator:
+    """A navigator that aligns itself, then navigates: made by `Navigator.start`, fed by `push`.
+
+    Level by the accelerometers over five seconds (`start={"window_s": …}`), velocity by a ping of three beams or more,
+    depth by the depth sensor, heading as given or by an attitude.
+
+    Attributes:
+        unused: how many readings were not used, by why.
+    """
+
+    def __init__(self, config: NavigatorConfig, instrument: Instrument, settings: KernelSettings) -> None:
+        self._config = config
+        self._aligned = AlignedNavigator(config, instrument, settings, longest_attitude_s=SLOWEST_ATTITUDE_S)
+        self.unused = Reasons()
+
+    def push(self, reading: Reading | Ping | WaterReading) -> list[Report]:
+        """Takes a reading at its time of validity.
+
+        Args:
+            reading: a `Ping`, or an inertial, attitude, depth, position, thrust or effort reading, as `open_log` yields
+                them; SI, ns.
+
+        Returns:
+            What became of it and of readings that waited: a report for each measurement. Empty before the alignment.
+
+        Raises:
+            TypeError: for what is no reading.
+            KernelError: for a time that does not rise, one older than the horizon, numbers that are not finite, shapes
+                that do not fit; the reading is not taken.
+        """
+        if isinstance(reading, Ping):
+            return self._ping(reading)
+        if isinstance(reading, ImuReading):
+            return list(self._aligned.imu(reading.time_ns, reading))
+        if not isinstance(reading, Reading | WaterReading):
+            raise TypeError(
+                f"push is given a {type(reading).__name__}, expected a reading such as ImuReading or Ping"
+            )
+        if self._is_without_section(reading):
+            return []
+        if isinstance(reading, AttitudeReading):
+            return list(self._aligned.attitude(reading.time_ns, reading))
+        if self.navigator is None and not isinstance(reading, DepthReading):
+            self.unused.add(f"{type(reading).__name__} before the start")
+            return []
+        if isinstance(reading, WaterReading):
+            assert self.navigator is not None
+            return list(push_water(self.navigator, reading))
+        return list(self._aligned.aid(reading.time_ns, reading))
+
+    def _ping(self, ping: Ping) -> list[Report]:
+        self._aligned.solve(ping.time_ns, ping)
+        if self.navigator is None:
+            return []
+        reports = list(self._aligned.beams(ping.time_ns, ping))
+        if ping.water is not None and self._config.water_track is None:
+            self.unused.add("water of a ping without section water_track")
+        for _, _, found in self._aligned.water(ping.time_ns, ping):
+            reports += found
+        return reports
+
+    def _is_without_section(self, reading: Reading | WaterReading) -> bool:
+        """Whether nothing says how good such a reading is; counted."""
+        section = _SECTION[type(reading)]
+        if getattr(self._config, section) is not None:
+            return False
+        self.unused.add(f"{type(reading).__name__} without section {section}")
+        return True
+
+    @property
+    def navigator(self) -> Navigator | None:
+        """The navigator, with every other call of it; None before the alignment."""
+        return self._aligned.navigator
+
+    @property
+    def waiting_for(self) -> str:
+        """What the start still lacks, in words; "" once there is an estimate."""
+        return self._aligned.waiting_for
+
+    @property
+    def time_ns(self) -> int:
+        """Time of the estimate.
+
+        Raises:
+            KernelError: before the start.
+        """
+        return int(self._begun.state()["time_ns"])
+
+    @property
+    def position_t_m(self) -> Floats:
+        """(3,) north, east, down from the origin, m. Raises KernelError before the start."""
+        return self._begun.state()["position_t_m"]
+
+    @property
+    def velocity_p_mps(self) -> Floats:
+        """(3,) surge, sway, heave over ground, m/s. Raises KernelError before the start."""
+        return self._begun.state()["velocity_p_mps"]
+
+    @property
+    def attitude_t_p(self) -> Floats:
+        """(4,) quaternion, scalar first, platform to tangent. Raises KernelError before the start."""
+        return self._begun.state()["attitude_t_p"]
+
+    @property
+    def position_sd_m(self) -> Floats:
+        """(3,) 1 sigma of north, east, down, m. Raises KernelError before the start."""
+        return np.sqrt(np.diag(self._begun.covariance())[:3])
+
+    @property
+    def velocity_sd_mps(self) -> Floats:
+        """(3,) 1 sigma of surge, sway, heave, m/s. Raises KernelError before the start."""
+        return np.sqrt(np.diag(self._begun.covariance())[6:9])
+
+    @property
+    def _begun(self) -> Navigator:
+        if self.navigator is None:
+            raise KernelError(f"there is no estimate yet: the start waits for {self.waiting_for}")
+        return self.navigator
+
+    def __repr__(self) -> str:
+        if self.navigator is None:
+            return f"<Navigator that waits for {self.waiting_for}>"
+        return repr(self.navigator)
+
+
+_IMU_ERRORS = [name for name, field in ImuErrors.model_fields.items() if field.is_required()]
+_SECTION = {
+    AttitudeReading: "attitude",
+    DepthReading: "depth",
+    GpsReading: "gps",
+    AcousticPositionReading: "acoustic_position",
+    ThrustReading: "thrust",
+    WaterReading: "water_track",
+    EffortReading: "effort",
+}
+"""Section that says how good a reading is."""
+
+
+def start(
+    dvl: str | Path | Mapping[str, Any] | Instrument,
+    imu: str | Mapping[str, Any] | ImuModel,
+    latitude_deg: float,
+    heading_deg: float | None,
+    heading_sd_deg: float | None,
+    method: str,
+    **sections: Mapping[str, Any] | None,
+) -> StartedNavigator:
+    """A navigator that begins by itself; called as `Navigator.start`, whose stub has the arguments.
+
+    Args:
+        dvl: name of a packaged geometry, its file, the keys of [dvl] of a live configuration, or an `Instrument`.
+        imu: name of a grade, the keys of [imu], or an `ImuModel`.
+        latitude_deg: of the place, deg.
+        heading_deg: of the platform at the start, deg; None where a section `attitude` gives it.
+        heading_sd_deg: its 1 sigma, deg; None is 2.
+        method: of aiding.
+        sections: keys of further sections of a live configuration, as `depth={"sd_m": 0.1}`. `depth` has its defaults
+            where it is left out, and None takes it away.
+
+    Raises:
+        ScenarioError: for an unknown name, section or key, a value out of range, and a start that nobody gives.
+    """
+    beginning: dict[str, Any] = {}
+    if heading_deg is not None:
+        beginning = {"heading_deg": heading_deg, "heading_sd_deg": heading_sd_deg or HEADING_SD_DEG}
+    content: dict[str, Any] = {
+        "depth": {},
+        **sections,
+        "dvl": _dvl(dvl),
+        "imu": _imu(imu),
+        "origin": {"latitude_deg": latitude_deg, **(sections.get("origin") or {})},
+        "start": {**beginning, **(sections.get("start") or {})},
+        "navigation": {"method": method, **(sections.get("navigation") or {})},
+    }
+    try:
+        config = NavigatorConfig.model_validate(
+            {key: value for key, value in content.items() if value is not None}
+        )
+        config.start_is_known(by_attitude=isinstance(config.imu, ImuFromAttitude))
+        require_one_use(config.thrust, config.effort)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, PLACE, NavigatorConfig)) from error
+    except ValueError as error:
+        raise ScenarioError(f"{PLACE}: {error}") from error
+    instrument = dvl if isinstance(dvl, Instrument) else config.instrument()
+    settings = kernel_settings(config, instrument)
+    if isinstance(imu, ImuModel):
+        settings = replace(settings, model=replace(settings.model, imu=imu))
+    return StartedNavigator(config, instrument, settings)
+
+
+def _dvl(dvl: str | Path | Mapping[str, Any] | Instrument) -> Mapping[str, Any]:
+    """The keys of [dvl]; of an instrument that is given its geometry is no name."""
+    if isinstance(dvl, Mapping):
+        return dvl
+    return {"geometry": "given" if isinstance(dvl, Instrument) else str(dvl)}
+
+
+def _imu(imu: str | Mapping[str, Any] | ImuModel) -> Mapping[str, Any]:
+    """The keys of [imu]; of a model that is given the section has no errors of its own."""
+    if isinstance(imu, ImuModel):
+        return dict.fromkeys(_IMU_ERRORS, 0.0)
+    return imu if isinstance(imu, Mapping) else {"grade": imu}

@@ -1,0 +1,175 @@
+"""Recorded files as readings one at a time: what `Navigator.start(...).push` takes."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from bottomlock.errors import DataError
+from bottomlock.io.beams import Instrument
+from bottomlock.recordings.geodesy import geodetic_from_tangent
+from bottomlock.recordings.readings import (
+    AcousticPositionReading,
+    AttitudeReading,
+    DepthReading,
+    EffortReading,
+    GpsReading,
+    ImuReading,
+    Ping,
+    Reading,
+    ThrustReading,
+    WaterReading,
+)
+from bottomlock.recordings.streams import Beams, Positions, Times
+from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.init.make import make_case
+from bottomlock.replay.reading import read_streams
+from bottomlock.replay.stream_sections import ImuFromAttitude
+from bottomlock.replay.streams import Streams
+
+CASE = ".toml"
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A recorded log; iterating yields its readings in the order of their times, in SI and the platform's axes.
+
+    Of equal times the order is inertial, ping, depth, attitude, position, thrust, effort, water. A reference is none.
+
+    Attributes:
+        case: how its files are read; `case.imu.sampling` and the like.
+        guesses: what was guessed of the files, and what they leave open, a line each; empty for a case that is given.
+        streams: the same readings as arrays.
+    """
+
+    case: Case
+    guesses: tuple[str, ...]
+    streams: Streams
+
+    @property
+    def instrument(self) -> Instrument:
+        """Geometry of the DVL, and noise of its beams, as `Navigator.start(dvl=…)` takes it."""
+        return self.streams.instrument
+
+    @property
+    def latitude_deg(self) -> float:
+        """Of the place, deg."""
+        return float(np.rad2deg(self.streams.latitude_rad))
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Streams that are no readings."""
+        named = {
+            "reference": self.streams.reference,
+            "magnetometer": self.streams.magnetic_fields,
+            "gps without a place on the Earth": None
+            if self.streams.origin
+            else self.streams.positions.get("gps"),
+        }
+        return tuple(name for name, stream in named.items() if stream is not None)
+
+    def __iter__(self) -> Iterator[Reading | Ping | WaterReading]:
+        """The readings in the order of their times."""
+        columns = list(_columns(self.streams, has_imu=not isinstance(self.case.imu, ImuFromAttitude)))
+        times = np.concatenate([time_ns for time_ns, _ in columns])
+        column = np.repeat(np.arange(len(columns)), [len(time_ns) for time_ns, _ in columns])
+        row = np.concatenate([np.arange(len(time_ns)) for time_ns, _ in columns])
+        for k in np.lexsort((column, times)).tolist():
+            yield columns[column[k]][1](int(times[k]), int(row[k]))
+
+    def __repr__(self) -> str:
+        return f"<Log of {', '.join(path.name for path in self.case.files().values())}>"
+
+
+Column = tuple[Times, Callable[[int, int], Reading | Ping | WaterReading]]
+"""Times, and the reading of a time and its row."""
+
+
+def _columns(streams: Streams, *, has_imu: bool) -> Iterator[Column]:
+    """The streams that are readings; of equal times the first comes first."""
+    if has_imu:
+        inertial = streams.inertial
+        omega, force = inertial.omega_p_radps.tolist(), inertial.force_p_mps2.tolist()
+        yield inertial.time_ns, lambda t, k: ImuReading(t, tuple(omega[k]), tuple(force[k]))
+    yield streams.beams.time_ns, partial(_ping, streams.beams)
+    if (depths := streams.depths) is not None:
+        yield depths.time_ns, lambda t, k: DepthReading(t, float(depths.depth_m[k]))
+    if streams.attitudes is not None:
+        quaternions = streams.attitudes.attitude.as_quat(scalar_first=True).tolist()
+        yield streams.attitudes.time_ns, lambda t, k: AttitudeReading(t, tuple(quaternions[k]))
+    gps, origin = streams.positions.get("gps"), streams.origin
+    if gps is not None and origin is not None:
+        latitude, longitude, height = geodetic_from_tangent(gps.position_t_m, origin)
+        places = np.column_stack([np.rad2deg(latitude), np.rad2deg(longitude), height]).tolist()
+        yield gps.time_ns, lambda t, k: GpsReading(t, *places[k])
+    if (fixes := streams.positions.get("acoustic_position")) is not None:
+        yield fixes.time_ns, partial(_fix, fixes)
+    if (revolutions := streams.revolutions) is not None:
+        yield revolutions.time_ns, lambda t, k: ThrustReading(t, float(revolutions.revolutions_hz[k]))
+    if (forces := streams.forces) is not None:
+        yield forces.time_ns, lambda t, k: EffortReading(t, tuple(forces.force_p_n[k].tolist()))
+    if (water := streams.water) is not None:
+        yield (
+            water.time_ns,
+            lambda t, k: WaterReading(
+                t, water.velocity_mps[k], water.valid[k], water.sd_mps[k], float(water.range_m[k])
+            ),
+        )
+
+
+def _ping(beams: Beams, time_ns: int, row: int) -> Ping:
+    velocity_d = beams.velocity_d_mps
+    none = np.full(beams.velocity_mps.shape[1], np.nan)
+    return Ping(
+        time_ns=time_ns,
+        transmission_ns=time_ns,
+        velocity_mps=beams.velocity_mps[row],
+        valid=beams.valid[row],
+        sd_mps=beams.sd_mps[row],
+        range_m=none,
+        instrument_mps=np.full(3, np.nan) if velocity_d is None else velocity_d[row],
+        instrument_valid=None,
+    )
+
+
+def _fix(fixes: Positions, time_ns: int, row: int) -> AcousticPositionReading:
+    sd = None if fixes.sd_m is None else tuple(fixes.sd_m[row].tolist())
+    return AcousticPositionReading(time_ns, tuple(fixes.position_t_m[row].tolist()), sd)
+
+
+def open_log(*files: str | Path, without: Sequence[str] = ()) -> Log:
+    """Opens recorded files as `bottomlock replay --init` does, or a case, as readings for `Navigator.start`.
+
+    Args:
+        files: logs of a DVL, tables, bags and logs of autopilots, whose streams, units, axes and clocks are guessed; or
+            one case, a TOML file.
+        without: topics and messages of logs that are left out.
+
+    Raises:
+        DataError: without files, for files without a DVL or an IMU or attitude, and for one that cannot be read.
+        ScenarioError: for a case with a fault.
+
+    Examples:
+        >>> log = open_log("data/logs/survey_dive/case.toml")  # doctest: +SKIP
+        >>> type(next(iter(log))).__name__  # doctest: +SKIP
+        'ImuReading'
+    """
+    paths = [Path(file) for file in files]
+    if not paths:
+        raise DataError(
+            "open_log is given no file, expected the log of a DVL and those of other sensors, or a case"
+        )
+    if len(paths) == 1 and paths[0].suffix == CASE:
+        case = load_case(paths[0])
+        return Log(case, (), read_streams(case))
+    with TemporaryDirectory() as folder:
+        # The tables that a guessed case needs beside it are read before they go.
+        made = make_case(paths, Path(folder) / "case.toml", without=without)
+        case = load_case(made.case)
+        guesses = [line.partition("# ")[2] for line in made.case.read_text(encoding="utf-8").splitlines()]
+        return Log(
+            case, tuple(one for one in guesses if one.startswith(("guessed:", "?"))), read_streams(case)
+        )

@@ -1,0 +1,239 @@
+"""`Navigator.start`: names in place of settings, a start that is found by itself, readings one at a time."""
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bottomlock
+from bottomlock import DepthReading, ImuReading, Navigator, Ping
+from bottomlock.config.instrument_grades import imu_grade
+from bottomlock.io.beams import read_geometry
+from bottomlock.kernel import models, normal_gravity_mps2
+from bottomlock.units import rad_from_deg
+from tests.kernel.report_bits import report_bits
+
+DIVE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
+A50: dict[str, Any] = {"dvl": "waterlinked_a50", "imu": "tactical", "latitude_deg": 54.0, "heading_deg": 90.0}
+GRAVITY = normal_gravity_mps2(rad_from_deg(54.0))
+MS = 1_000_000
+VELOCITY = np.array([1.0, 0.1, 0.0])
+A50_GEOMETRY = read_geometry("waterlinked_a50").geometry
+
+
+def still(k: int) -> ImuReading:
+    """The k-th of a level vehicle that is pushed by nothing, 100 Hz."""
+    return ImuReading(k * 10 * MS, (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY))
+
+
+def ping(time_ns: int, lost: tuple[int, ...] = ()) -> Ping:
+    velocity = A50_GEOMETRY.directions_p @ VELOCITY
+    velocity[list(lost)] = np.nan
+    return Ping.of_beams(time_ns, velocity)
+
+
+def begun(readings: int = 600, **settings: Any) -> bottomlock.StartedNavigator:  # noqa: ANN401 - of any section
+    """Six seconds: five of levelling, a ping each, a depth at the beginning."""
+    nav = Navigator.start(**A50 | settings)
+    nav.push(DepthReading(0, 30.0))
+    for k in range(readings):
+        nav.push(still(k))
+        if k % 50 == 49:
+            nav.push(ping(k * 10 * MS))
+    return nav
+
+
+def test_ten_lines_navigate_a_recorded_dive() -> None:
+    """Against the simulated truth of the dive: the position by which it ends is within three of its sigmas."""
+    log = bottomlock.open_log(DIVE)
+    truth = log.streams.reference
+    assert truth is not None
+    assert truth.attitude is not None
+    assert truth.position_t_m is not None
+    assert truth.velocity_p_mps is not None
+    nav = Navigator.start(
+        dvl=log.instrument,
+        imu="fibre_optic",
+        latitude_deg=log.latitude_deg,
+        heading_deg=float(np.rad2deg(truth.attitude.as_euler("ZYX")[0, 0])),
+        method="sway_current",
+        start={"heading_sd_deg": 0.5},
+    )
+    heard: Counter[str] = Counter()
+    begins_ns: int | None = None
+    for reading in log:
+        heard.update(report.verdict for report in nav.push(reading))
+        if begins_ns is None and nav.navigator is not None:
+            begins_ns = nav.time_ns
+    assert begins_ns is not None
+    begins = truth.position_t_m[np.searchsorted(truth.time_ns, begins_ns)]
+    row = np.searchsorted(truth.time_ns, nav.time_ns)
+    moved = nav.position_t_m - (truth.position_t_m[row] - begins * [1.0, 1.0, 0.0])
+    assert (np.abs(moved) < 3.0 * nav.position_sd_m + 1.0).all(), moved
+    assert (np.abs(nav.velocity_p_mps - truth.velocity_p_mps[row]) < 4.0 * nav.velocity_sd_mps + 0.01).all()
+    assert heard["accepted"] > 0.99 * sum(heard.values())
+    assert set(nav.unused) == {
+        "AttitudeReading without section attitude",
+        "AcousticPositionReading without section acoustic_position",
+    }
+
+
+def test_it_is_the_navigator_that_one_makes_by_hand() -> None:
+    """Level, heading, velocity and depth as found, the models by name; from there on the same bits."""
+    nav = begun(501)
+    assert nav.navigator is not None
+    started = nav.navigator.state()
+    assert started["time_ns"] == 5000 * MS
+    instrument = read_geometry("waterlinked_a50")
+    settings = bottomlock.live.started.kernel_settings(nav._config, instrument)
+    assert settings.model.imu == imu_grade("tactical")
+    assert settings.model.initial.attitude_sd_rad[2] == rad_from_deg(2.0)
+    half = np.sqrt(0.5)
+    state = models.InitialState(
+        time_ns=5000 * MS,
+        position_t_m=(0.0, 0.0, 30.0),
+        attitude_t_p=(half, 0.0, 0.0, half),
+        velocity_p_mps=tuple(VELOCITY.tolist()),
+    )
+    np.testing.assert_allclose(started["attitude_t_p"], state.attitude_t_p, atol=1e-12)
+    np.testing.assert_allclose(started["velocity_p_mps"], VELOCITY, atol=1e-9)
+    np.testing.assert_array_equal(started["position_t_m"], state.position_t_m)
+    by_hand = Navigator.load(nav.navigator.save())
+    for k in range(501, 800):
+        reading = still(k)
+        ours = nav.push(reading)
+        theirs = by_hand.push_imu(
+            reading.time_ns, omega_p_radps=reading.omega_radps, force_p_mps2=reading.force_mps2
+        )
+        if k % 50 == 0:
+            one = ping(reading.time_ns, lost=(2, 3))
+            ours += nav.push(one)
+            theirs += by_hand.push_beams(
+                one.time_ns, one.velocity_mps, one.valid, sd_mps=instrument.beam_sd_mps
+            )
+        assert [report_bits(report) for report in ours] == [report_bits(report) for report in theirs]
+    assert nav.navigator.save() == by_hand.save()
+
+
+def test_a_model_and_a_name_are_the_same_bits() -> None:
+    by_name, by_model = begun(imu="mti"), begun(imu=imu_grade("mti"))
+    assert by_name.navigator is not None
+    assert by_model.navigator is not None
+    assert by_name.navigator.save() == by_model.navigator.save()
+
+
+def test_the_dvl_by_its_instrument_or_its_keys() -> None:
+    nav = begun(dvl={"geometry": "waterlinked_a50", "beam_noise_mps": 0.5})
+    assert (nav.velocity_sd_mps > begun(dvl=read_geometry("waterlinked_a50")).velocity_sd_mps).all()
+
+
+def test_what_it_waits_for() -> None:
+    """In words, in place of an estimate."""
+    nav = Navigator.start(**A50)
+    assert repr(nav) == "<Navigator that waits for inertial readings>"
+    with pytest.raises(
+        bottomlock.KernelError, match="no estimate yet: the start waits for inertial readings"
+    ):
+        _ = nav.velocity_p_mps
+    for k in range(501):
+        assert nav.push(still(k)) == []
+    assert nav.waiting_for == "a ping that determines the whole velocity"
+    nav.push(ping(5000 * MS))
+    nav.push(still(501))
+    assert nav.waiting_for == ""
+    assert "position" in repr(nav)
+
+
+def test_a_depth_says_where_it_begins_unless_the_section_does() -> None:
+    """A vehicle at 30 m is not at the surface; where the start says where it is, the depths are measurements."""
+    assert begun().position_t_m[2] == pytest.approx(30.0, abs=0.2)
+    given = begun(501, start={"position_m": (5.0, 6.0, 7.0)})
+    np.testing.assert_array_equal(given.position_t_m, [5.0, 6.0, 7.0])
+    assert begun(501, depth=None).position_t_m[2] == 0.0
+
+
+def test_nothing_is_ignored_silently() -> None:
+    nav = begun(depth=None, thrust={"advance_m": 0.3, "noise_mps": 0.05})
+    assert nav.unused == {"DepthReading without section depth": 1}
+    early = Navigator.start(**A50, acoustic_position={})
+    early.push(bottomlock.AcousticPositionReading(0, (0.0, 0.0, 0.0), None))
+    assert early.unused == {"AcousticPositionReading before the start": 1}
+
+
+def test_every_kind_of_reading_is_taken() -> None:
+    nav = begun(
+        attitude={"grade": "mti_ahrs", "aids": "attitude"},
+        gps={"position_sd_m": (1.0, 1.0, 2.0)},
+        acoustic_position={"sd_m": 1.0},
+        origin={"longitude_deg": 10.0, "height_m": 0.0},
+        thrust={"advance_m": 0.3, "noise_mps": 0.05},
+        water_track={},
+        start={"position_m": (0.0, 0.0, 30.0)},
+    )
+    at_ns, half = nav.time_ns, float(np.sqrt(0.5))
+    valid, sd = np.ones(4, bool), np.full(4, 0.05)
+    readings = [
+        bottomlock.AttitudeReading(at_ns, (half, 0.0, 0.0, half)),
+        bottomlock.GpsReading(at_ns, 54.0, 10.0, -30.0),
+        bottomlock.AcousticPositionReading(at_ns, (0.0, 1.0, 30.0), None),
+        bottomlock.ThrustReading(at_ns, 3.3),
+        bottomlock.WaterReading(at_ns, A50_GEOMETRY.directions_p @ VELOCITY, valid, sd, 3.0),
+    ]
+    sensors = {report.sensor for reading in readings for report in nav.push(reading)}
+    assert sensors == {"attitude", "gps_position", "acoustic_position", "thrust", "water_track"}
+    assert not nav.unused
+
+
+def test_a_refused_reading_changes_nothing() -> None:
+    """During the alignment and after it."""
+    for readings in (300, 600):
+        nav, other = begun(readings), begun(readings)
+        refused: list[tuple[Any, str]] = [
+            (still(readings - 1), f"its time does not rise: {(readings - 1) * 10 * MS} ns"),
+            (ImuReading(readings * 10 * MS, (float("nan"),) * 3, (0.0, 0.0, -GRAVITY)), "finite"),
+        ]
+        if readings == 600:
+            refused.append((Ping.of_beams(5900 * MS, [1.0, 2.0]), "shape"))
+        for reading, why in refused:
+            with pytest.raises(bottomlock.KernelError, match=why):
+                nav.push(reading)
+        for one in (nav, other):
+            for k in range(readings, readings + 300):
+                one.push(still(k))
+                if k % 50 == 49:
+                    one.push(ping(k * 10 * MS))
+        assert nav.navigator is not None
+        assert other.navigator is not None
+        assert nav.navigator.save() == other.navigator.save()
+
+
+def test_what_is_no_reading_is_named() -> None:
+    with pytest.raises(
+        TypeError, match="push is given a dict, expected a reading such as ImuReading or Ping"
+    ):
+        Navigator.start(**A50).push({"time_ns": 0})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("settings", "why"),
+    [
+        ({"dvl": "waterlinked_a5"}, "did you mean 'waterlinked_a50'"),
+        ({"imu": "tacticle"}, "Navigator.start: imu: grade is 'tacticle', did you mean 'tactical'"),
+        ({"method": "tcc"}, "'navigation.method' is 'tcc'"),
+        ({"latitude_deg": 91.0}, "'origin.latitude_deg' is 91.0, expected <= 90.0 deg"),
+        ({"heading_deg": None}, "'start.heading_deg' is missing"),
+        ({"heading_sd_deg": -1.0}, "'start.heading_sd_deg' is -1.0"),
+        ({"depht": {}}, "unknown key 'depht', did you mean 'depth'"),
+        ({"depth": {"sd": 0.1}}, "unknown key 'depth.sd', did you mean 'sd_m'"),
+        ({"gps": {"position_sd_m": (1.0, 1.0, 1.0)}}, "'origin.longitude_deg' is missing"),
+        (
+            {"imu": {"source": "attitude", "accel_noise_mps_per_rt_h": 1.0}},
+            "needs the section \\[attitude\\]",
+        ),
+    ],
+)
+def test_a_mistake_is_named(settings: dict[str, Any], why: str) -> None:
+    with pytest.raises(bottomlock.ScenarioError, match=why):
+        Navigator.start(**A50 | settings)
