@@ -16,7 +16,7 @@ import bottomlock
 METHODS = ["tc", "nsv", "weak_sway", "sway_current"]
 still = bottomlock.load_scenario("straight").with_trajectory(duration_s=150.0)
 still = still.with_overrides(runs=20, methods=METHODS)
-across = still.replace("mission.current", {"speed_mps": 0.3, "towards_deg": 90.0})
+across = still.replace({"mission.current": {"speed_mps": 0.3, "towards_deg": 90.0}})
 
 with TemporaryDirectory() as folder:
     found = {

@@ -23,9 +23,9 @@ scenario.dvl.tilt_deg, scenario.imu.gyro_bias_deg_per_h
 # checked as a file is; a wrong key names the nearest right one.
 
 # %%
-one_lost = scenario.replace("dvl.beams_lost", [4])
+one_lost = scenario.replace({"dvl.beams_lost": [4]})
 try:
-    scenario.replace("dvl.beam_lost", [4])
+    scenario.replace({"dvl.beam_lost": [4]})
 except bottomlock.BottomlockError as error:
     print(error)
 

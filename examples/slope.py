@@ -17,9 +17,8 @@ import bottomlock
 
 METHODS = ["ins", "lc", "tc", "nsv", "weak_sway", "sway_current"]
 scenario = bottomlock.load_scenario("slope").with_overrides(runs=12, methods=METHODS)
-scenario = scenario.replace(
-    "trajectory.feedback", "truth"
-)  # guidance on the true position: one truth for all runs
+# Guidance on the true position: one truth for all runs.
+scenario = scenario.replace({"trajectory.feedback": "truth"})
 simulation = bottomlock.build_simulation(scenario)
 truth = simulation.truth()
 streams = bottomlock.sensor_streams(simulation, truth)

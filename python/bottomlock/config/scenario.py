@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
@@ -129,24 +129,40 @@ class Scenario(Section):
         """What the file states, for notebooks."""
         return table_of(self)
 
-    def replace(self, key: str, value: Any) -> Self:  # noqa: ANN401 - a value of any key
-        """The scenario with another value of one key, for instance "imu.gyro_bias_deg_per_h"; checked as a file is.
+    def replace(self, changes: Mapping[str, Any]) -> Self:
+        """The scenario with other values of some keys, for instance "imu.gyro_bias_deg_per_h"; checked as a file is.
+
+        All of them are set before anything is checked, so keys that are valid only together are given together.
 
         Raises:
-            ScenarioError: for an unknown key, which names the nearest, or a value that is not valid.
+            ScenarioError: for an unknown key, which names the nearest, a value that is not valid, and a key that is
+                part of another.
 
         Examples:
-            >>> load_scenario("straight").replace("imu.gyro_bias_deg_per_h", 0.01).imu.gyro_bias_deg_per_h
-            0.01
+            >>> better = load_scenario("straight").replace({"imu.gyro_bias_deg_per_h": 0.01, "dvl.beams_lost": [4]})
+            >>> better.imu.gyro_bias_deg_per_h, better.dvl.beams_lost
+            (0.01, (4,))
         """
+        given: Any = changes  # a caller without a type checker may give anything
+        if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
+            raise ScenarioError(
+                f"scenario {self.name}: the changes are {given!r:.60}, expected keys with their values, such as "
+                '{"imu.gyro_bias_deg_per_h": 0.01}'
+            )
         content = self.model_dump(exclude_unset=True)
-        *sections, last = key.split(".")
-        section = content
-        for name in sections:
-            section = section.setdefault(name, {})
-            if not isinstance(section, dict):
-                raise ScenarioError(f"scenario {self.name}: unknown key '{key}' ('{name}' is no section)")
-        section[last] = value
+        for key, value in given.items():
+            within = next((other for other in given if key.startswith(f"{other}.")), None)
+            if within is not None:
+                raise ScenarioError(
+                    f"scenario {self.name}: '{key}' is part of '{within}', expected one of them"
+                )
+            *sections, last = key.split(".")
+            section = content
+            for name in sections:
+                section = section.setdefault(name, {})
+                if not isinstance(section, dict):
+                    raise ScenarioError(f"scenario {self.name}: unknown key '{key}' ('{name}' is no section)")
+            section[last] = value
         return _checked(type(self), content, f"scenario {self.name}")
 
     def with_overrides(
