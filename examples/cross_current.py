@@ -20,7 +20,7 @@ across = still.replace({"mission.current": {"speed_mps": 0.3, "towards_deg": 90.
 
 with TemporaryDirectory() as folder:
     found = {
-        words: bottomlock.run_campaign([scenario], Path(folder) / words.replace(" ", "_"))
+        words: bottomlock.run_campaign(scenario, Path(folder) / words.replace(" ", "_"))
         for words, scenario in (("still water", still), ("0.3 m/s across", across))
     }
 

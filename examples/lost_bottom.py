@@ -27,7 +27,7 @@ wet = dry.replace({"water_track": {"range_m": 10.0, "noise_mps": 0.05}})
 
 with TemporaryDirectory() as folder:
     found = {
-        words: bottomlock.run_campaign([scenario], Path(folder) / words.replace(" ", "_"))
+        words: bottomlock.run_campaign(scenario, Path(folder) / words.replace(" ", "_"))
         for words, scenario in (("bottom alone", dry), ("bottom and water", wet))
     }
 

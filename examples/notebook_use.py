@@ -33,7 +33,7 @@ except bottomlock.BottomlockError as error:
 found = {}
 with TemporaryDirectory() as folder:
     for words, each in (("two beams", scenario), ("three beams", one_lost)):
-        found[words] = bottomlock.run_campaign([each], Path(folder) / words.replace(" ", "_"))
+        found[words] = bottomlock.run_campaign(each, Path(folder) / words.replace(" ", "_"))
 found["two beams"]
 
 # %% [markdown]

@@ -23,7 +23,7 @@ frames = []
 with TemporaryDirectory() as folder:
     for beams, lost in LOST.items():
         scenario = base.replace({"dvl.beams_lost": lost})
-        results = bottomlock.run_campaign([scenario], Path(folder) / str(beams))
+        results = bottomlock.run_campaign(scenario, Path(folder) / str(beams))
         frames.append(results.ensemble.with_columns(beams=pl.lit(beams)))
 ensemble = pl.concat(frames)
 last = ensemble.filter(pl.col("time_s") == pl.col("time_s").max())

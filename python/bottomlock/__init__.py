@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     __version__: str
 
+    from bottomlock import own_method
+    from bottomlock.array_functions import replay_log, run_batch, simulate_sensors, solve_velocity
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
     from bottomlock.campaign.run import run_campaign, run_shard
@@ -34,10 +36,6 @@ if TYPE_CHECKING:
         Navigator,
         VelocityFixes,
         normal_gravity_mps2,
-        replay_log,
-        run_batch,
-        simulate_sensors,
-        solve_velocity,
     )
     from bottomlock.kernel.attitude_motion import MotionFromAttitude
     from bottomlock.kernel.models import (
@@ -111,6 +109,7 @@ __all__ = [
     "measurement_schedule",
     "merge_shards",
     "normal_gravity_mps2",
+    "own_method",
     "packaged_scenarios",
     "read_beam_table",
     "read_beams",
@@ -172,18 +171,19 @@ _LAZY = {
     "measurement_schedule": "bottomlock.simulation.measurement_schedule",
     "merge_shards": "bottomlock.campaign.merge",
     "normal_gravity_mps2": "bottomlock.kernel",
+    "own_method": "bottomlock.own_method",
     "packaged_scenarios": "bottomlock.config.scenario",
     "read_beam_table": "bottomlock.io.beam_table",
     "read_beams": "bottomlock.io.beams",
     "read_geometry": "bottomlock.io.beams",
     "read_recording": "bottomlock.io.formats",
-    "replay_log": "bottomlock.kernel",
-    "run_batch": "bottomlock.kernel",
+    "replay_log": "bottomlock.array_functions",
+    "run_batch": "bottomlock.array_functions",
     "run_campaign": "bottomlock.campaign.run",
     "run_shard": "bottomlock.campaign.run",
     "sensor_streams": "bottomlock.simulation.sensor_streams",
-    "simulate_sensors": "bottomlock.kernel",
-    "solve_velocity": "bottomlock.kernel",
+    "simulate_sensors": "bottomlock.array_functions",
+    "solve_velocity": "bottomlock.array_functions",
     "truth_from_path": "bottomlock.truth.path",
 }
 
@@ -192,9 +192,10 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - a module's attributes are a
     if name == "__version__":
         return importlib.import_module("bottomlock.kernel").kernel_version()
     if name in _LAZY:
-        return getattr(importlib.import_module(_LAZY[name]), name)
+        module = importlib.import_module(_LAZY[name])
+        return module if module.__name__ == f"{__name__}.{name}" else getattr(module, name)
     raise AttributeError(f"module 'bottomlock' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__")), "__version__"])

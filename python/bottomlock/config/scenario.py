@@ -33,6 +33,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_free
 from bottomlock.kernel import models
+from bottomlock.own_method import AnyMethod
 from bottomlock.support.nearest import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -166,13 +167,17 @@ class Scenario(Section):
         return _checked(type(self), content, f"scenario {self.name}")
 
     def with_overrides(
-        self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[str] | None = None
+        self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[AnyMethod] | None = None
     ) -> Self:
-        """The same scenario with another number of runs, seed or methods.
+        """The same scenario with another number of runs, seed or methods: names, and classes of one's own.
 
         Raises:
-            ScenarioError: for a number out of range or an unknown or repeated method.
+            ScenarioError: for a number out of range, an unknown or repeated method, and a class that is none.
         """
+        if isinstance(methods, str | type):
+            raise ScenarioError(
+                f"scenario {self.name}: methods is {methods!r:.60}, expected a list of methods"
+            )
         change: dict[str, Any] = {
             "runs": runs,
             "seed": seed,
@@ -267,8 +272,8 @@ def _packaged(name: str) -> Scenario:
     return parse_scenario(_packaged_text(name) or "", place=f"scenario {name}")
 
 
-def load_scenario(source: str | Path) -> Scenario:
-    """A scenario from a packaged name or a TOML file.
+def load_scenario(source: Scenario | str | Path) -> Scenario:
+    """A scenario from a packaged name or a TOML file; one that is loaded already is returned as it is.
 
     A packaged name is taken as such; a `Note` says so where NAME.toml is in the working directory.
 
@@ -276,6 +281,11 @@ def load_scenario(source: str | Path) -> Scenario:
         ScenarioError: for a file that is not there or cannot be read, ill-formed TOML (with line and column), a missing
             or unknown key, or a value out of range; one line per fault.
     """
+    if isinstance(source, Scenario):
+        return source
+    given: Any = source  # a caller without a type checker may give anything
+    if not isinstance(given, str | Path):
+        raise ScenarioError(f"the scenario is {given!r:.60}, expected a Scenario, a packaged name or a path")
     path = Path(source)
     if path.suffix != ".toml" and _packaged_text(str(source)) is not None:
         note_file_beside("scenario", str(source))
