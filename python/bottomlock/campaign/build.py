@@ -49,7 +49,7 @@ class BuiltScenario:
         return self.scenario.trajectory.feedback == "estimate"
 
 
-AnyScenarios = Scenario | str | Path | Sequence[Scenario | str | Path]
+AnyScenarios = Scenario | str | Path | Iterable[Scenario | str | Path]
 """Scenarios as users name them: one or several, each as `load_scenario` takes it."""
 
 
