@@ -63,7 +63,7 @@ def _documented_by(original: Callable[..., Any]) -> Callable[[_F], _F]:
     """Gives a function the docstring of the kernel's, which says all but how DVL and methods may be named."""
 
     def document(function: _F) -> _F:
-        function.__doc__ = f"{original.__doc__}\n"
+        function.__doc__ = original.__doc__
         return function
 
     return document

@@ -206,6 +206,21 @@ def test_the_class_of_a_name_is_the_one_that_was_given_last() -> None:
     assert np.array_equal(results[2], results[0])
 
 
+def test_two_classes_of_one_name_in_a_campaign_are_refused(tmp_path: Path) -> None:
+    """Chunks of both run side by side, and the kernel has one class of a name."""
+    scenarios = []
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.py").write_text(CLASSES["good"])
+        place = f"{tmp_path / folder / 'mine.py'}:Mine"
+        scenarios.append(short(5.0, methods=["tc", place]).replace({"name": folder}))
+    with pytest.raises(
+        ScenarioError, match=r"scenario two: method 'mine_too' is .*two/mine\.py:Mine, and .*one/mine"
+    ):
+        run_campaign(scenarios, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_what_is_in_this_process_alone_runs_here_alone(tmp_path: Path) -> None:
     """Its runs are resumed with the very class; shards and Dask refuse it before anything is written."""
     one, other = made_here(1.0), made_here(1.0)

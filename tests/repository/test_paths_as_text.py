@@ -118,6 +118,12 @@ def test_what_is_no_scenario(given: Any, message: str, tmp_path: Path) -> None: 
     assert not (tmp_path / "o").exists()
 
 
+@pytest.mark.parametrize("wrong", ["1of2", "3/2", 3, None])
+def test_what_is_no_shard(wrong: Any, tmp_path: Path) -> None:  # noqa: ANN401 - a wrong one
+    with pytest.raises(ScenarioError, match=f"shard '{wrong}': expected k/n with 1 <= k <= n"):
+        bottomlock.run_shard(short(2), tmp_path / "o", wrong)
+
+
 def test_a_dvl_by_name_and_by_file(root: Path, tmp_path: Path) -> None:
     """`solve_velocity` and its like take name, file, what was read, or the beams; `read_beams` all but the last."""
     own = tmp_path / "own.toml"

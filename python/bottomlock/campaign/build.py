@@ -11,6 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from bottomlock import own_method
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.own_method import DEAD_RECKONING, in_this_process_alone
@@ -71,16 +72,34 @@ def build_simulations(scenarios: Sequence[Scenario]) -> list[Simulation]:
     """Loads and checks everything that the scenarios name, without any truth.
 
     Raises:
-        ScenarioError: for no scenario, two of one name, dead reckoning without an attitude reference, and what
-            `build_simulation` rejects.
+        ScenarioError: for no scenario, two of one name, two classes of one name, dead reckoning without an attitude
+            reference, and what `build_simulation` rejects.
     """
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
         raise ScenarioError(f"expected scenarios of different names, got {names}")
+    _check_own_methods(scenarios)
     for scenario in scenarios:
         _check_reckoning(scenario)
     with _one_blas_thread():
         return [build_simulation(scenario) for scenario in scenarios]
+
+
+def _check_own_methods(scenarios: Sequence[Scenario]) -> None:
+    """Rejects scenarios whose methods of one name are different classes: the kernel has one of a name at a time.
+
+    Raises:
+        ScenarioError: naming scenario, method and both places.
+    """
+    places: dict[str, str] = {}
+    for scenario in scenarios:
+        for place in scenario.campaign.own_methods:
+            name = own_method.load(place)
+            if places.setdefault(name, place) != place:
+                raise ScenarioError(
+                    f"scenario {scenario.name}: method '{name}' is {place}, and {places[name]} before it: expected one "
+                    "class of a name in a campaign"
+                )
 
 
 def check_found_elsewhere(scenarios: Sequence[Scenario]) -> None:

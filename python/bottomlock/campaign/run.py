@@ -159,7 +159,7 @@ def run_shard(
         ScenarioError: also for a method of one's own that is in this process alone, and for a text that is no shard.
     """
     out = Path(out)
-    shard = shard if isinstance(shard, Shard) else Shard.parse(shard)
+    shard = shard if isinstance(shard, Shard) else Shard.parse(str(shard))
     _, manifest = _simulate(
         scenarios, out, shard, threads, engine, scheduler, force=force, recover=recover, progress=progress
     )
