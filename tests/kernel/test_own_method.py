@@ -206,6 +206,19 @@ def test_the_class_of_a_name_is_the_one_that_was_given_last() -> None:
     assert np.array_equal(results[2], results[0])
 
 
+def test_a_place_takes_its_name_back(tmp_path: Path) -> None:
+    """A scenario that names the place runs its class, whatever was registered by that name in between."""
+    (tmp_path / "mine.py").write_text(CLASSES["good"].replace("mine_too", "made_here"))
+    place = f"{tmp_path / 'mine.py'}:Mine"
+    nothing, rows = own_method.load(place), made_here(1.0)
+    errors = [
+        bottomlock.run_batch(**batch_along(3.0), methods=["ins", "tc", one], runs=1, threads=1)["error"]
+        for one in (nothing, rows, place)
+    ]
+    for found, same in zip(errors, (0, 1, 0), strict=True):
+        assert np.array_equal(found[:, 2], found[:, same])
+
+
 def test_two_classes_of_one_name_in_a_campaign_are_refused(tmp_path: Path) -> None:
     """Chunks of both run side by side, and the kernel has one class of a name."""
     scenarios = []
