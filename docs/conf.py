@@ -19,6 +19,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "cyclopts.sphinx_ext",
+    "tools.site_signatures",
 ]
 exclude_patterns: list[str] = []
 source_suffix = {".md": "myst-nb", ".py": "myst-nb"}
@@ -43,9 +44,10 @@ default_role = "code"
 napoleon_numpy_docstring = False
 napoleon_use_rtype = False
 autodoc_member_order = "bysource"
-autodoc_typehints = "description"
-autodoc_typehints_description_target = "documented"
+# tools/site_signatures.py writes the signatures, with types.
+autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
+python_maximum_signature_line_length = 88
 add_module_names = False
 python_display_short_literal_types = True
 

@@ -33,7 +33,7 @@ folder = Path(mkdtemp(prefix="cluster_"))
 parts = []
 for k in (1, 2, 3):
     parts.append(folder / f"part{k}")
-    manifest = bottomlock.run_shard(scenarios, parts[-1], bottomlock.Shard(k, 3))
+    manifest = bottomlock.run_shard(scenarios, parts[-1], f"{k}/3")
     files = sorted(str(path.relative_to(parts[-1])) for path in parts[-1].rglob("samples*.parquet"))
     print(f"shard {k}/3, {manifest['wall_time_s']:.1f} s: {', '.join(files)}")
 merged = bottomlock.merge_shards(folder / "merged", parts)

@@ -16,11 +16,11 @@ import bottomlock
 METHODS = ["tc", "nsv", "weak_sway", "sway_current"]
 still = bottomlock.load_scenario("straight").with_trajectory(duration_s=150.0)
 still = still.with_overrides(runs=20, methods=METHODS)
-across = still.replace("mission.current", {"speed_mps": 0.3, "towards_deg": 90.0})
+across = still.replace({"mission.current": {"speed_mps": 0.3, "towards_deg": 90.0}})
 
 with TemporaryDirectory() as folder:
     found = {
-        words: bottomlock.run_campaign([scenario], Path(folder) / words.replace(" ", "_"))
+        words: bottomlock.run_campaign(scenario, Path(folder) / words.replace(" ", "_"))
         for words, scenario in (("still water", still), ("0.3 m/s across", across))
     }
 

@@ -13,7 +13,7 @@ import numpy as np
 import bottomlock
 
 scenario = bottomlock.load_scenario("figure_eight").with_trajectory(duration_s=60.0)
-scenario = scenario.replace("dvl.beams_lost", [3, 4]).replace("acoustic_position.enabled", True)
+scenario = scenario.replace({"dvl.beams_lost": [3, 4], "acoustic_position.enabled": True})
 simulation = bottomlock.build_simulation(scenario)
 truth = simulation.truth()
 streams = bottomlock.sensor_streams(simulation, truth)

@@ -16,15 +16,18 @@ import bottomlock
 METHODS = ["tc", "sway_current"]
 LOST_S, BACK_S, END_S = 90.0, 690.0, 750.0
 dry = bottomlock.load_scenario("survey").with_overrides(runs=20, methods=METHODS)
-dry = dry.with_trajectory(duration_s=END_S)
-dry = dry.replace("imu", {"grade": "tactical"})
-dry = dry.replace("mission.current", {"speed_mps": 0.3, "towards_deg": 60.0, "turn_deg_per_h": 30.0})
-dry = dry.replace("dvl.outages", [{"beams": [1, 2, 3, 4], "from_s": LOST_S, "to_s": BACK_S}])
-wet = dry.replace("water_track", {"range_m": 10.0, "noise_mps": 0.05})
+dry = dry.with_trajectory(duration_s=END_S).replace(
+    {
+        "imu": {"grade": "tactical"},
+        "mission.current": {"speed_mps": 0.3, "towards_deg": 60.0, "turn_deg_per_h": 30.0},
+        "dvl.outages": [{"beams": [1, 2, 3, 4], "from_s": LOST_S, "to_s": BACK_S}],
+    }
+)
+wet = dry.replace({"water_track": {"range_m": 10.0, "noise_mps": 0.05}})
 
 with TemporaryDirectory() as folder:
     found = {
-        words: bottomlock.run_campaign([scenario], Path(folder) / words.replace(" ", "_"))
+        words: bottomlock.run_campaign(scenario, Path(folder) / words.replace(" ", "_"))
         for words, scenario in (("bottom alone", dry), ("bottom and water", wet))
     }
 

@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 import bottomlock
-from bottomlock.own_method import Beams, Prior, Rows, register
+from bottomlock.own_method import Beams, Prior, Rows
 
 HEAVE_SD_MPS = 0.05
 VELOCITY = slice(6, 9)  # of the 20 error states
@@ -38,13 +38,11 @@ class LevelFlight:
         )
 
 
-register(LevelFlight)
-
 # %%
 scenario = bottomlock.load_scenario("straight").with_trajectory(duration_s=60.0)
-scenario = scenario.with_overrides(runs=10, methods=["tc", "level_flight", "sway_current"])
+scenario = scenario.with_overrides(runs=10, methods=["tc", LevelFlight, "sway_current"])
 with TemporaryDirectory() as folder:
-    results = bottomlock.run_campaign([scenario], Path(folder) / "own")
+    results = bottomlock.run_campaign(scenario, Path(folder) / "own")
 results
 
 # %%

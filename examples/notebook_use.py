@@ -23,9 +23,9 @@ scenario.dvl.tilt_deg, scenario.imu.gyro_bias_deg_per_h
 # checked as a file is; a wrong key names the nearest right one.
 
 # %%
-one_lost = scenario.replace("dvl.beams_lost", [4])
+one_lost = scenario.replace({"dvl.beams_lost": [4]})
 try:
-    scenario.replace("dvl.beam_lost", [4])
+    scenario.replace({"dvl.beam_lost": [4]})
 except bottomlock.BottomlockError as error:
     print(error)
 
@@ -33,7 +33,7 @@ except bottomlock.BottomlockError as error:
 found = {}
 with TemporaryDirectory() as folder:
     for words, each in (("two beams", scenario), ("three beams", one_lost)):
-        found[words] = bottomlock.run_campaign([each], Path(folder) / words.replace(" ", "_"))
+        found[words] = bottomlock.run_campaign(each, Path(folder) / words.replace(" ", "_"))
 found["two beams"]
 
 # %% [markdown]

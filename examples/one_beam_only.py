@@ -17,13 +17,13 @@ import bottomlock
 
 LOST = {4: [], 3: [4], 2: [3, 4], 1: [2, 3, 4]}
 base = bottomlock.load_scenario("straight").with_trajectory(duration_s=120.0)
-base = base.replace("depth.enabled", True).with_overrides(runs=15, methods=["tc", "sway_current"])
+base = base.replace({"depth.enabled": True}).with_overrides(runs=15, methods=["tc", "sway_current"])
 
 frames = []
 with TemporaryDirectory() as folder:
     for beams, lost in LOST.items():
-        scenario = base.replace("dvl.beams_lost", lost)
-        results = bottomlock.run_campaign([scenario], Path(folder) / str(beams))
+        scenario = base.replace({"dvl.beams_lost": lost})
+        results = bottomlock.run_campaign(scenario, Path(folder) / str(beams))
         frames.append(results.ensemble.with_columns(beams=pl.lit(beams)))
 ensemble = pl.concat(frames)
 last = ensemble.filter(pl.col("time_s") == pl.col("time_s").max())

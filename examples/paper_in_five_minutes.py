@@ -21,7 +21,7 @@ print(scenario)
 
 # %%
 with TemporaryDirectory() as folder:
-    results = bottomlock.run_campaign([scenario], Path(folder) / "straight")
+    results = bottomlock.run_campaign(scenario, Path(folder) / "straight")
 results
 
 # %% [markdown]

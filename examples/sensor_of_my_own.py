@@ -36,7 +36,7 @@ fixes.to_frame()
 
 # %%
 scenario = bottomlock.load_scenario("straight").with_trajectory(duration_s=120.0)
-scenario = scenario.replace("dvl.beams_lost", [2, 3, 4])
+scenario = scenario.replace({"dvl.beams_lost": [2, 3, 4]})
 simulation = bottomlock.build_simulation(scenario)
 truth = simulation.truth()
 streams = bottomlock.sensor_streams(simulation, truth)

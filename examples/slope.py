@@ -17,9 +17,8 @@ import bottomlock
 
 METHODS = ["ins", "lc", "tc", "nsv", "weak_sway", "sway_current"]
 scenario = bottomlock.load_scenario("slope").with_overrides(runs=12, methods=METHODS)
-scenario = scenario.replace(
-    "trajectory.feedback", "truth"
-)  # guidance on the true position: one truth for all runs
+# Guidance on the true position: one truth for all runs.
+scenario = scenario.replace({"trajectory.feedback": "truth"})
 simulation = bottomlock.build_simulation(scenario)
 truth = simulation.truth()
 streams = bottomlock.sensor_streams(simulation, truth)
@@ -38,7 +37,7 @@ for beams in range(4, -1, -1):
 
 # %%
 with TemporaryDirectory() as folder:
-    results = bottomlock.run_campaign([scenario], Path(folder) / "slope")
+    results = bottomlock.run_campaign(scenario, Path(folder) / "slope")
 table = results.runs.group_by("method", maintain_order=True).agg(
     velocity_rms_mps=(pl.col("velocity_rms_over_time_mps") ** 2).mean().sqrt().round(3),
     nees_of_20=pl.col("nees_mean_over_time").mean().round(0),

@@ -21,7 +21,7 @@ METHODS = ["lc", "tc", "vhv", "sway_current"]
 scenario = bottomlock.load_scenario("lawn_mower").with_trajectory(duration_s=120.0)
 scenario = scenario.with_overrides(runs=60, methods=METHODS)
 with TemporaryDirectory() as folder:
-    results = bottomlock.run_campaign([scenario], Path(folder) / "nees")
+    results = bottomlock.run_campaign(scenario, Path(folder) / "nees")
     samples = pl.concat([pl.read_parquet(path) for path in Path(folder).rglob("samples*.parquet")])
 
 # %% [markdown]

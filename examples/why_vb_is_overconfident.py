@@ -52,9 +52,9 @@ base = bottomlock.load_scenario("straight").with_trajectory(duration_s=150.0)
 rows = []
 with TemporaryDirectory() as folder:
     for factor in (1.0, 3.0, 10.0, 100.0):
-        scenario = base.replace("filter.virtual_beam_factor", factor)
+        scenario = base.replace({"filter.virtual_beam_factor": factor})
         scenario = scenario.with_overrides(runs=20, methods=["tc", "vb"])
-        results = bottomlock.run_campaign([scenario], Path(folder) / f"{factor:g}")
+        results = bottomlock.run_campaign(scenario, Path(folder) / f"{factor:g}")
         samples = pl.concat(
             [pl.read_parquet(path) for path in (Path(folder) / f"{factor:g}").rglob("samples*.parquet")]
         )

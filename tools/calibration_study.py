@@ -110,7 +110,7 @@ def ensemble(
     """Flies a manoeuvre `runs` times; `readings` makes the beams as `tests.oracle.calibrated_beams.readings` does."""
     world, scenario = WORLDS[name], load_scenario("survey")
     geometry = kernel.BeamGeometry.janus(np.deg2rad(30.0), lever_arms_p_m=[LEVER_M] * 4)
-    model = scenario.replace("environment.earth", "tangent_plane").kernel_model(GRAVITY_MPS2)
+    model = scenario.replace({"environment.earth": "tangent_plane"}).kernel_model(GRAVITY_MPS2)
     prior = Calibration(mounting_sd_rad=(np.deg2rad(MOUNTING_SD_DEG),) * 3, clock_sd_s=CLOCK_SD_S)
     without = scenario.kernel_options().replace(imu_sampling="instantaneous", gate="off", robust=None)
     truth = _truth(world.motion, sample_times_ns(DURATION_S, RATE_HZ))

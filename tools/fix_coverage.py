@@ -195,7 +195,7 @@ def caves(recordings: Path) -> Log | None:
     if not path.is_file():
         return None
     instrument = read_geometry("linkquest_caves")
-    pings = read_beams(path, beams=4, columns=instrument.columns)
+    pings = read_beams(path, geometry=instrument)
     return Log(
         instrument.geometry, np.broadcast_to(instrument.beam_sd_mps, (4,)), pings.time_ns, pings.velocity_mps,
         pings.valid, pings.instrument_valid,

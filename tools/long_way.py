@@ -32,8 +32,8 @@ def fly(
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid",
 ) -> dict[str, Any]:
     """The kernel's batch of runs of one way; `earth` is what the filter takes the Earth for."""
-    scenario = load_scenario("long_way").replace("environment.latitude_deg", latitude_deg)
-    simulation = build_simulation(scenario.replace("trajectory.heading_deg", heading_deg))
+    scenario = load_scenario("long_way").replace({"environment.latitude_deg": latitude_deg})
+    simulation = build_simulation(scenario.replace({"trajectory.heading_deg": heading_deg}))
     truth = simulation.truth()
     schedule: Any = measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][499::500]

@@ -264,11 +264,7 @@ def innovation_table(sections: Sequence[Innovations]) -> str:
 def caves(data: Path, beams: int) -> str:
     """Beams left out of the caves' pings."""
     instrument = read_geometry("linkquest_caves")
-    pings = read_beams(
-        data / "caves_girona_linkquest" / "dvl_linkquest.csv",
-        beams=instrument.geometry.beams,
-        columns=instrument.columns,
-    )
+    pings = read_beams(data / "caves_girona_linkquest" / "dvl_linkquest.csv", geometry=instrument)
     parts = []
     for gate, title in (
         (3.0, "Pings whose closure is within 3 robust sigma"),

@@ -47,7 +47,7 @@ def flown(runs: int) -> pl.DataFrame:
     """RMS over runs of the velocity error and of the claimed σ: leg, method, time_s, error_mps, claimed_mps."""
     straight = bottomlock.load_scenario("straight").with_trajectory(duration_s=SECONDS)
     eight = bottomlock.load_scenario("figure_eight").with_trajectory(duration_s=SECONDS)
-    across = straight.replace("mission.current", {"speed_mps": 0.3, "towards_deg": 90.0})
+    across = straight.replace({"mission.current": {"speed_mps": 0.3, "towards_deg": 90.0}})
     parts = []
     for leg, scenario in zip(LEGS, (straight, across, eight), strict=True):
         every = scenario.with_overrides(runs=runs, methods=list(bottomlock.METHODS))

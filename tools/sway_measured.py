@@ -81,8 +81,7 @@ def flown(
     scenario = variant(load_scenario(trajectory), beams or BEAMS.get(method, (1, 2)), sensors, 0.0)
     if analytic is not None:
         scenario = scenario.with_trajectory(source="analytic", kind=trajectory, **analytic)
-    for name, value in keys.items():
-        scenario = scenario.replace(name, value)
+    scenario = scenario.replace(keys)
     if current:
         moved = {"current": {"towards_deg": 90.0} | dict(current)}
         scenario = scenario.model_copy(update={"mission": scenario.mission | moved})

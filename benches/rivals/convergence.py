@@ -117,10 +117,7 @@ def world(duration_s: float) -> Scenario:
         "acoustic_position.noise_m": FIX_SD_M,
         "acoustic_position.noise_percent_of_range": 0.0,
     }
-    scenario = load_scenario("lawn_mower").with_trajectory(duration_s=duration_s)
-    for key, value in settings.items():
-        scenario = scenario.replace(key, value)
-    return scenario
+    return load_scenario("lawn_mower").with_trajectory(duration_s=duration_s).replace(settings)
 
 
 def wrong(mission: Mission, truth: Truth, case: Case, generator: np.random.Generator) -> Mission:

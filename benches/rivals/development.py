@@ -32,7 +32,7 @@ def mission_of(scenario: Scenario, *, run: int = 0) -> Mission:
 
 def averaged(scenario: Scenario) -> Scenario:
     """With inertial samples that are means over their interval, as those of a mission are."""
-    return scenario.replace("imu.sampling", "averaged")
+    return scenario.replace({"imu.sampling": "averaged"})
 
 
 def mission_along(simulation: Simulation, truth: truths.Truth, *, run: int = 0) -> Mission:

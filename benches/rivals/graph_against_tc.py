@@ -40,9 +40,7 @@ class World:
     def load(self) -> Scenario:
         """The scenario."""
         made = load_scenario(self.scenario).with_trajectory(duration_s=self.duration_s)
-        for key, value in self.changes:
-            made = made.replace(key, value)
-        return made
+        return made.replace(dict(self.changes))
 
 
 def _paper(trajectory: str, mask: str) -> World:
@@ -79,7 +77,7 @@ def main() -> None:
 def row(world: World, runs: int, lag_s: float) -> str:
     """The line of a world."""
     scenario = world.load()
-    simulation = build_simulation(scenario.replace("imu.sampling", "averaged"))
+    simulation = build_simulation(scenario.replace({"imu.sampling": "averaged"}))
     errors: dict[str, list[Floats]] = {"tc": [], "graph": []}
     nees: dict[str, list[float]] = {"tc": [], "graph": []}
     seconds = dict.fromkeys(errors, 0.0)

@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     arguments = parser.parse_args()
     scenario = load_scenario("straight").with_trajectory(duration_s=arguments.seconds)
-    scenario = scenario.replace("imu.sampling", "averaged").replace("filter.gate", "off")
+    scenario = scenario.replace({"imu.sampling": "averaged", "filter.gate": "off"})
     simulation = build_simulation(scenario)
     steps = len(simulation.truth().time_ns) - 1
     for runs in (int(word) for word in arguments.runs.split(",")):
@@ -60,7 +60,7 @@ def main() -> None:
 
 def kernel(scenario: Scenario, simulation: Simulation, runs: int, rate_hz: float) -> Candidate:
     """Tight coupling by `run_batch`, sensors included, with the covariance at a rate; 0 at every step."""
-    chosen = scenario.replace("filter.covariance_rate_hz", rate_hz)
+    chosen = scenario.replace({"filter.covariance_rate_hz": rate_hz})
     truth, key = simulation.truth(), trajectory_key(scenario.name)
     schedule: Any = measurement_schedule(simulation, truth, trajectory_key=key, first_run=0, runs=runs)
     arrays: Any = truth.kernel_arrays()

@@ -29,7 +29,7 @@ def scenario_mission(scenario: Scenario, run: int = 0, *, simulation: Simulation
     Returns:
         A mission whose grid is the whole seconds after the start.
     """
-    scenario = scenario.replace("imu.sampling", "averaged")
+    scenario = scenario.replace({"imu.sampling": "averaged"})
     simulation = build_simulation(scenario) if simulation is None else simulation
     truth = simulation.truth()
     streams = sensor_streams(simulation, truth, run=run)

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     __version__: str
 
+    from bottomlock import own_method
+    from bottomlock.array_functions import replay_log, run_batch, simulate_sensors, solve_velocity
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
     from bottomlock.campaign.run import run_campaign, run_shard
-    from bottomlock.config.instrument_grades import imu_grade, vehicle_water
+    from bottomlock.config.instrument_grades import imu, vehicle_water
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
     from bottomlock.errors import (
         BottomlockError,
@@ -35,10 +37,6 @@ if TYPE_CHECKING:
         Report,
         VelocityFixes,
         normal_gravity_mps2,
-        replay_log,
-        run_batch,
-        simulate_sensors,
-        solve_velocity,
     )
     from bottomlock.kernel.attitude_motion import MotionFromAttitude
     from bottomlock.kernel.models import (
@@ -132,12 +130,13 @@ __all__ = [
     "WaterTrackModel",
     "analytic_truth",
     "build_simulation",
-    "imu_grade",
+    "imu",
     "load_scenario",
     "measurement_schedule",
     "merge_shards",
     "normal_gravity_mps2",
     "open_log",
+    "own_method",
     "packaged_scenarios",
     "read_beam_table",
     "read_beams",
@@ -157,23 +156,30 @@ __all__ = [
 # Each name is imported when it is first used: the command's help needs no numpy, and a vehicle's computer no polars.
 _LAZY = {
     "AcousticPositionModel": "bottomlock.kernel.models",
+    "AcousticPositionReading": "bottomlock.recordings.readings",
+    "AttitudeReading": "bottomlock.recordings.readings",
     "BeamGeometry": "bottomlock.kernel",
     "BottomlockError": "bottomlock.errors",
     "DataError": "bottomlock.errors",
     "DepthModel": "bottomlock.kernel.models",
+    "DepthReading": "bottomlock.recordings.readings",
     "DvlModel": "bottomlock.kernel.models",
     "DvlOutlierModel": "bottomlock.kernel.models",
     "EffortModel": "bottomlock.kernel.models",
+    "EffortReading": "bottomlock.recordings.readings",
     "EngineError": "bottomlock.errors",
     "Environment": "bottomlock.kernel.models",
     "FIX_METHODS": "bottomlock.kernel",
     "GpsModel": "bottomlock.kernel.models",
+    "GpsReading": "bottomlock.recordings.readings",
+    "HeadingModel": "bottomlock.kernel.models",
     "ImuModel": "bottomlock.kernel.models",
+    "ImuReading": "bottomlock.recordings.readings",
     "InitialModel": "bottomlock.kernel.models",
     "InitialState": "bottomlock.kernel.models",
     "KernelError": "bottomlock.errors",
+    "Log": "bottomlock.replay.open_log",
     "METHODS": "bottomlock.kernel",
-    "HeadingModel": "bottomlock.kernel.models",
     "MagnetometerModel": "bottomlock.kernel.models",
     "Model": "bottomlock.kernel.models",
     "Motion": "bottomlock.kernel.models",
@@ -181,50 +187,44 @@ _LAZY = {
     "Navigator": "bottomlock.kernel",
     "Options": "bottomlock.kernel.models",
     "OutputError": "bottomlock.errors",
+    "Ping": "bottomlock.recordings.readings",
+    "Report": "bottomlock.kernel",
     "Robust": "bottomlock.kernel.models",
     "Scenario": "bottomlock.config.scenario",
     "ScenarioError": "bottomlock.errors",
     "Shard": "bottomlock.campaign.partition",
     "Simulation": "bottomlock.simulation.build",
+    "StartedNavigator": "bottomlock.live.started",
     "ThrustModel": "bottomlock.kernel.models",
+    "ThrustReading": "bottomlock.recordings.readings",
     "Truth": "bottomlock.truth.truth",
     "VelocityFixes": "bottomlock.kernel",
     "Water": "bottomlock.kernel.models",
+    "WaterReading": "bottomlock.recordings.readings",
     "WaterTrackModel": "bottomlock.kernel.models",
     "analytic_truth": "bottomlock.truth.analytic",
     "build_simulation": "bottomlock.simulation.build",
-    "imu_grade": "bottomlock.config.instrument_grades",
-    "vehicle_water": "bottomlock.config.instrument_grades",
+    "imu": "bottomlock.config.instrument_grades",
     "load_scenario": "bottomlock.config.scenario",
     "measurement_schedule": "bottomlock.simulation.measurement_schedule",
     "merge_shards": "bottomlock.campaign.merge",
     "normal_gravity_mps2": "bottomlock.kernel",
     "open_log": "bottomlock.replay.open_log",
-    "Log": "bottomlock.replay.open_log",
-    "Report": "bottomlock.kernel",
-    "StartedNavigator": "bottomlock.live.started",
-    "AcousticPositionReading": "bottomlock.recordings.readings",
-    "AttitudeReading": "bottomlock.recordings.readings",
-    "DepthReading": "bottomlock.recordings.readings",
-    "EffortReading": "bottomlock.recordings.readings",
-    "GpsReading": "bottomlock.recordings.readings",
-    "ImuReading": "bottomlock.recordings.readings",
-    "Ping": "bottomlock.recordings.readings",
-    "ThrustReading": "bottomlock.recordings.readings",
-    "WaterReading": "bottomlock.recordings.readings",
+    "own_method": "bottomlock.own_method",
     "packaged_scenarios": "bottomlock.config.scenario",
     "read_beam_table": "bottomlock.io.beam_table",
     "read_beams": "bottomlock.io.beams",
     "read_geometry": "bottomlock.io.beams",
     "read_recording": "bottomlock.io.formats",
-    "replay_log": "bottomlock.kernel",
-    "run_batch": "bottomlock.kernel",
+    "replay_log": "bottomlock.array_functions",
+    "run_batch": "bottomlock.array_functions",
     "run_campaign": "bottomlock.campaign.run",
     "run_shard": "bottomlock.campaign.run",
     "sensor_streams": "bottomlock.simulation.sensor_streams",
-    "simulate_sensors": "bottomlock.kernel",
-    "solve_velocity": "bottomlock.kernel",
+    "simulate_sensors": "bottomlock.array_functions",
+    "solve_velocity": "bottomlock.array_functions",
     "truth_from_path": "bottomlock.truth.path",
+    "vehicle_water": "bottomlock.config.instrument_grades",
 }
 
 
@@ -232,9 +232,10 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - a module's attributes are a
     if name == "__version__":
         return importlib.import_module("bottomlock.kernel").kernel_version()
     if name in _LAZY:
-        return getattr(importlib.import_module(_LAZY[name]), name)
+        module = importlib.import_module(_LAZY[name])
+        return module if module.__name__ == f"{__name__}.{name}" else getattr(module, name)
     raise AttributeError(f"module 'bottomlock' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__")), "__version__"])

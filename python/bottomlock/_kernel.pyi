@@ -14,10 +14,12 @@ from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_chec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bottomlock.array_functions import AnyGeometry
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import FixMethod, JanusConfiguration, Method, OwnName
 from bottomlock.kernel.models import Environment, ImuModel, InitialState, Model, Options
 from bottomlock.live.started import StartedNavigator
+from bottomlock.own_method import AnyMethod
 
 __all__ = [
     "DEFAULT_OPTIONS",
@@ -537,12 +539,12 @@ class Navigator:
 
     def __new__(
         cls,
-        geometry: BeamGeometry,
+        geometry: AnyGeometry,
         model: Model,
         options: Options,
         initial: InitialState | StateDict,
         *,
-        method: Method | OwnName = "tc",
+        method: AnyMethod = "tc",
         covariance: ArrayLike | None = None,
         horizon_ns: int | None = None,
     ) -> Navigator: ...

@@ -19,6 +19,7 @@ import inspect
 import sys
 import time
 import traceback
+import uuid
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -142,6 +143,10 @@ class OwnMethod(Protocol):
         ...
 
 
+AnyMethod = str | type[OwnMethod] | OwnMethod
+"""A method as users name it: a name, "module:Class" or "file.py:Class", or a class or object of their own."""
+
+
 @dataclass
 class Cost:
     """Calls of a method in this process, and the seconds of a core that they took."""
@@ -151,8 +156,20 @@ class Cost:
 
 
 _COSTS: dict[str, Cost] = {}
-_LOADED: dict[str, str] = {}
-"""Names of the methods by what they were loaded from."""
+_LOADED: dict[str, type[OwnMethod]] = {}
+"""Classes by the places from which this process has them."""
+
+
+@dataclass(frozen=True)
+class _Registered:
+    """What was registered under a name, and a mark that no other registration has."""
+
+    name: OwnName
+    given: type[OwnMethod] | OwnMethod
+    mark: bytes
+
+
+_REGISTERED: dict[str, _Registered] = {}
 
 
 def register(method: type[OwnMethod] | OwnMethod) -> OwnName:
@@ -173,7 +190,63 @@ def register(method: type[OwnMethod] | OwnMethod) -> OwnName:
     except (TypeError, ValueError) as error:
         raise KernelError(f"{label} has no method ping(self, beams, prior) ({error})") from error
     register_method(name, label, _timed(made, _COSTS.setdefault(name, Cost())))
+    _REGISTERED[name] = _Registered(OwnName(name), method, uuid.uuid4().bytes)
     return OwnName(name)
+
+
+def is_method(given: object) -> bool:
+    """Whether it can be meant for a method without being a name: a class, or an object with a `ping`."""
+    return isinstance(given, type) or hasattr(given, "ping")
+
+
+def name_of(method: AnyMethod) -> str:
+    """The kernel's name of a method: a name is its own; "module:Class", a class or an object is registered if need be.
+
+    Raises:
+        KernelError: as `register` and `load`.
+    """
+    if isinstance(method, str):
+        return load(method) if ":" in method else method
+    name = getattr(method, "name", None)
+    known = _REGISTERED.get(name) if isinstance(name, str) else None
+    return known.name if known is not None and known.given is method else register(method)
+
+
+def place_of(name: str) -> str | None:
+    """Where another process finds the class of a registered method, as `load` takes it.
+
+    None for a name that is not registered, and for a method that is in this process alone: an object, and a class made
+    in a notebook, a console or a function.
+    """
+    method = _REGISTERED[name].given if name in _REGISTERED else None
+    if not isinstance(method, type):
+        return None
+    place = next((place for place, loaded in _LOADED.items() if loaded is method), None)
+    if place is None:
+        place = _place_of(method)
+        if place is not None:
+            # So that a script that is running is not run again to get its class.
+            _LOADED[place] = method
+    return place
+
+
+def _place_of(method: type[OwnMethod]) -> str | None:
+    name, module = method.__qualname__, sys.modules.get(method.__module__)
+    file = getattr(module, "__file__", None)
+    if module is None or file is None or getattr(module, name, None) is not method:
+        return None
+    if module.__name__ != "__main__":
+        return f"{module.__name__}:{name}"
+    script = Path(file).resolve()
+    # What is typed after a script has run, as by python -i, is not in the script's text.
+    functions = [inspect.unwrap(part) for part in vars(method).values() if inspect.isfunction(part)]
+    written = all(Path(one.__code__.co_filename).resolve() == script for one in functions)
+    return f"{script}:{name}" if written and script.suffix == ".py" else None
+
+
+def in_this_process_alone(names: Iterable[str]) -> dict[str, bytes]:
+    """The registered methods that no other process finds, with marks that no other class or process has."""
+    return {name: _REGISTERED[name].mark for name in names if name in _REGISTERED and place_of(name) is None}
 
 
 def _made(method: type[OwnMethod] | OwnMethod, label: str) -> OwnMethod:
@@ -240,25 +313,25 @@ def _arguments(ping: dict[str, Any]) -> tuple[Beams, Prior]:
 
 
 def load(place: str) -> str:
-    """Registers the class at "module:Class" or "file.py:Class", once in a process, and returns its name.
+    """Registers the class at "module:Class" or "file.py:Class", read once in a process, and returns its name.
 
     Raises:
         KernelError: for what cannot be imported or is no method, in one line.
     """
-    if place in _LOADED:
-        return _LOADED[place]
-    module, _, attribute = place.rpartition(":")
-    if not module or not attribute.isidentifier():
-        raise KernelError(f"method '{place}' is none, expected MODULE:CLASS or FILE.py:CLASS")
-    found = getattr(_module(module, place), attribute, None)
-    if not isinstance(found, type):
-        raise KernelError(f"method '{place}': {module} has no class {attribute}")
-    try:
-        name = register(found)
-    except KernelError as error:
-        raise KernelError(f"method '{place}': {error}") from error
-    _LOADED[place] = name
-    return name
+    if place not in _LOADED:
+        module, _, attribute = place.rpartition(":")
+        if not module or not attribute.isidentifier():
+            raise KernelError(f"method '{place}' is none, expected MODULE:CLASS or FILE.py:CLASS")
+        found = getattr(_module(module, place), attribute, None)
+        if not isinstance(found, type):
+            raise KernelError(f"method '{place}': {module} has no class {attribute}")
+        try:
+            register(found)
+        except KernelError as error:
+            raise KernelError(f"method '{place}': {error}") from error
+        _LOADED[place] = found
+    # Another class may have been given the name since.
+    return name_of(_LOADED[place])
 
 
 def _module(module: str, place: str) -> ModuleType:
@@ -306,4 +379,4 @@ def source_of(places: Iterable[str]) -> bytes:
 
 def known_names() -> tuple[str, ...]:
     """Every method: built in, dead reckoning, one's own."""
-    return (*METHODS, DEAD_RECKONING, *_COSTS)
+    return (*METHODS, DEAD_RECKONING, *_REGISTERED)

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from bottomlock import imu_grade, kernel, solve_velocity
+from bottomlock import imu, kernel, solve_velocity
 from bottomlock.config.instrument_grades import grades
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
@@ -287,7 +287,7 @@ def test_packaged_grades(c: CLibrary) -> None:
         for key in set(c.names("model_key")) - {"environment.earth"}:
             place, _, field = key.partition(".")
             is_of_grade = place == "imu" and name != "table_2"
-            expected = [getattr(imu_grade(name), field)] if is_of_grade else _numbers(c, "model", paper, key)
+            expected = [getattr(imu(name), field)] if is_of_grade else _numbers(c, "model", paper, key)
             assert _numbers(c, "model", model, key) == expected, key
         assert _numbers(c, "model", model, "environment.gravity_mps2") == [kernel.normal_gravity_mps2(0.7)]
         c("model_free", model)

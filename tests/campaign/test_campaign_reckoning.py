@@ -39,10 +39,8 @@ KEYS = {
 
 def scenario(**keys: object) -> Scenario:
     """A turning vehicle with all beams, a minute long."""
-    one = load_scenario("figure_eight").with_trajectory(duration_s=60.0).replace("dvl.beams_lost", [])
-    for key, value in keys.items():
-        one = one.replace(key, value)
-    return one.with_overrides(methods=["tc", RECKONING, "ins"])
+    one = load_scenario("figure_eight").with_trajectory(duration_s=60.0).replace({"dvl.beams_lost": []})
+    return one.replace(keys).with_overrides(methods=["tc", RECKONING, "ins"])
 
 
 @cache
@@ -70,7 +68,7 @@ def test_the_filters_are_what_they_are_without_it() -> None:
 def test_a_run_does_not_depend_on_those_beside_it() -> None:
     """Nor do its dropouts, which chance decides."""
     lost = scenario(**KEYS["heading"]).replace(
-        "dvl.dropouts", [{"beams": [1, 2], "mean_up_s": 10.0, "mean_down_s": 5.0}]
+        {"dvl.dropouts": [{"beams": [1, 2], "mean_up_s": 10.0, "mean_down_s": 5.0}]}
     )
     one = build_scenarios(build_simulations([lost.with_overrides(methods=[RECKONING])]))[0]
     many, alone = chunk(one, 3).samples, chunk(one, 1, first=2).samples
@@ -182,7 +180,7 @@ def test_without_a_reference_or_with_feedback_it_is_refused() -> None:
     swims = load_scenario("straight").with_trajectory(
         source="vehicle", vehicle="remus100", feedback="estimate"
     )
-    steered = swims.replace("heading.enabled", value=True).with_overrides(methods=[RECKONING])
+    steered = swims.replace({"heading.enabled": True}).with_overrides(methods=[RECKONING])
     with pytest.raises(ScenarioError, match="steers no vehicle"):
         build_simulations([steered])
 

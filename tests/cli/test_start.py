@@ -1,9 +1,11 @@
 """The command starts quickly: nothing heavy is imported before a subcommand is called."""
 
+import ast
 import importlib
 import inspect
 import subprocess
 import sys
+from pathlib import Path
 
 import cyclopts
 import pytest
@@ -35,9 +37,24 @@ def test_import_bottomlock_imports_nothing_heavy() -> None:
     package = importlib.import_module("bottomlock")
     for name in [*package.__all__, "__version__"]:
         assert getattr(package, name) is not None
-        assert name in dir(package) or name == "__version__"
     with pytest.raises(AttributeError, match="no attribute 'navigate'"):
         _ = package.navigate
+
+
+def test_the_names_are_said_alike_everywhere() -> None:
+    """`dir` has no others, whatever was imported; the three lists, of which two are for type checkers, agree."""
+    package = importlib.import_module("bottomlock")
+    importlib.import_module("bottomlock.studies.variants")
+    assert [name for name in dir(package) if not name.startswith("__")] == sorted(package.__all__)
+    assert {"__doc__", "__file__", "__version__"} < set(dir(package))
+    assert len(set(dir(package))) == len(dir(package))
+    tree = ast.parse(Path(package.__file__ or "").read_text(encoding="utf-8"))
+    (typed,) = (node for node in tree.body if isinstance(node, ast.If))
+    imports = [node for node in typed.body if isinstance(node, ast.ImportFrom)]
+    stated = {alias.name: node.module for node in imports for alias in node.names}
+    assert stated == package._LAZY | {"own_method": "bottomlock"}
+    assert sorted(stated) == sorted(package.__all__)
+    assert package.own_method is importlib.import_module("bottomlock.own_method")
 
 
 def test_a_vehicles_computer_needs_numpy_alone() -> None:

@@ -125,4 +125,4 @@ def test_a_missing_section_is_named_with_its_required_keys() -> None:
 def test_a_changed_mission_is_checked_at_once() -> None:
     """Not only when the mission is built."""
     with pytest.raises(ScenarioError, match="mission: unknown key 'leg_mm', did you mean 'leg_m'"):
-        load_scenario("lawn_mower").replace("mission.leg_mm", 40.0)
+        load_scenario("lawn_mower").replace({"mission.leg_mm": 40.0})

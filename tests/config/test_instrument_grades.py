@@ -17,7 +17,7 @@ from bottomlock.kernel import models
 
 def test_a_grade_in_si_is_that_of_its_data_sheet() -> None:
     """Xsens MTi-G, converted here by hand: 3600 deg/h is 1 deg/s, 3 deg/sqrt(h) is 0.05 deg/sqrt(s), 2 mg."""
-    model = bottomlock.imu_grade("mti")
+    model = bottomlock.imu("mti")
     assert model.gyro_bias_sd_radps == pytest.approx(np.pi / 180.0)
     assert model.gyro_noise_rad_rts == pytest.approx(0.05 * np.pi / 180.0)
     assert model.accel_bias_sd_mps2 == pytest.approx(0.0196133)
@@ -81,7 +81,7 @@ def test_a_scenario_changes_its_grade() -> None:
     scenario = load_scenario("straight")
     content = scenario.model_dump(exclude_unset=True)
     content["imu"] = {"grade": "phone", "accel_bias_mg": 7.0}
-    other = type(scenario).model_validate(content).replace("imu.grade", "ring_laser")
+    other = type(scenario).model_validate(content).replace({"imu.grade": "ring_laser"})
     assert other.imu.gyro_bias_deg_per_h == 0.01
     assert other.imu.accel_bias_mg == 7.0
 
@@ -91,6 +91,6 @@ def test_an_unknown_grade_names_those_known() -> None:
         ScenarioError,
         match=r"'mtx', did you mean 'mti'\? expected one of phone, autopilot, mti.*bottomlock grades",
     ):
-        load_scenario("straight").replace("imu.grade", "mtx")
+        load_scenario("straight").replace({"imu.grade": "mtx"})
     with pytest.raises(ScenarioError, match="expected one of"):
-        bottomlock.imu_grade("MTi")
+        bottomlock.imu("MTi")

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -210,12 +211,12 @@ def test_a_path_through_waypoints_keeps_its_end() -> None:
     assert "duration_s" not in again.trajectory.model_fields_set
 
 
-def test_one_key_is_replaced_and_checked() -> None:
+def test_a_key_is_replaced_and_checked() -> None:
     scenario = load_scenario("straight")
-    better = scenario.replace("imu.gyro_bias_deg_per_h", 0.01)
+    better = scenario.replace({"imu.gyro_bias_deg_per_h": 0.01})
     assert better.imu.gyro_bias_deg_per_h == 0.01
-    assert better.replace("imu.gyro_bias_deg_per_h", scenario.imu.gyro_bias_deg_per_h) == scenario
-    assert scenario.replace("filter.water.slip_sd_mps", 0.05).filter.water.slip_sd_mps == 0.05
+    assert better.replace({"imu.gyro_bias_deg_per_h": scenario.imu.gyro_bias_deg_per_h}) == scenario
+    assert scenario.replace({"filter.water.slip_sd_mps": 0.05}).filter.water.slip_sd_mps == 0.05
     for key, value, message in (
         (
             "imu.gyro_bias_deg_h",
@@ -228,7 +229,40 @@ def test_one_key_is_replaced_and_checked() -> None:
         ("campaign.methods", ["tcc"], "unknown method 'tcc', did you mean 'tc'"),
     ):
         with pytest.raises(ScenarioError, match=message):
-            scenario.replace(key, value)
+            scenario.replace({key: value})
+
+
+def test_keys_are_replaced_as_one() -> None:
+    """What is valid only together is given together; a key within another would hide it; the error names the key."""
+    scenario = load_scenario("straight")
+    angles = {
+        "dvl.configuration": "angles",
+        "dvl.tilts_deg": [20.0] * 3,
+        "dvl.azimuths_deg": [0.0, 120.0, 240.0],
+    }
+    with pytest.raises(ScenarioError, match="configuration 'angles' needs azimuths_deg and tilts_deg"):
+        scenario.replace({"dvl.configuration": "angles"})
+    made = scenario.replace(angles | {"dvl.beams_lost": [3]})
+    assert (made.dvl.beams, made.dvl.beams_lost) == (3, (3,))
+    with pytest.raises(ScenarioError, match="lost beam 4 does not exist, expected 1 to 3"):
+        scenario.replace(angles | {"dvl.beams_lost": [4]})
+    for both in ({"imu": {}, "imu.rate_hz": 100.0}, {"imu.rate_hz": 100.0, "imu": {}}):
+        with pytest.raises(ScenarioError, match=r"'imu\.rate_hz' is part of 'imu', expected one of them"):
+            scenario.replace(both)
+    own: dict[str, Any] = {"speed_mps": 0.3, "towards_deg": 90.0}
+    moved = scenario.replace({"mission.current": own, "imu.rate_hz": 100.0})
+    assert moved.mission["current"] == own == {"speed_mps": 0.3, "towards_deg": 90.0}
+    with pytest.raises(ScenarioError) as caught:
+        scenario.replace({"imu.rate_hz": -1.0, "dvl.tilt": 30.0})
+    assert "'imu.rate_hz' is -1.0" in str(caught.value)
+    assert "'dvl.tilt', did you mean 'tilt_deg'" in str(caught.value)
+    assert scenario.replace({}) == scenario
+
+
+@pytest.mark.parametrize("wrong", ["imu.rate_hz", [("imu.rate_hz", 100.0)], {1: 2.0}, None])
+def test_changes_are_keys_with_values(wrong: object) -> None:
+    with pytest.raises(ScenarioError, match=r"the changes are .*expected keys with their values, such as"):
+        load_scenario("straight").replace(wrong)  # type: ignore[arg-type] # as a caller without a type checker
 
 
 def test_a_byte_order_mark_is_no_key(tmp_path: Path) -> None:

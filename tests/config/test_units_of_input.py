@@ -50,7 +50,7 @@ def test_a_tilt_in_radians_is_named(tmp_path: Path) -> None:
     (tmp_path / "dvl.toml").write_text(angles.format("[25.0, 25.0, 0.0]"))
     assert read_geometry(tmp_path / "dvl.toml").geometry.beams == 3
     with pytest.raises(ScenarioError, match=r"dvl.tilt_deg.*is it in radians"):
-        load_scenario("straight").replace("dvl.tilt_deg", 0.349)
+        load_scenario("straight").replace({"dvl.tilt_deg": 0.349})
 
 
 @pytest.mark.parametrize("speed_mps", [300.0, -989_855.0])

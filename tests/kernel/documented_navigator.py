@@ -5,9 +5,8 @@ import numpy as np
 
 import bottomlock
 
-gravity = bottomlock.normal_gravity_mps2(0.57)
 model = bottomlock.Model(
-    environment=bottomlock.Environment(latitude_rad=0.57, gravity_mps2=gravity),
+    environment=bottomlock.Environment(latitude_rad=0.57),  # with normal gravity
     imu=bottomlock.ImuModel(
         accel_noise_mps_rts=1e-4,
         gyro_noise_rad_rts=1e-5,
@@ -32,6 +31,7 @@ model = bottomlock.Model(
     magnetometer=bottomlock.MagnetometerModel(yaw_sd_rad=0.03, roll_pitch_sd_rad=0.005),
     gps=bottomlock.GpsModel(position_sd_m=[2.0, 2.0, 4.0], velocity_sd_mps=[0.1, 0.1, 0.2]),
 )
+gravity = model.environment.gravity_mps2
 options = bottomlock.Options(depth_lever_p_m=[0.5, 0.0, 0.0])
 initial = bottomlock.InitialState(
     time_ns=0, position_t_m=[0, 0, 20], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[2, 0, 0]

@@ -86,6 +86,41 @@ def test_defaults_are_the_kernels() -> None:
     assert models.Environment(latitude_rad=0.5, gravity_mps2=9.8).earth_rate_radps == kernel.EARTH_RATE_RADPS
 
 
+def test_only_what_there_is_is_stated() -> None:
+    """Sensors are None, gravity is normal gravity, the start is the origin; a push names the section that it needs."""
+    place = models.Environment(latitude_rad=0.57)
+    assert place == models.Environment(latitude_rad=0.57, gravity_mps2=kernel.normal_gravity_mps2(0.57))
+    assert place.replace(gravity_mps2=None).gravity_mps2 == place.gravity_mps2
+    assert models.Environment(**place.as_dict()) == place
+    for wrong, message in (
+        (32.8, "32.8, expected .*radians"),
+        ("a", "'a', expected"),
+        (None, "None, expected"),
+    ):
+        with pytest.raises(KernelError, match=f"environment.latitude_rad is {message}"):
+            models.Environment(latitude_rad=wrong)  # type: ignore[arg-type]
+    bare = models.Model(environment=place, imu=MODEL.imu, initial=MODEL.initial)
+    assert [name for name, value in vars(bare).items() if value is not None] == [
+        "environment",
+        "imu",
+        "initial",
+    ]
+    for part in ("environment", "imu", "initial"):
+        given = {name: value for name, value in vars(bare).items() if value is not None and name != part}
+        with pytest.raises(KernelError, match=f"model lacks the key '{part}'"):
+            models.Model(**given)
+    start = models.InitialState(time_ns=0, attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[0, 0, 0])
+    assert start.position_t_m == (0.0, 0.0, 0.0)
+    navigator = kernel.Navigator(JANUS, bare, models.Options(), start)
+    navigator.push_imu(0, omega_p_radps=[0, 0, 0], force_p_mps2=[0, 0, -place.gravity_mps2])
+    with pytest.raises(KernelError, match=r"with model\.effort, for forces"):
+        navigator.push_effort(1, [0, 0, 0], sd_n=1.0)
+    with pytest.raises(KernelError, match="with a model of the propeller, for revolutions"):
+        navigator.push_thrust(1, 1.0, sd_mps=0.1)
+    acoustic = models.AcousticPositionModel(sd_m=0.5)
+    assert (acoustic.sd_per_range, acoustic.outlier_fraction, acoustic.outlier_factor) == (0.0, 0.0, 1.0)
+
+
 def test_arrays_become_tuples_and_numbers_plain() -> None:
     state = STATE.replace(position_t_m=np.arange(3), time_ns=np.int64(5), dvl_scale_factor=np.float32(0.5))
     assert state.position_t_m == (0, 1, 2)

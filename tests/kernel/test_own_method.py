@@ -1,6 +1,8 @@
 """Methods of one's own: copies of built-in ones are these, in campaigns and replays, and what is no method is named."""
 
 import re
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ from bottomlock import kernel, own_method
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
-from bottomlock.errors import KernelError, ScenarioError
+from bottomlock.errors import KernelError, OutputError, ScenarioError
 from bottomlock.kernel.models import Calibration
 from bottomlock.own_method import Beams, Fix, Prior, Rows
 from bottomlock.replay.case import Settings
@@ -158,6 +160,159 @@ def test_a_fix_is_taken_with_its_covariance() -> None:
     found = kernel.run_batch(**batch_along(3.0), methods=["ins", name], runs=2, threads=1)
     assert np.abs(found["error"][:, 1, -1, 6:9]).max() < 0.02
     assert np.abs(found["sd"][:, 1, -1, 6:9]).max() < 0.02 < found["sd"][:, 0, -1, 6:9].max()
+
+
+def made_here(gain: float) -> type[own_method.OwnMethod]:
+    """A class that no other process can import."""
+
+    class Local:
+        name = "made_here"
+
+        def ping(self, beams: Beams, prior: Prior) -> Rows:  # noqa: ARG002
+            """Rows of `gain` times the residual."""
+            return Rows(gain * np.asarray(beams.rows.residual), beams.rows.jacobian, beams.rows.noise)
+
+    return Local
+
+
+def test_a_class_is_taken_as_it_is(root: Path, tmp_path: Path) -> None:
+    """By campaigns with the place of its file, and by the functions of arrays; a loaded one keeps its place."""
+    scenario = short(5.0, runs=2, methods=["tc", TightCopy])
+    assert scenario.campaign.methods == ("tc", "tight_copy")
+    assert scenario.campaign.own_methods == (f"{TightCopy.__module__}:TightCopy",)
+    assert short(5.0, runs=2, methods=["tc", "tight_copy"]) == scenario, "registered before by its class"
+    assert load_scenario("straight").replace({"campaign.methods": [TightCopy]}).campaign.own_methods
+    assert Scenario.model_validate(scenario.model_dump()) == scenario == scenario.with_overrides(runs=2)
+    runs = run_campaign(scenario, tmp_path / "out", threads=1).runs.drop("method").partition_by("run")
+    assert all(one[0].equals(one[1]) for one in runs)
+    found = bottomlock.run_batch(**batch_along(3.0), methods=["tc", TightCopy], runs=1, threads=1)
+    assert np.array_equal(found["error"][:, 0], found["error"][:, 1])
+    place = f"{root / EXAMPLE}:PartialLoose"
+    own_method.load(place)
+    loaded = own_method._LOADED[place]
+    assert short(5.0, methods=[loaded]).campaign.own_methods == (place,)
+    assert Settings.model_validate({"methods": ["tc", TightCopy]}).methods == ("tc", "tight_copy")
+
+
+def test_the_class_of_a_name_is_the_one_that_was_given_last() -> None:
+    """A class of the same name takes it over, and the one from before takes it back when it is given again."""
+    half, whole = made_here(0.5), made_here(1.0)
+    results = [
+        bottomlock.run_batch(**batch_along(3.0), methods=["tc", one], runs=1, threads=1)["error"]
+        for one in (whole, half, whole)
+    ]
+    assert np.array_equal(results[0][:, 0], results[0][:, 1])
+    assert not np.array_equal(results[1][:, 0], results[1][:, 1])
+    assert np.array_equal(results[2], results[0])
+
+
+def test_a_place_takes_its_name_back(tmp_path: Path) -> None:
+    """A scenario that names the place runs its class, whatever was registered by that name in between."""
+    (tmp_path / "mine.py").write_text(CLASSES["good"].replace("mine_too", "made_here"))
+    place = f"{tmp_path / 'mine.py'}:Mine"
+    nothing, rows = own_method.load(place), made_here(1.0)
+    errors = [
+        bottomlock.run_batch(**batch_along(3.0), methods=["ins", "tc", one], runs=1, threads=1)["error"]
+        for one in (nothing, rows, place)
+    ]
+    for found, same in zip(errors, (0, 1, 0), strict=True):
+        assert np.array_equal(found[:, 2], found[:, same])
+
+
+def test_two_classes_of_one_name_in_a_campaign_are_refused(tmp_path: Path) -> None:
+    """Chunks of both run side by side, and the kernel has one class of a name."""
+    scenarios = []
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.py").write_text(CLASSES["good"])
+        place = f"{tmp_path / folder / 'mine.py'}:Mine"
+        scenarios.append(short(5.0, methods=["tc", place]).replace({"name": folder}))
+    with pytest.raises(
+        ScenarioError, match=r"scenario two: method 'mine_too' is .*two/mine\.py:Mine, and .*one/mine"
+    ):
+        run_campaign(scenarios, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_in_this_process_alone_runs_here_alone(tmp_path: Path) -> None:
+    """Its runs are resumed with the very class; shards and Dask refuse it before anything is written."""
+    one, other = made_here(1.0), made_here(1.0)
+    scenario = short(5.0, runs=1, methods=["tc", one])
+    assert scenario.campaign.own_methods == ()
+    first = run_campaign(scenario, tmp_path / "out", threads=1)
+    again = run_campaign(short(5.0, runs=1, methods=["tc", one]), tmp_path / "out", threads=1)
+    assert again.runs.equals(first.runs)
+    with pytest.raises(OutputError, match="another configuration"):
+        run_campaign(short(5.0, runs=1, methods=["tc", other]), tmp_path / "out", threads=1)
+    for refused in (other, Returns("made_as_object", None)):
+        alone = short(5.0, runs=1, methods=["tc", refused])
+        with pytest.raises(
+            ScenarioError, match=r"straight: method 'made_.*' is in this process alone, where neither"
+        ):
+            bottomlock.run_shard(alone, tmp_path / "shard", "1/2")
+        with pytest.raises(
+            ScenarioError, match="Dask's workers find it: move its class to the top level of a file"
+        ):
+            run_campaign(alone, tmp_path / "dask", engine="dask", threads=1)
+    assert not (tmp_path / "shard").exists()
+    assert not (tmp_path / "dask").exists()
+
+
+SCRIPT = """
+import sys
+import bottomlock
+print("started")
+class Mine:
+    name = "of_a_script"
+    def ping(self, beams, prior):
+        return beams.rows
+scenario = bottomlock.load_scenario("straight").with_trajectory(duration_s=5.0)
+scenario = scenario.with_overrides(runs=1, methods=["tc", Mine])
+results = bottomlock.run_campaign(scenario, sys.argv[1], threads=1)
+print(scenario.campaign.own_methods, results.manifest["configuration_hash"])
+"""
+
+
+def test_a_class_of_a_script_is_found_in_the_script(tmp_path: Path) -> None:
+    """The script is not run twice, and resumes its runs; typed at a console the class is of that process alone."""
+    (tmp_path / "mine.py").write_text(SCRIPT)
+
+    def run(*arguments: str) -> list[str]:
+        done = subprocess.run(
+            [sys.executable, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.splitlines()
+
+    first, second = run("mine.py", "out"), run("mine.py", "out")
+    assert first == second
+    assert first[0] == "started"
+    assert first[1].startswith(f"('{tmp_path.resolve() / 'mine.py'}:Mine',) ")
+    assert run("-m", "mine", "out") == first
+    typed = run("-c", SCRIPT, "other")
+    assert typed[1].startswith("() ")
+    assert run("-c", SCRIPT, "third")[1] != typed[1]
+    (tmp_path / "first.py").write_text("import sys\nexec(sys.argv.pop(1))\n")
+    assert run("first.py", SCRIPT, "fourth")[1].startswith("() "), "not in the text of first.py"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (int, "int has no name, expected a class attribute"),
+        ([3], "3"),
+        ("tc", r"methods is 'tc', expected a list of methods"),
+        (TightCopy, r"methods is <class .*TightCopy'>, expected a list of methods"),
+    ],
+)
+def test_what_is_no_list_of_methods(wrong: Any, message: str) -> None:  # noqa: ANN401 - a wrong one
+    """In a scenario, and where the kernel's functions take methods."""
+    methods: Any = [wrong] if wrong is int else wrong
+    with pytest.raises(ScenarioError, match=message):
+        short(5.0, methods=methods)
+    if wrong != [3]:
+        with pytest.raises(KernelError, match=message):
+            bottomlock.run_batch(**batch_along(3.0), methods=methods, runs=1, threads=1)
 
 
 SKEWED = np.array([[1.0, 0.5], [0.0, 1.0]])

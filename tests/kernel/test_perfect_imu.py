@@ -55,7 +55,7 @@ def test_packaged_truth_obeys_the_differential_equation(name: str, latitude_deg:
     """The package's own truths, 40 s of each, through an eighth-order integrator that shares no code with them."""
     from scipy.interpolate import CubicSpline
 
-    scenario = analytic(name).replace("environment.latitude_deg", latitude_deg)
+    scenario = analytic(name).replace({"environment.latitude_deg": latitude_deg})
     motion = bottomlock.analytic_truth(scenario, settings.GRAVITY)
     last = 40 * 150
     t = motion.time_ns[: last + 20] * 1e-9

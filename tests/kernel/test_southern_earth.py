@@ -147,10 +147,9 @@ def test_a_scenario_in_the_south_is_consistent() -> None:
     Its readings are those of the truth: averaged ones would be made with the filter's own Earth.
     """
     scenario = load_scenario("long_way").with_trajectory(duration_s=600.0).with_overrides(runs=24)
-    for key, value in (
-        ("environment.latitude_deg", -45.0), ("trajectory.heading_deg", 225.0), ("imu.sampling", "instantaneous"),
-    ):  # fmt: skip
-        scenario = scenario.replace(key, value)
+    scenario = scenario.replace({
+        "environment.latitude_deg": -45.0, "trajectory.heading_deg": 225.0, "imu.sampling": "instantaneous",
+    })  # fmt: skip
     times_s, batch = run_judged(build_simulation(scenario), ["tc"], threads=1)
     nees = batch["nees_velocity_attitude"][:, 0].mean(axis=0)
     low, high = chi2.ppf([1e-3 / len(times_s), 1.0 - 1e-3 / len(times_s)], 6 * 24) / 24

@@ -9,7 +9,7 @@ import pytest
 
 import bottomlock
 from bottomlock import DepthReading, ImuReading, Navigator, Ping
-from bottomlock.config.instrument_grades import imu_grade
+from bottomlock.config.instrument_grades import imu
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import models, normal_gravity_mps2
 from bottomlock.units import rad_from_deg
@@ -88,7 +88,7 @@ def test_it_is_the_navigator_that_one_makes_by_hand() -> None:
     assert started["time_ns"] == 5000 * MS
     instrument = read_geometry("waterlinked_a50")
     settings = bottomlock.live.started.kernel_settings(nav._config, instrument)
-    assert settings.model.imu == imu_grade("tactical")
+    assert settings.model.imu == imu("tactical")
     assert settings.model.initial.attitude_sd_rad[2] == rad_from_deg(2.0)
     half = np.sqrt(0.5)
     state = models.InitialState(
@@ -118,7 +118,7 @@ def test_it_is_the_navigator_that_one_makes_by_hand() -> None:
 
 
 def test_a_model_and_a_name_are_the_same_bits() -> None:
-    by_name, by_model = begun(imu="mti"), begun(imu=imu_grade("mti"))
+    by_name, by_model = begun(imu="mti"), begun(imu=imu("mti"))
     assert by_name.navigator is not None
     assert by_model.navigator is not None
     assert by_name.navigator.save() == by_model.navigator.save()
@@ -174,7 +174,7 @@ def test_every_kind_of_reading_is_taken() -> None:
     )
     at_ns, half = nav.time_ns, float(np.sqrt(0.5))
     valid, sd = np.ones(4, bool), np.full(4, 0.05)
-    readings = [
+    readings: list[Any] = [
         bottomlock.AttitudeReading(at_ns, (half, 0.0, 0.0, half)),
         bottomlock.GpsReading(at_ns, 54.0, 10.0, -30.0),
         bottomlock.AcousticPositionReading(at_ns, (0.0, 1.0, 30.0), None),

@@ -25,7 +25,7 @@ def caves(recordings: Path) -> tuple[Instrument, Pings]:
     if not path.is_file():
         pytest.skip(f"no recording {path}")
     instrument = read_geometry("linkquest_caves")
-    return instrument, read_beams(path, beams=4, columns=instrument.columns)
+    return instrument, read_beams(path, geometry=instrument)
 
 
 @pytest.fixture(scope="module")

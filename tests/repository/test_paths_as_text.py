@@ -1,14 +1,18 @@
-"""Paths may be given as text, wherever Python takes one; and what is no list of scenarios is named."""
+"""Paths may be given as text, wherever Python takes one; scenarios and DVLs by name or file, too."""
 
 import importlib
 import inspect
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import bottomlock
+from bottomlock import kernel
+from bottomlock.campaign.build import scenarios_of
 from bottomlock.errors import ScenarioError
+from tests.analytic import batch_along
 from tests.campaign.small_campaign import same_bits, short
 
 ENTRY_POINTS = {
@@ -62,10 +66,97 @@ def test_a_campaign_by_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     same_bits(Path("whole"), Path("merged"))
 
 
-@pytest.mark.parametrize("given", [short(2), "straight", ["straight"]])
-def test_what_is_no_list_of_scenarios(given: Any, tmp_path: Path) -> None:  # noqa: ANN401 - a wrong one
-    """The likely mistakes: one scenario, its name, a list of names."""
-    with pytest.raises(
-        ScenarioError, match=r"expected a list of Scenario, such as \[load_scenario\('straight'\)\]"
-    ):
+def test_a_scenario_by_name_and_by_file(tmp_path: Path) -> None:
+    """One or several, loaded or named: the same campaign."""
+    loaded = short(2)
+    file = tmp_path / "short.toml"
+    text = (Path(bottomlock.__file__).parent / "config" / "scenarios" / "straight.toml").read_text("utf-8")
+    file.write_text(
+        text.replace("duration_s = 250.0", f"duration_s = {loaded.trajectory.duration_s}"), "utf-8"
+    )
+    ours = bottomlock.load_scenario(file).with_overrides(runs=2, methods=["tc"])
+    assert bottomlock.load_scenario(ours) is ours
+    assert (
+        bottomlock.build_simulation(str(file)).fingerprint()
+        == bottomlock.build_simulation(ours).fingerprint()
+    )
+    truth = bottomlock.analytic_truth("straight", 9.8)
+    assert np.array_equal(
+        truth.position_t_m, bottomlock.analytic_truth(bottomlock.load_scenario("straight"), 9.8).position_t_m
+    )
+    given = (ours, [ours], (ours,), iter([ours]))
+    assert [scenarios_of(one) for one in given] == [[ours]] * 4
+    assert [one.name for one in scenarios_of(["slope", file, Path(file)])] == [
+        "slope",
+        "straight",
+        "straight",
+    ]
+    bottomlock.run_campaign(loaded, tmp_path / "one", threads=1)
+    bottomlock.run_campaign([loaded], tmp_path / "list", threads=1)
+    bottomlock.run_shard(loaded, tmp_path / "shard", "1/1", threads=1)
+    bottomlock.merge_shards(tmp_path / "merged", [tmp_path / "shard"])
+    same_bits(tmp_path / "one", tmp_path / "list")
+    same_bits(tmp_path / "one", tmp_path / "merged")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("strait", "'strait' is neither a file nor a packaged scenario, did you mean 'straight'"),
+        (["straight", "lawnmower"], "did you mean 'lawn_mower'"),
+        (Path("none.toml"), "neither a file nor"),
+        ([3], "the scenario is 3, expected a Scenario, a packaged name or a path"),
+        (7, "scenarios is 7, expected a list such as"),
+        ({"straight": 1}, "scenarios is {'straight': 1}, expected a list such as"),
+        ([], "expected scenarios of different names"),
+    ],
+)
+def test_what_is_no_scenario(given: Any, message: str, tmp_path: Path) -> None:  # noqa: ANN401 - a wrong one
+    """Nothing is written."""
+    with pytest.raises(ScenarioError, match=message):
         bottomlock.run_campaign(given, tmp_path / "o")
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize("wrong", ["1of2", "3/2", 3, None])
+def test_what_is_no_shard(wrong: Any, tmp_path: Path) -> None:  # noqa: ANN401 - a wrong one
+    with pytest.raises(ScenarioError, match=f"shard '{wrong}': expected k/n with 1 <= k <= n"):
+        bottomlock.run_shard(short(2), tmp_path / "o", wrong)
+
+
+def test_a_dvl_by_name_and_by_file(root: Path, tmp_path: Path) -> None:
+    """`solve_velocity` and its like take name, file, what was read, or the beams; `read_beams` all but the last."""
+    own = tmp_path / "own.toml"
+    packaged = root / "python" / "bottomlock" / "config" / "geometries" / "waterlinked_a50.toml"
+    own.write_text(packaged.read_text("utf-8"), "utf-8")
+    read = bottomlock.read_geometry("waterlinked_a50")
+    beams = read.geometry.beam_velocities([[1.0, 0.2, 0.0]])
+    given = ("waterlinked_a50", str(own), own, read, read.geometry)
+    for geometry in given:
+        fixes = bottomlock.solve_velocity(
+            geometry, beams, np.ones((1, 4), dtype=bool), method="lc", beam_sd_mps=0.02
+        )
+        np.testing.assert_allclose(fixes.velocity_p_mps, [[1.0, 0.2, 0.0]], atol=1e-9)
+    batch = batch_along(2.0)
+    theirs = kernel.run_batch(**(batch | {"geometry": read.geometry}), methods=["tc"], runs=1, threads=1)
+    ours = bottomlock.run_batch(**(batch | {"geometry": own}), methods=["tc"], runs=1, threads=1)
+    assert np.array_equal(ours["error"], theirs["error"])
+    with pytest.raises(
+        ScenarioError, match=r"geometry 'waterlinked_a5' is neither .* did you mean 'waterlinked_a50'"
+    ):
+        bottomlock.run_batch(**(batch | {"geometry": "waterlinked_a5"}), methods=["tc"], runs=1, threads=1)
+    with pytest.raises(
+        TypeError, match="geometry is of type int, expected a BeamGeometry, or the name or file"
+    ):
+        bottomlock.solve_velocity(3, beams, [[True] * 4], method="lc", beam_sd_mps=0.02)  # type: ignore[arg-type]
+    log = tmp_path / "log.csv"
+    log.write_text("t,beam1_mps,beam2_mps,beam3_mps,beam4_mps\n1,0.1,0.2,0.3,\n2,0.1,0.2,0.3,0.4\n", "utf-8")
+    mapped = tmp_path / "mapped.toml"
+    columns = '[columns]\ntime = "t"\ntime_unit = "s"\nlost_when_empty = true\n'
+    mapped.write_text(f"{own.read_text('utf-8')}\n{columns}", "utf-8")
+    for dvl in (mapped, str(mapped), bottomlock.read_geometry(mapped)):
+        assert bottomlock.read_beams(log, geometry=dvl).valid.sum(axis=1).tolist() == [3, 4]
+    both: dict[str, Any] = {"beams": 4, "geometry": mapped}
+    for wrong in ({}, both):
+        with pytest.raises(TypeError, match=r"either the geometry of the DVL, .* or the number of beams"):
+            bottomlock.read_beams(log, **wrong)

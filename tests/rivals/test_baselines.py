@@ -177,7 +177,7 @@ def test_the_adaptive_filter_takes_its_window_when_it_is_full(exact: Mission) ->
 @pytest.fixture(scope="module")
 def flight():  # type: ignore[no-untyped-def]  # noqa: ANN201 - a simulation and its flight
     scenario = load_scenario("survey_table2").with_trajectory(duration_s=60.0)
-    simulation = build_simulation(scenario.replace("mission.current", {"speed_mps": 0.0}))
+    simulation = build_simulation(scenario.replace({"mission.current": {"speed_mps": 0.0}}))
     return simulation, simulation.flight()
 
 
@@ -268,9 +268,11 @@ def test_a_model_bridges_what_the_ins_cannot() -> None:
     The model holds the current that it knew before, which is known to be steady here.
     """
     outage = [{"beams": [1, 2, 3, 4], "from_s": 140.0, "to_s": 240.0}]
-    scenario = load_scenario("survey_table2").with_trajectory(duration_s=240.0).replace("dvl.outages", outage)
-    scenario = scenario.replace("filter.water.current_time_s", 21_600.0)
-    simulation = build_simulation(averaged(scenario).replace("imu.rate_hz", 50.0))
+    scenario = (
+        load_scenario("survey_table2").with_trajectory(duration_s=240.0).replace({"dvl.outages": outage})
+    )
+    scenario = scenario.replace({"filter.water.current_time_s": 21_600.0})
+    simulation = build_simulation(averaged(scenario).replace({"imu.rate_hz": 50.0}))
     flown = simulation.flight()
     controls = Controls(flown.history.time_ns, flown.history.state[:, 13:17], flown.history.state[:, 17])
     vehicle = simulation.vehicle

@@ -21,7 +21,7 @@ STATE, BIAS, INSTRUMENT = 1, 2, 3
 
 def short(duration_s: float, *lost: int) -> Scenario:
     scenario = load_scenario("straight").with_trajectory(duration_s=duration_s)
-    return scenario.replace("dvl.beams_lost", list(lost)).replace("filter.gate", "off")
+    return scenario.replace({"dvl.beams_lost": list(lost), "filter.gate": "off"})
 
 
 def nearly_linear(mission: Any) -> Any:

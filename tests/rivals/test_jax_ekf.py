@@ -20,7 +20,7 @@ SECONDS = 12.0
 def batch_of_runs(runs: int) -> list[Any]:
     """Turning and climbing, beams 1 and 2 and a heading, and a DVL apart from the IMU with another speed of sound."""
     scenario = load_scenario("figure_eight").with_trajectory(duration_s=SECONDS)
-    scenario = scenario.replace("filter.gate_probability", 0.9).replace("heading.enabled", True)
+    scenario = scenario.replace({"filter.gate_probability": 0.9, "heading.enabled": True})
     geometry = make_geometry(
         "x", tilt_rad=0.35, lever_arms_p_m=[[2.0, -1.0, 0.5]] * 4, sound_speed_scale=1.01
     )

@@ -85,7 +85,7 @@ def test_a_mirrored_sample_is_that_of_a_mirrored_path() -> None:
 
 
 def test_the_baseline_is_least_squares_and_the_moving_average() -> None:
-    scenario = load_scenario("straight").with_trajectory(duration_s=30.0).replace("dvl.beams_lost", [])
+    scenario = load_scenario("straight").with_trajectory(duration_s=30.0).replace({"dvl.beams_lost": []})
     samples = data.samples_of(missions.scenario_mission(scenario))
     whole = samples.valid[:, -1].all(axis=1)
     assert whole.sum() > 10
@@ -159,7 +159,7 @@ def test_the_committed_weights_beat_the_baseline(validation: list[Any]) -> None:
 def test_the_loose_filter_adds_a_position() -> None:
     """Velocities without error aid the filter, beside depth and heading: the position follows the truth."""
     scenario = load_scenario("survey_table2").with_trajectory(duration_s=30.0)
-    mission = missions.scenario_mission(scenario.replace("heading.enabled", True))
+    mission = missions.scenario_mission(scenario.replace({"heading.enabled": True}))
     truth, covariance = mission.truth, np.tile(np.eye(3) * 1e-4, (30, 1, 1))
     aided = loose_ins.loosely_coupled(mission, truth.velocity_p_mps, covariance)
     assert train.rms(truth.velocity_p_mps - aided.velocity_p_mps) < 0.02

@@ -169,7 +169,7 @@ def test_a_section_that_is_not_there_decides_nothing() -> None:
     assert not plain.acoustic_position.enabled
     named = plain.model_copy(update={"acoustic_position": plain.acoustic_position.model_copy()})
     assert named.content_hash() == plain.content_hash()
-    assert plain.replace("acoustic_position.rate_hz", 0.5).content_hash() != plain.content_hash()
+    assert plain.replace({"acoustic_position.rate_hz": 0.5}).content_hash() != plain.content_hash()
     assert "acoustic_position" not in plain.model_fields_set
 
 

@@ -147,7 +147,7 @@ def test_noise_outliers_and_losses_are_as_stated() -> None:
 def test_only_pings_without_bottom() -> None:
     simulated = simulation(pings="without_bottom")
     scenario = simulated.scenario.replace(
-        "dvl.outages", [{"beams": [1, 2, 3, 4], "from_s": 5.0, "to_s": 12.0}]
+        {"dvl.outages": [{"beams": [1, 2, 3, 4], "from_s": 5.0, "to_s": 12.0}]}
     )
     simulated = build_simulation(scenario)
     drawn = sensor_streams(simulated, simulated.truth())

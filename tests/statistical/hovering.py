@@ -28,7 +28,7 @@ EVERY_S = 5
 @lru_cache(maxsize=16)
 def run(mask: tuple[int, ...], vehicle: str, runs: int) -> dict[str, Array]:
     """NEES of velocity and attitude, errors and σ of velocity every 5 s; (runs, methods, T, …)."""
-    scenario = load_scenario("hovering").replace("filter.water", {"vehicle": vehicle})
+    scenario = load_scenario("hovering").replace({"filter.water": {"vehicle": vehicle}})
     simulation = build_simulation(cases.masked(scenario, mask).scenario)
     truth, key = simulation.truth(), trajectory_key(scenario.name)
     plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import bottomlock
-from bottomlock.config.instrument_grades import imu_grade
+from bottomlock.config.instrument_grades import imu
 from bottomlock.config.scenario_sections import Filter
 from bottomlock.kernel.models import ImuModel
 from tests.drawn_log import drawn_log
@@ -118,7 +118,7 @@ def setting(world: World, water: Mapping[str, Any]) -> Setting:
     if world.paper:
         alone: Any = settings.schedule(world.seconds, lost=world.lost)
         return Setting(model, alone | {"sample_time_ns": alone["dvl_time_ns"][4::5]}, options)
-    model["imu"] = (world.imu or imu_grade("tactical")).as_dict()
+    model["imu"] = (world.imu or imu("tactical")).as_dict()
     model["depth"]["sd_m"] = 1.0
     model["magnetometer"] = {"yaw_sd_rad": 0.01, "roll_pitch_sd_rad": 0.01}
     seconds = np.arange(1, world.seconds + 1, dtype=np.int64) * 1_000_000_000

@@ -54,7 +54,7 @@ def test_variants_are_the_product_and_keep_name_and_seed() -> None:
     last = made[-1].scenarios[0]
     assert (last.imu.gyro_bias_deg_per_h, last.dvl.tilt_deg) == (50.0, 30.0)
     assert (last.name, last.campaign) == (base.name, base.campaign)
-    assert last.replace(GYRO, 3.0).replace("dvl.tilt_deg", 20.0).content_hash() == base.content_hash()
+    assert last.replace({GYRO: 3.0, "dvl.tilt_deg": 20.0}).content_hash() == base.content_hash()
     assert variant_runs(made) == 20
 
 

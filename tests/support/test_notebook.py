@@ -76,9 +76,9 @@ def test_a_scenario_is_a_line_and_what_its_file_states() -> None:
     assert "survey: lawn_mower at " in repr(scenario)
     assert "4 beams, depth, magnetometer" in repr(scenario)
     assert "\n" not in repr(scenario)
-    shown = cells(scenario.replace("description", "<b>")._repr_html_())
+    shown = cells(scenario.replace({"description": "<b>"})._repr_html_())
     assert {"[imu]", "[dvl]", "[filter]", "<b>"} <= set(shown)
-    assert repr(scenario.replace("dvl.beams_lost", [2])).count("4 beams without 2") == 1
+    assert repr(scenario.replace({"dvl.beams_lost": [2]})).count("4 beams without 2") == 1
 
 
 def test_a_geometry_is_its_angles() -> None:
@@ -111,7 +111,7 @@ def test_a_navigator_is_its_estimate() -> None:
 def test_variants_of_a_scenario_are_checked() -> None:
     """As a file is: an unknown key names the nearest, and the scenario itself stays as it is."""
     scenario = bottomlock.load_scenario("straight")
-    assert scenario.replace("dvl.tilt_deg", 30.0).dvl.tilt_deg == 30.0
+    assert scenario.replace({"dvl.tilt_deg": 30.0}).dvl.tilt_deg == 30.0
     assert scenario.dvl.tilt_deg == 20.0
     with pytest.raises(bottomlock.ScenarioError, match="did you mean 'tilt_deg'"):
-        scenario.replace("dvl.tilt", 30.0)
+        scenario.replace({"dvl.tilt": 30.0})

@@ -214,7 +214,7 @@ def test_a_short_mission_hardly_differs() -> None:
     """250 s of the straight way: 2 cm of level, and readings to 0.1 mg."""
     scenario = load_scenario("straight").with_trajectory(source="analytic", kind="straight")
     flat = build_simulation(scenario).truth()
-    curved = build_simulation(scenario.replace("environment.earth", "ellipsoid")).truth()
+    curved = build_simulation(scenario.replace({"environment.earth": "ellipsoid"})).truth()
     assert np.abs(curved.position_t_m - flat.position_t_m).max() < 0.03
     assert np.abs(curved.force_p_mps2 - flat.force_p_mps2).max() < 1e-3
     assert np.abs(curved.omega_p_radps - flat.omega_p_radps).max() < 2.0 / 6.3e6

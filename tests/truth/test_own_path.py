@@ -110,7 +110,7 @@ def test_what_closure_leaves_of_a_noisy_log_is_sampling(tmp_path: File) -> None:
     scenario = scenario_along(written(tmp_path, noisy()), "smooth_s = 4.0")
     left = []
     for rate_hz in (150.0, 300.0):
-        simulation = build_simulation(scenario.replace("imu.rate_hz", rate_hz))
+        simulation = build_simulation(scenario.replace({"imu.rate_hz": rate_hz}))
         left.append(closure(simulation, simulation.truth()))
     assert left[0][0] < 0.02
     assert left[1][0] == pytest.approx(left[0][0] / 4.0, rel=0.1)

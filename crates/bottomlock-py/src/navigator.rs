@@ -75,20 +75,34 @@ pub struct Navigator {
 #[pymethods]
 impl Navigator {
     #[new]
-    #[pyo3(signature = (geometry, model, options, initial, *, method="tc", covariance=None, horizon_ns=None))]
+    #[pyo3(
+        signature = (geometry, model, options, initial, *, method=None, covariance=None, horizon_ns=None),
+        text_signature = "(geometry, model, options, initial, *, method='tc', covariance=None, horizon_ns=None)"
+    )]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
-        geometry: &BeamGeometry,
+        geometry: &Bound<'_, PyAny>,
         model: &Bound<'_, PyAny>,
         options: &Bound<'_, PyAny>,
         initial: &Bound<'_, PyAny>,
-        method: &str,
+        method: Option<&Bound<'_, PyAny>>,
         covariance: Option<&Bound<'_, PyAny>>,
         horizon_ns: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let horizon_ns = lock::horizon(horizon_ns)?;
-        let aiding = settings::method(py, method)?.aiding;
+        // Names, files and classes are Python's.
+        let geometry = py
+            .import("bottomlock.array_functions")?
+            .call_method1("beam_geometry", (geometry,))?;
+        let geometry = geometry.cast::<BeamGeometry>()?.get();
+        let aiding = match method {
+            None => settings::method(py, "tc")?.aiding,
+            Some(method) => {
+                let named = py.import("bottomlock.own_method")?.call_method1("name_of", (method,))?;
+                settings::method(py, &named.extract::<String>()?)?.aiding
+            }
+        };
         let (model, options) = (settings::model(model)?, settings::options(options)?);
         let initial = state("initial", initial)?;
         let mut inner =
@@ -119,7 +133,9 @@ impl Navigator {
         sections: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let given = (dvl, imu, latitude_deg, heading_deg, heading_sd_deg, method);
-        py.import("bottomlock.live.started")?.getattr("start")?.call(given, sections)
+        py.import("bottomlock.live.started")?
+            .getattr("start")?
+            .call(given, sections)
     }
 
     /// An inertial reading: angular rate relative to inertial space and specific force in the platform frame, (3,) each, rad/s and

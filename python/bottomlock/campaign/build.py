@@ -1,8 +1,9 @@
 """The first step of a campaign: every scenario built, checked, and its truth computed once."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,10 @@ import polars as pl
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from bottomlock.config.scenario import Scenario
+from bottomlock import own_method
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.own_method import DEAD_RECKONING
+from bottomlock.own_method import DEAD_RECKONING, in_this_process_alone
 from bottomlock.plant import Flight
 from bottomlock.plant.closed_loop import cross_track_m
 from bottomlock.simulation.build import Simulation, build_simulation
@@ -48,25 +50,70 @@ class BuiltScenario:
         return self.scenario.trajectory.feedback == "estimate"
 
 
+AnyScenarios = Scenario | str | Path | Iterable[Scenario | str | Path]
+"""Scenarios as users name them: one or several, each as `load_scenario` takes it."""
+
+
+def scenarios_of(given: AnyScenarios) -> list[Scenario]:
+    """The scenarios of a campaign.
+
+    Raises:
+        ScenarioError: for what is no scenario and no list of them, and as `load_scenario`.
+    """
+    if isinstance(given, Scenario | str | Path):
+        return [load_scenario(given)]
+    several: Any = given  # a caller without a type checker may give anything
+    if isinstance(several, Mapping | bytes) or not isinstance(several, Iterable):
+        raise ScenarioError(f"scenarios is {several!r:.60}, expected a list such as ['straight', 'own.toml']")
+    return [load_scenario(one) for one in several]
+
+
 def build_simulations(scenarios: Sequence[Scenario]) -> list[Simulation]:
     """Loads and checks everything that the scenarios name, without any truth.
 
     Raises:
-        ScenarioError: for what is no list of scenarios, no scenario, two of one name, dead reckoning without an
-            attitude reference, and what `build_simulation` rejects.
+        ScenarioError: for no scenario, two of one name, two classes of one name, dead reckoning without an attitude
+            reference, and what `build_simulation` rejects.
     """
-    given: Any = scenarios  # a caller without a type checker may give anything
-    if isinstance(given, Scenario | str) or not all(isinstance(one, Scenario) for one in given):
-        raise ScenarioError(
-            f"scenarios is {given!r:.60}, expected a list of Scenario, such as [load_scenario('straight')]"
-        )
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
         raise ScenarioError(f"expected scenarios of different names, got {names}")
+    _check_own_methods(scenarios)
     for scenario in scenarios:
         _check_reckoning(scenario)
     with _one_blas_thread():
         return [build_simulation(scenario) for scenario in scenarios]
+
+
+def _check_own_methods(scenarios: Sequence[Scenario]) -> None:
+    """Rejects scenarios whose methods of one name are different classes: the kernel has one of a name at a time.
+
+    Raises:
+        ScenarioError: naming scenario, method and both places.
+    """
+    places: dict[str, str] = {}
+    for scenario in scenarios:
+        for place in scenario.campaign.own_methods:
+            name = own_method.load(place)
+            if places.setdefault(name, place) != place:
+                raise ScenarioError(
+                    f"scenario {scenario.name}: method '{name}' is {place}, and {places[name]} before it: expected one "
+                    "class of a name in a campaign"
+                )
+
+
+def check_found_elsewhere(scenarios: Sequence[Scenario]) -> None:
+    """Rejects methods of one's own that other processes, of Dask or of other shards, do not find.
+
+    Raises:
+        ScenarioError: naming scenario and method.
+    """
+    for scenario in scenarios:
+        for name in in_this_process_alone(scenario.campaign.methods):
+            raise ScenarioError(
+                f"scenario {scenario.name}: method '{name}' is in this process alone, where neither other shards nor "
+                "Dask's workers find it: move its class to the top level of a file, and import it or name FILE.py:CLASS"
+            )
 
 
 def _check_reckoning(scenario: Scenario) -> None:

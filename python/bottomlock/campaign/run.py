@@ -15,7 +15,14 @@ from typing import Any
 import polars as pl
 
 from bottomlock.campaign.aggregate import Tables, open_aggregate
-from bottomlock.campaign.build import build_scenarios, build_simulations, true_paths
+from bottomlock.campaign.build import (
+    AnyScenarios,
+    build_scenarios,
+    build_simulations,
+    check_found_elsewhere,
+    scenarios_of,
+    true_paths,
+)
 from bottomlock.campaign.chunk_files import Identity, is_finished, read_chunk, write_chunk
 from bottomlock.campaign.directory import (
     MANIFEST,
@@ -85,7 +92,7 @@ class Campaign:
 
 
 def run_campaign(
-    scenarios: Sequence[Scenario],
+    scenarios: AnyScenarios,
     out: str | Path,
     *,
     threads: int = 0,
@@ -102,7 +109,7 @@ def run_campaign(
     that are whole, and runs one that has changed on the disk again, with a `Note`.
 
     Args:
-        scenarios: the scenarios, of different names.
+        scenarios: one or several of different names: each a Scenario, a packaged name or the path of a file.
         out: directory; new, empty, or of the same configuration.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         engine: "local" or "dask", see `engine.open_engine`. The numbers do not depend on it.
@@ -113,7 +120,7 @@ def run_campaign(
         progress: called after each chunk, and during a chunk in closed loop.
 
     Raises:
-        ScenarioError: for two scenarios of one name, and for what `build_simulation` rejects.
+        ScenarioError: for two scenarios of one name, and for what `load_scenario` and `build_simulation` reject.
         OutputError: for a directory that holds something else, is in use by another process, or cannot be written.
         DataError: for a manifest on disk that is damaged.
         EngineError: for an engine that is not there or breaks down.
@@ -128,9 +135,9 @@ def run_campaign(
 
 
 def run_shard(
-    scenarios: Sequence[Scenario],
+    scenarios: AnyScenarios,
     out: str | Path,
-    shard: Shard,
+    shard: Shard | str,
     *,
     threads: int = 0,
     engine: Engine = "local",
@@ -141,13 +148,18 @@ def run_shard(
 ) -> dict[str, Any]:
     """Runs or resumes one shard of a campaign; `merge.merge_shards` joins all shards to the campaign.
 
-    `out` gets the shard's chunks and a manifest of status "shard", and no tables. Everything else is as for
-    `run_campaign`.
+    `out` gets the shard's chunks and a manifest of status "shard", and no tables; `shard` may be text such as "1/4".
+    Everything else is as for `run_campaign`.
 
     Returns:
         The manifest.
+
+    Raises:
+        As `run_campaign`.
+        ScenarioError: also for a method of one's own that is in this process alone, and for a text that is no shard.
     """
     out = Path(out)
+    shard = shard if isinstance(shard, Shard) else Shard.parse(str(shard))
     _, manifest = _simulate(
         scenarios, out, shard, threads, engine, scheduler, force=force, recover=recover, progress=progress
     )
@@ -185,7 +197,7 @@ def check_campaign(
 
 
 def _simulate(
-    scenarios: Sequence[Scenario],
+    given: AnyScenarios,
     out: Path,
     shard: Shard | None,
     threads: int,
@@ -199,6 +211,9 @@ def _simulate(
     """Builds and partitions the scenarios, and executes the campaign on an engine."""
     clock = Clock()
     check_engine(engine, threads=threads, scheduler=scheduler)
+    scenarios = scenarios_of(given)
+    if engine != "local" or shard is not None:
+        check_found_elsewhere(scenarios)
     simulations = build_simulations(scenarios)
     identity = identity_of(simulations)
     check_apart(

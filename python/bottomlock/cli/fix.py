@@ -72,7 +72,7 @@ def fix(
         check_free(out, inputs=(log, Path(geometry)), force=force)
     instrument = read_geometry(geometry)
     with converted_first(log, instrument.columns.time):
-        pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
+        pings = read_beams(log, geometry=instrument)
     if leave_out is not None:
         if method is not None:
             raise ScenarioError("--method and --leave-out: every method is scored; give one of the two")

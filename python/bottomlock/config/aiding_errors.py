@@ -62,8 +62,6 @@ class AcousticPositionErrors(Section):
             sd_m=self.sd_m,
             sd_per_range=units.fraction_from_percent(self.sd_percent_of_range),
             transceiver_t_m=self.transceiver_m,
-            outlier_fraction=0.0,
-            outlier_factor=1.0,
         )
         return {"acoustic_position": noise}
 

@@ -77,14 +77,14 @@ def grade_of(kind: Kind, name: str) -> Grade:
     return known[name]
 
 
-def imu_grade(name: str) -> models.ImuModel:
+def imu(name: str) -> models.ImuModel:
     """Errors of an IMU of a packaged grade, SI units, 1 sigma per axis.
 
     Raises:
         ScenarioError: for an unknown name.
 
     Examples:
-        >>> round(imu_grade("mti").accel_bias_sd_mps2, 4)
+        >>> round(imu("mti").accel_bias_sd_mps2, 4)
         0.0196
     """
     return imu_model(grade_of("imu", name).keys)

@@ -11,7 +11,7 @@ from bottomlock import own_method
 class OwnMethods(BaseModel):
     """`own_methods` are "module:Class" or "file.py:Class".
 
-    `methods` may hold these too, and has the names of the classes afterwards.
+    `methods` may hold these too, and in Python classes and objects; it has their names afterwards.
     """
 
     own_methods: tuple[str, ...] = ()
@@ -23,16 +23,18 @@ class OwnMethods(BaseModel):
         if not isinstance(data, dict):
             return data
         own, methods = data.get("own_methods", ()), data.get("methods", ())
-        lists = [part for part in (own, methods) if isinstance(part, list | tuple)]
-        if len(lists) < 2 or not all(isinstance(name, str) for part in lists for name in part):
+        if not isinstance(own, list | tuple) or not isinstance(methods, list | tuple):
             return data
-        places = list(dict.fromkeys([*own, *(name for name in methods if ":" in name)]))
-        if not places:
+        named = all(isinstance(one, str) or own_method.is_method(one) for one in methods)
+        if not named or not all(isinstance(place, str) for place in own):
             return data
-        names = {place: own_method.load(place) for place in places}
-        changed = data | {"own_methods": tuple(places)}
+        names = [own_method.name_of(method) for method in methods]
+        there = {own_method.load(place) for place in own}
+        others = [own_method.place_of(name) for name in names if name not in there]
+        places = [*own, *(place for place in others if place is not None)]
+        changed = data | ({"own_methods": tuple(dict.fromkeys(places))} if places else {})
         if "methods" in data:
-            changed["methods"] = tuple(names.get(name, name) for name in methods)
+            changed["methods"] = tuple(names)
         return changed
 
     @model_serializer(mode="wrap")

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
@@ -33,6 +33,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_free
 from bottomlock.kernel import models
+from bottomlock.own_method import AnyMethod
 from bottomlock.support.nearest import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -129,34 +130,54 @@ class Scenario(Section):
         """What the file states, for notebooks."""
         return table_of(self)
 
-    def replace(self, key: str, value: Any) -> Self:  # noqa: ANN401 - a value of any key
-        """The scenario with another value of one key, for instance "imu.gyro_bias_deg_per_h"; checked as a file is.
+    def replace(self, changes: Mapping[str, Any]) -> Self:
+        """The scenario with other values of some keys, for instance "imu.gyro_bias_deg_per_h"; checked as a file is.
+
+        All of them are set before anything is checked, so keys that are valid only together are given together.
 
         Raises:
-            ScenarioError: for an unknown key, which names the nearest, or a value that is not valid.
+            ScenarioError: for an unknown key, which names the nearest, a value that is not valid, and a key that is
+                part of another.
 
         Examples:
-            >>> load_scenario("straight").replace("imu.gyro_bias_deg_per_h", 0.01).imu.gyro_bias_deg_per_h
-            0.01
+            >>> better = load_scenario("straight").replace({"imu.gyro_bias_deg_per_h": 0.01, "dvl.beams_lost": [4]})
+            >>> better.imu.gyro_bias_deg_per_h, better.dvl.beams_lost
+            (0.01, (4,))
         """
+        given: Any = changes  # a caller without a type checker may give anything
+        if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
+            raise ScenarioError(
+                f"scenario {self.name}: the changes are {given!r:.60}, expected keys with their values, such as "
+                '{"imu.gyro_bias_deg_per_h": 0.01}'
+            )
         content = self.model_dump(exclude_unset=True)
-        *sections, last = key.split(".")
-        section = content
-        for name in sections:
-            section = section.setdefault(name, {})
-            if not isinstance(section, dict):
-                raise ScenarioError(f"scenario {self.name}: unknown key '{key}' ('{name}' is no section)")
-        section[last] = value
+        for key, value in given.items():
+            within = next((other for other in given if key.startswith(f"{other}.")), None)
+            if within is not None:
+                raise ScenarioError(
+                    f"scenario {self.name}: '{key}' is part of '{within}', expected one of them"
+                )
+            *sections, last = key.split(".")
+            section = content
+            for name in sections:
+                section = section.setdefault(name, {})
+                if not isinstance(section, dict):
+                    raise ScenarioError(f"scenario {self.name}: unknown key '{key}' ('{name}' is no section)")
+            section[last] = value
         return _checked(type(self), content, f"scenario {self.name}")
 
     def with_overrides(
-        self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[str] | None = None
+        self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[AnyMethod] | None = None
     ) -> Self:
-        """The same scenario with another number of runs, seed or methods.
+        """The same scenario with another number of runs, seed or methods: names, and classes of one's own.
 
         Raises:
-            ScenarioError: for a number out of range or an unknown or repeated method.
+            ScenarioError: for a number out of range, an unknown or repeated method, and a class that is none.
         """
+        if isinstance(methods, str | type):
+            raise ScenarioError(
+                f"scenario {self.name}: methods is {methods!r:.60}, expected a list of methods"
+            )
         change: dict[str, Any] = {
             "runs": runs,
             "seed": seed,
@@ -251,8 +272,8 @@ def _packaged(name: str) -> Scenario:
     return parse_scenario(_packaged_text(name) or "", place=f"scenario {name}")
 
 
-def load_scenario(source: str | Path) -> Scenario:
-    """A scenario from a packaged name or a TOML file.
+def load_scenario(source: Scenario | str | Path) -> Scenario:
+    """A scenario from a packaged name or a TOML file; one that is loaded already is returned as it is.
 
     A packaged name is taken as such; a `Note` says so where NAME.toml is in the working directory.
 
@@ -260,6 +281,11 @@ def load_scenario(source: str | Path) -> Scenario:
         ScenarioError: for a file that is not there or cannot be read, ill-formed TOML (with line and column), a missing
             or unknown key, or a value out of range; one line per fault.
     """
+    if isinstance(source, Scenario):
+        return source
+    given: Any = source  # a caller without a type checker may give anything
+    if not isinstance(given, str | Path):
+        raise ScenarioError(f"the scenario is {given!r:.60}, expected a Scenario, a packaged name or a path")
     path = Path(source)
     if path.suffix != ".toml" and _packaged_text(str(source)) is not None:
         note_file_beside("scenario", str(source))

@@ -31,6 +31,4 @@ def demo_scenario(seconds: float) -> Scenario:
         "dvl.rate_hz": DVL_HZ,
         "dvl.outages": outages,
     }
-    for key, value in changes.items():
-        scenario = scenario.replace(key, value)
-    return with_geometry(scenario, GEOMETRY)
+    return with_geometry(scenario.replace(changes), GEOMETRY)

@@ -340,18 +340,41 @@ def read_validity(path: Path, *, beams: int) -> tuple[NDArray[np.int64], NDArray
     return read_times(table, Columns(), str(path)), read_flags(table, names, str(path))
 
 
-def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) -> Pings:
-    """Reads pings from CSV or Parquet.
+def read_beams(
+    path: str | Path,
+    *,
+    geometry: Instrument | str | Path | None = None,
+    beams: int | None = None,
+    columns: Columns | None = None,
+) -> Pings:
+    """Reads pings from CSV or Parquet, of a DVL or of a number of beams.
 
     The documented columns are `time_ns`, `beam1_mps` ..., `beam1_valid` ... (0/1 or true/false) and, optionally,
     `prior_surge_mps`, `prior_sway_mps`, `prior_heave_mps` with `prior_surge_sd_mps` ..., and `instrument_valid`; a map
     in the geometry file names others. Rows are counted from 0, without the header.
 
+    Args:
+        path: the table.
+        geometry: the DVL, whose file may have a map of columns: what `read_geometry` returns or takes.
+        beams: number of beams, in place of the DVL.
+        columns: a map of columns, in place of the DVL's.
+
     Raises:
+        TypeError: for both or neither of `geometry` and `beams`.
+        ScenarioError: as `read_geometry`.
         DataError: naming file, row and column: for a file that cannot be read, a missing column, a cell that is no
             number, a time that repeats or goes back, a valid beam without a finite velocity, or a log without rows.
     """
     place = str(path)
+    if (geometry is None) == (beams is None):
+        raise TypeError(
+            "read_beams takes either the geometry of the DVL, a name or a file, or the number of beams: "
+            f"geometry is {geometry!r:.40}, beams is {beams}"
+        )
+    if geometry is not None:
+        instrument = geometry if isinstance(geometry, Instrument) else read_geometry(geometry)
+        beams, columns = instrument.geometry.beams, columns or instrument.columns
+    assert beams is not None
     columns = columns or Columns()
     table = read_rows(Path(path))
     velocity_names = columns.velocity or tuple(f"beam{k + 1}_mps" for k in range(beams))

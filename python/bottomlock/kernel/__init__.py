@@ -64,6 +64,13 @@ from bottomlock.support.nearest import did_you_mean
 if TYPE_CHECKING:
     import polars as pl
 
+    from bottomlock._kernel import BatchDict as BatchDict
+    from bottomlock._kernel import LogDict as LogDict
+    from bottomlock._kernel import ReplayDict as ReplayDict
+    from bottomlock._kernel import ScheduleDict as ScheduleDict
+    from bottomlock._kernel import StateDict as StateDict
+    from bottomlock._kernel import TruthDict as TruthDict
+
 __all__ = [
     "COMPONENT_STATUS",
     "DEFAULT_OPTIONS",
@@ -312,36 +319,11 @@ def solve_velocity(
     nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"],
     weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"],
 ) -> VelocityFixes:
-    """Solves pings for the platform velocity from any set of valid beams (Tal et al. 2017, Eqs 17-49).
-
-    Args:
-        geometry: the beams.
-        velocity_mps: (n, beams) beam velocities; entries of invalid beams are ignored and may be NaN.
-        valid: (n, beams) bool.
-        method: a key of `FIX_METHODS`, or the long name that it stands for.
-        beam_sd_mps: (beams,) noise of the beams, 1 sigma, or one number for all.
-        prior_velocity_p_mps: (n, 3) velocity that the INS expects, for vb, vhv and elc.
-        prior_cov_m2ps2: (n, 3, 3) its covariance.
-        omega_tp_p_radps: (n, 3) angular rate against the tangent frame, for lever arms.
-        virtual_beam_factor: n_f of Eq. 28.
-        nullified_sway_var_m2ps2: epsilon of Eq. 36.
-        weak_sway_var_m2ps2: variance of the weak sway row.
-
-    Returns:
-        One row per ping. Lost beams and unobservable components are values, not errors.
+    """Solves pings for the platform velocity; arguments and result as `array_functions.solve_velocity` explains them.
 
     Raises:
         TypeError: for a geometry that is none.
-        KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity; the
-            message names row and beam.
-
-    Examples:
-        >>> import numpy as np
-        >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
-        >>> beams = janus.beam_velocities([[2.0, 0.1, 0.0]])
-        >>> fixes = solve_velocity(janus, beams, [[True, True, False, False]], method="plcf", beam_sd_mps=0.042)
-        >>> float(fixes.velocity_p_mps[0, 0].round(6)), COMPONENT_STATUS[fixes.component[0, 1]]
-        (2.0, 'outside_row_space')
+        KernelError: naming row and beam.
     """
     if not isinstance(geometry, BeamGeometry):
         raise TypeError(f"geometry is of type {type(geometry).__name__}, expected a BeamGeometry")

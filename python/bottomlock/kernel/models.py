@@ -23,7 +23,13 @@ from typing import Any, ClassVar, Literal, Self, TypeVar, dataclass_transform, g
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.kernel import DEFAULT_OPTIONS, EARTH_RATE_RADPS, KernelError, check_settings
+from bottomlock.kernel import (
+    DEFAULT_OPTIONS,
+    EARTH_RATE_RADPS,
+    KernelError,
+    check_settings,
+    normal_gravity_mps2,
+)
 from bottomlock.support.nearest import nearest
 
 WALK_TIME_S = 300.0
@@ -120,15 +126,24 @@ def _settings(cls: type[_T]) -> type[_T]:
 class Environment(Settings):
     """Latitude (rad), gravity (m/s²) at the origin and Earth rate (rad/s), 0 for an Earth at rest.
 
+    Gravity that is left out, or None, is normal gravity at that latitude (`normal_gravity_mps2`).
     With `earth` = "ellipsoid" gravity, depth, level and heading are those of the place (docs/ellipsoid.md); with
     "tangent_plane" they are those of the origin everywhere, as in the 2017 paper.
     """
 
     place: ClassVar[str] = "environment"
     latitude_rad: float
-    gravity_mps2: float
+    gravity_mps2: float = None  # type: ignore[assignment] # a number in every object
     earth_rate_radps: float = EARTH_RATE_RADPS
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
+
+    def __post_init__(self) -> None:
+        """Fills in the gravity, and checks as every section does."""
+        if vars(self)["gravity_mps2"] is None:
+            # The latitude is checked first: an error about gravity would name the wrong key.
+            check_settings(self.place, self.as_dict() | {"gravity_mps2": 0.0})
+            object.__setattr__(self, "gravity_mps2", normal_gravity_mps2(self.latitude_rad))
+        super().__post_init__()
 
 
 @_settings
@@ -230,15 +245,16 @@ class GpsModel(Settings):
 class AcousticPositionModel(Settings):
     """Errors of acoustic position fixes (USBL, LBL), 1 sigma per axis, and outliers among simulated ones.
 
-    The noise is that at zero range and that per slant range from the transceiver at `transceiver_t_m` (3,).
+    The noise is that at zero range and that per slant range from the transceiver at `transceiver_t_m` (3,); 0, the
+    default, for the same at every range.
     """
 
     place: ClassVar[str] = "acoustic_position"
     sd_m: float
-    sd_per_range: float
-    transceiver_t_m: Vector
-    outlier_fraction: float
-    outlier_factor: float
+    sd_per_range: float = 0.0
+    transceiver_t_m: Vector = (0.0, 0.0, 0.0)
+    outlier_fraction: float = 0.0
+    outlier_factor: float = 1.0
 
 
 @_settings
@@ -453,13 +469,13 @@ class Options(Settings):
 class InitialState(Settings):
     """State at the start of a navigator or a replay: what `Navigator.state` returns makes one, too.
 
-    Position (3,), tangent frame; attitude (4,), scalar first, platform to tangent; velocity (3,), platform frame;
-    biases of accelerometers and gyros (3,), of four beams (4,), and the DVL's scale factor.
+    Position (3,), tangent frame, by default its origin; attitude (4,), scalar first, platform to tangent; velocity
+    (3,), platform frame; biases of accelerometers and gyros (3,), of four beams (4,), and the DVL's scale factor.
     """
 
     place: ClassVar[str] = "initial_state"
     time_ns: int
-    position_t_m: Vector
+    position_t_m: Vector = (0.0, 0.0, 0.0)
     attitude_t_p: Vector
     velocity_p_mps: Vector
     accel_bias_p_mps2: Vector = (0.0, 0.0, 0.0)

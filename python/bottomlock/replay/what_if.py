@@ -69,5 +69,5 @@ def read_beam_recording(of: BeamRecording) -> tuple[Times, Floats, Flags]:
         ScenarioError, DataError: as `read_geometry` and `read_beams`.
     """
     instrument = read_geometry(of.geometry)
-    pings = read_beams(of.file, beams=instrument.geometry.beams, columns=instrument.columns)
+    pings = read_beams(of.file, geometry=instrument)
     return pings.time_ns, pings.velocity_mps, np.asarray(pings.valid)

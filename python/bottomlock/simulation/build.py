@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import kernel, units
-from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario
+from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario, load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_validity
-from bottomlock.own_method import source_of
+from bottomlock.own_method import in_this_process_alone, source_of
 from bottomlock.plant import AnyVehicle, Flight, Mission, fly, load_vehicle
 from bottomlock.plant.cache import history_key
 from bottomlock.plant.current import Current
@@ -93,6 +93,8 @@ class Simulation:
         # Not its name but its text is what a method of one's own does.
         if self.scenario.campaign.own_methods:
             digest.update(source_of(self.scenario.campaign.own_methods))
+        for mark in in_this_process_alone(self.scenario.campaign.methods).values():
+            digest.update(mark)
         for numbers in () if self.path is None else self.path.numbers():
             digest.update(np.ascontiguousarray(numbers).tobytes())
         return digest.hexdigest()
@@ -159,18 +161,21 @@ class Simulation:
             raise ScenarioError(f"scenario {name}: trajectory.file: {error}") from error
 
 
-def build_simulation(scenario: Scenario) -> Simulation:
+def build_simulation(scenario: Scenario | str | Path) -> Simulation:
     """Loads and checks everything that a scenario names, so that a fault shows before anything runs.
 
+    Args:
+        scenario: a Scenario, a packaged name or the path of a file.
+
     Raises:
-        ScenarioError: for beams in a plane, a vehicle file with a fault or without a stable trim, a mission beyond the
-            vehicle's range, a seabed, a recorded log or a trajectory that cannot be read.
+        ScenarioError: as `load_scenario`; for beams in a plane, a vehicle file with a fault or without a stable trim, a
+            mission beyond the vehicle's range, a seabed, a recorded log or a trajectory that cannot be read.
 
     Examples:
-        >>> from bottomlock.config.scenario import load_scenario
-        >>> build_simulation(load_scenario("straight")).geometry.beams
+        >>> build_simulation("straight").geometry.beams
         4
     """
+    scenario = load_scenario(scenario)
     path = own_path(scenario) if scenario.trajectory.source == "file" else None
     scenario = scenario if path is None else with_path(scenario, path)
     gravity_mps2 = gravity_of(scenario)

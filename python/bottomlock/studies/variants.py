@@ -103,18 +103,14 @@ def make_variants(scenarios: Sequence[Scenario], sets: Mapping[str, Sequence[Any
     combinations = [dict(zip(sets, values, strict=True)) for values in itertools.product(*sets.values())]
     if len(combinations) > MOST_VARIANTS:
         raise ScenarioError(f"{len(combinations)} variants are asked for, expected {MOST_VARIANTS} at most")
-    variants = [Variant(_folder(one), one, _varied(scenarios, one)) for one in combinations]
+    variants = [
+        Variant(_folder(one), one, tuple(scenario.replace(one) for scenario in scenarios))
+        for one in combinations
+    ]
     names = [variant.folder for variant in variants]
     if len(set(names)) != len(names):
         raise ScenarioError(f"two variants would have one folder, {max(names, key=names.count)}")
     return variants
-
-
-def _varied(scenarios: Sequence[Scenario], values: Mapping[str, Any]) -> tuple[Scenario, ...]:
-    varied = list(scenarios)
-    for key, value in values.items():
-        varied = [scenario.replace(key, value) for scenario in varied]
-    return tuple(varied)
 
 
 def _folder(values: Mapping[str, Any]) -> str:

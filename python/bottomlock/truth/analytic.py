@@ -8,12 +8,13 @@ rounding. A perfect IMU, integrated by the strapdown step, therefore returns the
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario
+from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario, load_scenario
 from bottomlock.config.scenario_sections import Trajectory
 from bottomlock.errors import DataError
 from bottomlock.truth.truth import Array, Truth, sample_times_ns
@@ -209,18 +210,19 @@ def ideal_inertial_readings(
     return omega_ip, force
 
 
-def analytic_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
-    """The analytic truth of a scenario at its IMU rate.
+def analytic_truth(scenario: Scenario | str | Path, gravity_mps2: float) -> Truth:
+    """The analytic truth of a scenario, a packaged name or a file at its IMU rate.
 
     Raises:
+        ScenarioError: as `load_scenario`.
         DataError: if the motion is not possible or the duration holds fewer than two samples.
 
     Examples:
-        >>> from bottomlock.config.scenario import load_scenario
-        >>> truth = analytic_truth(load_scenario("straight"), 9.795)
+        >>> truth = analytic_truth("straight", 9.795)
         >>> truth.position_t_m[-1].round(6).tolist()
         [500.0, 0.0, 0.0]
     """
+    scenario = load_scenario(scenario)
     motion = analytic_motion(scenario.trajectory)
     time_ns = sample_times_ns(scenario.trajectory.duration_s, scenario.imu.rate_hz)
     if len(time_ns) < 2:
