@@ -24,8 +24,8 @@ exclude_patterns: list[str] = []
 source_suffix = {".md": "myst-nb", ".py": "myst-nb"}
 exclude_patterns += ["conf.py", "joss/*", "**/__pycache__", "**/_downloads/*", "_extra"]
 
-# Markdown as on a forge: anchors of headings, $ for mathematics.
-myst_enable_extensions = ["dollarmath", "attrs_inline", "colon_fence"]
+# Markdown as on a forge: anchors of headings, $ for mathematics. Lists of definitions are those of the keys.
+myst_enable_extensions = ["dollarmath", "attrs_inline", "colon_fence", "deflist"]
 myst_heading_anchors = 4
 
 # Examples run at every build whose script has changed; an error ends the build.
@@ -52,6 +52,7 @@ python_display_short_literal_types = True
 html_theme = "furo"
 html_title = f"bottomlock {release}"
 html_static_path = ["_static"]
+html_favicon = html_logo = "_static/mark.svg"
 html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
