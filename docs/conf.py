@@ -19,6 +19,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "cyclopts.sphinx_ext",
+    "tools.site_thumbnails",
 ]
 exclude_patterns: list[str] = []
 source_suffix = {".md": "myst-nb", ".py": "myst-nb"}
@@ -36,6 +37,8 @@ nb_execution_raise_on_error = True
 nb_merge_streams = True
 nb_execution_show_tb = True
 nb_output_stderr = "show"
+# Figures into their pages, also where the terminal asks for another backend.
+os.environ.pop("MPLBACKEND", None)
 os.environ["MATPLOTLIBRC"] = str(Path(__file__).resolve().parent / "matplotlibrc")
 
 # Docstrings are Google's sections with code in single backticks.
@@ -63,6 +66,8 @@ html_theme_options = {
 }
 html_extra_path: list[str] = ["_extra"]
 copybutton_exclude = ".linenos, .gp"
+smartquotes = False  # quotes of TOML stay as they are written
+highlight_language = "none"  # commands are no Python
 pygments_style = "friendly"
 pygments_dark_style = "native"
 

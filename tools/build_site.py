@@ -198,8 +198,9 @@ def main() -> int:
     links = asked.builder == "linkcheck"
     command = [sys.executable, "-m", "sphinx", "-b", asked.builder, "--keep-going", "--quiet", "-j", "2"]
     command += [] if links else ["--fail-on-warning"]
-    command += ["-d", str(ROOT / "out" / "site-cache"), str(STAGED), str(asked.out)]
-    done = subprocess.run(command, check=False, stderr=subprocess.DEVNULL if links else None)  # noqa: S603 - our own arguments
+    command += ["-d", str(ROOT / "out" / "site-cache"), str(STAGED), str(asked.out.resolve())]
+    silent = subprocess.DEVNULL if links else None
+    done = subprocess.run(command, check=False, stderr=silent, cwd=ROOT)  # noqa: S603 - our own arguments
     return broken_links(asked.out / "output.json") if links else done.returncode
 
 
