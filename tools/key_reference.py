@@ -24,7 +24,8 @@ TITLES: dict[Kind, str] = {
 }
 COMMANDS: dict[Kind, str] = {
     "scenario": "`bottomlock run FILE`; packaged ones are copied by `bottomlock scenarios --copy NAME`",
-    "case": "`bottomlock replay FILE`; written from logs by `bottomlock replay --init LOG...`; see [replay](../replay.md)",
+    "case": "`bottomlock replay FILE`; written from logs by `bottomlock replay --init LOG...`; see "
+    "[replay](../replay.md)",
     "geometry": "`geometry` of a case or a live configuration, `--geometry` of audit, fix and score; the packaged ones "
     "are listed by `bottomlock geometries`. `[columns]` is a column map",
     "vehicle": "`trajectory.vehicle` of a scenario, `bottomlock fly --vehicle FILE`; see [the vehicle](../plant.md)",
@@ -35,13 +36,13 @@ COMMANDS: dict[Kind, str] = {
 }
 HEAD = """# Keys
 
-Every key of the files that a user writes, a page a kind of file. The pages are written by `python tools/key_reference.py` from the
-models that check the files; `bottomlock keys case start` prints the same in a terminal, with an example of each key, and
-`bottomlock keys scenario --json` for programs.
+Every key of the files that a user writes, a page a kind of file. The pages are written by `python
+tools/key_reference.py` from the models that check the files; `bottomlock keys case start` prints the same in a
+terminal, with an example of each key, and `bottomlock keys scenario --json` for programs.
 
-A key has its unit in its name, or beside its type. A key without a default is required or optional: an optional one stands for
-no value where it is left out, since TOML has no word for that. Standard deviations are 1 sigma. What is wrong or missing in a
-file is named in one go, with what was expected and the nearest known key.
+A key has its unit in its name, or beside its type. A key without a default is required or optional: an optional one
+stands for no value where it is left out, since TOML has no word for that. Standard deviations are 1 sigma. What is
+wrong or missing in a file is named in one go, with what was expected and the nearest known key.
 """
 
 
@@ -125,7 +126,9 @@ def main() -> int:
     left = sorted(there - set(written))
     if "--check" in sys.argv[1:]:
         old = [name for name, text in written.items() if _text(name) != text] + left
-        print(f"not current: {', '.join(old)}: python tools/key_reference.py" if old else "the keys are current")
+        print(
+            f"not current: {', '.join(old)}: python tools/key_reference.py" if old else "the keys are current"
+        )
         return 1 if old else 0
     (DOCS / "keys").mkdir(exist_ok=True)
     for name, text in written.items():

@@ -24,7 +24,13 @@ LOST = (1, 4)
 """The two that look ahead, over the edge of the bottom."""
 
 SCHEMES = {
-    "light": {"ink": "#1b1f24", "soft": "#57606a", "hull": "#f2c14e", "bottom": "#d9cfbd", "cliff": "#b5a78c"},
+    "light": {
+        "ink": "#1b1f24",
+        "soft": "#57606a",
+        "hull": "#f2c14e",
+        "bottom": "#d9cfbd",
+        "cliff": "#b5a78c",
+    },
     "dark": {"ink": "#e6edf3", "soft": "#9198a1", "hull": "#e3b341", "bottom": "#4a4438", "cliff": "#2f2b23"},
 }
 RETURNED, GONE = "#3b82f6", "#e0562f"
@@ -34,16 +40,18 @@ INSTRUMENT = np.array([245.0, 108.0])
 """Where the instrument stands in the drawing."""
 
 ALT = (
-    "An underwater vehicle seen from its starboard side, with four beams of sound from its belly. Beams 2 and 3, which look "
-    "back, reach the bottom and return; beams 1 and 4, which look ahead, pass the edge of the bottom and are lost. An arrow "
-    "ahead of the vehicle is its velocity; the ellipse at its tip is the uncertainty, longer along one direction."
+    "An underwater vehicle seen from its starboard side, with four beams of sound from its belly. Beams 2 and 3, "
+    "which look back, reach the bottom and return; beams 1 and 4, which look ahead, pass the edge of the bottom and "
+    "are lost. An arrow ahead of the vehicle is its velocity; the ellipse at its tip is the uncertainty, longer along "
+    "one direction."
 )
 
 
 def seen(point_p: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A point (forward, starboard, down) relative to the instrument, in the drawing: starboard is towards the viewer."""
+    """A point (forward, starboard, down) from the instrument, in the drawing: starboard is towards the viewer."""
     forward, starboard, down = point_p
-    return INSTRUMENT + np.array([forward - 0.35 * starboard, down + 0.30 * starboard])
+    across = np.array([-0.35, 0.30])
+    return INSTRUMENT + np.array([forward, down]) + starboard * across
 
 
 def path(points: list[NDArray[np.float64]], *, closed: bool = False) -> str:
@@ -70,34 +78,31 @@ def beam(number: int, colours: dict[str, str]) -> str:
     direction = BEAMS_P[number - 1] / BEAMS_P[number - 1, 2]
     lost = number in LOST
     end = seen(direction * DEPTH * (1.25 if lost else 1.0))
-    colour = GONE if lost else RETURNED
-    line = f'<path d="{path([INSTRUMENT, end])}" stroke="{colour}" stroke-width="2.5" fill="none"'
-    if not lost:
-        line += (
-            f'/><ellipse cx="{end[0]:.1f}" cy="{end[1]:.1f}" rx="15" ry="6" fill="{colour}" fill-opacity="0.35" '
-            f'stroke="{colour}" stroke-width="1.5"/>'
-        )
-    else:
+    stroke = f'stroke="{GONE if lost else RETURNED}"'
+    line = f'<path d="{path([INSTRUMENT, end])}" {stroke} stroke-width="2.5" fill="none"'
+    if lost:
         arms = [end + 6.0 * np.array(arm) for arm in ((-1, -1), (1, 1), (-1, 1), (1, -1))]
+        line += f' stroke-dasharray="3 6"/><path d="{path(arms[:2])}{path(arms[2:])}" {stroke} stroke-width="2.5"/>'
+    else:
         line += (
-            f' stroke-dasharray="3 6"/><path d="{path(arms[:2])}{path(arms[2:])}" stroke="{colour}" stroke-width="2.5"/>'
+            f'/><ellipse cx="{end[0]:.1f}" cy="{end[1]:.1f}" rx="15" ry="6" fill="{RETURNED}" fill-opacity="0.35" '
+            f'{stroke} stroke-width="1.5"/>'
         )
     side = {1: 18.0, 2: -26.0, 3: 26.0, 4: 18.0}[number]
     return line + text(end + np.array([side, 5.0]), str(number), colours["ink"], "middle")
 
 
 def vehicle(colours: dict[str, str]) -> str:
-    """A torpedo with nose to the right: hull, fins, propeller, and the instrument in its belly."""
+    """A torpedo with nose to the right: propeller, fins, hull, and the instrument in its belly."""
     x, y = INSTRUMENT - np.array([0.0, 27.0])
     ink = f'stroke="{colours["ink"]}" stroke-width="1.6" stroke-linejoin="round"'
-    hull = f"M{x - 128} {y}Q{x - 96} {y - 24} {x - 60} {y - 24}H{x + 92}A24 24 0 0 1 {x + 92} {y + 24}H{x - 60}Q{x - 96} {y + 24} {x - 128} {y}Z"
-    fins = f"M{x - 100} {y - 14}L{x - 122} {y - 34}H{x - 104}L{x - 76} {y - 21}ZM{x - 100} {y + 14}L{x - 122} {y + 34}H{x - 104}L{x - 76} {y + 21}Z"
-    propeller = f"M{x - 128} {y}H{x - 136}M{x - 136} {y - 15}V{y + 15}"
+    fin = f'<path d="M-100 -14L-122 -34H-104L-76 -21Z" fill="{colours["hull"]}" {ink}/>'
     return (
-        f'<path d="{propeller}" {ink} fill="none"/><path d="{fins}" fill="{colours["hull"]}" {ink}/>'
-        f'<path d="{hull}" fill="{colours["hull"]}" {ink}/>'
-        f'<path d="M{x + 62} {y - 24}V{y + 24}" {ink} opacity="0.35"/>'
-        f'<path d="M{x - 16} {y + 23}H{x + 16}L{x + 11} {y + 32}H{x - 11}Z" fill="{colours["ink"]}"/>'
+        f'<g transform="translate({x:g} {y:g})"><path d="M-128 0H-136M-136 -15V15" {ink} fill="none"/>{fin}'
+        f'<g transform="scale(1 -1)">{fin}</g>'
+        f'<path d="M-128 0Q-96 -24 -60 -24H92A24 24 0 0 1 92 24H-60Q-96 24 -128 0Z" fill="{colours["hull"]}" {ink}/>'
+        f'<path d="M62 -24V24" {ink} opacity="0.35"/>'
+        f'<path d="M-16 23H16L11 32H-11Z" fill="{colours["ink"]}"/></g>'
     )
 
 
