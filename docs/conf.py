@@ -19,6 +19,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "cyclopts.sphinx_ext",
+    "tools.site_mathml",
     "tools.site_thumbnails",
 ]
 exclude_patterns: list[str] = []
@@ -52,6 +53,7 @@ autodoc_preserve_defaults = True
 add_module_names = False
 python_display_short_literal_types = True
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"bottomlock {release}"
 html_static_path = ["_static"]

@@ -51,7 +51,7 @@ def seen(point_p: NDArray[np.float64]) -> NDArray[np.float64]:
     """A point (forward, starboard, down) from the instrument, in the drawing: starboard is towards the viewer."""
     forward, starboard, down = point_p
     across = np.array([-0.35, 0.30])
-    return INSTRUMENT + np.array([forward, down]) + starboard * across
+    return np.asarray(INSTRUMENT + np.array([forward, down]) + starboard * across)
 
 
 def path(points: list[NDArray[np.float64]], *, closed: bool = False) -> str:
