@@ -40,9 +40,9 @@ Every key of the files that a user writes, a page a kind of file. The pages are 
 tools/key_reference.py` from the models that check the files; `bottomlock keys case start` prints the same in a
 terminal, with an example of each key, and `bottomlock keys scenario --json` for programs.
 
-A key has its unit in its name, or beside its type. A key without a default is required or optional: an optional one
-stands for no value where it is left out, since TOML has no word for that. Standard deviations are 1 sigma. What is
-wrong or missing in a file is named in one go, with what was expected and the nearest known key.
+A key has its unit in its name, or beside its type. A key without a default is required or optional; there is no such
+value where an optional one is left out. Standard deviations are 1 sigma. What is wrong or missing in a file is named
+in one go, with what was expected and the nearest known key.
 """
 
 

@@ -144,3 +144,13 @@ def test_decisions_are_out_of_the_search(root: Path) -> None:
         if "nosearch: true" in build_site.of_the_site(page, page.read_text(encoding="utf-8"))
     }
     assert left_out == set((root / "docs" / "decisions").glob("0*.md"))
+
+
+def test_every_figure_of_an_example_has_words(root: Path) -> None:
+    """For those who do not see it: the metadata of the cell that shows it."""
+    for script in build_site.examples(root):
+        cells = re.split(r"^# %%(.*)\n", script.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        shown = [head for head, body in zip(cells[1::2], cells[2::2], strict=True) if "plt.show()" in body]
+        assert shown, script
+        for head in shown:
+            assert re.search(r'^ mystnb=\{"image": \{"alt": "[^"]{30,}"\}\}$', head), f"{script}: {head}"
