@@ -158,9 +158,11 @@ docs-links: $(VENV)/.docs $(VENV)/.installed
 notebooks: $(VENV)/.docs
 	$(bin)/python tools/build_site.py --notebooks out/notebooks
 
-# The figures of README and methods' pages, flown again.
+# The figures of README and methods' pages, flown again, the drawings, and pictures of pages, which need Chromium.
 figures: $(VENV)/.installed
 	$(bin)/python tools/site_figures.py
+	$(bin)/python tools/site_drawings.py
+	$(bin)/python tools/site_screenshots.py
 
 # Rewrites the golden files; every number that moves goes into the CHANGELOG under "Numbers".
 golden: $(VENV)/.installed

@@ -19,14 +19,16 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "cyclopts.sphinx_ext",
+    "tools.site_mathml",
+    "tools.site_thumbnails",
     "tools.site_signatures",
 ]
 exclude_patterns: list[str] = []
 source_suffix = {".md": "myst-nb", ".py": "myst-nb"}
 exclude_patterns += ["conf.py", "joss/*", "**/__pycache__", "**/_downloads/*", "_extra"]
 
-# Markdown as on a forge: anchors of headings, $ for mathematics.
-myst_enable_extensions = ["dollarmath", "attrs_inline", "colon_fence"]
+# Markdown as on a forge: anchors of headings, $ for mathematics. Lists of definitions are those of the keys.
+myst_enable_extensions = ["dollarmath", "attrs_inline", "colon_fence", "deflist"]
 myst_heading_anchors = 4
 
 # Examples run at every build whose script has changed; an error ends the build.
@@ -37,6 +39,8 @@ nb_execution_raise_on_error = True
 nb_merge_streams = True
 nb_execution_show_tb = True
 nb_output_stderr = "show"
+# Figures into their pages, also where the terminal asks for another backend.
+os.environ.pop("MPLBACKEND", None)
 os.environ["MATPLOTLIBRC"] = str(Path(__file__).resolve().parent / "matplotlibrc")
 
 # Docstrings are Google's sections with code in single backticks.
@@ -51,9 +55,11 @@ python_maximum_signature_line_length = 88
 add_module_names = False
 python_display_short_literal_types = True
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"bottomlock {release}"
 html_static_path = ["_static"]
+html_favicon = html_logo = "_static/mark.svg"
 html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
@@ -64,6 +70,8 @@ html_theme_options = {
 }
 html_extra_path: list[str] = ["_extra"]
 copybutton_exclude = ".linenos, .gp"
+smartquotes = False  # quotes of TOML stay as they are written
+highlight_language = "none"  # commands are no Python
 pygments_style = "friendly"
 pygments_dark_style = "native"
 

@@ -74,7 +74,7 @@ found = [
 for finding in found[0].findings:
     print(f"{finding.severity}: {finding.text}\n")
 
-# %%
+# %% mystnb={"image": {"alt": "Yaw found in six dives with ± 2σ: near the planted one, not as stated."}}
 yaw_deg = np.rad2deg([one.mounting.rpy_rad[2] for one in found])
 sd_deg = np.rad2deg([one.mounting.misalignment_sd_rad[2] for one in found])
 figure, axes = plt.subplots(figsize=(7.2, 3.0))

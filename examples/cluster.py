@@ -54,7 +54,7 @@ for name in ("runs", "ensemble", "consistency"):
 #
 # The interval of a result shrinks with the square root of the number of runs: that is what a cluster buys.
 
-# %%
+# %% mystnb={"image": {"alt": "The 95 % interval narrows as one over the square root of the runs."}}
 straight = (pl.col("trajectory") == "straight") & (pl.col("method") == "tc")
 final = merged.runs.filter(straight)["velocity_final_mps"].to_numpy()
 rng = np.random.default_rng(0)

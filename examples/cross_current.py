@@ -24,7 +24,7 @@ with TemporaryDirectory() as folder:
         for words, scenario in (("still water", still), ("0.3 m/s across", across))
     }
 
-# %%
+# %% mystnb={"image": {"alt": "Velocity errors of four methods in still water and across a current"}}
 figure, panels = plt.subplots(1, 2, sharey=True, figsize=(7.4, 3.8))
 for axes, (words, results) in zip(panels, found.items(), strict=True):
     for method, style in zip(METHODS, ("-", "--", "-.", ":"), strict=True):

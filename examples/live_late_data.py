@@ -81,7 +81,7 @@ same = np.array_equal(late.covariance(), in_order.covariance()) and np.array_equ
 )
 print("late and in order end in the same bits:", same)
 
-# %%
+# %% mystnb={"image": {"alt": "Position error: in order, late at its time, and largest stamped on arrival"}}
 figure, axes = plt.subplots(figsize=(7.2, 3.4))
 for words, errors, style in (
     ("in order", errors_in_order, "-"),

@@ -31,7 +31,7 @@ with TemporaryDirectory() as folder:
         for words, scenario in (("bottom alone", dry), ("bottom and water", wet))
     }
 
-# %%
+# %% mystnb={"image": {"alt": "Errors while no beam reaches the bottom, far smaller with the water"}}
 figure, panels = plt.subplots(1, 2, figsize=(7.4, 3.8), layout="constrained")
 for (words, results), colour in zip(found.items(), ("C3", "C0"), strict=True):
     for method, style in zip(METHODS, ("-", "--"), strict=True):

@@ -45,7 +45,7 @@ with TemporaryDirectory() as folder:
     results = bottomlock.run_campaign(scenario, Path(folder) / "own")
 results
 
-# %%
+# %% mystnb={"image": {"alt": "Velocity errors against time: tc, the own method level_flight, sway_current"}}
 axes = results.plot_velocity_error()
 axes.set_title("beams 1 and 2 of 4", loc="right")
 plt.show()

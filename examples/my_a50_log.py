@@ -57,7 +57,7 @@ lost = pings.with_columns(
 lost.write_parquet(folder / "lost.parquet")
 bottomlock("fix lost.parquet --geometry waterlinked_a50 --method plcf --out fixes.parquet")
 
-# %%
+# %% mystnb={"image": {"alt": "Surge, sway and heave of every ping with ± 2σ about the truth"}}
 fixes = pl.read_parquet(folder / "fixes.parquet")
 truth = pl.read_parquet(folder / "truth.parquet")
 figure, panels = plt.subplots(3, 1, sharex=True, figsize=(7.2, 5.4))

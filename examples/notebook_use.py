@@ -39,7 +39,7 @@ found["two beams"]
 # %% [markdown]
 # Plots take axes, or make their own. Tables are Polars data frames: `runs`, `ensemble`, `consistency`.
 
-# %%
+# %% mystnb={"image": {"alt": "Velocity errors with two beams and with three, side by side"}}
 figure, panels = plt.subplots(1, 2, figsize=(8.4, 4.0))
 for axes, (words, results) in zip(panels, found.items(), strict=True):
     results.plot_velocity_error(axes=axes)

@@ -30,7 +30,7 @@ last = ensemble.filter(pl.col("time_s") == pl.col("time_s").max())
 table = last.pivot("method", index="beams", values="velocity_rms_over_runs_mps")
 table.with_columns(pl.col("tc", "sway_current").round(3))
 
-# %%
+# %% mystnb={"image": {"alt": "Velocity errors of tc and sway_current with four to one of the beams"}}
 figure, panels = plt.subplots(1, 2, sharey=True, figsize=(7.4, 3.6))
 for axes, method in zip(panels, ("tc", "sway_current"), strict=True):
     for beams, style in zip(LOST, ("-", "--", "-.", ":"), strict=True):

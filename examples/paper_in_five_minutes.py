@@ -28,7 +28,7 @@ results
 # `lc` is the reference: it has all four beams. The others have beams 1 and 2, which measure surge and a mixture of
 # heave and sway. What no beam measures drifts with the inertial sensors.
 
-# %%
+# %% mystnb={"image": {"alt": "Velocity errors of seven methods with two beams, with confidence bands"}}
 figure, axes = plt.subplots(figsize=(7.2, 4.6))
 results.plot_velocity_error(axes=axes)
 axes.set_yscale("log")

@@ -43,7 +43,7 @@ observable
 # steady turn the motion is the same all the time, and no window is long enough. What is observable is not yet known
 # well: the next figure shows how well.
 
-# %%
+# %% mystnb={"image": {"alt": "What each manoeuvre leaves of the σ of each state, as a table of colours"}}
 wanted = table["state"].unique(maintain_order=True).to_list()[3:15]
 names = observable["manoeuvre"].to_list()
 left = np.array(

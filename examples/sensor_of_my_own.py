@@ -71,7 +71,7 @@ class BeamsAndWheel:
 register(BeamsAndWheel)
 
 
-# %%
+# %% mystnb={"image": {"alt": "Surge error against time: growing with one beam, near zero with the wheel"}}
 def errors(method: str) -> np.ndarray:
     """Surge, sway and heave error after each ping, m/s."""
     navigator = bottomlock.Navigator(

@@ -5,7 +5,7 @@
 # of the beams that look downhill, other beams are lost by chance, and a current flows. Which beams return is nobody's
 # choice: it comes from range, incidence and chance.
 
-# %%
+# %% mystnb={"image": {"alt": "The path down and along a slope, and when each beam returns"}}
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -44,7 +44,7 @@ table = results.runs.group_by("method", maintain_order=True).agg(
 )
 table
 
-# %%
+# %% mystnb={"image": {"alt": "Velocity errors of the methods on the slope"}}
 figure, axes = plt.subplots(figsize=(7.2, 4.0))
 results.plot_velocity_error(axes=axes)
 axes.set_yscale("log")

@@ -29,7 +29,7 @@ with TemporaryDirectory() as folder:
 #
 # The sway error of every run (thin lines) and ± 2σ as the filter claims it. About one in twenty should lie outside.
 
-# %%
+# %% mystnb={"image": {"alt": "Sway errors of the runs against ± 2σ of two methods"}}
 figure, panels = plt.subplots(1, 2, figsize=(7.8, 3.2))
 for axes, method in zip(panels, ("tc", "vhv"), strict=True):
     of_method = samples.filter(pl.col("method") == method)
@@ -56,7 +56,7 @@ plt.show()
 # NEES of velocity and attitude, six numbers, in every run at the last second; the curve is chi-squared with six
 # degrees of freedom.
 
-# %%
+# %% mystnb={"image": {"alt": "Distribution of NEES of the methods beside chi-squared with 6 degrees"}}
 last = samples.filter(pl.col("time_ns") == pl.col("time_ns").max())
 figure, axes = plt.subplots(figsize=(7.2, 3.2))
 grid = np.linspace(0.0, 30.0, 200)

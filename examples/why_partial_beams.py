@@ -21,7 +21,7 @@ print(np.round(janus.directions_p, 3))
 # some uncertainty of its own, here 0.5 m/s in every direction. The sum of both is what is known after
 # the ping.
 
-# %%
+# %% mystnb={"image": {"alt": "Ellipses of surge and sway: round with one beam, flat with two, small with three"}}
 masks = {"no beam": [], "beam 1": [0], "beams 1, 2": [0, 1], "beams 1, 4": [0, 3], "beams 1, 2, 3": [0, 1, 2]}
 
 

@@ -4,8 +4,9 @@
     python tools/build_site.py --builder linkcheck   # every link; those outside are tried
     python tools/build_site.py --notebooks out/notebooks    # the examples as notebooks, nothing else
 
-Warnings are errors. What docs/ links to in the rest of the checkout becomes a link to the repository, and the script of
-each example and its notebook can be downloaded from its page.
+Warnings are errors. What docs/ links to in the rest of the checkout becomes a link to the repository, a <picture> of a
+forge two figures of which the scheme shows one, and the script of each example and its notebook can be downloaded from
+its page. Decisions are left out of the search: it is for what holds today.
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ REPOSITORY = "https://github.com/bottomlock/bottomlock/blob/main/"
 STAGED = ROOT / "out" / "site-source"
 
 _LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)\s]*)?(\))")
+_PICTURE = re.compile(
+    r'<picture>\s*<source media="\(prefers-color-scheme: dark\)" srcset="(?P<dark>[^"]+)">'
+    r'\s*<img alt="(?P<alt>[^"]+)" src="(?P<light>[^"]+)">\s*</picture>'
+)
 _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
 
 
@@ -55,6 +60,27 @@ def outward(page: Path, text: str, root: Path = ROOT) -> str:
 
     parts = _CODE.split(text)
     return "".join(part if index % 2 else _LINK.sub(one, part) for index, part in enumerate(parts))
+
+
+def in_both_schemes(text: str) -> str:
+    """A page whose pictures follow the scheme of the site, which a reader may choose, in place of the browser's alone.
+
+    >>> dark = '<source media="(prefers-color-scheme: dark)" srcset="b.svg">'
+    >>> print(in_both_schemes(f'<picture> {dark} <img alt="A curve" src="a.svg"> </picture>'))
+    ![A curve](a.svg){.only-light}
+    ![A curve](b.svg){.only-dark}
+    """
+    return _PICTURE.sub(r"![\g<alt>](\g<light>){.only-light}\n![\g<alt>](\g<dark>){.only-dark}", text)
+
+
+def of_the_site(page: Path, text: str) -> str:
+    """A page of docs/ as Sphinx reads it."""
+    text = in_both_schemes(outward(page, text))
+    if page == ROOT / "docs" / "reference" / "tables.md":
+        text += "\n" + tables()
+    if page.parent == ROOT / "docs" / "decisions" and page.name != "README.md":
+        text = f"---\nnosearch: true\n---\n\n{text}"
+    return text
 
 
 def examples(root: Path = ROOT) -> list[Path]:
@@ -132,10 +158,7 @@ def staged(folder: Path) -> set[Path]:
             continue
         data = path.read_bytes()
         if path.suffix == ".md":
-            text = outward(path, data.decode())
-            data = (
-                text + "\n" + tables() if path == ROOT / "docs" / "reference" / "tables.md" else text
-            ).encode()
+            data = of_the_site(path, data.decode()).encode()
         made.add(write(folder / path.relative_to(ROOT / "docs"), data))
     gallery = folder / "gallery"
     for script in examples():
@@ -175,8 +198,9 @@ def main() -> int:
     links = asked.builder == "linkcheck"
     command = [sys.executable, "-m", "sphinx", "-b", asked.builder, "--keep-going", "--quiet", "-j", "2"]
     command += [] if links else ["--fail-on-warning"]
-    command += ["-d", str(ROOT / "out" / "site-cache"), str(STAGED), str(asked.out)]
-    done = subprocess.run(command, check=False, stderr=subprocess.DEVNULL if links else None)  # noqa: S603 - our own arguments
+    command += ["-d", str(ROOT / "out" / "site-cache"), str(STAGED), str(asked.out.resolve())]
+    silent = subprocess.DEVNULL if links else None
+    done = subprocess.run(command, check=False, stderr=silent, cwd=ROOT)  # noqa: S603 - our own arguments
     return broken_links(asked.out / "output.json") if links else done.returncode
 
 

@@ -24,7 +24,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import bottomlock
-from bottomlock.figures.palette import FAINT, INK, PAPER, STYLE, stroke
+from bottomlock.figures.palette import FAINT, INK, STYLE, stroke
 from bottomlock.files.atomic_write import write_text
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "figures"
@@ -33,14 +33,17 @@ SECONDS = 200.0
 SHOWN = ("nsv", "tc", "sway_current", "lc")
 """Methods of the figure in the README."""
 
-DARK = {INK: "#e6edf3", FAINT: "#7d8590", PAPER: "#0d1117"}
+DARK = {INK: "#e6edf3", FAINT: "#7d8590"}
+"""Ink of the dark scheme; the paper is that of the page in both."""
 WORDS = {
     "nsv": "sway set to zero",
     "tc": "tight coupling",
     "sway_current": "sway_current",
     "lc": "all four beams",
 }
-_STYLE: Any = STYLE | {"svg.fonttype": "none", "font.family": "sans-serif", "axes.facecolor": "none"}
+_STYLE: Any = STYLE | {
+    "svg.fonttype": "none", "font.family": "sans-serif", "figure.facecolor": "none", "savefig.facecolor": "none",
+}  # fmt: skip
 
 
 def flown(runs: int) -> pl.DataFrame:
@@ -139,7 +142,7 @@ def _names(axes: Axes, table: pl.DataFrame) -> None:
 
 
 def svg(figure: Figure, *, dark: bool = False) -> str:
-    """The figure as SVG on the background of a light or a dark page."""
+    """The figure as SVG without a background, for a light or a dark page."""
     buffer = io.StringIO()
     with mpl.rc_context(_STYLE):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -163,11 +166,11 @@ def main() -> int:
     table = flown(asked.runs)
     asked.out.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(_STYLE):
-        first = first_figure(table)
-        write_text(asked.out / "two_beams_light.svg", svg(first))
-        write_text(asked.out / "two_beams_dark.svg", svg(first, dark=True))
-        for method in bottomlock.METHODS:
-            write_text(asked.out / f"method_{method}.svg", svg(method_figure(table, method)))
+        figures = {"two_beams": first_figure(table)}
+        figures |= {f"method_{method}": method_figure(table, method) for method in bottomlock.METHODS}
+        for name, figure in figures.items():
+            write_text(asked.out / f"{name}_light.svg", svg(figure))
+            write_text(asked.out / f"{name}_dark.svg", svg(figure, dark=True))
     last = table.filter(pl.col("time_s") == pl.col("time_s").max())
     with pl.Config(tbl_rows=-1):
         print(last.select("leg", "method", pl.col("error_mps", "claimed_mps").round(4)))

@@ -1,7 +1,7 @@
 """The key reference: every key of every model has what a user needs, its examples hold, and the page is current."""
 
-import importlib.util
 import json
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +15,7 @@ from bottomlock.config.key_reference import describe, key_of, section_models
 from bottomlock.config.meaning import meanings_of
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
+from tools import key_reference
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -66,14 +67,35 @@ def test_no_meaning_is_of_a_key_that_does_not_exist() -> None:
             assert set(entries) <= set(model.model_fields), f"{module}.{name}"
 
 
-def test_the_committed_page_is_current() -> None:
-    """docs/keys.md is what tools/key_reference.py writes."""
-    spec = importlib.util.spec_from_file_location("key_page", ROOT / "tools" / "key_reference.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    assert (ROOT / "docs" / "keys.md").read_text(encoding="utf-8") == module.page()
+def test_the_committed_pages_are_current() -> None:
+    """docs/keys.md and docs/keys/ are what tools/key_reference.py writes, and there is nothing else."""
+    written = key_reference.pages()
+    there = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs" / "keys").iterdir()}
+    assert there | {"keys.md"} == set(written)
+    for name, text in written.items():
+        assert (ROOT / "docs" / name).read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("kind", get_args(Kind))
+def test_a_page_defines_every_key(kind: Kind) -> None:
+    """Under the heading of its section, with its meaning, unless the page has the same section above."""
+    page = (ROOT / "docs" / "keys" / f"{kind}.md").read_text(encoding="utf-8")
+    bodies = re.split(r"^## .*\n", page, flags=re.MULTILINE)[1:]
+    sections = reference(kind)
+    assert re.findall(r"^## (.*)$", page, re.MULTILINE) == [key_reference.heading(one) for one in sections]
+    defined = {(one.model, one.keys) for one, body in zip(sections, bodies, strict=True) if "`\n: " in body}
+    for section, body in zip(sections, bodies, strict=True):
+        if "Its keys are those of [" in body:
+            assert (section.model, section.keys) in defined
+            continue
+        for key in section.keys:
+            assert f"\n`{key.name}`\n: {key.meaning}\n: {key.type}" in body
+
+
+def test_repeated_headings_have_anchors_of_their_own() -> None:
+    """As a forge and the site count them."""
+    (top, *_), sections = reference("case"), [one for one in reference("case") if one.path == "imu"]
+    assert key_reference.anchors([top, *sections]) == ["the-top-of-the-file", "imu", "imu-1"]
 
 
 @pytest.mark.parametrize("kind", get_args(Kind))

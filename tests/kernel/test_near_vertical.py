@@ -56,7 +56,7 @@ def hang(pitch_deg: float, sensor: str, seed: int) -> tuple[Counter[str], float]
         reports += navigator.push_beams(now, beams, np.ones(4, bool), sd_mps=np.full(4, 0.042))
         position = rotation @ velocity * second + rng.normal(size=3)
         reports += navigator.push_position(now, position, position_sd_m=np.ones(3))
-        verdicts.update(f"{report['sensor']} {report['verdict']}" for report in reports)
+        verdicts.update(f"{report.sensor} {report.verdict}" for report in reports)
     misalignment = log_rotation(rotation @ matrix_from_quaternion(navigator.state()["attitude_t_p"]).T)
     covariance = navigator.covariance()[3:6, 3:6]
     return verdicts, float(misalignment @ np.linalg.solve(covariance, misalignment))

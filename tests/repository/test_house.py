@@ -85,7 +85,8 @@ def test_every_method_has_its_row_and_its_page(root: Path) -> None:
     index = (folder / "index.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `(\w+)` \|", index, re.MULTILINE) == list(METHODS)
     for method in METHODS:
-        assert f"../figures/method_{method}.svg" in (folder / f"{method}.md").read_text(encoding="utf-8")
+        page = (folder / f"{method}.md").read_text(encoding="utf-8")
+        assert all(f'"../figures/method_{method}_{scheme}.svg"' in page for scheme in ("light", "dark"))
 
 
 def test_versions_agree(root: Path) -> None:

@@ -7,8 +7,10 @@ import re
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
-from tools import build_site
+from tools import build_site, site_drawings
+from tools.site_screenshots import SHOTS
 
 
 @pytest.mark.parametrize(
@@ -67,12 +69,94 @@ def test_every_example_is_on_a_page(root: Path) -> None:
         assert any(re.search(rf"^(\.\./gallery/)?{script.stem}$", page, re.MULTILINE) for page in pages)
 
 
-def test_the_navigator_of_the_tutorial_runs(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """At rest it says so, within what it claims."""
+def test_the_navigators_of_the_tutorial_run(
+    root: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One by names on a recorded dive, and one by hand: at rest it says so, within what it claims."""
+    monkeypatch.chdir(root)
     page = (root / "docs" / "tutorials" / "ins.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    ten_lines, example = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(ten_lines.splitlines()) == 11
+    exec(compile(ten_lines, "ins.md", "exec"), {})
+    assert "<Navigator at " in capsys.readouterr().out
     names: dict[str, object] = {}
     exec(compile(example, "ins.md", "exec"), names)
     assert "m/s" in capsys.readouterr().out
     velocity, sd = names["state"]["velocity_p_mps"], names["velocity_sd_mps"]  # type: ignore[index]
     assert (abs(velocity) < 4.0 * sd).all()  # type: ignore[operator]
+
+
+def pictures(text: str) -> list[dict[str, str]]:
+    """The pictures of a page with a figure for each scheme: `light`, `dark`, `alt`."""
+    return [match.groupdict() for match in build_site._PICTURE.finditer(text)]
+
+
+def test_every_picture_has_both_schemes_and_words(root: Path) -> None:
+    """A figure of README and docs/ is a picture of two files of one size and its words; each file is shown."""
+    shown: set[Path] = set()
+    for page in [root / "README.md", *(root / "docs").rglob("*.md")]:
+        text = page.read_text(encoding="utf-8")
+        found = pictures(text)
+        assert text.count("<picture>") == len(found), page
+        assert not re.search(r"!\[[^\]]*\]\([^)]*figures/", text), page
+        for one in found:
+            light, dark = (page.parent / one[scheme] for scheme in ("light", "dark"))
+            assert dark.name == light.name.replace("_light.", "_dark.")
+            assert size_of(light) == size_of(dark), light
+            assert len(one["alt"]) > 40
+            shown |= {light.resolve(), dark.resolve()}
+    assert shown == set((root / "docs" / "figures").iterdir())
+
+
+def size_of(figure: Path) -> tuple[str, str]:
+    """Width and height of an SVG, width of a PNG: a page in the other scheme may wrap a line elsewhere."""
+    if figure.suffix == ".png":
+        with Image.open(figure) as image:
+            return str(image.width), ""
+    head = figure.read_text(encoding="utf-8")
+    width, height = re.findall(r'<svg[^>]* width="([^"]+)" height="([^"]+)"', head)[0]
+    return width, height
+
+
+def test_screenshots_are_small(root: Path) -> None:
+    """At most 150 kB each; those that the command takes and no others."""
+    taken = {path.name: path.stat().st_size for path in (root / "docs" / "figures").glob("*.png")}
+    assert set(taken) == {f"page_{name}_{scheme}.png" for name in SHOTS for scheme in ("light", "dark")}
+    assert max(taken.values()) < 150_000
+
+
+def test_the_drawings_are_what_their_command_draws(root: Path) -> None:
+    """The vehicle in both schemes, and the mark."""
+    for scheme in site_drawings.SCHEMES:
+        figure = root / "docs" / "figures" / f"vehicle_{scheme}.svg"
+        assert figure.read_text(encoding="utf-8") == site_drawings.drawing(scheme)
+    assert (root / "docs" / "_static" / "mark.svg").read_text(encoding="utf-8") == site_drawings.mark()
+    assert site_drawings.ALT in (root / "docs" / "index.md").read_text(encoding="utf-8")
+
+
+def test_the_beams_of_the_drawing_look_where_the_words_say() -> None:
+    """Beams 2 and 3 look back, where the bottom is, and 1 and 4, which are lost, ahead."""
+    forward = site_drawings.BEAMS_P[:, 0]
+    assert [number for number in (1, 2, 3, 4) if forward[number - 1] > 0.0] == list(site_drawings.LOST)
+    feet = [site_drawings.seen(beam * site_drawings.DEPTH / beam[2]) for beam in site_drawings.BEAMS_P]
+    assert max(feet[1][0], feet[2][0]) < site_drawings.INSTRUMENT[0] < min(feet[0][0], feet[3][0])
+
+
+def test_decisions_are_out_of_the_search(root: Path) -> None:
+    """Each of them, and no other page, as Sphinx reads it."""
+    left_out = {
+        page
+        for page in (root / "docs").rglob("*.md")
+        if "nosearch: true" in build_site.of_the_site(page, page.read_text(encoding="utf-8"))
+    }
+    assert left_out == set((root / "docs" / "decisions").glob("0*.md"))
+
+
+def test_every_figure_of_an_example_has_words(root: Path) -> None:
+    """For those who do not see it: the metadata of the cell that shows it."""
+    for script in build_site.examples(root):
+        cells = re.split(r"^# %%(.*)\n", script.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        shown = [head for head, body in zip(cells[1::2], cells[2::2], strict=True) if "plt.show()" in body]
+        assert shown, script
+        for head in shown:
+            assert re.search(r'^ mystnb=\{"image": \{"alt": "[^"]{30,}"\}\}$', head), f"{script}: {head}"

@@ -26,7 +26,7 @@ def test_every_public_name_is_on_the_page(root: Path) -> None:
             "method",
             NAVIGATOR.push_imu,
             "(time_ns: int, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike)",
-            "list[ReportDict]",
+            "list[Report]",
         ),
         ("method", NAVIGATOR.load, "(data: bytes)", "Navigator"),
         (

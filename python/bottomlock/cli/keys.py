@@ -49,7 +49,7 @@ def keys(
 ) -> None:
     """Print every key of a scenario, case, geometry, vehicle, column map or live file, or its JSON schema.
 
-    The same is in docs/keys.md.
+    The same is in docs/keys/.
     """
     if schema:
         if word:
