@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
-    from bottomlock.campaign.run import run_campaign, run_shard
+    from bottomlock.campaign.run import Results, read_results, run_campaign, run_shard
     from bottomlock.config.instrument_grades import imu_grade, vehicle_water
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
     from bottomlock.errors import (
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
         Water,
         WaterTrackModel,
     )
+    from bottomlock.replay.shown_replay import Replay, run_replay
     from bottomlock.simulation.build import Simulation, build_simulation
     from bottomlock.simulation.measurement_schedule import measurement_schedule
     from bottomlock.simulation.sensor_streams import sensor_streams
@@ -94,6 +95,8 @@ __all__ = [
     "Navigator",
     "Options",
     "OutputError",
+    "Replay",
+    "Results",
     "Robust",
     "Scenario",
     "ScenarioError",
@@ -116,9 +119,11 @@ __all__ = [
     "read_beams",
     "read_geometry",
     "read_recording",
+    "read_results",
     "replay_log",
     "run_batch",
     "run_campaign",
+    "run_replay",
     "run_shard",
     "sensor_streams",
     "simulate_sensors",
@@ -154,6 +159,8 @@ _LAZY = {
     "Navigator": "bottomlock.kernel",
     "Options": "bottomlock.kernel.models",
     "OutputError": "bottomlock.errors",
+    "Replay": "bottomlock.replay.shown_replay",
+    "Results": "bottomlock.campaign.run",
     "Robust": "bottomlock.kernel.models",
     "Scenario": "bottomlock.config.scenario",
     "ScenarioError": "bottomlock.errors",
@@ -177,9 +184,11 @@ _LAZY = {
     "read_beams": "bottomlock.io.beams",
     "read_geometry": "bottomlock.io.beams",
     "read_recording": "bottomlock.io.formats",
+    "read_results": "bottomlock.campaign.run",
     "replay_log": "bottomlock.kernel",
     "run_batch": "bottomlock.kernel",
     "run_campaign": "bottomlock.campaign.run",
+    "run_replay": "bottomlock.replay.shown_replay",
     "run_shard": "bottomlock.campaign.run",
     "sensor_streams": "bottomlock.simulation.sensor_streams",
     "simulate_sensors": "bottomlock.kernel",

@@ -13,7 +13,7 @@ from bottomlock.cli.page_output import print_blocks, print_headline, print_part
 from bottomlock.cli.parameters import Threads, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
-from bottomlock.files.overwriting import check_free, remove_outdated
+from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
 from bottomlock.pages.page import Table, plain_text
@@ -24,8 +24,9 @@ from bottomlock.replay.export.run import FORMATS, check_formats, export_replay
 from bottomlock.replay.init.make import Made, make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
-from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
+from bottomlock.replay.report import PAGE
+from bottomlock.replay.run import ReplayResult, run_count
+from bottomlock.replay.run_and_report import run_and_report
 from bottomlock.replay.tune.passes import horizons_of
 
 FIRST_PART = 0.5
@@ -126,18 +127,16 @@ def replay(
         TimeRemainingColumn(),
     )
     try:
-        with open_folder(out, loaded.content_hash(), inputs=inputs, force=force):
-            with late_bar(Progress(*columns, console=errors)) as bar:
-                task = bar.add_task("", total=reruns)
+        with late_bar(Progress(*columns, console=errors)) as bar:
+            task = bar.add_task("", total=reruns)
 
-                def report(done: int) -> None:
-                    bar.start()
-                    bar.update(task, completed=done)
+            def report(done: int) -> None:
+                bar.start()
+                bar.update(task, completed=done)
 
-                replayed = replay_case(loaded, threads=threads, progress=report)
-                write_replay(replayed, out)
-            page = make_replay_report(out, force=force)
-            remove_outdated(out)
+            replayed = run_and_report(
+                loaded, out, inputs=[case], threads=threads, force=force, progress=report
+            )
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
@@ -148,7 +147,7 @@ def replay(
         console.print(f"wrote {write_calibration}", highlight=False)
     if formats is not None:
         _export(out, formats, None, force=force)
-    console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
+    console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}")
 
 
 def _only(files: Sequence[Path]) -> Path:

@@ -37,7 +37,7 @@ from bottomlock.replay.figures import (
     validity_figure,
 )
 from bottomlock.replay.findings.expected_nis import least_ratio
-from bottomlock.replay.map_figure import map_figure, scale_words, shown_frame
+from bottomlock.replay.map_figure import Map, map_figure, scale_words, shown_frame
 from bottomlock.replay.page import TIMELINE, VALIDITY, Shown, featured_in, page_of
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, SMOOTHED
@@ -161,11 +161,11 @@ def dive_of(tables: ReplayTables) -> Plots:
     return plots_of(
         manifest, tables.samples, tables.innovations, tables.pings, tables.path, tables.currents,
         methods={name: featured_in(manifest, summary, name) for name, _ in manifest["what_if"]},
-        least_ratio=_least_ratio(manifest),
+        least_ratio=least_ratio_of(manifest),
     )  # fmt: skip
 
 
-def _least_ratio(manifest: dict[str, Any]) -> float:
+def least_ratio_of(manifest: dict[str, Any]) -> float:
     """What NIS over its degrees is of noise as claimed, under the weights of the replay."""
     robust = manifest.get("options", {}).get("robust")
     return least_ratio(None if robust is None else Robust(**robust))
@@ -239,23 +239,14 @@ def _of_methods(
     def add(name: str, caption: str, figure: Figure) -> None:
         found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, what_if, folded))
 
-    first = taken(manifest)
-    wanted = list(
-        dict.fromkeys([*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])])
-    )
-    tracks, reference = tracks_of(samples, wanted), reference_track(tables.path, samples)
-    claims = [one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks]
-    pings = tables.pings.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
-    lost = lost_beams(pings, tracks[first].time_ns)
-    figure = map_figure(
-        tracks, tracks_of(samples, methods, SMOOTHED), reference, framed(tracks, reference, first), title=title,
-        claims=claims, lost=(tracks[first], lost),
-    )  # fmt: skip
+    shown = map_of(tables, what_if, methods)
+    figure = map_figure(shown, title=title)
     caption = f"Plan view{tail}"
-    caption += "; broad grey: the reference" if reference is not None else ""
+    caption += "; broad grey: the reference" if shown.reference is not None else ""
     caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
-    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}"
-    caption += _cut_words(tracks, [one for one in tracks if not holds(shown_frame(figure), tracks[one])])
+    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(shown.claims)}"
+    frame = shown_frame(figure)
+    caption += _cut_words(shown.tracks, [one for one, way in shown.tracks.items() if not holds(frame, way)])
     add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in (FORWARD, SMOOTHED):
         if manifest["has_reference"] and (ensemble["pass"] == name).any():
@@ -268,9 +259,26 @@ def _of_methods(
     add(
         "nis",
         caption,
-        nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=_least_ratio(manifest)),
+        nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=least_ratio_of(manifest)),
     )
     return found
+
+
+def map_of(tables: ReplayTables, what_if: str, methods: Sequence[str]) -> Map:
+    """The map of a what-if case with methods, the track to take and dead reckoning."""
+    manifest, samples = tables.manifest, tables.samples.filter(pl.col("what_if") == what_if)
+    first = taken(manifest)
+    wanted = [*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])]
+    tracks, reference = tracks_of(samples, list(dict.fromkeys(wanted))), reference_track(tables.path, samples)
+    pings = tables.pings.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
+    return Map(
+        tracks,
+        tracks_of(samples, methods, SMOOTHED),
+        reference,
+        framed(tracks, reference, first),
+        claims=[one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks],
+        lost=(tracks[first], lost_beams(pings, tracks[first].time_ns)),
+    )
 
 
 def _cut_words(tracks: Mapping[str, Track], cut: Sequence[str]) -> str:
