@@ -1,6 +1,6 @@
 """Figures of a replay: errors with their standard deviations, innovations, NIS, valid beams."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -231,6 +231,31 @@ def nis_band(fixes: pl.DataFrame, least_ratio: float) -> tuple[float, float]:
     return least_ratio * float(low), float(high)
 
 
+def nis_table(innovations: pl.DataFrame, methods: Sequence[str], least_ratio: float) -> pl.DataFrame:
+    """What `draw_nis` draws: `method`, `time_ns`, `nis_ratio` and the method's band of it, `band_lo` and `band_hi`."""
+    first = innovations.filter(pl.col("run") == innovations["run"].min())
+    parts = [pl.DataFrame(schema=NIS_TABLE)]
+    for method in draw_order(list(methods)):
+        rows = first.filter(
+            (pl.col("method") == method) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0)
+        )
+        ratios = nis_ratios(rows)
+        if ratios is not None:
+            low, high = nis_band(rows, least_ratio)
+            values = ([method] * len(ratios[0]), *ratios, low, high)
+            parts.append(pl.DataFrame(dict(zip(NIS_TABLE, values, strict=True)), schema=NIS_TABLE))
+    return pl.concat(parts)
+
+
+NIS_TABLE: Mapping[str, pl.DataType] = {
+    "method": pl.String(),
+    "time_ns": pl.Int64(),
+    "nis_ratio": pl.Float64(),
+    "band_lo": pl.Float64(),
+    "band_hi": pl.Float64(),
+}
+
+
 def nis_figure(
     innovations: pl.DataFrame,
     start_ns: int,
@@ -268,24 +293,17 @@ def draw_nis(
         methods: which to draw.
         least_ratio: what Gaussian noise as claimed leads to under the weights of heavy tails.
     """
-    first = innovations.filter(pl.col("run") == innovations["run"].min())
+    table = nis_table(innovations, methods, least_ratio)
     lines: dict[str, Floats] = {}
     times: dict[str, Floats] = {}
-    low, high = 0.0, 0.0
-    for method in draw_order(list(methods)):
-        rows = first.filter(
-            (pl.col("method") == method) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0)
-        )
-        ratios = nis_ratios(rows)
-        if ratios is None:
-            continue
-        times[method], lines[method] = np.asarray((ratios[0] - start_ns) * 1e-9, dtype=np.float64), ratios[1]
-        low, high = nis_band(rows, least_ratio)
+    for (method,), rows in table.group_by("method", maintain_order=True):
+        times[str(method)] = np.asarray((rows["time_ns"].to_numpy() - start_ns) * 1e-9, dtype=np.float64)
+        lines[str(method)] = rows["nis_ratio"].to_numpy()
     with mpl.rc_context(STYLE):
         if not lines:
             axes.text(0.5, 0.5, "too few fixes", transform=axes.transAxes, ha="center", color=FAINT)
             return
-        axes.axhspan(low, high, color=FAINT, alpha=0.35, linewidth=0.0)
+        axes.axhspan(*table.select("band_lo", "band_hi").row(-1), color=FAINT, alpha=0.35, linewidth=0.0)
         axes.set_yscale("log")
         every = np.concatenate(list(lines.values()))
         axes.set_ylim(max(min(float(every.min()), 0.5) / 1.4, 1e-4), max(float(every.max()), 2.0) * 1.4)
