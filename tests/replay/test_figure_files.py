@@ -12,7 +12,10 @@ import pytest
 from matplotlib.axes import Axes
 from polars.testing import assert_frame_equal
 
+from bottomlock.figures.drawn_table import panels_table
+from bottomlock.figures.series import Curve, Panel
 from bottomlock.replay.case import load_case
+from bottomlock.replay.dive_plots import state_panels
 from bottomlock.replay.report import PAGE, Drawing, ReplayTables, dive_of, drawings, read_replay
 from bottomlock.replay.run_and_report import run_and_report
 
@@ -110,18 +113,31 @@ def test_curves_draw_points_of_their_data(
     tables: ReplayTables, drawn: dict[str, Drawing], data: dict[str, pl.DataFrame]
 ) -> None:
     """Panel by panel, also those that the drawing thins."""
-    table = data["timeline"]
-    for axes, title in zip(
-        drawn["timeline"].figure.axes, table["panel"].unique(maintain_order=True), strict=True
-    ):
-        own = table.filter(pl.col("panel") == title)
+    table, panels = data["timeline"], state_panels(tables.samples.filter(what_if="recorded"), "tc")
+    time_d = pl.Series(table["time_ns"].to_numpy() / DAY_NS)
+    for axes in drawn["timeline"].figure.axes:
+        own = [name for name in table.columns if name.startswith(f"{axes.get_title('left')}: ")]
         shown = points(axes)
         assert len(shown) > 10
-        assert held(shown, pl.Series(own["time_ns"].to_numpy() / DAY_NS), own["value"]) == 1.0
+        known = pl.concat(pl.DataFrame({"time": time_d, "value": table[name]}) for name in own)
+        assert held(shown, known["time"], known["value"]) == 1.0
+    assert {panel.title for panel in panels} < {name.rsplit(": ", 1)[0] for name in table.columns}
     rows = tables.samples.filter(what_if="recorded", method="tc", **{"pass": "forward"})
-    kept = table.filter(panel="surge, m/s", curve="tc")
-    assert kept["value"].to_list() == rows["surge_mps"].to_list()
-    assert kept["sd"].to_list() == rows["sd_velocity_surge_mps"].to_list()
+    kept = table.filter(pl.col("time_ns").is_in(rows["time_ns"].to_list()))
+    assert kept["surge, m/s: tc"].to_list() == rows["surge_mps"].to_list()
+    assert kept["surge, m/s: tc, σ"].to_list() == rows["sd_velocity_surge_mps"].to_list()
+
+
+def test_two_readings_of_one_time_are_both_kept() -> None:
+    """And curves with other times leave gaps."""
+    time_ns = np.array([10, 20, 20, 30])
+    twice = Curve("a", "red", time_ns, np.array([1.0, 2.0, 3.0, np.nan]), sd=np.array([0.1, 0.2, 0.3, 0.4]))
+    other = Curve("b", "red", np.array([20, 40]), np.array([5.0, 6.0]))
+    table = panels_table([Panel("x, m", [twice, other])])
+    assert table.rows() == [
+        (10, 1.0, 0.1, None), (20, 2.0, 0.2, 5.0), (20, 3.0, 0.3, None), (30, None, 0.4, None), (40, None, None, 6.0)
+    ]  # fmt: skip
+    assert table.columns == ["time_ns", "x, m: a", "x, m: a, σ", "x, m: b"]
 
 
 @pytest.mark.parametrize("end", ["", "_all_methods"])

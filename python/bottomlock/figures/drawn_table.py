@@ -9,21 +9,29 @@ from bottomlock.figures.series import Panel, Track
 
 
 def panels_table(panels: Sequence[Panel]) -> pl.DataFrame:
-    """A row per panel, curve and time: `panel`, `curve`, `time_ns`, `value`, `sd`; null where there is none."""
+    """A row per time, `time_ns`, with a column `PANEL: CURVE` of each curve and `PANEL: CURVE, σ` where it has one.
+
+    A curve without a value at a time has null there.
+    """
     parts = [
-        pl.DataFrame(
-            {
-                "panel": [panel.title] * len(curve.time_ns),
-                "curve": curve.label,
-                "time_ns": curve.time_ns,
-                "value": curve.value,
-                "sd": np.full(len(curve.time_ns), np.nan) if curve.sd is None else curve.sd,
-            }
+        _numbered(
+            pl.DataFrame(
+                {"time_ns": curve.time_ns, f"{panel.title}: {curve.label}": curve.value}
+                | ({} if curve.sd is None else {f"{panel.title}: {curve.label}, σ": curve.sd})
+            )
         )
         for panel in panels
         for curve in panel.curves
     ]
-    return pl.concat(parts).fill_nan(None)
+    joined = parts[0]
+    for part in parts[1:]:
+        joined = joined.join(part, on=["time_ns", "nth"], how="full", coalesce=True)
+    return joined.sort("time_ns", "nth").drop("nth").fill_nan(None)
+
+
+def _numbered(curve: pl.DataFrame) -> pl.DataFrame:
+    """The rows of one time numbered, so that a log with two at one time keeps both."""
+    return curve.with_columns(pl.int_range(pl.len()).over("time_ns").alias("nth"))
 
 
 def tracks_table(tracks: Mapping[str, Track]) -> pl.DataFrame:
