@@ -35,6 +35,15 @@ def test_without_rerun_it_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
     assert not (tmp_path / "out").exists()
 
 
+def test_a_case_that_is_written_is_not_viewed(tmp_path: Path) -> None:
+    refused = command(
+        "replay", "--init", CASE.with_name("dvl.pd0"), "--out", tmp_path / "case.toml", "--view"
+    )
+    assert refused.returncode != 0
+    assert "there is nothing to view yet" in refused.stderr
+    assert not (tmp_path / "case.toml").exists()
+
+
 class Read:
     """A file as Rerun's own reader gives it: the columns of every entity, static ones apart."""
 

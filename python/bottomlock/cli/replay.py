@@ -111,13 +111,13 @@ def replay(
         With --export: that, or the folder of a replay, of which the tracks are exported.
         With --init: the log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
     """
+    _check_view(view_file, files, init=init, window=view, force=force)
     if init:
         made = _init(files, Path("case.toml") if out is None else out, force=force, without=without or ())
         if tune:
             _tune(made, threads=threads, force=force)
         return
     case, formats = _only(files), split(export)
-    _check_view(view_file, case, window=view, force=force)
     if case.is_dir() and (formats is not None or view or view_file is not None):
         if formats is not None:
             _export(case, formats, split(methods), force=force)
@@ -197,10 +197,13 @@ def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None,
         console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
-def _check_view(file: Path | None, case: Path, *, window: bool, force: bool) -> None:
+def _check_view(file: Path | None, read: Sequence[Path], *, init: bool, window: bool, force: bool) -> None:
     """Checks a view, where one is wanted."""
-    if window or file is not None:
-        check_view(file, window=window, inputs=[case], force=force)
+    if not window and file is None:
+        return
+    if init:
+        raise ScenarioError("--init writes a case and replays nothing, so there is nothing to view yet")
+    check_view(file, window=window, inputs=read, force=force)
 
 
 def _view(folder: Path, file: Path | None, methods: Sequence[str] | None, *, window: bool) -> None:

@@ -211,7 +211,8 @@ def _linked(blocks: Sequence[Block]) -> bool:
     return any(
         bool(block.files)
         if isinstance(block, Picture)
-        else isinstance(block, Folded) and _linked(block.blocks)
+        else (isinstance(block, Folded) and _linked(block.blocks))
+        or (isinstance(block, Looked) and _linked(block.still))
         for block in blocks
     )
 
