@@ -64,7 +64,7 @@ def test_every_figure_has_four_files_and_every_link_leads_to_one(
         assert path.read_bytes().startswith(starts.get(path.suffix, b""))
         assert path.stat().st_size > 100
     page = (folder / PAGE).read_text(encoding="utf-8")
-    assert "files of the folder <code>figures</code> beside it" in page
+    assert "lead to files beside it, and nowhere without these" in page
 
 
 def test_the_data_come_back_to_the_last_digit(

@@ -19,6 +19,7 @@ from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.explained import explained
+from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.page import Picture, html
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.dive_plots import (
@@ -43,7 +44,6 @@ from bottomlock.replay.map_figure import Map, map_figure, scale_words, shown_fra
 from bottomlock.replay.page import TIMELINE, VALIDITY, Shown, featured_in, page_of
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, SMOOTHED
-from bottomlock.tables.spreadsheet import csv_text
 
 PAGE = "report.html"
 BEAM_ROWS = ("tc", "sway_current", "consistent")
@@ -160,12 +160,7 @@ def report_files(tables: ReplayTables) -> Files:
     with image_process() as draw:
         drawn = draw(drawings(tables, plots), pdf=True)
     for drawing, image in drawn:
-        own: Files = {
-            f"figures/{drawing.name}.png": image.png,
-            f"figures/{drawing.name}.svg": image.svg,
-            f"figures/{drawing.name}.pdf": image.pdf,
-            f"figures/{drawing.name}.csv": csv_text(drawing.data, float_precision=None),
-        }
+        own = figure_files(f"figures/{drawing.name}", image, drawing.data)
         files |= own
         kind = "wide" if drawing.what_if is None or drawing.name == first_map else ""
         picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
