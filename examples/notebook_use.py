@@ -50,5 +50,20 @@ plt.show()
 found["two beams"].runs.select("run", "method", "velocity_rms_over_time_mps", "nees_mean_over_time").head(6)
 
 # %% [markdown]
+# Both have the same runs, so their differences are paired. Here the differences of the three beams to the two:
+
+# %%
+compared = found["three beams"].compare(found["two beams"], labels=("three beams", "two beams"))
+compared.filter(
+    (compared["campaign"] == "three beams") & (compared["quantity"] == "velocity at the end")
+).select("method", "unit", "value", "paired", "difference", "difference_lo", "difference_hi")
+
+# %% [markdown]
+# For a paper, the table in LaTeX, with the rules of booktabs:
+
+# %%
+print(found["two beams"].to_latex())
+
+# %% [markdown]
 # [Notebooks](../docs/notebooks.md) lists what shows itself; [side by side](../docs/compare.md) compares variants with
 # paired differences.

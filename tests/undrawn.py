@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from bottomlock.figures.images import Drawn, Images
-from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.figures.images import Drawn, Images, images_of
 
 
 @contextmanager
@@ -32,5 +31,8 @@ def figures_undrawn() -> Iterator[None]:
 
 
 @contextmanager
-def _in_this_process() -> Iterator[Callable[[Iterable[Drawn]], list[tuple[Drawn, Images]]]]:
-    yield lambda drawings: [(one, Images(svg_text(one.figure), png_bytes(one.figure))) for one in drawings]
+def _in_this_process() -> Iterator[Callable[..., list[tuple[Drawn, Images]]]]:
+    def draw(drawings: Iterable[Drawn], *, pdf: bool = False) -> list[tuple[Drawn, Images]]:
+        return [(one, images_of(one.figure, pdf=pdf)) for one in drawings]
+
+    yield draw

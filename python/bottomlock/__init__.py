@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from bottomlock.array_functions import replay_log, run_batch, simulate_sensors, solve_velocity
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
-    from bottomlock.campaign.run import run_campaign, run_shard
+    from bottomlock.campaign.run import Results, read_results, run_campaign, run_shard
     from bottomlock.config.instrument_grades import imu, vehicle_water
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
     from bottomlock.errors import (
@@ -73,6 +73,7 @@ if TYPE_CHECKING:
         WaterReading,
     )
     from bottomlock.replay.open_log import Log, open_log
+    from bottomlock.replay.shown_replay import Replay, run_replay
     from bottomlock.simulation.build import Simulation, build_simulation
     from bottomlock.simulation.measurement_schedule import measurement_schedule
     from bottomlock.simulation.sensor_streams import sensor_streams
@@ -114,7 +115,9 @@ __all__ = [
     "Options",
     "OutputError",
     "Ping",
+    "Replay",
     "Report",
+    "Results",
     "Robust",
     "Scenario",
     "ScenarioError",
@@ -142,9 +145,11 @@ __all__ = [
     "read_beams",
     "read_geometry",
     "read_recording",
+    "read_results",
     "replay_log",
     "run_batch",
     "run_campaign",
+    "run_replay",
     "run_shard",
     "sensor_streams",
     "simulate_sensors",
@@ -189,6 +194,8 @@ _LAZY = {
     "OutputError": "bottomlock.errors",
     "Ping": "bottomlock.recordings.readings",
     "Report": "bottomlock.kernel",
+    "Replay": "bottomlock.replay.shown_replay",
+    "Results": "bottomlock.campaign.run",
     "Robust": "bottomlock.kernel.models",
     "Scenario": "bottomlock.config.scenario",
     "ScenarioError": "bottomlock.errors",
@@ -218,7 +225,9 @@ _LAZY = {
     "read_recording": "bottomlock.io.formats",
     "replay_log": "bottomlock.array_functions",
     "run_batch": "bottomlock.array_functions",
+    "read_results": "bottomlock.campaign.run",
     "run_campaign": "bottomlock.campaign.run",
+    "run_replay": "bottomlock.replay.shown_replay",
     "run_shard": "bottomlock.campaign.run",
     "sensor_streams": "bottomlock.simulation.sensor_streams",
     "simulate_sensors": "bottomlock.array_functions",

@@ -21,7 +21,7 @@ from bottomlock.replay.findings.expected_nis import least_ratio, weight
 from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, answer_of
 from bottomlock.replay.findings.verdict import WRONG, Innovations, verdict_finding
-from bottomlock.replay.map_figure import ELLIPSES, map_figure
+from bottomlock.replay.map_figure import ELLIPSES, Map, map_figure
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.statistics.chi_squared import CONSISTENT
@@ -213,7 +213,7 @@ def test_ellipses_are_two_sigma_and_none_hides_the_map() -> None:
     for sd_m, widths in ((None, {8.0}), (1e6, set())):
         samples = frame if sd_m is None else frame.with_columns(sd_position_east_m=pl.lit(sd_m))
         ways = tracks_of(samples, ["tc", METHOD])
-        drawn = map_figure(ways, {}, None, framed(ways, None, "tc"), title="", claims=["tc"])
+        drawn = map_figure(Map(ways, {}, None, framed(ways, None, "tc"), claims=["tc"]), title="")
         ellipses = [one for one in drawn.axes[0].patches if isinstance(one, Ellipse)]
         assert len(ellipses) == (ELLIPSES if widths else 0)
         assert {one.width for one in ellipses} == {one.height for one in ellipses} == widths

@@ -124,8 +124,20 @@ def a50(names: dict[str, Any]) -> None:
 
 
 def notebook(names: dict[str, Any]) -> None:
-    """A table for the eyes, and fewer lost beams err less."""
+    """A table for the eyes, and the runs with two and with three beams are pairs."""
     assert "<table" in names["found"]["two beams"]._repr_html_()
+    differences = names["compared"].filter(pl.col("campaign") == "three beams")
+    assert differences["paired"].all()
+    nsv = differences.filter((pl.col("method") == "nsv") & (pl.col("quantity") == "velocity at the end"))
+    assert nsv.height == 1
+
+
+def replayed(names: dict[str, Any]) -> None:
+    """The same log: only the compass differs, and a claim without it is larger."""
+    compared = names["compared"].filter(pl.col("quantity") == "σ at the end, north")
+    assert set(compared["what_if"]) == set(names["replay"].what_ifs)
+    of_tc = compared.filter((pl.col("method") == "tc") & (pl.col("pass") == "forward"))
+    assert (of_tc["difference"] > 0.0).all()
 
 
 def partial(names: dict[str, Any]) -> None:
@@ -176,6 +188,7 @@ CLAIMS = {
     "cluster": cluster,
     "my_a50_log": a50,
     "notebook_use": notebook,
+    "replay_in_a_notebook": replayed,
     "why_partial_beams": partial,
     "why_vb_is_overconfident": virtual,
     "observability_in_pictures": observability,

@@ -1,16 +1,21 @@
 """What terminals and notebooks show: short lines, HTML that is escaped, and plots on matplotlib axes."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import polars as pl
 import pytest
 from matplotlib.axes import Axes
+from polars.testing import assert_frame_equal
 
 import bottomlock
-from bottomlock.campaign.run import Results, run_campaign
+from bottomlock.campaign.run import Results, read_results, run_campaign
 from bottomlock.errors import DataError
+from bottomlock.report.compare import compare
 from tests.campaign.small_campaign import short
 
 
@@ -50,8 +55,48 @@ def test_results_are_a_line_and_a_table(results: Results) -> None:
     """Not the data frames."""
     assert repr(results) == "<Results: 3 runs of straight; ins, lc, tc>"
     shown = cells(results._repr_html_())
-    assert shown[0] == "straight: RMS over 3 runs at the end, mean NEES"
+    assert shown[0] == "straight: RMS over 3 runs, mean NEES, with 95 % intervals"
     assert [cell for cell in shown if cell in {"ins", "lc", "tc"}] == ["ins", "lc", "tc"]
+    final = results.runs.filter(pl.col("method") == "tc")["velocity_final_mps"].to_numpy()
+    value = shown[shown.index("tc") + 1].split()[0]
+    assert float(value) == pytest.approx(np.sqrt(np.mean(final**2)), rel=5e-3)
+
+
+def test_results_in_latex_are_those_of_the_notebook(results: Results) -> None:
+    """Cell by cell, without the escapes."""
+    lines = results.to_latex().splitlines()
+    rows = [line.removesuffix(r" \\").split(" & ") for line in lines if line.endswith(r"\\")]
+    shown = cells(results._repr_html_())[1:]
+    plain = [cell.replace(r"\ldots{}", "…").replace("--", "–") for row in rows for cell in row]
+    assert plain == shown
+    with pytest.raises(DataError, match="trajectory is 'curved', expected one of straight"):
+        results.to_latex("curved")
+
+
+def test_results_are_compared_as_the_command_does(results: Results, tmp_path: Path) -> None:
+    """The table of `bottomlock compare` of the same folders; the pairs are those of equal runs."""
+    other = run_campaign([short(runs=3).replace("dvl.beams_lost", [2])], tmp_path / "other")
+    table = other.compare(results, labels=("other", results.folder.name))
+    written = compare([results.folder, tmp_path / "other"], tmp_path / "out").table
+    keys = ["campaign", "trajectory", "method", "quantity"]
+    assert_frame_equal(table.sort(keys), written.sort(keys))
+    differences = table.filter(pl.col("campaign") == "other")
+    assert differences["paired"].all()
+    assert (differences.filter(pl.col("method") == "tc")["difference"].abs() > 0.0).any()
+    assert (
+        read_results(tmp_path / "other")
+        .compare(results)
+        .drop("campaign", "reference")
+        .equals(table.drop("campaign", "reference"))
+    )
+
+
+def test_results_without_a_common_trajectory_are_not_compared(results: Results) -> None:
+    renamed = replace(results, ensemble=results.ensemble.with_columns(trajectory=pl.lit("curved")))
+    with pytest.raises(DataError, match="no trajectory in common: straight and curved"):
+        results.compare(renamed)
+    with pytest.raises(DataError, match="labels are twice 'a'"):
+        results.compare(results, labels=("a", "a"))
 
 
 def test_plots_return_axes(results: Results) -> None:

@@ -2,9 +2,11 @@
 
 import matplotlib as mpl
 import numpy as np
+import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import norm
 
@@ -56,13 +58,16 @@ def residual_figure(audit: Audit) -> Figure | None:
     assessment, log = audit.assessment, audit.log
     if not log.beams or assessment.full.sum() < 5:
         return None
-    time_s = log.time_s[assessment.full]
+    time_s, table = log.time_s[assessment.full], residual_table(audit)
+    names = table.columns[1:]
     panels = [
-        (f"beam {k + 1}", COLOURS[k], values)
-        for k, values in enumerate(jumps(log.velocity_mps[assessment.full]).T)
+        (
+            name,
+            INK if name == "closure" else COLOURS[int(name.removeprefix("beam ")) - 1],
+            table[name].to_numpy(),
+        )
+        for name in names
     ]
-    if assessment.closures:
-        panels.insert(0, ("closure", INK, assessment.closures[0].values_mps))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 0.9 + 0.9 * len(panels)), layout="constrained")
         for axes, (name, colour, values) in zip(
@@ -84,6 +89,17 @@ def residual_figure(audit: Audit) -> Figure | None:
     return figure
 
 
+def residual_table(audit: Audit) -> pl.DataFrame:
+    """A row per full ping: `time_ns`, the first `closure` where there is one, and `beam 1` and so on, m/s."""
+    assessment, log = audit.assessment, audit.log
+    deviations = jumps(log.velocity_mps[assessment.full])
+    return pl.DataFrame(
+        {"time_ns": log.time_ns[assessment.full]}
+        | ({"closure": assessment.closures[0].values_mps} if assessment.closures else {})
+        | {f"beam {k + 1}": deviations[:, k] for k in range(log.beams)}
+    )
+
+
 def jumps(readings_mps: Array) -> Array:
     """(n, beams) readings minus the median of the five pings about them, which the vehicle's motion hardly affects.
 
@@ -98,11 +114,7 @@ def validity_figure(audit: Audit) -> Figure | None:
     log = audit.log
     if not log.beams:
         return None
-    state = np.where(log.valid, 0, 1)
-    blamed = {k - 1 for one in audit.findings if one.kind == "zero_as_valid" for k in one.beams}
-    named = np.isin(np.arange(log.beams), list(blamed))
-    state = np.where(log.valid & (log.velocity_mps == 0.0) & named, 3, state)
-    state = np.where(audit.unchanged[:, None], 2, state)
+    state = _beam_states(audit)
     # At most 1500 columns, each with the worst of its pings, so that rare states remain visible.
     order = np.array([0, 1, 2, 3])
     count = min(1500, log.pings)
@@ -126,6 +138,25 @@ def validity_figure(audit: Audit) -> Figure | None:
     return figure
 
 
+def _beam_states(audit: Audit) -> NDArray[np.int64]:
+    """(n, beams) the place of each beam's state in `_STATES`."""
+    log = audit.log
+    state = np.where(log.valid, 0, 1)
+    blamed = {k - 1 for one in audit.findings if one.kind == "zero_as_valid" for k in one.beams}
+    named = np.isin(np.arange(log.beams), list(blamed))
+    state = np.where(log.valid & (log.velocity_mps == 0.0) & named, 3, state)
+    return np.where(audit.unchanged[:, None], 2, state)
+
+
+def validity_table(audit: Audit) -> pl.DataFrame:
+    """A row per ping: `time_ns`, and the state of `beam 1` and so on: returned, lost, stale or zero."""
+    words = np.array(_STATES)[_beam_states(audit)]
+    return pl.DataFrame(
+        {"time_ns": audit.log.time_ns}
+        | {f"beam {k + 1}": words[:, k].tolist() for k in range(audit.log.beams)}
+    )
+
+
 def geometry_figure(audit: Audit) -> Figure | None:
     """Beam directions from above: estimated as points, stated as rings; None where not observable."""
     matrix = audit.assessment.matrix
@@ -136,13 +167,10 @@ def geometry_figure(audit: Audit) -> Figure | None:
         axes = figure.add_subplot(projection="polar")
         axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
         axes.set_theta_direction(-1)  # type: ignore[attr-defined]
-        shown = np.where(matrix.directions[:, 2:3] < 0.0, -matrix.directions, matrix.directions)
-        tilt, azimuth = _polar(shown)
+        tilt, azimuth = _polar(matrix.directions)
         axes.set_ylim(0.0, 1.35 * float(np.rad2deg(tilt).max()))
         if audit.stated is not None:
-            stated_tilt, stated_azimuth = _polar(
-                np.where(audit.stated[:, 2:3] < 0.0, -audit.stated, audit.stated)
-            )
+            stated_tilt, stated_azimuth = _polar(audit.stated)
             axes.plot(
                 stated_azimuth,
                 np.rad2deg(stated_tilt),
@@ -172,6 +200,27 @@ def geometry_figure(audit: Audit) -> Figure | None:
     return figure
 
 
-def _polar(vectors: Array) -> tuple[Array, Array]:
+def geometry_table(audit: Audit) -> pl.DataFrame:
+    """A row per beam that is `estimated` or `stated`: `directions`, `beam`, `tilt_deg`, `azimuth_deg`, `is_flipped`.
+
+    A beam that points up is shown turned round, as the figure has it.
+    """
+    matrix = audit.assessment.matrix
+    given = {"estimated": None if matrix is None else matrix.directions, "stated": audit.stated}
+    parts = [
+        pl.DataFrame(
+            {"directions": [name] * len(vectors), "beam": np.arange(1, len(vectors) + 1)}
+            | dict(zip(("tilt_deg", "azimuth_deg"), np.rad2deg(_polar(vectors)), strict=True))
+            | {"is_flipped": vectors[:, 2] < 0.0}
+        )
+        for name, vectors in given.items()
+        if vectors is not None
+    ]
+    return pl.concat(parts)
+
+
+def _polar(directions: Array) -> tuple[Array, Array]:
+    """(n,) tilt and azimuth of (n, 3) directions, rad, of those that point up of their opposites."""
+    vectors = np.where(directions[:, 2:3] < 0.0, -directions, directions)
     tilt = np.arctan2(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2])
     return np.asarray(tilt), np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))

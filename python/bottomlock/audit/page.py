@@ -11,10 +11,12 @@ from bottomlock.audit import figures
 from bottomlock.audit.findings import findings_table
 from bottomlock.audit.plots import plots_of
 from bottomlock.audit.run import Audit, numbers_of
-from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.figures.images import Images
+from bottomlock.figures.palette import pdf_bytes, png_bytes, svg_text
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
 from bottomlock.pages.explained import explained
+from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Table, html
@@ -32,15 +34,15 @@ HALF = ("closure", "geometry")
 """Figures that stand beside each other where the page is wide."""
 
 
-def drawings(audit: Audit) -> dict[str, Figure]:
-    """The figures of an audit, by name."""
+def drawings(audit: Audit) -> dict[str, tuple[Figure, pl.DataFrame]]:
+    """The figures of an audit and what each shows, by name."""
     made = {
-        "closure": figures.closure_figure(audit),
-        "residuals": figures.residual_figure(audit),
-        "validity": figures.validity_figure(audit),
-        "geometry": figures.geometry_figure(audit),
+        "closure": (figures.closure_figure(audit), _first_closure),
+        "residuals": (figures.residual_figure(audit), figures.residual_table),
+        "validity": (figures.validity_figure(audit), figures.validity_table),
+        "geometry": (figures.geometry_figure(audit), figures.geometry_table),
     }
-    return {name: figure for name, figure in made.items() if figure is not None}
+    return {name: (figure, table(audit)) for name, (figure, table) in made.items() if figure is not None}
 
 
 def beams_table(audit: Audit) -> pl.DataFrame:
@@ -83,6 +85,10 @@ def closure_table(audit: Audit) -> pl.DataFrame:
     return pl.concat([empty, *frames])
 
 
+def _first_closure(audit: Audit) -> pl.DataFrame:
+    return closure_table(audit).filter(closure=1)
+
+
 def audit_files(audit: Audit) -> Files:
     """The contents of audit.json, findings.parquet, beams.parquet, closure.parquet, the figures and audit.html.
 
@@ -96,10 +102,16 @@ def audit_files(audit: Audit) -> Files:
         "closure.parquet": parquet_bytes(closure_table(audit)),
     }
     pictures = {}
-    for name, figure in drawings(audit).items():
-        files |= {f"{name}.png": png_bytes(figure), f"{name}.svg": svg_text(figure)}
+    for name, (figure, data) in drawings(audit).items():
+        # In this order: their own layout moves a little with each drawing.
+        png = png_bytes(figure)
+        images = Images(svg_text(figure), png, pdf_bytes(figure))
+        own = figure_files(name, images, data)
+        files |= own
         kind = "" if name in HALF else "wide"
-        pictures[name] = Picture.of(figure, f"audit_{name}", CAPTIONS[name], kind=kind)
+        pictures[name] = Picture.of_svg(
+            images.svg, f"audit_{name}", CAPTIONS[name], kind=kind, files=list(own)
+        )
     return files | {"audit.html": html(explained(page_of(audit, content, pictures, plots_of(audit))))}
 
 

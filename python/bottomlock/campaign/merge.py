@@ -60,7 +60,7 @@ def merge_shards(
     with open_directory(out, identity, force=force, recover=recover):
         tables, manifest = execute(campaign, source, out, clock, force=force)
     assert tables is not None
-    return Results(tables.runs, tables.ensemble, tables.consistency, manifest)
+    return Results(tables.runs, tables.ensemble, tables.consistency, manifest, out, campaign.paths)
 
 
 class ShardDirectories:

@@ -41,6 +41,7 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.files.overwriting import check_apart, remove_outdated
 from bottomlock.files.records import write_record
 from bottomlock.simulation.build import Simulation
+from bottomlock.tables.results import read_campaign_tables
 
 
 @dataclass(frozen=True)
@@ -64,12 +65,34 @@ class CampaignProgress:
 
 @dataclass(frozen=True, repr=False)
 class Results(ShownResults):
-    """The tables of a finished campaign (`tables.campaign.RUNS`, `ENSEMBLE`, `CONSISTENCY`), and its manifest."""
+    """The tables of a finished campaign (`tables.campaign.RUNS`, `ENSEMBLE`, `CONSISTENCY`), and its manifest.
+
+    Attributes:
+        runs, ensemble, consistency: the tables.
+        manifest: as `manifest.json` has it.
+        folder: where all of it was written.
+        paths: the true paths (`tables.campaign.PATHS`); None where the campaign has none.
+    """
 
     runs: pl.DataFrame
     ensemble: pl.DataFrame
     consistency: pl.DataFrame
     manifest: dict[str, Any]
+    folder: Path
+    paths: pl.DataFrame | None = None
+
+
+def read_results(folder: str | Path) -> Results:
+    """The results of a campaign that `run_campaign` or `bottomlock run` has finished in a folder.
+
+    Raises:
+        DataError: for a folder without a finished campaign of this version, and for a table that is missing or has
+            changed since it was written.
+    """
+    tables = read_campaign_tables(Path(folder))
+    return Results(
+        tables.runs, tables.ensemble, tables.consistency, tables.manifest, tables.folder, tables.paths
+    )
 
 
 @dataclass(frozen=True)
@@ -127,11 +150,11 @@ def run_campaign(
         KernelError: for input that the kernel rejects, naming run and method.
     """
     out = Path(out)
-    tables, manifest = _simulate(
+    tables, campaign, manifest = _simulate(
         scenarios, out, None, threads, engine, scheduler, force=force, recover=recover, progress=progress
     )
     assert tables is not None
-    return Results(tables.runs, tables.ensemble, tables.consistency, manifest)
+    return Results(tables.runs, tables.ensemble, tables.consistency, manifest, out, campaign.paths)
 
 
 def run_shard(
@@ -160,7 +183,7 @@ def run_shard(
     """
     out = Path(out)
     shard = shard if isinstance(shard, Shard) else Shard.parse(str(shard))
-    _, manifest = _simulate(
+    _, _, manifest = _simulate(
         scenarios, out, shard, threads, engine, scheduler, force=force, recover=recover, progress=progress
     )
     return manifest
@@ -207,8 +230,8 @@ def _simulate(
     force: bool,
     recover: bool,
     progress: Callable[[CampaignProgress], None],
-) -> tuple[Tables | None, dict[str, Any]]:
-    """Builds and partitions the scenarios, and executes the campaign on an engine."""
+) -> tuple[Tables | None, Campaign, dict[str, Any]]:
+    """Builds and partitions the scenarios, and executes the campaign on an engine; as `execute`, with the campaign."""
     clock = Clock()
     check_engine(engine, threads=threads, scheduler=scheduler)
     scenarios = scenarios_of(given)
@@ -228,7 +251,8 @@ def _simulate(
         campaign = Campaign(partitions, shard, identity, true_paths(built), description)
         # The engine comes first: nothing is written, let alone removed, for a cluster that is not there.
         with open_engine(engine, built, threads=threads, scheduler=scheduler) as source:
-            return execute(campaign, source, out, clock, force=force, progress=progress)
+            tables, manifest = execute(campaign, source, out, clock, force=force, progress=progress)
+    return tables, campaign, manifest
 
 
 def execute(

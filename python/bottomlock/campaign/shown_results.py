@@ -1,14 +1,19 @@
 """What a terminal and a notebook show of the results of a campaign, and its plots."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
 
 import polars as pl
 
 from bottomlock.errors import DataError
+from bottomlock.pages.latex import latex_table
+from bottomlock.pages.notebook import notebook_table
 from bottomlock.pages.numbers import number
-from bottomlock.statistics.campaign import summary_table
+from bottomlock.pages.page import Table
+from bottomlock.statistics.compare import QUANTITIES, comparison_table
 from bottomlock.support.nearest import did_you_mean
-from bottomlock.support.notebook import html_table
+from bottomlock.tables.results import CampaignTables
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +26,8 @@ class ShownResults:
     ensemble: pl.DataFrame
     consistency: pl.DataFrame
     manifest: dict[str, Any]
+    folder: Path
+    paths: pl.DataFrame | None
 
     def __repr__(self) -> str:
         """Trajectories, runs and methods in a line."""
@@ -29,26 +36,61 @@ class ShownResults:
         return f"<Results: {', '.join(parts)}; {', '.join(methods)}>"
 
     def _repr_html_(self) -> str:
-        """Errors at the end and NEES, a row for each method, a table for each trajectory."""
-        head = ("method", "velocity, m/s", "95 %", "attitude, deg", "position, m", "NEES")
-        tables = []
-        for (name,), rows in summary_table(self.ensemble, self.runs).group_by(
-            "trajectory", maintain_order=True
-        ):
-            words = [
-                (
-                    str(row["method"]),
-                    number(row["velocity_rms_over_runs_mps"]),
-                    f"{number(row['velocity_rms_over_runs_lo_mps'])} … {number(row['velocity_rms_over_runs_hi_mps'])}",
-                    number(row["attitude_rms_over_runs_deg"]),
-                    number(row["position_rms_over_runs_m"]),
-                    number(row["nees_mean_over_runs_and_time"]),
-                )
-                for row in rows.iter_rows(named=True)
-            ]
-            title = f"{name}: RMS over {self._runs_of(str(name))} runs at the end, mean NEES"
-            tables.append(html_table(title, words, head))
-        return "".join(tables)
+        """Errors at the end and NEES with their intervals, a row for each method, a table for each trajectory."""
+        return "".join(notebook_table(self._table(name)) for name in self.trajectories)
+
+    def to_latex(self, trajectory: str | None = None) -> str:
+        """The same table in LaTeX, with the rules of the package booktabs.
+
+        Args:
+            trajectory: one of the campaign's; its only one by default.
+
+        Raises:
+            DataError: for a trajectory that the campaign does not have, or none of several.
+        """
+        return latex_table(self._table(self._known(trajectory)))
+
+    def compare(self, other: Self, labels: tuple[str, str] = ("this", "other")) -> pl.DataFrame:
+        """These results beside others, as `bottomlock compare` lays them out; differences are these minus the others.
+
+        Run k of both is a pair where the true motion and the seed are the same: what both share drops out of the
+        difference. Where they are not, the intervals are those of independent runs, and `paired` is false.
+
+        Args:
+            other: results that the differences are taken to.
+            labels: names of these and of the others in the table.
+
+        Returns:
+            `tables.variants.COMPARISON`: a row per campaign, trajectory, method and quantity.
+
+        Raises:
+            DataError: without a common trajectory, and for labels that are the same.
+        """
+        if labels[0] == labels[1]:
+            raise DataError(f"labels are twice {labels[0]!r}, expected two that differ")
+        if not set(self.trajectories) & set(other.trajectories):
+            raise DataError(
+                f"the results have no trajectory in common: {', '.join(self.trajectories)} and "
+                f"{', '.join(other.trajectories)}; scenarios of one name are compared"
+            )
+        return comparison_table({labels[0]: self._tables(), labels[1]: other._tables()}, labels[1])
+
+    def _tables(self) -> CampaignTables:
+        return CampaignTables(
+            folder=self.folder, manifest=self.manifest, runs=self.runs, ensemble=self.ensemble,
+            consistency=self.consistency, paths=self.paths, sweep=None, choices=None,
+        )  # fmt: skip
+
+    def _table(self, trajectory: str) -> Table:
+        """A row for each method: what it errs by at the end and over time with 95 % intervals, and its NEES."""
+        here = comparison_table({"": self._tables()}, "").filter(pl.col("trajectory") == trajectory)
+        columns = [name if unit == "1" else f"{name}, {unit}" for name, (_, unit, _) in QUANTITIES.items()]
+        rows = []
+        for (method,), part in here.group_by("method", maintain_order=True):
+            of = {row["quantity"]: row for row in part.iter_rows(named=True)}
+            rows.append([f"`{method}`", *(_with_interval(of.get(name)) for name in QUANTITIES)])
+        caption = f"{trajectory}: RMS over {self._runs_of(trajectory)} runs, mean NEES, with 95 % intervals"
+        return Table(["method", *columns], rows, caption)
 
     @property
     def trajectories(self) -> list[str]:
@@ -102,3 +144,10 @@ class ShownResults:
 
     def _runs_of(self, trajectory: str) -> int:
         return self.runs.filter(pl.col("trajectory") == trajectory)["run"].n_unique()
+
+
+def _with_interval(row: Mapping[str, Any] | None) -> str:
+    """A value and its interval; a dash where there is none."""
+    if row is None:
+        return number(None)
+    return f"{number(row['value'])} ({number(row['lo'])} … {number(row['hi'])})"

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -165,4 +165,4 @@ def _recorded(
     assert written is not None
     digests = written.pop(DIGESTS)
     write_record(out / MANIFEST, written | {"until": stated}, digests)
-    return Results(results.runs, results.ensemble, results.consistency, results.manifest | {"until": stated})
+    return replace(results, manifest=results.manifest | {"until": stated})

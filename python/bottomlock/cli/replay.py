@@ -13,7 +13,7 @@ from bottomlock.cli.page_output import print_blocks, print_headline, print_part
 from bottomlock.cli.parameters import Threads, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
-from bottomlock.files.overwriting import check_free, remove_outdated
+from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
 from bottomlock.pages.page import Table, plain_text
@@ -24,9 +24,11 @@ from bottomlock.replay.export.run import FORMATS, check_formats, export_replay
 from bottomlock.replay.init.make import Made, make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
-from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
+from bottomlock.replay.report import PAGE, read_replay
+from bottomlock.replay.run import ReplayResult, run_count
+from bottomlock.replay.run_and_report import run_and_report
 from bottomlock.replay.tune.passes import horizons_of
+from bottomlock.replay.view import check_view, open_view, save_view
 
 FIRST_PART = 0.5
 """Part of a recording that is tuned on, the command's own default."""
@@ -60,7 +62,8 @@ def replay(
     methods: Annotated[
         str | None,
         Parameter(
-            help="Aiding methods, separated by commas; the case's own by default. Of a folder: methods to export."
+            help="Aiding methods, separated by commas; the case's own by default. "
+            "Of a folder: methods to export or view."
         ),
     ] = None,
     runs: Annotated[
@@ -86,6 +89,18 @@ def replay(
             f"{', '.join(FORMATS)}. With the folder of a replay as FILE nothing else is done."
         ),
     ] = None,
+    view: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Open the replay in Rerun: vehicle, beams, claimed σ, tracks, curves over one time. "
+            "With the folder of a replay as FILE nothing else is done.",
+        ),
+    ] = False,
+    view_file: Annotated[
+        Path | None,
+        Parameter(help="The same without a window: a file .rrd, which Rerun opens elsewhere."),
+    ] = None,
 ) -> None:
     """Navigate a recorded dive again, also with fewer beams.
 
@@ -96,14 +111,17 @@ def replay(
         With --export: that, or the folder of a replay, of which the tracks are exported.
         With --init: the log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
     """
+    _check_view(view_file, files, init=init, window=view, force=force)
     if init:
         made = _init(files, Path("case.toml") if out is None else out, force=force, without=without or ())
         if tune:
             _tune(made, threads=threads, force=force)
         return
     case, formats = _only(files), split(export)
-    if formats is not None and case.is_dir():
-        _export(case, formats, split(methods), force=force)
+    if case.is_dir() and (formats is not None or view or view_file is not None):
+        if formats is not None:
+            _export(case, formats, split(methods), force=force)
+        _view(case, view_file, split(methods), window=view)
         return
     _check_case(case)
     if out is None:
@@ -126,18 +144,16 @@ def replay(
         TimeRemainingColumn(),
     )
     try:
-        with open_folder(out, loaded.content_hash(), inputs=inputs, force=force):
-            with late_bar(Progress(*columns, console=errors)) as bar:
-                task = bar.add_task("", total=reruns)
+        with late_bar(Progress(*columns, console=errors)) as bar:
+            task = bar.add_task("", total=reruns)
 
-                def report(done: int) -> None:
-                    bar.start()
-                    bar.update(task, completed=done)
+            def report(done: int) -> None:
+                bar.start()
+                bar.update(task, completed=done)
 
-                replayed = replay_case(loaded, threads=threads, progress=report)
-                write_replay(replayed, out)
-            page = make_replay_report(out, force=force)
-            remove_outdated(out)
+            replayed = run_and_report(
+                loaded, out, inputs=[case], threads=threads, force=force, progress=report
+            )
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
@@ -148,7 +164,8 @@ def replay(
         console.print(f"wrote {write_calibration}", highlight=False)
     if formats is not None:
         _export(out, formats, None, force=force)
-    console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
+    _view(out, view_file, None, window=view)
+    console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}")
 
 
 def _only(files: Sequence[Path]) -> Path:
@@ -165,7 +182,8 @@ def _check_case(case: Path) -> None:
     """Checks the name of a case."""
     if case.is_dir():
         raise ScenarioError(
-            f"{case}: is a folder, expected a case file (TOML); of a replay's folder --export takes the tracks along"
+            f"{case}: is a folder, expected a case file (TOML); of a replay's folder --export takes the tracks "
+            "along, and --view opens it"
         )
     if case.suffix.lower() != ".toml":
         raise ScenarioError(
@@ -177,6 +195,27 @@ def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None,
     """Exports a replay and names the files."""
     for path in export_replay(folder, formats, methods=methods, force=force):
         console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+
+
+def _check_view(file: Path | None, read: Sequence[Path], *, init: bool, window: bool, force: bool) -> None:
+    """Checks a view, where one is wanted."""
+    if not window and file is None:
+        return
+    if init:
+        raise ScenarioError("--init writes a case and replays nothing, so there is nothing to view yet")
+    check_view(file, window=window, inputs=read, force=force)
+
+
+def _view(folder: Path, file: Path | None, methods: Sequence[str] | None, *, window: bool) -> None:
+    """Writes a file for Rerun and opens Rerun, where that is wanted."""
+    if not window and file is None:
+        return
+    tables = read_replay(folder)
+    if file is not None:
+        save_view(tables, file, methods)
+        console.print(f"wrote {file}", highlight=False, soft_wrap=True)
+    if window:
+        open_view(tables, methods)
 
 
 def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> Made:

@@ -32,30 +32,61 @@ def timeline_figure(panels: Sequence[Panel], start_ns: int, *, utc: bool, title:
         title: text above the figure.
     """
     with mpl.rc_context(STYLE):
-        height = 0.75 + HEIGHT_IN * len(panels)
+        height = _height_in(len(panels))
         figure = new_figure(height_in=height, width_in=1.5 * WIDTH_IN)
-        first: Axes | None = None
-        for index, panel in enumerate(panels):
-            bottom = (0.5 + HEIGHT_IN * (len(panels) - 1 - index)) / height
-            axes = figure.add_axes((0.09, bottom, 0.885, 0.72 * HEIGHT_IN / height), sharex=first)
-            first = first or axes
-            _panel(axes, panel, start_ns, utc=utc)
-            axes.tick_params(labelbottom=index == len(panels) - 1)
-        if first is not None:
-            _time_axis(first, axes, panels, start_ns, utc=utc)
+        draw_panels(stacked_axes(figure, len(panels)), panels, start_ns, utc=utc)
         figure.text(0.012, 1.0 - 0.06 / height, title, ha="left", va="top", fontsize=10.0, color=INK)
     return figure
 
 
-def _time_axis(first: Axes, last: Axes, panels: Sequence[Panel], start_ns: int, *, utc: bool) -> None:
+def timeline_size_in(panels: int) -> tuple[float, float]:
+    """Width and height of a figure of so many panels, inches."""
+    return 1.5 * WIDTH_IN, _height_in(panels)
+
+
+def _height_in(panels: int) -> float:
+    return 0.75 + HEIGHT_IN * panels
+
+
+def stacked_axes(figure: Figure, panels: int) -> list[Axes]:
+    """Axes of `panels` panels with one time axis, the first at the top, in a figure of `timeline_size_in`."""
+    height = _height_in(panels)
+    made: list[Axes] = []
+    with mpl.rc_context(STYLE):
+        for index in range(panels):
+            bottom = (0.5 + HEIGHT_IN * (panels - 1 - index)) / height
+            place = (0.09, bottom, 0.885, 0.72 * HEIGHT_IN / height)
+            made.append(figure.add_axes(place, sharex=made[0] if made else None))
+            made[-1].tick_params(labelbottom=index == panels - 1)
+    return made
+
+
+def draw_panels(axes: Sequence[Axes], panels: Sequence[Panel], start_ns: int, *, utc: bool) -> None:
+    """Each panel on axes of its own, all over the same time; the last axes name it.
+
+    Args:
+        axes: as many as panels.
+        panels, start_ns, utc: as of `timeline_figure`.
+    """
+    with mpl.rc_context(STYLE):
+        for one, panel in zip(axes, panels, strict=True):
+            _panel(one, panel, start_ns, utc=utc)
+        for one in axes:
+            _time_axis(one, panels, start_ns, utc=utc)
+        if axes:
+            day = dt.datetime.fromtimestamp(start_ns * 1e-9, tz=dt.UTC)
+            axes[-1].set_xlabel(f"UTC, from {day:%Y-%m-%d}" if utc else "time from the start, s")
+
+
+def _time_axis(axes: Axes, panels: Sequence[Panel], start_ns: int, *, utc: bool) -> None:
     ends = [curve.time_ns[[0, -1]] for panel in panels for curve in panel.curves if len(curve.time_ns)]
     if ends:
         low, high = _shown(np.array([np.min(ends), np.max(ends)]), start_ns, utc=utc)
-        first.set_xlim(low, high if high > low else low + 1.0)
+        axes.set_xlim(low, high if high > low else low + 1.0)
     if utc:
         locator = AutoDateLocator(tz=dt.UTC)  # type: ignore[no-untyped-call]
-        last.xaxis.set_major_locator(locator)
-        last.xaxis.set_major_formatter(
+        axes.xaxis.set_major_locator(locator)
+        axes.xaxis.set_major_formatter(
             ConciseDateFormatter(  # type: ignore[no-untyped-call]
                 locator,
                 tz=dt.UTC,
@@ -63,10 +94,6 @@ def _time_axis(first: Axes, last: Axes, panels: Sequence[Panel], start_ns: int, 
                 zero_formats=["", "%Y", "%b", "%d %b", "%H:%M", "%H:%M"],
             )
         )
-        day = dt.datetime.fromtimestamp(start_ns * 1e-9, tz=dt.UTC)
-        last.set_xlabel(f"UTC, from {day:%Y-%m-%d}")
-    else:
-        last.set_xlabel("time from the start, s")
 
 
 def _shown(time_ns: Times, start_ns: int, *, utc: bool) -> Floats:
@@ -131,10 +158,10 @@ def _draw(axes: Axes, curve: Curve, x: Floats) -> None:
 
 def _legend(axes: Axes, curves: Sequence[Curve]) -> None:
     """Names of the curves at the right, above the panel."""
-    x = 1.0
+    x, width_pt = 1.0, axes.get_window_extent().width * 72.0 / axes.figure.dpi
     for curve in reversed(curves):
         text = axes.annotate(
             curve.label, (x, 1.0), xycoords="axes fraction", xytext=(0.0, 4.0), textcoords="offset points",
             ha="right", va="baseline", fontsize=8.5, color=curve.colour,
         )  # fmt: skip
-        x -= (len(text.get_text()) * 5.2 + 12.0) / (0.885 * 1.5 * WIDTH_IN * 72.0)
+        x -= (len(text.get_text()) * 5.2 + 12.0) / width_pt

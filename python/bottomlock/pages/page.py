@@ -50,11 +50,13 @@ class Picture:
         svg: within the page.
         caption: below it, and for screen readers.
         kind: class of the stylesheet: "wide", "third", or "" for half of a wide page.
+        files: of the figure, by their paths from the page; it links them below the caption.
     """
 
     svg: Markup
     caption: str
     kind: str = "wide"
+    files: Sequence[str] = ()
 
     @classmethod
     def of(cls, figure: Figure, name: str, caption: str, *, kind: str = "wide") -> Self:
@@ -62,9 +64,11 @@ class Picture:
         return cls.of_svg(svg_text(figure), name, caption, kind=kind)
 
     @classmethod
-    def of_svg(cls, svg: str, name: str, caption: str, *, kind: str = "wide") -> Self:
-        """The same of a figure that has been drawn as SVG."""
-        return cls(Markup(inline_svg(svg, name, caption)), caption, kind)  # noqa: S704 - our own
+    def of_svg(
+        cls, svg: str, name: str, caption: str, *, kind: str = "wide", files: Sequence[str] = ()
+    ) -> Self:
+        """The same of a figure that has been drawn as SVG, with its files."""
+        return cls(Markup(inline_svg(svg, name, caption)), caption, kind, files)  # noqa: S704 - our own
 
 
 @dataclass(frozen=True)
@@ -197,8 +201,20 @@ def html(page: Page) -> str:
         "kind": kind_of,
         "plain": plain_text,
         "looked": any(isinstance(block, Looked) for part in page.parts for block in part.blocks),
+        "linked": any(_linked(part.blocks) for part in page.parts),
     }
     return render(content)
+
+
+def _linked(blocks: Sequence[Block]) -> bool:
+    """Whether any figure has files."""
+    return any(
+        bool(block.files)
+        if isinstance(block, Picture)
+        else (isinstance(block, Folded) and _linked(block.blocks))
+        or (isinstance(block, Looked) and _linked(block.still))
+        for block in blocks
+    )
 
 
 def markdown(page: Page) -> str:

@@ -209,19 +209,30 @@ def _place(origin: Mapping[str, float] | None) -> tuple[float, float, float, flo
 
 def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
     """Velocity with ±σ, σ of the position, depth and attitude of a method in one case and run, over dead reckoning."""
-    rows = samples.filter((pl.col("method") == method) & (pl.col("pass") == which))
-    floor = (
-        samples.filter(pl.col("method") == DEAD_RECKONING) if method != DEAD_RECKONING else samples.clear()
-    )
+    shown = (samples, method, which)
+    return [
+        *velocity_panels(*shown),
+        position_sd_panel(*shown),
+        depth_panel(*shown),
+        *attitude_panels(*shown),
+    ]
 
-    def both(name: str, sd: str = "") -> list[Curve]:
-        under = [_curve(floor, DEAD_RECKONING, name)] if floor.height else []
-        return [*under, _curve(rows, method, name, sd)]
 
-    panels = [
-        Panel(f"{axis}, m/s", both(f"{axis}_mps", f"sd_velocity_{axis}_mps"), decimals=3)
+def velocity_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
+    """Surge, sway and heave with ±σ; as `state_panels`."""
+    return [
+        Panel(
+            f"{axis}, m/s",
+            _over_reckoning(samples, method, which, f"{axis}_mps", f"sd_velocity_{axis}_mps"),
+            decimals=3,
+        )
         for axis in ("surge", "sway", "heave")
     ]
+
+
+def position_sd_panel(samples: pl.DataFrame, method: str, which: str = FORWARD) -> Panel:
+    """Claimed σ of the horizontal position, and its error where it is known; as `state_panels`."""
+    rows, floor = _rows_of(samples, method, which)
     horizontal = []
     for name, one in ((DEAD_RECKONING, floor), (method, rows)):
         if one.height:
@@ -232,10 +243,19 @@ def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> li
     error = _norm(rows, "err_position")
     if np.isfinite(error).any():
         horizontal.append(Curve("error", REFERENCE_COLOUR, _times(rows), error, width=2.0))
+    return Panel("σ of position, horizontal, m", horizontal, decimals=2)
+
+
+def depth_panel(samples: pl.DataFrame, method: str, which: str = FORWARD) -> Panel:
+    """Depth with ±σ; as `state_panels`."""
+    curves = _over_reckoning(samples, method, which, "down_m", "sd_position_down_m")
+    return Panel("depth below the origin, m", curves, decimals=2)
+
+
+def attitude_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
+    """Roll and pitch, then heading; as `state_panels`."""
+    rows, _ = _rows_of(samples, method, which)
     return [
-        *panels,
-        Panel("σ of position, horizontal, m", horizontal, decimals=2),
-        Panel("depth below the origin, m", both("down_m", "sd_position_down_m"), decimals=2),
         Panel(
             "roll and pitch, °",
             [
@@ -243,8 +263,25 @@ def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> li
                 Curve("pitch", PITCH_COLOUR, _times(rows), _floats(rows, "pitch_deg"), dash=(5.0, 2.0)),
             ],
         ),
-        Panel("heading, °", _unwrapped(both("yaw_deg")), period=360.0),
+        Panel(
+            "heading, °",
+            _unwrapped(_over_reckoning(samples, method, which, "yaw_deg")),
+            period=360.0,
+        ),
     ]
+
+
+def _rows_of(samples: pl.DataFrame, method: str, which: str) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """The rows of a method, and those of dead reckoning beside it, which may be none."""
+    reckoned = pl.col("method") == DEAD_RECKONING
+    beside = samples.filter(reckoned) if method != DEAD_RECKONING else samples.clear()
+    return samples.filter((pl.col("method") == method) & (pl.col("pass") == which)), beside
+
+
+def _over_reckoning(samples: pl.DataFrame, method: str, which: str, name: str, sd: str = "") -> list[Curve]:
+    rows, floor = _rows_of(samples, method, which)
+    under = [_curve(floor, DEAD_RECKONING, name)] if floor.height else []
+    return [*under, _curve(rows, method, name, sd)]
 
 
 def beams_panel(pings: pl.DataFrame) -> Panel:

@@ -1,6 +1,6 @@
 """Figures of a replay: errors with their standard deviations, innovations, NIS, valid beams."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -231,6 +231,31 @@ def nis_band(fixes: pl.DataFrame, least_ratio: float) -> tuple[float, float]:
     return least_ratio * float(low), float(high)
 
 
+def nis_table(innovations: pl.DataFrame, methods: Sequence[str], least_ratio: float) -> pl.DataFrame:
+    """What `draw_nis` draws: `method`, `time_ns`, `nis_ratio` and the method's band of it, `band_lo` and `band_hi`."""
+    first = innovations.filter(pl.col("run") == innovations["run"].min())
+    parts = [pl.DataFrame(schema=NIS_TABLE)]
+    for method in draw_order(list(methods)):
+        rows = first.filter(
+            (pl.col("method") == method) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0)
+        )
+        ratios = nis_ratios(rows)
+        if ratios is not None:
+            low, high = nis_band(rows, least_ratio)
+            values = ([method] * len(ratios[0]), *ratios, low, high)
+            parts.append(pl.DataFrame(dict(zip(NIS_TABLE, values, strict=True)), schema=NIS_TABLE))
+    return pl.concat(parts)
+
+
+NIS_TABLE: Mapping[str, pl.DataType] = {
+    "method": pl.String(),
+    "time_ns": pl.Int64(),
+    "nis_ratio": pl.Float64(),
+    "band_lo": pl.Float64(),
+    "band_hi": pl.Float64(),
+}
+
+
 def nis_figure(
     innovations: pl.DataFrame,
     start_ns: int,
@@ -239,31 +264,46 @@ def nis_figure(
     title: str,
     least_ratio: float = 1.0,
 ) -> Figure:
+    """As `draw_nis`, in a figure of its own."""
+    with mpl.rc_context(STYLE):
+        figure = new_figure(height_in=NIS_HEIGHT_IN)
+        draw_nis(figure.add_axes(NIS_PLACE), innovations, start_ns, methods=methods, least_ratio=least_ratio)
+        _left_title(figure, title)
+    return figure
+
+
+NIS_HEIGHT_IN, NIS_PLACE = 3.2, (0.115, 0.15, 0.645, 0.72)
+"""Height of the figure of NIS, and the place of its axes in it."""
+
+
+def draw_nis(
+    axes: Axes,
+    innovations: pl.DataFrame,
+    start_ns: int,
+    *,
+    methods: Sequence[str],
+    least_ratio: float = 1.0,
+) -> None:
     """NIS over its degrees of freedom, sliding mean over pings (first run), with the 95 % band of that mean.
 
-    `least_ratio` is what Gaussian noise as claimed leads to under the weights of heavy tails.
+    Args:
+        axes: to draw on.
+        innovations: `tables.replay.innovations_schema` of one what-if case.
+        start_ns: start of the navigation.
+        methods: which to draw.
+        least_ratio: what Gaussian noise as claimed leads to under the weights of heavy tails.
     """
-    first = innovations.filter(pl.col("run") == innovations["run"].min())
+    table = nis_table(innovations, methods, least_ratio)
     lines: dict[str, Floats] = {}
     times: dict[str, Floats] = {}
-    low, high = 0.0, 0.0
-    for method in draw_order(list(methods)):
-        rows = first.filter(
-            (pl.col("method") == method) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0)
-        )
-        ratios = nis_ratios(rows)
-        if ratios is None:
-            continue
-        times[method], lines[method] = np.asarray((ratios[0] - start_ns) * 1e-9, dtype=np.float64), ratios[1]
-        low, high = nis_band(rows, least_ratio)
+    for (method,), rows in table.group_by("method", maintain_order=True):
+        times[str(method)] = np.asarray((rows["time_ns"].to_numpy() - start_ns) * 1e-9, dtype=np.float64)
+        lines[str(method)] = rows["nis_ratio"].to_numpy()
     with mpl.rc_context(STYLE):
-        figure = new_figure(height_in=3.2)
-        axes = figure.add_axes((0.115, 0.15, 0.645, 0.72))
-        _left_title(figure, title)
         if not lines:
             axes.text(0.5, 0.5, "too few fixes", transform=axes.transAxes, ha="center", color=FAINT)
-            return figure
-        axes.axhspan(low, high, color=FAINT, alpha=0.35, linewidth=0.0)
+            return
+        axes.axhspan(*table.select("band_lo", "band_hi").row(-1), color=FAINT, alpha=0.35, linewidth=0.0)
         axes.set_yscale("log")
         every = np.concatenate(list(lines.values()))
         axes.set_ylim(max(min(float(every.min()), 0.5) / 1.4, 1e-4), max(float(every.max()), 2.0) * 1.4)
@@ -289,18 +329,37 @@ def nis_figure(
         drawn = [_thinned(tuple(one.methods), one.x, one.y) for one in drawn]
         draw_lines(axes, drawn, width=1.2)
         label_ends(axes, drawn)
-    return figure
 
 
 def validity_figure(pings: pl.DataFrame, start_ns: int, *, title: str) -> Figure:
-    """Valid beams against time, a strip for each beam and what-if case (first run)."""
+    """As `draw_validity`, in a figure of its own."""
+    with mpl.rc_context(STYLE):
+        size, place = validity_layout(pings)
+        figure = Figure(figsize=size)
+        draw_validity(figure.add_axes(place), pings, start_ns)
+        _left_title(figure, title)
+    return figure
+
+
+def validity_layout(pings: pl.DataFrame) -> tuple[tuple[float, float], tuple[float, float, float, float]]:
+    """Size of the figure of valid beams, inches, and the place of its axes in it."""
+    beams = sum(name.endswith("_valid") for name in pings.columns)
+    height = 0.85 + 0.16 * (beams + 0.7) * pings["what_if"].n_unique()
+    return (2 * WIDTH_IN, height), (0.13, 0.45 / height, 0.85, 1.0 - 0.85 / height)
+
+
+def draw_validity(axes: Axes, pings: pl.DataFrame, start_ns: int) -> None:
+    """Valid beams against time, a strip for each beam and what-if case (first run).
+
+    Args:
+        axes: to draw on.
+        pings: `tables.replay.pings_schema`.
+        start_ns: start of the navigation.
+    """
     first = pings.filter(pl.col("run") == pings["run"].min())
     cases = first["what_if"].unique(maintain_order=True).to_list()
     beams = sum(name.endswith("_valid") for name in first.columns)
     with mpl.rc_context(STYLE):
-        height = 0.85 + 0.16 * (beams + 0.7) * len(cases)
-        figure = new_figure(height_in=height, width_in=2 * WIDTH_IN)
-        axes = figure.add_axes((0.13, 0.45 / height, 0.85, 1.0 - 0.85 / height))
         ticks, labels = [], []
         end = 1.0
         for index, what_if in enumerate(cases):
@@ -323,8 +382,6 @@ def validity_figure(pings: pl.DataFrame, start_ns: int, *, title: str) -> Figure
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0.0)
         axes.set_xlabel("time from the start, s")
-        _left_title(figure, title)
-    return figure
 
 
 def _runs_of(valid: NDArray[np.bool_], time_s: Floats, steps: Floats) -> list[tuple[float, float]]:

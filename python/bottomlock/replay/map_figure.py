@@ -1,18 +1,21 @@
 """Plan view of a replay: scaled to the tracks to be trusted, with claimed σ, beams lost, scale and north."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import matplotlib as mpl
 import numpy as np
+import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
+from bottomlock.figures.drawn_table import tracks_table
 from bottomlock.figures.labels import Line, coincident, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, marks, new_figure
 from bottomlock.figures.series import Floats, Frame, Track
-from bottomlock.replay.dive_plots import LOST_COLOURS
+from bottomlock.replay.dive_plots import LOST_COLOURS, REFERENCE
 
 ELLIPSES = 8
 """Along a track, the last of them at its end."""
@@ -20,35 +23,58 @@ LARGEST = 0.5
 """Part of the map that an ellipse may fill: a larger one would hide what is drawn."""
 
 
-def map_figure(
-    tracks: Mapping[str, Track],
-    smoothed: Mapping[str, Track],
-    reference: Track | None,
-    frame: Frame,
-    *,
-    title: str,
-    claims: Sequence[str] = (),
-    lost: tuple[Track, Floats] | None = None,
-) -> Figure:
-    """Plan view of methods, dotted where smoothed, and of the reference; what leaves the frame is cut off.
+@dataclass(frozen=True, eq=False)
+class Map:
+    """What a plan view shows.
 
-    Args:
+    Attributes:
         tracks: the way of each method.
         smoothed: of the smoothed passes.
         reference: None without its positions.
         frame: what the map shows, at least.
-        title: text above the figure.
         claims: methods whose 2 sigma of north and east are drawn as ellipses along the way.
         lost: a track and (n,) how many beams are lost there.
     """
+
+    tracks: Mapping[str, Track]
+    smoothed: Mapping[str, Track]
+    reference: Track | None
+    frame: Frame
+    claims: Sequence[str] = ()
+    lost: tuple[Track, Floats] | None = None
+
+    def table(self) -> pl.DataFrame:
+        """Every point of it (`figures.drawn_table.tracks_table`)."""
+        tracks = dict(self.tracks)
+        if self.lost is not None:
+            track, beams = self.lost
+            tracks[track.label] = replace(track, lost=beams)
+        tracks |= {f"{name}, smoothed": track for name, track in self.smoothed.items()}
+        return tracks_table(tracks | ({} if self.reference is None else {REFERENCE: self.reference}))
+
+
+def map_figure(shown: Map, *, title: str) -> Figure:
+    """As `draw_map`, in a figure of its own with a title."""
     with mpl.rc_context(STYLE):
-        figure = new_figure(height_in=4.6)
-        axes = figure.add_axes((0.125, 0.11, 0.635, 0.79))
-        _scale(axes, frame)
+        figure = new_figure(height_in=MAP_HEIGHT_IN)
+        draw_map(figure.add_axes(MAP_PLACE), shown)
+        figure.text(0.012, 0.992, title, ha="left", va="top", fontsize=10.0, color=INK)
+    return figure
+
+
+MAP_HEIGHT_IN, MAP_PLACE = 4.6, (0.125, 0.11, 0.635, 0.79)
+"""Height of the figure of a map, and the place of its axes in it."""
+
+
+def draw_map(axes: Axes, shown: Map) -> None:
+    """Plan view of methods, dotted where smoothed, and of the reference; what leaves the frame is cut off."""
+    tracks, smoothed, reference = shown.tracks, shown.smoothed, shown.reference
+    with mpl.rc_context(STYLE):
+        _scale(axes, shown.frame)
         if reference is not None:
             axes.plot(reference.east_m, reference.north_m, color=FAINT, linewidth=4.0, alpha=0.45, zorder=1)
-        if lost is not None:
-            _lost(axes, *lost)
+        if shown.lost is not None:
+            _lost(axes, *shown.lost)
         ends = {}
         for number, method in enumerate(draw_order(list(tracks))):
             track = tracks[method]
@@ -62,7 +88,7 @@ def map_figure(
                 )  # fmt: skip
             if _inside(axes, track).any():
                 ends[method] = track
-            if method in claims:
+            if method in shown.claims:
                 _ellipses(axes, track)
         _places(axes, next(iter(tracks.values())))
         groups = coincident(
@@ -70,8 +96,6 @@ def map_figure(
             tolerance=2e-3,
         )
         label_ends(axes, [_line(axes, group, ends[group[0]]) for group in groups])
-        figure.text(0.012, 0.992, title, ha="left", va="top", fontsize=10.0, color=INK)
-    return figure
 
 
 def shown_frame(figure: Figure) -> Frame:

@@ -206,7 +206,7 @@ def _case(
     figures: Sequence[Shown],
 ) -> Part:
     """A what-if case: figures, errors, ends of the tracks, fixes."""
-    rows = summary.filter(pl.col("what_if") == what_if).to_dicts()
+    rows, tracks_of = _rows_of(summary, tracks, what_if)
     of_case = [one for one in figures if one.what_if == what_if]
     first_map = f"map_{manifest['what_if'][0][0]}"
     beams = f"{number(rows[0]['beams_mean_over_pings'])} of {manifest['beams']} beams a ping."
@@ -215,10 +215,6 @@ def _case(
         f"{words[:1].upper()}{words[1:]}. {beams}{several}",
         *(one.picture for one in of_case if not one.folded and one.name != first_map),
     ]
-    ends = {
-        (row["method"], row["pass"]): row for row in tracks.iter_rows(named=True) if row["what_if"] == what_if
-    }
-    tracks_of = [ends[row["method"], row["pass"]] for row in rows]
     blocks += [
         _results_of(rows, tracks_of),
         _detail_of(rows, tracks_of, several=manifest["runs"] > 1),
@@ -228,6 +224,22 @@ def _case(
         blocks.append(Folded(f"The figures with all {len(manifest['methods'])} methods", folded))
     label = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
     return Part(what_if, f"{title_of(what_if)}{label}", blocks)
+
+
+def results_table(runs: pl.DataFrame, samples: pl.DataFrame, what_if: str) -> Table:
+    """Errors at the end, claims and fixes of a what-if case, a row for each method and pass."""
+    return _results_of(*_rows_of(summary_table(runs), track_table(samples), what_if))
+
+
+def _rows_of(
+    summary: pl.DataFrame, tracks: pl.DataFrame, what_if: str
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The rows of a what-if case, and where the track of each ends."""
+    rows = summary.filter(pl.col("what_if") == what_if).to_dicts()
+    ends = {
+        (row["method"], row["pass"]): row for row in tracks.iter_rows(named=True) if row["what_if"] == what_if
+    }
+    return rows, [ends[row["method"], row["pass"]] for row in rows]
 
 
 def _results_of(rows: Sequence[Mapping[str, Any]], tracks: Iterable[Mapping[str, Any]]) -> Table:

@@ -10,6 +10,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
+from bottomlock.figures.drawn_table import panels_table
 from bottomlock.figures.images import image_process
 from bottomlock.figures.series import Track
 from bottomlock.figures.timeline import timeline_figure
@@ -18,6 +19,7 @@ from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.explained import explained
+from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.page import Picture, html
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.dive_plots import (
@@ -34,10 +36,11 @@ from bottomlock.replay.figures import (
     error_figure,
     innovation_figure,
     nis_figure,
+    nis_table,
     validity_figure,
 )
 from bottomlock.replay.findings.expected_nis import least_ratio
-from bottomlock.replay.map_figure import map_figure, scale_words, shown_frame
+from bottomlock.replay.map_figure import Map, map_figure, scale_words, shown_frame
 from bottomlock.replay.page import TIMELINE, VALIDITY, Shown, featured_in, page_of
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, SMOOTHED
@@ -64,11 +67,21 @@ class ReplayTables:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure of the page."""
+    """A figure of the page.
+
+    Attributes:
+        name: of its files.
+        caption: below it.
+        figure: itself.
+        data: what it shows, every point.
+        what_if: case that it is of, None for all.
+        folded: whether it has every method.
+    """
 
     name: str
     caption: str
     figure: Figure
+    data: pl.DataFrame
     what_if: str | None = None
     folded: bool = False
 
@@ -145,11 +158,12 @@ def report_files(tables: ReplayTables) -> Files:
     first_map = f"map_{tables.manifest['what_if'][0][0]}"
     plots = dive_of(tables)
     with image_process() as draw:
-        drawn = draw(drawings(tables, plots))
+        drawn = draw(drawings(tables, plots), pdf=True)
     for drawing, image in drawn:
-        files |= {f"figures/{drawing.name}.svg": image.svg, f"figures/{drawing.name}.png": image.png}
+        own = figure_files(f"figures/{drawing.name}", image, drawing.data)
+        files |= own
         kind = "wide" if drawing.what_if is None or drawing.name == first_map else ""
-        picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind)
+        picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
         figures.append(Shown(drawing.name, picture, drawing.what_if, drawing.folded))
     page = page_of(tables.manifest, tables.runs, tables.samples, tables.calibration, figures, plots)
     return files | {PAGE: html(explained(page))}
@@ -161,11 +175,11 @@ def dive_of(tables: ReplayTables) -> Plots:
     return plots_of(
         manifest, tables.samples, tables.innovations, tables.pings, tables.path, tables.currents,
         methods={name: featured_in(manifest, summary, name) for name, _ in manifest["what_if"]},
-        least_ratio=_least_ratio(manifest),
+        least_ratio=least_ratio_of(manifest),
     )  # fmt: skip
 
 
-def _least_ratio(manifest: dict[str, Any]) -> float:
+def least_ratio_of(manifest: dict[str, Any]) -> float:
     """What NIS over its degrees is of noise as claimed, under the weights of the replay."""
     robust = manifest.get("options", {}).get("robust")
     return least_ratio(None if robust is None else Robust(**robust))
@@ -185,6 +199,7 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
             VALIDITY,
             f"Beams given to the filters: coloured where a beam is valid{tail}.",
             validity_figure(tables.pings, start_ns, title=f"valid beams, from beam 1 down{tail}"),
+            _first_draw(tables.pings).select("what_if", "time_ns", pl.col("^beam[0-9]+_valid$")),
         ),
     ]
     for what_if, _ in manifest["what_if"]:
@@ -198,13 +213,16 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
             caption = (
                 f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma; hollow: rejected."
             )
-            found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
+            data = _first_draw(innovations).filter(pl.col("method") == method)
+            data = data.select("method", "time_ns", "status", pl.col("^beam[0-9]+_innovation.*$"))
+            found.append(Drawing(f"innovations_{what_if}", caption, drawn, data, what_if))
         if tables.currents is not None:
             rows = tables.currents.filter(pl.col("what_if") == what_if)
             title = f"{_title(tables, what_if)}{tail}"
             drawn = current_figure(rows, start_ns, methods=shown, title=title)
             caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
-            found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
+            data = _first_draw(rows).filter(pl.col("method").is_in(shown)).drop("case", "what_if", "run")
+            found.append(Drawing(f"current_{what_if}", caption, drawn, data, what_if))
         if len(shown) < len(manifest["methods"]):
             found += _of_methods(tables, what_if, manifest["methods"], tail, folded=True)
     return found
@@ -214,10 +232,15 @@ def _timeline(manifest: dict[str, Any], plots: Plots, tail: str) -> Drawing:
     """The curves that are shown first."""
     shown = tuple(choice.first for choice in plots.choices)
     title = f"{manifest['case'].replace('_', ' ')}, {', '.join(shown)}{tail}"
-    figure = timeline_figure(plots.views[shown].panels, plots.start_ns, utc=plots.is_utc, title=title)
+    panels = plots.views[shown].panels
+    figure = timeline_figure(panels, plots.start_ns, utc=plots.is_utc, title=title)
     caption = f"Estimates of {shown[-1]} against time{tail}; shaded: ±σ as claimed"
     caption += ", of NIS the 95 % band of a consistent filter; dashed: dead reckoning."
-    return Drawing(TIMELINE, caption, figure)
+    return Drawing(TIMELINE, caption, figure, panels_table(panels))
+
+
+def _first_draw(table: pl.DataFrame) -> pl.DataFrame:
+    return table.filter(pl.col("run") == pl.col("run").min())
 
 
 def _title(tables: ReplayTables, what_if: str) -> str:
@@ -236,41 +259,51 @@ def _of_methods(
     )
     title, end = f"{_title(tables, what_if)}{tail}", "_all_methods" if folded else ""
 
-    def add(name: str, caption: str, figure: Figure) -> None:
-        found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, what_if, folded))
+    def add(name: str, caption: str, figure: Figure, data: pl.DataFrame) -> None:
+        found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, data, what_if, folded))
 
-    first = taken(manifest)
-    wanted = list(
-        dict.fromkeys([*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])])
-    )
-    tracks, reference = tracks_of(samples, wanted), reference_track(tables.path, samples)
-    claims = [one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks]
-    pings = tables.pings.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
-    lost = lost_beams(pings, tracks[first].time_ns)
-    figure = map_figure(
-        tracks, tracks_of(samples, methods, SMOOTHED), reference, framed(tracks, reference, first), title=title,
-        claims=claims, lost=(tracks[first], lost),
-    )  # fmt: skip
+    shown = map_of(tables, what_if, methods)
+    figure = map_figure(shown, title=title)
     caption = f"Plan view{tail}"
-    caption += "; broad grey: the reference" if reference is not None else ""
+    caption += "; broad grey: the reference" if shown.reference is not None else ""
     caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
-    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}"
-    caption += _cut_words(tracks, [one for one in tracks if not holds(shown_frame(figure), tracks[one])])
-    add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
+    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(shown.claims)}"
+    frame = shown_frame(figure)
+    caption += _cut_words(shown.tracks, [one for one, way in shown.tracks.items() if not holds(frame, way)])
+    add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure, shown.table())
     for name in (FORWARD, SMOOTHED):
         if manifest["has_reference"] and (ensemble["pass"] == name).any():
             drawn = error_figure(ensemble, methods=methods, title=f"{title}, {name}", which=name)
             caption = (
                 f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
             )
-            add(f"errors_{name}", caption, drawn)
+            rows = ensemble.filter((pl.col("pass") == name) & pl.col("method").is_in(methods))
+            add(f"errors_{name}", caption, drawn, rows.drop("case", "what_if"))
     caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
     add(
         "nis",
         caption,
-        nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=_least_ratio(manifest)),
+        nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=least_ratio_of(manifest)),
+        nis_table(innovations, methods, least_ratio_of(manifest)),
     )
     return found
+
+
+def map_of(tables: ReplayTables, what_if: str, methods: Sequence[str]) -> Map:
+    """The map of a what-if case with methods, the track to take and dead reckoning."""
+    manifest, samples = tables.manifest, tables.samples.filter(pl.col("what_if") == what_if)
+    first = taken(manifest)
+    wanted = [*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])]
+    tracks, reference = tracks_of(samples, list(dict.fromkeys(wanted))), reference_track(tables.path, samples)
+    pings = tables.pings.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
+    return Map(
+        tracks,
+        tracks_of(samples, methods, SMOOTHED),
+        reference,
+        framed(tracks, reference, first),
+        claims=[one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks],
+        lost=(tracks[first], lost_beams(pings, tracks[first].time_ns)),
+    )
 
 
 def _cut_words(tracks: Mapping[str, Track], cut: Sequence[str]) -> str:

@@ -125,6 +125,20 @@ REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
 deviations, RMS over runs."""
 
 
+REPLAY_COMPARISON: Mapping[str, pl.DataType] = {
+    "what_if": pl.String(),
+    "method": pl.String(),
+    "pass": pl.String(),
+    "quantity": pl.String(),
+    "unit": pl.String(),
+    "value": pl.Float64(),
+    "other": pl.Float64(),
+    "difference": pl.Float64(),
+}
+"""A row per what-if case, method, pass and quantity that two replays of one dive both have: medians over the draws,
+of the first draw where the track ends, and the difference of the first replay to the other."""
+
+
 def innovations_schema(beams: int) -> dict[str, pl.DataType]:
     """A row per what-if case, run, method and ping: its outcome, NIS, and the innovation of each beam that is used."""
     return {

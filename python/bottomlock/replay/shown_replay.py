@@ -1,0 +1,347 @@
+"""A finished replay in Python: what a terminal and a notebook show of it, its tables, and its plots."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+
+from bottomlock.errors import DataError
+from bottomlock.figures.notebook import shown_axes, shown_figure
+from bottomlock.figures.palette import WIDTH_IN
+from bottomlock.figures.series import Panel
+from bottomlock.figures.timeline import draw_panels, stacked_axes, timeline_size_in
+from bottomlock.pages.latex import latex_table
+from bottomlock.pages.notebook import notebook_table
+from bottomlock.pages.page import Table
+from bottomlock.pages.pieces import title_of
+from bottomlock.pages.plots import is_utc
+from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.dive_plots import (
+    attitude_panels,
+    depth_panel,
+    position_sd_panel,
+    taken,
+    velocity_panels,
+)
+from bottomlock.replay.figures import NIS_HEIGHT_IN, NIS_PLACE, draw_nis, draw_validity, validity_layout
+from bottomlock.replay.map_figure import MAP_HEIGHT_IN, MAP_PLACE, draw_map
+from bottomlock.replay.page import featured_in, results_table
+from bottomlock.replay.report import ReplayTables, least_ratio_of, map_of, read_replay
+from bottomlock.replay.run_and_report import run_and_report
+from bottomlock.statistics.replay import comparison_table, summary_table
+from bottomlock.support.nearest import did_you_mean
+from bottomlock.tables.replay import FORWARD, SMOOTHED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class Replay:
+    """A finished replay: its tables as Polars data frames, and the figures of its page, one call each.
+
+    A plot takes the name of a what-if case (the recording as it is by default) and of a method (the one whose track
+    is to be taken by default); `methods` are those of the page by default. Plots draw on new axes, or on those given
+    as `axes`.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        """Reads a replay.
+
+        Args:
+            folder: directory that `run_replay` or `bottomlock replay` has written.
+
+        Raises:
+            DataError: for a directory without a finished replay, or a table that is missing or has changed since it
+                was written.
+        """
+        self.folder = Path(folder)
+        self.tables: ReplayTables = read_replay(folder)
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """The content of `manifest.json`."""
+        return self.tables.manifest
+
+    @property
+    def runs(self) -> pl.DataFrame:
+        """A row per what-if case, draw, method and pass (`tables.replay.REPLAY_RUNS`)."""
+        return self.tables.runs
+
+    @property
+    def samples(self) -> pl.DataFrame:
+        """Estimates, errors and claimed σ against time (`tables.replay.REPLAY_SAMPLES`)."""
+        return self.tables.samples
+
+    @property
+    def innovations(self) -> pl.DataFrame:
+        """A row per what-if case, method and ping (`tables.replay.innovations_schema`)."""
+        return self.tables.innovations
+
+    @property
+    def pings(self) -> pl.DataFrame:
+        """The beams as the filters received them (`tables.replay.pings_schema`)."""
+        return self.tables.pings
+
+    @property
+    def ensemble(self) -> pl.DataFrame:
+        """RMS over the draws per second (`tables.replay.REPLAY_ENSEMBLE`)."""
+        return self.tables.ensemble
+
+    @property
+    def reference(self) -> pl.DataFrame | None:
+        """Positions of the reference (`tables.replay.PATH`); None without them."""
+        return self.tables.path
+
+    @property
+    def calibration(self) -> pl.DataFrame | None:
+        """Estimated parameters of the DVL (`tables.replay.CALIBRATION`); None where they are no states."""
+        return self.tables.calibration
+
+    @property
+    def currents(self) -> pl.DataFrame | None:
+        """The estimated current (`tables.replay.CURRENTS`); None where it is no state."""
+        return self.tables.currents
+
+    @property
+    def verdict(self) -> str:
+        """Whether the replay can be trusted: "yes", "partly" or "no"."""
+        return str(self.manifest["answer"]["verdict"])
+
+    @property
+    def method(self) -> str:
+        """The method whose track is to be taken, or the first that stands for all."""
+        return taken(self.manifest)
+
+    @property
+    def methods(self) -> list[str]:
+        """Every method, dead reckoning too."""
+        return list(self.manifest["methods"])
+
+    @property
+    def what_ifs(self) -> list[str]:
+        """The what-if cases; the first is the recording as it is."""
+        return [name for name, _ in self.manifest["what_if"]]
+
+    def __repr__(self) -> str:
+        """Case, verdict, methods and what-if cases in a line."""
+        cases = "" if len(self.what_ifs) == 1 else f"; {', '.join(self.what_ifs)}"
+        return (
+            f"<Replay of {self.manifest['case']}: trusted {self.verdict}; {', '.join(self.methods)}{cases}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """The answer, and for each what-if case the errors at the end, a row for each method and pass."""
+        answer = self.manifest["answer"]
+        head = Table(
+            ["Can I trust this?", self.verdict.capitalize()],
+            [["", answer["sentence"]]],
+            self.manifest["case"],
+        )
+        return notebook_table(head) + "".join(notebook_table(self._table(name)) for name in self.what_ifs)
+
+    def to_latex(self, what_if: str | None = None) -> str:
+        """Errors at the end, claims and fixes of a what-if case in LaTeX, with the rules of the package booktabs.
+
+        Raises:
+            DataError: for a what-if case that the replay does not have.
+        """
+        return latex_table(self._table(self._case(what_if)))
+
+    def compare(self, other: "Replay") -> pl.DataFrame:
+        """The replay beside another of the same dive, with other methods or settings; differences are to the other.
+
+        Returns:
+            `tables.replay.REPLAY_COMPARISON`: a row per what-if case, method, pass and quantity that both have.
+
+        Raises:
+            DataError: for replays of different recordings.
+        """
+        ours, theirs = self.manifest["files"], other.manifest["files"]
+        # What-if cases and noise may be of other files: they are settings.
+        for section in (one for one in ours if "." not in one and one in theirs):
+            if ours[section]["sha256"] != theirs[section]["sha256"]:
+                raise DataError(
+                    f"the replays are of different recordings: {section} is {ours[section]['name']} "
+                    f"({ours[section]['sha256'][:12]}) in {self.folder} and {theirs[section]['name']} "
+                    f"({theirs[section]['sha256'][:12]}) in {other.folder}"
+                )
+        return comparison_table((self.runs, self.samples), (other.runs, other.samples))
+
+    def plot_map(
+        self,
+        what_if: str | None = None,
+        *,
+        methods: Sequence[str] | None = None,
+        axes: "Axes | None" = None,
+    ) -> "Axes":
+        """The way over ground, 2σ ellipses, beams lost and the reference.
+
+        Args:
+            what_if: a what-if case.
+            methods: which to draw; the track to take and dead reckoning are drawn too.
+            axes: matplotlib axes to draw on; those of a new figure by default.
+
+        Returns:
+            The axes.
+
+        Raises:
+            DataError: for a what-if case or method that the replay does not have.
+        """
+        case = self._case(what_if)
+        axes = shown_axes(MAP_PLACE, size_in=(WIDTH_IN, MAP_HEIGHT_IN)) if axes is None else axes
+        draw_map(axes, map_of(self.tables, case, self._drawn(case, methods)))
+        # Whoever moves or enlarges the axes keeps one scale.
+        axes.set_aspect("equal", adjustable="datalim")
+        return axes
+
+    def plot_velocity(
+        self,
+        method: str | None = None,
+        what_if: str | None = None,
+        *,
+        which: str = FORWARD,
+        axes: "Sequence[Axes] | None" = None,
+    ) -> "list[Axes]":
+        """Surge, sway and heave with ±σ against time, over dead reckoning: three axes.
+
+        Args:
+            method: one of the replay's.
+            what_if: a what-if case.
+            which: pass, "forward" or "smoothed".
+            axes: three matplotlib axes to draw on; those of a new figure by default.
+
+        Returns:
+            The axes.
+
+        Raises:
+            DataError: for a what-if case, method or pass that the replay does not have, and another number of axes.
+        """
+        return self._panels(velocity_panels(*self._states(method, what_if, which)), axes)
+
+    def plot_position_sd(
+        self,
+        method: str | None = None,
+        what_if: str | None = None,
+        *,
+        which: str = FORWARD,
+        axes: "Axes | None" = None,
+    ) -> "Axes":
+        """Claimed σ of the horizontal position against time, and its error where it is known; as `plot_velocity`."""
+        return self._panel(position_sd_panel(*self._states(method, what_if, which)), axes)
+
+    def plot_depth(
+        self,
+        method: str | None = None,
+        what_if: str | None = None,
+        *,
+        which: str = FORWARD,
+        axes: "Axes | None" = None,
+    ) -> "Axes":
+        """Depth below the origin with ±σ against time; as `plot_velocity`."""
+        return self._panel(depth_panel(*self._states(method, what_if, which)), axes)
+
+    def plot_attitude(
+        self,
+        method: str | None = None,
+        what_if: str | None = None,
+        *,
+        which: str = FORWARD,
+        axes: "Sequence[Axes] | None" = None,
+    ) -> "list[Axes]":
+        """Roll and pitch, and heading, against time: two axes; as `plot_velocity`."""
+        return self._panels(attitude_panels(*self._states(method, what_if, which)), axes)
+
+    def plot_nis(
+        self,
+        what_if: str | None = None,
+        *,
+        methods: Sequence[str] | None = None,
+        axes: "Axes | None" = None,
+    ) -> "Axes":
+        """NIS over its degrees of freedom, sliding mean, with the 95 % band of a consistent filter; as `plot_map`."""
+        case = self._case(what_if)
+        rows = self.innovations.filter(pl.col("what_if") == case)
+        drawn = self._drawn(case, methods)
+        axes = shown_axes(NIS_PLACE, size_in=(WIDTH_IN, NIS_HEIGHT_IN)) if axes is None else axes
+        draw_nis(axes, rows, self._start_ns, methods=drawn, least_ratio=least_ratio_of(self.manifest))
+        return axes
+
+    def plot_beams(self, *, axes: "Axes | None" = None) -> "Axes":
+        """Which beams were valid against time, a strip for each beam and what-if case; as `plot_map`."""
+        size, place = validity_layout(self.pings)
+        axes = shown_axes(place, size_in=size) if axes is None else axes
+        draw_validity(axes, self.pings, self._start_ns)
+        return axes
+
+    @cached_property
+    def _start_ns(self) -> int:
+        return int(self.samples["time_ns"].min())  # type: ignore[arg-type]
+
+    def _table(self, what_if: str) -> Table:
+        table = results_table(self.runs, self.samples, what_if)
+        return Table(table.columns, table.rows, f"{title_of(what_if)}. {table.caption}", table.left)
+
+    def _case(self, what_if: str | None) -> str:
+        return self.what_ifs[0] if what_if is None else _known("what_if", what_if, self.what_ifs)
+
+    def _drawn(self, what_if: str, methods: Sequence[str] | None) -> list[str]:
+        """The methods that are drawn; by default those of the page."""
+        if methods is None:
+            return featured_in(self.manifest, summary_table(self.runs), what_if)
+        if isinstance(methods, str):
+            raise DataError(f"methods is {methods!r}, expected a list of names, such as [{methods!r}]")
+        return [_known("methods", one, self.methods) for one in methods]
+
+    def _states(self, method: str | None, what_if: str | None, which: str) -> tuple[pl.DataFrame, str, str]:
+        """The samples of a what-if case in its first draw, the method, and the pass."""
+        method = self.method if method is None else _known("method", method, self.methods)
+        of_case = pl.col("what_if") == self._case(what_if)
+        samples = self.samples.filter(of_case & (pl.col("run") == pl.col("run").min()))
+        there = samples.filter(pl.col("method") == method)["pass"].unique()
+        _known("which", which, [one for one in (FORWARD, SMOOTHED) if one in there])
+        return samples, method, which
+
+    def _panel(self, panel: Panel, axes: "Axes | None") -> "Axes":
+        return self._panels([panel], None if axes is None else [axes])[0]
+
+    def _panels(self, panels: Sequence[Panel], axes: "Sequence[Axes] | None") -> "list[Axes]":
+        if axes is None:
+            axes = stacked_axes(shown_figure(timeline_size_in(len(panels))), len(panels))
+        if len(axes) != len(panels):
+            raise DataError(f"axes are {len(axes)}, expected {len(panels)}, one for each panel")
+        draw_panels(axes, panels, self._start_ns, utc=is_utc(self._start_ns))
+        return list(axes)
+
+
+def run_replay(case: str | Path | Case, out: str | Path, *, threads: int = 0, force: bool = False) -> Replay:
+    """Navigates a recorded dive again, as `bottomlock replay`, and writes tables, page and figures to `out`.
+
+    Args:
+        case: the file of a case (TOML), or a case.
+        out: directory: new, empty, or of the same case.
+        threads: number of threads, 0 for one per core; the results do not depend on it.
+        force: start over in a directory of another case.
+
+    Raises:
+        ScenarioError: for a case that is not one, naming the key.
+        DataError, KernelError: for a recording that cannot be navigated, naming file, row or time.
+        OutputError: for a directory that holds something else, or cannot be written.
+    """
+    loaded = case if isinstance(case, Case) else load_case(case)
+    inputs = [] if isinstance(case, Case) else [Path(case)]
+    run_and_report(loaded, out, inputs=inputs, threads=threads, force=force)
+    return Replay(out)
+
+
+def _known(name: str, value: str, known: Sequence[str]) -> str:
+    """A value that is among the known ones.
+
+    Raises:
+        DataError: where it is not, with the nearest.
+    """
+    if value not in known:
+        hint = did_you_mean(str(value), known)
+        raise DataError(f"{name} is {value!r}{hint or ','} expected one of {', '.join(known)}")
+    return value

@@ -1,0 +1,186 @@
+"""A replay in Python: its plots are the figures of its page, its tables are the files, its comparison is by hand."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import polars as pl
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import bottomlock
+from bottomlock.errors import DataError
+from bottomlock.files.records import DIGESTS, read_record, write_record
+from bottomlock.own_method import DEAD_RECKONING
+from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.report import Drawing, dive_of, drawings
+from bottomlock.replay.shown_replay import Replay, run_replay
+
+CASE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
+
+
+def dive(methods: list[str]) -> Case:
+    return load_case(CASE).with_overrides(methods=methods)
+
+
+@pytest.fixture(scope="module")
+def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
+    """Two of the methods, each what-if case."""
+    return run_replay(dive(["tc", "sway_current"]), tmp_path_factory.mktemp("r") / "dive")
+
+
+@pytest.fixture(scope="module")
+def figures(replay: Replay) -> dict[str, Figure]:
+    """Those of the page."""
+    drawn: list[Drawing] = drawings(replay.tables, dive_of(replay.tables))
+    return {one.name: one.figure for one in drawn}
+
+
+@pytest.fixture(autouse=True)
+def _closed() -> Iterator[None]:
+    plt.switch_backend("agg")
+    yield
+    plt.close("all")
+
+
+def curves(axes: Axes) -> list[Any]:
+    """The points of every line, and the patches and shades."""
+    lines = [np.asarray(line.get_xydata()) for line in axes.lines]
+    shades = [path.vertices for one in axes.collections for path in one.get_paths()]
+    patches = [patch.get_path().vertices for patch in axes.patches]
+    return [*lines, *shades, *patches]
+
+
+def same(one: Axes, other: Axes) -> None:
+    ours, theirs = curves(one), curves(other)
+    assert len(ours) == len(theirs) > 0
+    assert [text.get_text() for text in one.texts] == [text.get_text() for text in other.texts]
+    for mine, yours in zip(ours, theirs, strict=True):
+        np.testing.assert_array_equal(mine, yours)
+
+
+def test_plots_are_the_figures_of_the_page(replay: Replay, figures: dict[str, Figure]) -> None:
+    """Point by point, on axes of their own."""
+    same(replay.plot_map(), figures["map_recorded"].axes[0])
+    same(replay.plot_map("lost_34"), figures["map_lost_34"].axes[0])
+    same(replay.plot_nis("lost_34"), figures["nis_lost_34"].axes[0])
+    same(replay.plot_beams(), figures["validity"].axes[0])
+    page = figures["timeline"].axes
+    surge, sway, heave, sd, depth, levels, heading = page[:7]
+    for mine, yours in zip(replay.plot_velocity(), (surge, sway, heave), strict=True):
+        same(mine, yours)
+    same(replay.plot_position_sd(), sd)
+    same(replay.plot_depth(), depth)
+    for mine, yours in zip(replay.plot_attitude(), (levels, heading), strict=True):
+        same(mine, yours)
+
+
+def test_plots_take_axes_methods_and_passes(replay: Replay) -> None:
+    _, (left, right) = plt.subplots(1, 2)
+    assert replay.plot_map(axes=left) is left
+    assert replay.plot_position_sd("sway_current", axes=right) is right
+    _, three = plt.subplots(3)
+    assert replay.plot_velocity("tc", "lost_34", which="smoothed", axes=list(three)) == list(three)
+    rows = replay.samples.filter(
+        (pl.col("what_if") == "lost_34") & (pl.col("method") == "tc") & (pl.col("pass") == "smoothed")
+    )
+    drawn = [line.get_ydata() for line in three[0].lines if line.get_label() == "tc"]
+    assert set(np.asarray(drawn[0]).tolist()) <= set(rows["surge_mps"].to_list())
+    with pytest.raises(DataError, match="axes are 2, expected 3"):
+        replay.plot_velocity(axes=[left, right])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda one: one.plot_map("lost34"), "what_if is 'lost34', did you mean 'lost_34'"),
+        (lambda one: one.plot_depth("tcc"), "method is 'tcc', did you mean 'tc'"),
+        (
+            lambda one: one.plot_nis(methods="tc"),
+            r"methods is 'tc', expected a list of names, such as \['tc'\]",
+        ),
+        (lambda one: one.plot_nis(methods=["vb"]), "methods is 'vb'"),
+        (
+            lambda one: one.plot_depth(DEAD_RECKONING, which="smoothed"),
+            "which is 'smoothed', expected one of forward",
+        ),
+        (lambda one: one.to_latex("lost"), "what_if is 'lost'"),
+    ],
+)
+def test_what_a_replay_does_not_have_is_named(
+    replay: Replay, call: Callable[[Replay], object], message: str
+) -> None:
+    with pytest.raises(DataError, match=message):
+        call(replay)
+
+
+def test_it_shows_itself(replay: Replay) -> None:
+    """The verdict in a line, and in a notebook the sentence and a table for each case."""
+    assert repr(replay) == (
+        f"<Replay of survey_dive: trusted {replay.manifest['answer']['verdict']}; tc, sway_current, dead_reckoning; "
+        "recorded, lost_34, one_beam_for_5_min>"
+    )
+    captions: list[str] = []
+
+    class Reader(HTMLParser):
+        inside = False
+
+        def handle_starttag(self, tag: str, _: object) -> None:
+            self.inside = tag == "caption"
+
+        def handle_data(self, data: str) -> None:
+            if self.inside:
+                captions.append(data.split(".", maxsplit=1)[0])
+
+    html = replay._repr_html_()
+    Reader().feed(html)
+    assert captions == ["survey_dive", "Recorded", "Lost 34", "One beam for 5 min"]
+    assert replay.manifest["answer"]["sentence"].split(".")[0] in html
+    latex = replay.to_latex("lost_34")
+    row = replay.runs.filter(
+        (pl.col("what_if") == "lost_34")
+        & (pl.col("method") == "sway_current")
+        & (pl.col("pass") == "forward")
+    )
+    assert rf"sway\_current & forward & {row['position_final_m'].item():.2f} &" in latex
+
+
+def test_its_tables_are_its_files(replay: Replay) -> None:
+    for name in ("runs", "samples", "innovations", "pings", "ensemble", "reference"):
+        assert getattr(replay, name).equals(pl.read_parquet(replay.folder / f"{name}.parquet"))
+    assert bottomlock.Replay(str(replay.folder)).runs.equals(replay.runs)
+    assert replay.currents is None
+
+
+def test_two_replays_of_a_dive_are_compared(replay: Replay, tmp_path: Path) -> None:
+    """Only what both have, by hand from the runs; the end of a track from the samples."""
+    no_compass = dive(["tc", "ins"]).model_copy(update={"attitude": None})
+    alone = run_replay(no_compass, tmp_path / "alone")
+    table = alone.compare(replay)
+    assert set(table["method"]) == {"tc", DEAD_RECKONING} & set(alone.methods)
+    keys = (pl.col("what_if") == "lost_34") & (pl.col("method") == "tc") & (pl.col("pass") == "forward")
+    by_quantity = {row["quantity"]: row for row in table.filter(keys).iter_rows(named=True)}
+    mine, yours = (one.runs.filter(keys)["position_final_m"].item() for one in (alone, replay))
+    error = by_quantity["position error at the end"]
+    assert (error["value"], error["other"], error["unit"]) == (mine, yours, "m")
+    assert error["difference"] == mine - yours != 0.0
+    ends = [one.samples.filter(keys)["north_m"][-1] for one in (alone, replay)]
+    assert by_quantity["end of the track, north"]["difference"] == ends[0] - ends[1] != 0.0
+
+
+def test_replays_of_two_dives_are_not_compared(replay: Replay, tmp_path: Path) -> None:
+    folder = tmp_path / "other"
+    shutil.copytree(replay.folder, folder)
+    record = read_record(folder / "manifest.json")
+    assert record is not None
+    record["files"]["imu"]["sha256"] = "0" * 64
+    write_record(folder / "manifest.json", record, record[DIGESTS])
+    with pytest.raises(DataError, match=r"different recordings: imu is imu\.parquet"):
+        replay.compare(Replay(folder))
