@@ -13,6 +13,8 @@ from bottomlock.cli.page_output import print_blocks, print_headline, print_part
 from bottomlock.cli.parameters import Threads, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
+from bottomlock.export.formats import FORMATS, check_formats
+from bottomlock.export.replay import export_replay
 from bottomlock.files.overwriting import check_free, remove_outdated
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
@@ -20,7 +22,6 @@ from bottomlock.pages.page import Table, plain_text
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
-from bottomlock.replay.export.run import FORMATS, check_formats, export_replay
 from bottomlock.replay.init.make import Made, make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
@@ -147,7 +148,7 @@ def replay(
         write(write_calibration, instrument, replayed.calibration, loaded, force=force)
         console.print(f"wrote {write_calibration}", highlight=False)
     if formats is not None:
-        _export(out, formats, None, force=force)
+        _export(out, formats, split(methods), force=force)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
 
 

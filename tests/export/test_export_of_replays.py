@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,10 @@ import pytest
 from mcap.reader import make_reader
 
 from bottomlock.errors import DataError, OutputError, ScenarioError
+from bottomlock.export.formats import FORMATS, check_formats, files_of
+from bottomlock.export.replay import export_of_replay, export_replay
+from bottomlock.files.overwriting import Files
 from bottomlock.replay.case import load_case
-from bottomlock.replay.export.run import FORMATS, check_formats, export_files, export_replay
 from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import ReplayTables, read_replay
 from bottomlock.replay.run import replay_case, write_replay
@@ -46,6 +49,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_replay(replay_case(load_case(synthetic_dive.write(work, ASKED))), work / "out")
     export_replay(work / "out", FORMATS)
     return work / "out"
+
+
+def export_files(tables: ReplayTables, formats: Sequence[str], methods: Sequence[str] | None = None) -> Files:
+    """The contents of the files, as `export_replay` names them."""
+    export = export_of_replay(tables, methods)
+    return {f"export/{name}": content for kind in formats for name, content in files_of(export, kind).items()}
 
 
 def utc_dive(**manifest: object) -> ReplayTables:
@@ -310,7 +319,13 @@ def test_without_a_place_on_the_earth_three_formats_are_refused_and_three_writte
     files = export_files(utc_dive(origin=None), ["csv", "tum", "mcap"])
     assert set(files) == {
         f"export/{name}"
-        for name in ("recorded_tc.csv", "recorded_tc.tum", "tracks.mcap", "foxglove_layout.json")
+        for name in (
+            "recorded_tc.csv",
+            "recorded_tc.tum",
+            "tracks.mcap",
+            "foxglove_layout.json",
+            "plotjuggler_layout.xml",
+        )
     }
     assert b"LocationFix" not in bytes(files["export/tracks.mcap"])  # type: ignore[arg-type]
 
@@ -329,18 +344,27 @@ def test_origin_is_known_before_the_replay(tmp_path: Path) -> None:
     assert not has_origin(bare)
 
 
-def test_an_export_takes_the_place_of_an_earlier_one_but_not_of_a_users_file(
+def test_an_export_takes_the_place_of_the_same_format_but_not_of_a_users_file(
     folder: Path, tmp_path: Path
 ) -> None:
+    """Those of other formats stay; another choice of methods replaces the files of the one before."""
     out = tmp_path / "out"
     shutil.copytree(folder, out)
-    export_replay(out, ["tum"])
-    assert {path.suffix for path in (out / "export").iterdir()} == {".tum"}
-    (out / "export/recorded_tc.tum").write_text("mine", encoding="utf-8")
+    before = {path.name for path in (out / "export").iterdir()}
+    export_replay(out, ["tum"], methods=["ins"])
+    now = {path.name for path in (out / "export").iterdir()}
+    assert {name for name in now if not name.endswith(".tum")} == {
+        name for name in before if not name.endswith(".tum")
+    }
+    assert {name for name in now if name.endswith(".tum")} == {
+        f"{track.replace('tc', 'ins')}.tum" for track in TRACKS
+    }
+    (out / "export/recorded_ins.tum").write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="has changed since it was written"):
         export_replay(out, ["tum"])
     export_replay(out, ["tum"], force=True)
-    (out / "export/tracks.kml").write_text("mine", encoding="utf-8")
+    assert (out / "export/recorded_tc.tum").exists()
+    (out / "export_kml.record.json").unlink()
     with pytest.raises(OutputError, match="not of ours"):
         export_replay(out, ["kml"], force=True)
 
@@ -378,4 +402,4 @@ def test_a_replay_of_other_tables_removes_the_earlier_export(tmp_path: Path, roo
     done = command(*words, cwd=root)
     assert done.returncode == 0, done.stderr
     assert not (out / "export").exists()
-    assert "its export was made from other tables and is removed" in " ".join(done.stderr.split())
+    assert "its export_kml was made from other tables and is removed" in " ".join(done.stderr.split())
