@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bottomlock.cli.console import console, errors, late_bar
 from bottomlock.cli.page_output import print_blocks, print_headline, print_part
-from bottomlock.cli.parameters import Threads, check_threads, split
+from bottomlock.cli.parameters import Threads, check_beside, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats
@@ -104,6 +104,7 @@ def replay(
         return
     case, formats = _only(files), split(export)
     if formats is not None and case.is_dir():
+        check_beside(out, case)
         _export(case, formats, split(methods), force=force)
         return
     _check_case(case)

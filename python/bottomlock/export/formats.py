@@ -16,7 +16,11 @@ from bottomlock.export.tracks import Export, ExportTrack
 from bottomlock.export.tum import tum
 from bottomlock.files.overwriting import Files, Result
 
-EARTH: Mapping[str, Callable[[str, Sequence[ExportTrack]], str]] = {"kml": kml, "geojson": geojson, "gpx": gpx}
+EARTH: Mapping[str, Callable[[str, Sequence[ExportTrack]], str]] = {
+    "kml": kml,
+    "geojson": geojson,
+    "gpx": gpx,
+}
 """Formats that need a place on the Earth; one file has every track."""
 POSITIONS = (*EARTH, "tum")
 """Formats that have nothing but positions and attitudes."""
@@ -70,7 +74,11 @@ def files_of(export: Export, name: str) -> Files:
 
 
 def results_of(
-    folder: Path, formats: Sequence[str], command: str, made_from: Mapping[str, str], inputs: Sequence[Path] = ()
+    folder: Path,
+    formats: Sequence[str],
+    command: str,
+    made_from: Mapping[str, str],
+    inputs: Sequence[Path] = (),
 ) -> list[tuple[str, Result]]:
     """A result for each format, so that they stand beside one another and each replaces its own alone."""
     return [
@@ -80,7 +88,7 @@ def results_of(
 
 
 def write_export(
-    export: Export, results: Sequence[tuple[str, Result]], *, force: bool, folder: str = FOLDER
+    export: Export, results: Sequence[tuple[str, Result]], *, force: bool, folder: str | None = FOLDER
 ) -> list[Path]:
     """Writes every format, or, where one cannot be made, none.
 
@@ -88,7 +96,7 @@ def write_export(
         export: the tracks.
         results: of `results_of`.
         force: replace files that have changed since they were written.
-        folder: of the files, below that of the results.
+        folder: of the files, below that of the results; None for that itself.
 
     Returns:
         The files.
@@ -98,8 +106,9 @@ def write_export(
         OutputError: for a file of these names that is not of ours, one that has changed since without `force`, and
             where the folder cannot be written.
     """
+    before = "" if folder is None else f"{folder}/"
     made = [
-        (result, {f"{folder}/{name}": content for name, content in files_of(export, kind).items()})
+        (result, {f"{before}{name}": content for name, content in files_of(export, kind).items()})
         for kind, result in results
     ]
     return [path for result, files in made for path in result.write(files, force=force)]

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.recordings.streams import Floats
 from bottomlock.export.tracks import ExportTrack
+from bottomlock.recordings.streams import Floats
 
 FRAME = "map"
 """East-north-up at the origin, the name by REP 105."""

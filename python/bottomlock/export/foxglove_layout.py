@@ -85,4 +85,3 @@ def _column(names: Sequence[str]) -> Any:  # noqa: ANN401 - a panel's name or a 
         "second": _column(names[1:]),
         "splitPercentage": 100.0 / len(names),
     }
-

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.recordings.streams import Floats
 from bottomlock.export.decimals import decimal, utc
 from bottomlock.export.tracks import ExportTrack
+from bottomlock.recordings.streams import Floats
 
 NO_ORIGIN = (
     "kml, geojson and gpx need a place on the Earth, and there is none; give origin.latitude_deg and "

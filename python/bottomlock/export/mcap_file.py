@@ -70,7 +70,9 @@ def mcap(export: Export) -> bytes:
         streams.append(_numbered(channel, topic.messages))
     for time_ns, channel, content in heapq.merge(*streams, key=lambda one: one[:2]):
         if time_ns < 0:
-            raise DataError(f"MCAP holds no time before 0, and a track has {time_ns} ns; export another format")
+            raise DataError(
+                f"MCAP holds no time before 0, and a track has {time_ns} ns; export another format"
+            )
         data = json.dumps(content, allow_nan=False).encode()
         writer.add_message(channel_id=channel, log_time=time_ns, publish_time=time_ns, data=data)
     writer.finish()

@@ -20,7 +20,7 @@ Curves = Sequence[tuple[str, str]]
 def plotjuggler_layout(export: Export) -> str:
     """A layout to load in PlotJuggler after the file: the topics of `mcap` for these tracks."""
     root = ET.Element("root", version=VERSION)
-    window = ET.SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    window = ET.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for name, panels in (("tracks", _tracks(export)), ("first track", _first(export))):
         if panels:
             _tab(window, name, panels)
@@ -86,8 +86,8 @@ def _plot(curves: Curves) -> ET.Element:
 def _map(tracks: Sequence[ExportTrack]) -> ET.Element:
     plot = ET.Element("plot", mode="XYPlot", style="Lines")
     for track in tracks:
-        names = {"curve_x": _series(track, "east_m"), "curve_y": _series(track, "north_m")}
-        ET.SubElement(plot, "curve", name=track.name, color=track.colour, **names)
+        places = {"curve_x": _series(track, "east_m"), "curve_y": _series(track, "north_m")}
+        ET.SubElement(plot, "curve", {"name": track.name, "color": track.colour, **places})
     return plot
 
 

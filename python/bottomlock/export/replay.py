@@ -38,7 +38,9 @@ def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None)
         DataError: for a replay without one position.
     """
     manifest = tables.manifest
-    chosen = [taken(manifest)] if methods is None else chosen_methods(methods, manifest["methods"], "the replay")
+    chosen = (
+        [taken(manifest)] if methods is None else chosen_methods(methods, manifest["methods"], "the replay")
+    )
     origin = None if manifest["origin"] is None else Place(**manifest["origin"])
     environment = _environment(manifest)
     tracks = [
