@@ -15,11 +15,13 @@ import polars as pl
 import pytest
 from mcap.reader import make_reader
 
-from bottomlock.campaign.build import BuiltScenario
+from bottomlock.campaign.build import BuiltScenario, build_simulations
 from bottomlock.campaign.chunk import ChunkResult, run_chunk
+from bottomlock.campaign.manifest import identity_of
 from bottomlock.campaign.partition import Chunk
 from bottomlock.campaign.run import run_campaign
-from bottomlock.config.scenario import load_scenario
+from bottomlock.campaign.run_again import scenario_of
+from bottomlock.config.scenario import load_scenario, packaged_scenarios
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.export.campaign import export_campaign
 from bottomlock.export.formats import FORMATS
@@ -226,6 +228,14 @@ def test_a_run_that_comes_out_otherwise_is_not_exported(
         export_campaign(tmp_path / "out", ["kml"], run=RUN)
 
 
+@pytest.mark.parametrize("name", sorted(packaged_scenarios()))
+def test_a_manifest_states_the_scenario_whole(name: str) -> None:
+    """What a manifest holds of a packaged scenario is a scenario of the same hash."""
+    scenario = load_scenario(name)
+    again = scenario_of(json.loads(json.dumps(scenario.model_dump(mode="json"))), Path("manifest.json"))
+    assert identity_of(build_simulations([again])) == identity_of(build_simulations([scenario]))
+
+
 def test_a_path_that_has_changed_since_is_named(tmp_path: Path, root: Path) -> None:
     """A trajectory from a file has the place of its file, and must be that of the campaign."""
     shutil.copytree(root / "examples/own_trajectory", tmp_path / "path")
@@ -261,9 +271,9 @@ def test_the_command_exports_what_it_has_run_or_finds_and_names_mistakes(tmp_pat
         ((str(out), "--export", "kml", "--run", "2"), "--run is 2, and straight has 2 runs in"),
         ((str(out), "--export", "kml", "--run", "-1"), "--run is -1, expected a run number, 0 or more"),
         ((str(out), "--export", "kml", "-o", new), "leave --out out"),
-        ((str(out),), "is a folder, expected scenarios; of a campaign's folder --export"),
+        ((str(out),), "is a folder, expected a scenario; of a campaign's folder --export"),
         ((str(tmp_path), "--export", "kml"), "holds no campaign"),
-        ((str(out), "straight", "-o", new), "is a folder, expected scenarios, or one folder alone"),
+        ((str(out), "straight", "-o", new), "is a folder, expected a scenario, or one folder alone"),
         (("straight", "-o", new, "--run", "1"), "--run is 1 without --export"),
         (
             ("straight", "-o", new, "-n", "3", "--export", "kml", "--run", "3"),

@@ -4,19 +4,24 @@ A run's numbers depend on nothing but the seed, the trajectory's name and its nu
 for bit; where they do not, nothing is returned.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from bottomlock.campaign.build import BuiltScenario, build_scenarios, build_simulations
 from bottomlock.campaign.chunk import run_chunk
 from bottomlock.campaign.chunk_files import Identity, read_chunk
+from bottomlock.campaign.directory import MANIFEST
 from bottomlock.campaign.manifest import identity_of
 from bottomlock.campaign.partition import Chunk, Partition
 from bottomlock.config.scenario import Scenario
+from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
@@ -70,19 +75,30 @@ def simulations_of(campaign: CampaignTables) -> list[Simulation]:
         ScenarioError: for a scenario that this version rejects, or a file that is gone.
         DataError: for files that have changed since the campaign.
     """
-    scenarios = []
-    for name in campaign.trajectories:
-        stated = campaign.configuration(name)
-        # What is left out follows the trajectory's file, so what is only the default is left out again.
-        sparse = Scenario.model_validate(stated).model_dump(mode="json", exclude_defaults=True)
-        scenarios.append(Scenario.model_validate(sparse))
-    simulations = build_simulations(scenarios)
+    place = campaign.folder / MANIFEST
+    simulations = build_simulations(
+        [scenario_of(campaign.configuration(name), place) for name in campaign.trajectories]
+    )
     if identity_of(simulations)["configuration_hash"] != campaign.manifest["configuration_hash"]:
         raise DataError(
             f"{campaign.folder}: a file that its scenarios name (trajectory, seabed, vehicle, a method of one's own) "
             "has changed since, so that its runs cannot be made again; run the campaign again"
         )
     return simulations
+
+
+def scenario_of(stated: Mapping[str, Any], place: Path) -> Scenario:
+    """A scenario as a manifest states it, with every default.
+
+    Raises:
+        DataError: for what is no scenario of this version.
+    """
+    try:
+        # What is left out follows the trajectory's file, so what is only the default is left out again.
+        sparse = Scenario.model_validate(stated).model_dump(mode="json", exclude_defaults=True)
+        return Scenario.model_validate(sparse)
+    except ValidationError as error:
+        raise DataError(explain(error, str(place), Scenario)) from error
 
 
 def check_run(campaign: CampaignTables, run: int) -> None:

@@ -95,7 +95,7 @@ def finished_folder(scenario: Sequence[str]) -> Path | None:
     folders = [Path(name) for name in scenario if name not in packaged_scenarios() and Path(name).is_dir()]
     if folders and len(scenario) > 1:
         raise ScenarioError(
-            f"{folders[0]}: is a folder, expected scenarios, or one folder alone with --export"
+            f"{folders[0]}: is a folder, expected a scenario, or one folder alone with --export"
         )
     return folders[0] if folders else None
 
@@ -110,7 +110,7 @@ def export_finished(
     """
     if export.formats is None:
         raise ScenarioError(
-            f"{folder}: is a folder, expected scenarios; of a campaign's folder --export takes the tracks along"
+            f"{folder}: is a folder, expected a scenario; of a campaign's folder --export takes the tracks along"
         )
     check_beside(out, folder)
     check_threads(threads)
