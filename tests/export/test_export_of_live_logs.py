@@ -150,6 +150,20 @@ def test_gpxpy_and_fastkml_read_the_track(dive: tuple[Path, list[Sent]]) -> None
     assert [list(one.coord.coords[0]) for one in mark.kml_geometry.track_items] == expected
 
 
+def test_gdal_reads_the_same_points(dive: tuple[Path, list[Sent]]) -> None:
+    """The reader of QGIS: lines of GeoJSON and of KML with times, points of GPX."""
+    raw = pytest.importorskip("pyogrio.raw", reason="pyogrio is not installed: pip install pyogrio")
+    shapely = pytest.importorskip("shapely", reason="shapely is not installed: pip install shapely")
+    log, _ = dive
+    expected = [numbers(row, ["longitude_deg", "latitude_deg", "height_m"]) for row in rows_of(log)]
+    for name, layer in (("tracks.geojson", None), ("tracks.kml", None), ("tracks.gpx", "track_points")):
+        _, _, shapes, fields = raw.read(exported(log, name), layer=layer)
+        places = shapely.get_coordinates(shapely.from_wkb(shapes), include_z=True)
+        if layer is not None:
+            places[:, 2] = fields[3]  # `ele`
+        assert places.tolist() == expected
+
+
 def test_mcap_has_estimates_beams_and_the_bytes_as_they_came(dive: tuple[Path, list[Sent]]) -> None:
     log, sent = dive
     path = exported(log, "tracks.mcap")
@@ -170,6 +184,7 @@ def test_mcap_has_estimates_beams_and_the_bytes_as_they_came(dive: tuple[Path, l
     rows = rows_of(log)
     assert variance == [float(row["sd_position_east_m"]) ** 2 for row in rows]
     assert {one["beams_valid"] for one in topics["/live/beams"]} == {0, 2, 4}
+    assert 60 < len(topics["/live/beams"]) < len(topics["/in/dvl"])  # a ping is there once
     half = next(one for one in topics["/live/beams"] if one["beams_valid"] == 2)
     assert "beam1_mps" not in half
     assert (half["beam1_valid"], half["beam3_valid"]) == (False, True)

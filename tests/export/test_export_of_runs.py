@@ -75,6 +75,15 @@ def test_truth_less_estimate_is_the_error_of_the_tables(folder: Path, method: st
     assert np.linalg.norm(misalignment, axis=1).max() > 1e-3
 
 
+def test_the_truth_is_that_of_the_campaign_at_the_times_of_the_samples(folder: Path) -> None:
+    table = np.loadtxt(folder / "export/straight_run3_truth.tum")
+    path = pl.read_parquet(folder / "truth.parquet").filter(pl.col("time_ns") > 0)
+    np.testing.assert_array_equal(table[:, 0] * 1e9, path["time_ns"].to_numpy())
+    np.testing.assert_array_equal(
+        table[:, 1:4], path.select("east_m", "north_m", -pl.col("depth_m")).to_numpy()
+    )
+
+
 def test_evo_finds_the_errors_of_the_tables(folder: Path, tmp_path: Path) -> None:
     """Positions and attitudes of the TUM files by somebody else's program."""
     true, mine = (folder / f"export/straight_run3_{name}.tum" for name in ("truth", "tc"))
