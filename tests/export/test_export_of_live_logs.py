@@ -257,7 +257,7 @@ def test_without_an_estimate_a_place_or_the_right_configuration_nothing_is_writt
     ):
         export_live(nowhere, log, ["kml"])
     with pytest.raises(DataError, match="has bytes of source 2, and the configuration has 1 sources"):
-        export_live(parse_config(text_of("velocity"), place="test"), log, ["csv"])
+        export_live(parse_config(text_of("velocity"), place="test"), log, ["csv", "mcap"])
     with pytest.raises(ScenarioError, match="'shp' is no format"):
         export_live(config, log, ["shp"])
     with pytest.raises(DataError, match=r"nothing\.mcap: cannot be read"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -336,6 +337,13 @@ def test_without_a_place_on_the_earth_three_formats_are_refused_and_three_writte
         )
     }
     assert b"LocationFix" not in bytes(files["export/tracks.mcap"])  # type: ignore[arg-type]
+
+
+def test_without_the_extra_mcap_is_refused_and_said_how_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    check_formats(["csv", "tum"])
+    with pytest.raises(DataError, match=r"MCAP files need mcap: `pip install '\.\[live\]'`"):
+        check_formats(["csv", "mcap"])
 
 
 def test_origin_is_known_before_the_replay(tmp_path: Path) -> None:

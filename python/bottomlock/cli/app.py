@@ -82,7 +82,7 @@ JOBS = {
 COMMANDS = {name: words for commands in JOBS.values() for name, words in commands.items()}
 GROUPS = frozenset({"bench"})
 USAGE = {
-    "run": "[OPTIONS] SCENARIO...",
+    "run": "--out PATH [OPTIONS] SCENARIO...",
     "compare": "[OPTIONS] DIRECTORY...",
     "merge": "[OPTIONS] OUT SHARDS...",
     "fly": "[OPTIONS] SCENARIO...",

@@ -64,14 +64,14 @@ def export_live(
     results = results_of(folder, formats, "live", made_from, [log, *inputs])
     for _, result in results:
         result.check(force=force)
-    heard = _Heard(config)
+    collected = _Collected(config)
     replayed = replay_log(
-        config, log, estimates=heard.estimate, bytes_of=heard.entry if "mcap" in formats else None
+        config, log, estimates=collected.estimate, bytes_of=collected.entry if "mcap" in formats else None
     )
-    if not heard.estimates:
+    if not collected.estimates:
         raise DataError(f"{log}: gives no estimate to export; its last state is {replayed.state}")
     return replayed, write_export(
-        _export(config, log, heard, replayed, origin), results, force=force, folder=None
+        _export(config, log, collected, replayed, origin), results, force=force, folder=None
     )
 
 
@@ -92,7 +92,7 @@ def _digest(log: Path) -> str:
 
 
 @dataclass
-class _Heard:
+class _Collected:
     """What a replay passes on."""
 
     config: LiveConfig
@@ -133,20 +133,22 @@ class _Heard:
         self.bytes.setdefault(topic, []).append(row)
 
 
-def _export(config: LiveConfig, log: Path, heard: _Heard, replayed: Replayed, origin: Place | None) -> Export:
+def _export(
+    config: LiveConfig, log: Path, collected: _Collected, replayed: Replayed, origin: Place | None
+) -> Export:
     words = f"{config.name}: {log.name}, played again: {replayed.text()}; estimates of the states in which any is sent"
-    rows = pl.DataFrame({"time_ns": [one.time_ns for one in heard.estimates]})
+    rows = pl.DataFrame({"time_ns": [one.time_ns for one in collected.estimates]})
     position = attitude = geodetic = None
     if config.mode == "navigation":
-        position = np.array([one.position_t_m for one in heard.estimates])
-        attitude = from_quaternions(np.array([one.attitude_t_p for one in heard.estimates]))
+        position = np.array([one.position_t_m for one in collected.estimates])
+        attitude = from_quaternions(np.array([one.attitude_t_p for one in collected.estimates]))
         geodetic = geodetic_of(position, origin)
         rows = _with(rows, [f"{axis}_m" for axis in _AXES], position)
         if geodetic is not None:
             rows = _with(rows, ("latitude_deg", "longitude_deg", "height_m"), geodetic)
         angles = np.rad2deg(to_angles(level_axes(_environment(config), position).inv() * attitude))
         rows = _with(rows, ("roll_deg", "pitch_deg", "yaw_deg"), angles)
-    rows = _with_velocity(rows, heard.estimates)
+    rows = _with_velocity(rows, collected.estimates)
     track = ExportTrack(
         name=NAME,
         method=config.navigation.method if config.mode == "navigation" else config.velocity.method,
@@ -161,9 +163,11 @@ def _export(config: LiveConfig, log: Path, heard: _Heard, replayed: Replayed, or
         topic: pl.DataFrame(
             rows, schema={"time_ns": pl.Int64, "bytes": pl.Int64, "text": pl.String, "hex": pl.String}
         )
-        for topic, rows in heard.bytes.items()
+        for topic, rows in collected.bytes.items()
     }
-    return Export(config.name, [track], {NAME: _pings(heard.pings)} if heard.pings else {}, arrivals=arrivals)
+    return Export(
+        config.name, [track], {NAME: _pings(collected.pings)} if collected.pings else {}, arrivals=arrivals
+    )
 
 
 def _environment(config: LiveConfig) -> Environment:

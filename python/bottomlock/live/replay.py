@@ -86,6 +86,11 @@ def replay_log(
     sent = entries = 0
     difference = ""
     for entry in log.entries:
+        if entry.kind != "out" and entry.place >= len(config.source):
+            raise DataError(
+                f"{path}: has bytes of source {entry.place + 1}, and the configuration has {len(config.source)} "
+                "sources; expected the configuration with which the log was written"
+            )
         if bytes_of is not None:
             bytes_of(entry)
         if entry.kind == "out":
@@ -94,11 +99,6 @@ def replay_log(
             if not difference and mine != Message(entry.place, entry.data):
                 difference = f"message {sent} (port {entry.place}, at {entry.time_ns} ns) differs"
             continue
-        if entry.place >= len(config.source):
-            raise DataError(
-                f"{path}: has bytes of source {entry.place + 1}, and the configuration has {len(config.source)} "
-                "sources; expected the configuration with which the log was written"
-            )
         entries += 1
         if open_ and not difference:
             difference = f"{len(open_)} messages before {entry.time_ns} ns were not sent then"
