@@ -92,7 +92,7 @@ test-all: test test-long test-deep
 # The learned rivals need torch, which is in no lock (gigabytes); recordings are read from BOTTOMLOCK_RECORDINGS.
 test-others: $(VENV)/.tools $(VENV)/.installed
 	$(locked) --group others
-	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/ros tests/io/test_logs.py tests/replay/test_view.py
+	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/ros tests/io/test_logs.py tests/export
 
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
 # docs/mutants_rust.md. All of it takes a day of one core, incremental builds after the first one: name what you changed, or

@@ -75,7 +75,7 @@ def test_results_in_latex_are_those_of_the_notebook(results: Results) -> None:
 
 def test_results_are_compared_as_the_command_does(results: Results, tmp_path: Path) -> None:
     """The table of `bottomlock compare` of the same folders; the pairs are those of equal runs."""
-    other = run_campaign([short(runs=3).replace("dvl.beams_lost", [2])], tmp_path / "other")
+    other = run_campaign([short(runs=3).replace({"dvl.beams_lost": [2]})], tmp_path / "other")
     table = other.compare(results, labels=("other", results.folder.name))
     written = compare([results.folder, tmp_path / "other"], tmp_path / "out").table
     keys = ["campaign", "trajectory", "method", "quantity"]

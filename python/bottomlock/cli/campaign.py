@@ -17,8 +17,9 @@ from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.engine_parameters import EngineName, Scheduler
 from bottomlock.cli.force import ForceCampaign
 from bottomlock.cli.parameters import CampaignOut, Json, Methods, Recover, Runs, Seed, Threads, load_scenarios
+from bottomlock.cli.run_export import ExportRun, RunExport, RunNumber, export_finished, finished_folder
 from bottomlock.config.scenario import Scenario
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.report.compare import compare
 from bottomlock.studies.variants import (
     Variant,
@@ -32,7 +33,7 @@ from bottomlock.studies.variants import (
 
 def run(
     *scenario: str,
-    out: CampaignOut,
+    out: CampaignOut | None = None,
     runs: Runs = None,
     seed: Seed = None,
     threads: Threads = 0,
@@ -63,6 +64,8 @@ def run(
     ] = None,
     engine: EngineName = "local",
     scheduler: Scheduler = None,
+    export: ExportRun = None,
+    run_: RunNumber = None,
 ) -> None:
     """Run a Monte Carlo campaign and print a table of RMS errors.
 
@@ -70,20 +73,24 @@ def run(
     ----------
     scenario
         Packaged scenarios (see `bottomlock scenarios`) or TOML files, one or more.
+        With --export: these, or the folder of a campaign, of which the tracks are exported.
     """
+    exported = RunExport.parse(export, run_)
+    finished = finished_folder(scenario)
+    if finished is not None:
+        export_finished(finished, exported, out=out, methods=methods, threads=threads, force=force)
+        return
+    if out is None:
+        raise OutputError("--out is missing, expected a directory for the results")
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
     part = None if shard is None else Shard.parse(shard)
     settings: Any = {
         "threads": threads, "engine": engine, "scheduler": scheduler, "force": force, "recover": recover,
     }  # fmt: skip
-    condition = None if until is None else Until.parse(until)
-    if condition is not None and (set_ or part is not None):
-        raise ScenarioError(
-            f"--until and {'--set' if set_ else '--shard'} are both given, expected one of them"
-        )
+    parted_by = "--set" if set_ else "--shard" if part else ""
+    exported.check(loaded, parted_by=parted_by)
+    condition = None if until is None else _condition(until, loaded, parted_by)
     variants = _variants(loaded, set_, out, part) if set_ else []
-    if condition is not None:
-        condition.check(loaded)
     check_engine(engine, threads=threads, scheduler=scheduler)
     campaigns = [(one.scenarios, out / one.folder) for one in variants] or [(tuple(loaded), out)]
     for scenarios, folder in campaigns:
@@ -104,15 +111,30 @@ def run(
     except KeyboardInterrupt:
         interrupted(out)
     if variants:
-        if len(variants) > 1 or (out / "compare.record.json").is_file():
-            print_comparison(compare([out], out, force=settings["force"]))
-        console.print(f"{len(variants)} {'variant' if len(variants) == 1 else 'variants'} in {out}")
+        _print_variants(out, len(variants), force=force)
     elif part is None:
         print_results(results, out, as_json=json)
+        exported.write(out, None, threads=threads, force=force, quiet=json)
     else:
         console.print(
             f"shard {part} in {out}, {manifest['wall_time_s']:.1f} s; `bottomlock merge` joins all {part.n}"
         )
+
+
+def _print_variants(out: Path, count: int, *, force: bool) -> None:
+    """Prints the variants in a directory side by side, where there are several."""
+    if count > 1 or (out / "compare.record.json").is_file():
+        print_comparison(compare([out], out, force=force))
+    console.print(f"{count} {'variant' if count == 1 else 'variants'} in {out}")
+
+
+def _condition(until: str, scenarios: Sequence[Scenario], parted_by: str) -> Until:
+    """The condition of --until, of a campaign that no other option parts."""
+    condition = Until.parse(until)
+    if parted_by:
+        raise ScenarioError(f"--until and {parted_by} are both given, expected one of them")
+    condition.check(scenarios)
+    return condition
 
 
 def _variants(

@@ -13,14 +13,14 @@ from cyclopts import Parameter
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.cli.force import Force
-from bottomlock.errors import BottomlockError, ScenarioError
+from bottomlock.errors import BottomlockError, DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.live.cautions import cautions
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
-from bottomlock.live.replay import replay_log
+from bottomlock.live.replay import Replayed, replay_log
 from bottomlock.live.ros_diagnostics import send_diagnostics
 from bottomlock.live.runner import Live, Say, begin, host_clock
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
@@ -42,6 +42,13 @@ def live(
         Path | None,
         Parameter(help="Play a raw log again, and compare with what was sent; exit code 1 where it differs."),
     ] = None,
+    export: Annotated[
+        str | None,
+        Parameter(
+            help="With --replay: formats of the log's track, written to the folder NAME_export beside the log, "
+            "separated by commas: kml, geojson, gpx, csv, tum, mcap."
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Navigate live: from DVL, IMU and depth to the ports of an autopilot.
@@ -51,6 +58,8 @@ def live(
     config
         TOML file; docs/live.md describes it. With --init, the file to write.
     """
+    if export is not None and replay is None:
+        raise ScenarioError("--export is given without --replay LOG: it writes the track of a raw log")
     if init is not None:
         _init(config, init, autopilot, force=force)
         return
@@ -58,8 +67,11 @@ def live(
         begin_dry_run()
     settings = load_config(config)
     check_apart(*_files(config, settings))
+    if replay is not None and export is not None:
+        _export(config, settings, replay, export, force=force)
+        return
     if replay is not None:
-        _replay(settings, replay)
+        _say_replayed(replay_log(settings, replay))
         return
     if not settings.port and not dry_run:
         raise ScenarioError(f"{config}: there is no [[port]], so nothing would be sent; --dry-run needs none")
@@ -168,8 +180,25 @@ async def serve_page(running: Live, say: Say) -> None:
             task.cancel()
 
 
-def _replay(settings: LiveConfig, log: Path) -> None:
-    result = replay_log(settings, log)
-    console.print(result.text(), highlight=False, soft_wrap=True)
-    if result.first_difference or result.damaged:
+def _export(config: Path, settings: LiveConfig, log: Path, formats: str, *, force: bool) -> None:
+    """Exports a raw log, names the files, and says what its replay gave."""
+    try:
+        from bottomlock.cli.parameters import split  # noqa: PLC0415 - tables, which live itself runs without
+        from bottomlock.export.live import export_live  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise DataError(
+            f"--export needs {error.name}, which an install for a vehicle leaves out; copy {log} and {config} to a "
+            "computer with all of bottomlock"
+        ) from error
+    inputs = [config, Path(settings.dvl.geometry)]
+    replayed, files = export_live(settings, log, split(formats) or (), inputs=inputs, force=force)
+    for path in files:
+        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+    _say_replayed(replayed)
+
+
+def _say_replayed(replayed: Replayed) -> None:
+    """Says what a replay gave; ends with exit code 1 where it differs from what was sent, or the log is damaged."""
+    console.print(replayed.text(), highlight=False, soft_wrap=True)
+    if replayed.first_difference or replayed.damaged:
         sys.exit(EXIT_DEPARTURE)

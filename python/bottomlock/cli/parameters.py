@@ -76,6 +76,18 @@ def check_threads(threads: int) -> None:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
 
 
+def check_beside(out: Path | None, folder: Path) -> None:
+    """Rejects --out where the tracks of a folder are exported: they go into that folder.
+
+    Raises:
+        ScenarioError: naming both.
+    """
+    if out is not None:
+        raise ScenarioError(
+            f"--out is {out}, and the tracks of {folder} are written to {folder / 'export'}; leave --out out"
+        )
+
+
 def load_scenarios(
     names: Sequence[str],
     *,

@@ -10,9 +10,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bottomlock.cli.console import console, errors, late_bar
 from bottomlock.cli.page_output import print_blocks, print_headline, print_part
-from bottomlock.cli.parameters import Threads, check_threads, split
+from bottomlock.cli.parameters import Threads, check_beside, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
+from bottomlock.export.formats import FORMATS, check_formats
+from bottomlock.export.replay import export_replay
+from bottomlock.export.view import check_view, open_view, save_view
 from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
@@ -20,7 +23,6 @@ from bottomlock.pages.page import Table, plain_text
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
-from bottomlock.replay.export.run import FORMATS, check_formats, export_replay
 from bottomlock.replay.init.make import Made, make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
@@ -28,7 +30,6 @@ from bottomlock.replay.report import PAGE, read_replay
 from bottomlock.replay.run import ReplayResult, run_count
 from bottomlock.replay.run_and_report import run_and_report
 from bottomlock.replay.tune.passes import horizons_of
-from bottomlock.replay.view import check_view, open_view, save_view
 
 FIRST_PART = 0.5
 """Part of a recording that is tuned on, the command's own default."""
@@ -119,6 +120,7 @@ def replay(
         return
     case, formats = _only(files), split(export)
     if case.is_dir() and (formats is not None or view or view_file is not None):
+        check_beside(out, case)
         if formats is not None:
             _export(case, formats, split(methods), force=force)
         _view(case, view_file, split(methods), window=view)
@@ -163,7 +165,7 @@ def replay(
         write(write_calibration, instrument, replayed.calibration, loaded, force=force)
         console.print(f"wrote {write_calibration}", highlight=False)
     if formats is not None:
-        _export(out, formats, None, force=force)
+        _export(out, formats, split(methods), force=force)
     _view(out, view_file, None, window=view)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}")
 

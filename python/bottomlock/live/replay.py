@@ -1,13 +1,17 @@
 """A raw log played again through the engine, and what it sends compared with what was sent."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from bottomlock.errors import DataError
 from bottomlock.live.checkpoint import resume
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.engine import Engine, Message
-from bottomlock.live.raw_log import read_raw_log
+from bottomlock.live.engine import Engine, Message, PortState
+from bottomlock.live.raw_log import Entry, read_raw_log
+from bottomlock.ports.base import PortBase
+from bottomlock.ports.estimate import Estimate
 
 
 @dataclass(frozen=True)
@@ -21,6 +25,7 @@ class Replayed:
         first_difference: in words; "" where all messages are equal to the bit.
         end: where and why the log ends early; "" for one that was closed.
         damaged: whether that is damage, behind which nothing was played.
+        state: of the engine at the end, and why.
     """
 
     messages: list[Message]
@@ -29,6 +34,7 @@ class Replayed:
     first_difference: str
     end: str
     damaged: bool
+    state: str
 
     def text(self) -> str:
         """The outcome in a line."""
@@ -36,10 +42,36 @@ class Replayed:
         return f"{what}: {self.first_difference or 'the same bits'}" + (f"; {self.end}" if self.end else "")
 
 
-def replay_log(config: LiveConfig, path: Path) -> Replayed:
+class _Listener(PortBase):
+    """A port that sends nothing, so that the ports of the configuration send what they sent without it."""
+
+    name = "listener"
+
+    def __init__(self, take: Callable[[Estimate], None]) -> None:
+        super().__init__(max_rate_hz=None)
+        self._take = take
+
+    def encode(self, estimate: Estimate) -> None:
+        """Passes the estimate on."""
+        self._take(estimate)
+
+
+def replay_log(
+    config: LiveConfig,
+    path: Path,
+    *,
+    estimates: Callable[[Estimate], None] | None = None,
+    bytes_of: Callable[[Entry], None] | None = None,
+) -> Replayed:
     """Plays a raw log again.
 
     A log that was cut off may lack the last messages: these are not compared.
+
+    Args:
+        config: the configuration.
+        path: of the log.
+        estimates: is given every estimate that was offered to the ports.
+        bytes_of: is given every entry of the log.
 
     Raises:
         DataError: for a file that is no raw log, or one of another configuration's sources.
@@ -47,11 +79,20 @@ def replay_log(config: LiveConfig, path: Path) -> Replayed:
     log = read_raw_log(path)
     saved = log.start.get("checkpoint")
     engine = Engine(config) if saved is None else resume(config, saved)
+    if estimates is not None:
+        engine.ports.append(PortState(_Listener(estimates), _Listener.name))
     messages: list[Message] = []
     open_: deque[Message] = deque()
     sent = entries = 0
     difference = ""
     for entry in log.entries:
+        if entry.kind != "out" and entry.place >= len(config.source):
+            raise DataError(
+                f"{path}: has bytes of source {entry.place + 1}, and the configuration has {len(config.source)} "
+                "sources; expected the configuration with which the log was written"
+            )
+        if bytes_of is not None:
+            bytes_of(entry)
         if entry.kind == "out":
             sent += 1
             mine = open_.popleft() if open_ else None
@@ -69,4 +110,5 @@ def replay_log(config: LiveConfig, path: Path) -> Replayed:
         )
         messages += new
         open_.extend(new)
-    return Replayed(messages, sent, entries, difference, log.end, log.damaged)
+    state = f"{engine.state}, {engine.machine.why}" if engine.machine.why else engine.state
+    return Replayed(messages, sent, entries, difference, log.end, log.damaged, state)

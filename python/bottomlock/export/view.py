@@ -17,6 +17,8 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import BottomlockError, DataError, OutputError, note
+from bottomlock.export.replay import export_of_replay
+from bottomlock.export.tracks import ExportTrack
 from bottomlock.figures.palette import stroke
 from bottomlock.files.atomic_write import write_bytes
 from bottomlock.files.overwriting import check_free
@@ -25,8 +27,7 @@ from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import is_utc
 from bottomlock.recordings.axes import FLU_FROM_FRD
 from bottomlock.recordings.streams import Floats, Times
-from bottomlock.replay.dive_plots import LOST_COLOURS, REFERENCE, REFERENCE_COLOUR, taken
-from bottomlock.replay.export.tracks import ExportTrack, export_tracks
+from bottomlock.replay.dive_plots import LOST_COLOURS, REFERENCE, taken
 from bottomlock.replay.page import featured_in
 from bottomlock.replay.report import ReplayTables
 from bottomlock.statistics.replay import summary_table
@@ -131,18 +132,18 @@ def _send(stream: Any, tables: ReplayTables, methods: Sequence[str] | None) -> N
     """
     rr, manifest = viewer_library(), tables.manifest
     methods = _shown(tables) if methods is None else methods
-    tracks = export_tracks(tables, methods)
+    tracks = export_of_replay(tables, methods).tracks
     start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     instrument = _instrument(manifest["configuration"]["dvl"]["geometry"])
     cases = [name for name, _ in manifest["what_if"]]
     for case in cases:
         stream.log(case, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        own = [track for track in tracks if track.what_if == case]
+        own = [track for track in tracks if track.group == case]
         for track in own:
-            _send_track(stream, case, track, stroke(track.method).colour)
+            _send_track(stream, case, track)
             _send_curves(stream, f"{case}/curves", track, start_ns)
         for track in (one for one in tracks if one.method == REFERENCE):
-            _send_track(stream, case, track, REFERENCE_COLOUR)
+            _send_track(stream, case, track)
         first = (pl.col("what_if") == case) & (pl.col("run") == pl.col("run").min())
         fixes = tables.innovations.filter(first & pl.col("method").is_in(methods))
         _send_nis(stream, f"{case}/curves", fixes, start_ns)
@@ -182,16 +183,16 @@ def _times(time_ns: Times, start_ns: int) -> list[Any]:
 
 def _label(track: ExportTrack) -> str:
     """Method, and the pass where it is not the forward one."""
-    return track.name.removeprefix(f"{track.what_if}_") if track.what_if else REFERENCE
+    return track.name.removeprefix(f"{track.group}_") if track.group else REFERENCE
 
 
-def _send_track(stream: Any, case: str, track: ExportTrack, colour: str) -> None:  # noqa: ANN401
+def _send_track(stream: Any, case: str, track: ExportTrack) -> None:  # noqa: ANN401
     """The whole way, which is there at every time."""
     rr = viewer_library()
     width = rr.Radius.ui_points(3.0 if track.method == REFERENCE else 1.2)
     name = _label(track)
     strip = rr.LineStrips3D(
-        [track.position_enu_m], colors=[_rgba(colour)], radii=[width], labels=[name], show_labels=False
+        [track.position_enu_m], colors=[_rgba(track.colour)], radii=[width], labels=[name], show_labels=False
     )
     stream.log(f"{case}/tracks/{name}", strip, static=True)
 
@@ -205,11 +206,11 @@ def _send_vehicle(stream: Any, case: str, track: ExportTrack, start_ns: int) -> 
         times,
         rr.Transform3D.columns(translation=place, quaternion=track.orientation_enu_flu),
     )
-    colour = _rgba(stroke(track.method).colour)
+    colour = _rgba(track.colour)
     body = rr.Boxes3D(half_sizes=[BODY_HALF_M], colors=[colour], fill_mode="solid")
     stream.log(f"{case}/vehicle/body", body, static=True)
     sd = track.rows.select("sd_position_east_m", "sd_position_north_m", "sd_position_down_m").to_numpy()
-    shape = rr.Ellipsoids3D.columns(half_sizes=SIGMAS * sd, centers=place, colors=[colour] * len(place))
+    shape = rr.Ellipsoids3D.columns(half_sizes=SIGMAS * sd, centers=place, colors=[colour] * len(sd))
     stream.send_columns(f"{case}/position_2_sigma", times, shape)
 
 

@@ -1,23 +1,23 @@
-"""GPX 1.1: a `trk` a track; times are left out where the clock of the case is not UTC, heights not recorded too."""
+"""GPX 1.1: a `trk` a track; times are left out where the clock is not UTC, heights not recorded too."""
 
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
-from bottomlock.replay.export.geographic import Point, points
-from bottomlock.replay.export.tracks import ExportTrack
+from bottomlock.export.geographic import Point, points
+from bottomlock.export.tracks import ExportTrack
 
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <gpx version="1.1" creator="bottomlock" xmlns="http://www.topografix.com/GPX/1/1">"""
 
 
-def gpx(case: str, tracks: Sequence[ExportTrack]) -> str:
-    """A GPX file with the name of the case.
+def gpx(title: str, tracks: Sequence[ExportTrack]) -> str:
+    """A GPX file with a title.
 
     Raises:
         DataError: without an origin on the Earth.
     """
     return "\n".join(
-        [HEAD, f"<metadata><name>{escape(case)}</name></metadata>", *map(_track, tracks), "</gpx>", ""]
+        [HEAD, f"<metadata><name>{escape(title)}</name></metadata>", *map(_track, tracks), "</gpx>", ""]
     )
 
 

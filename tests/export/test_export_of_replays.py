@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +18,16 @@ import pytest
 from mcap.reader import make_reader
 
 from bottomlock.errors import DataError, OutputError, ScenarioError
+from bottomlock.export.formats import FORMATS, check_formats, files_of
+from bottomlock.export.replay import export_of_replay, export_replay
+from bottomlock.files.overwriting import Files
 from bottomlock.replay.case import load_case
-from bottomlock.replay.export.run import FORMATS, check_formats, export_files, export_replay
 from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import ReplayTables, read_replay
 from bottomlock.replay.run import replay_case, write_replay
 from tests.cli.calls import command
+from tests.export.evo_command import ape
+from tests.export.plotjuggler import curves, series
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.dive_tables import dive_tables
@@ -46,6 +52,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_replay(replay_case(load_case(synthetic_dive.write(work, ASKED))), work / "out")
     export_replay(work / "out", FORMATS)
     return work / "out"
+
+
+def export_files(tables: ReplayTables, formats: Sequence[str], methods: Sequence[str] | None = None) -> Files:
+    """The contents of the files, as `export_replay` names them."""
+    export = export_of_replay(tables, methods)
+    return {f"export/{name}": content for kind in formats for name, content in files_of(export, kind).items()}
 
 
 def utc_dive(**manifest: object) -> ReplayTables:
@@ -95,20 +107,12 @@ def test_tum_is_east_north_up_with_the_attitude_of_the_vehicle(folder: Path) -> 
     np.testing.assert_array_equal(np.loadtxt(folder / "export/reference.tum")[:, 4:], [[0, 0, 0, 1]] * 61)
 
 
-def test_evo_reads_tum_and_finds_the_error_of_the_replay(folder: Path) -> None:
-    metrics, sync, file_interface = (
-        pytest.importorskip(f"evo.{name}", reason="evo is not installed: pip install evo")
-        for name in ("core.metrics", "core.sync", "tools.file_interface")
-    )
-    read = file_interface.read_tum_trajectory_file
-    true, mine = (read(folder / f"export/{name}.tum") for name in ("reference", "outage_tc"))
-    assert mine.check()[0]
-    ape = metrics.APE(metrics.PoseRelation.translation_part)
-    ape.process_data(sync.associate_trajectories(true, mine))
+def test_evo_reads_tum_and_finds_the_error_of_the_replay(folder: Path, tmp_path: Path) -> None:
+    found = ape(folder / "export/reference.tum", folder / "export/outage_tc.tum", tmp_path)
     rows = rows_of(folder, "outage_tc")
     error = np.linalg.norm([rows[f"err_position_{axis}_m"] for axis in ("north", "east", "down")], axis=0)
     # The reference is up to one reading earlier, for which the replay propagates the estimate back.
-    np.testing.assert_allclose(ape.get_all_statistics()["rmse"], np.sqrt(np.mean(error**2)), rtol=0.05)
+    np.testing.assert_allclose(found, np.sqrt(np.mean(error**2)), rtol=0.05)
 
 
 def test_kml_without_utc_is_lines_to_the_last_bit(folder: Path) -> None:
@@ -291,6 +295,20 @@ def test_layout_of_foxglove_names_topics_and_fields_of_the_file(folder: Path) ->
     assert _names(content["layout"]) == set(panels)
 
 
+def test_layout_of_plotjuggler_names_series_of_the_file(folder: Path) -> None:
+    names = series(folder / "export/tracks.mcap")
+    shown = curves(folder / "export/plotjuggler_layout.xml")
+    for name in (
+        "/outage_tc/estimate/east_m",
+        "/reference/estimate/north_m",
+        "/recorded_tc/estimate/sd_velocity_heave_mps",
+        "/recorded/beams/beam4_valid",
+        "/recorded_tc/fix/nis",
+    ):
+        assert name in shown
+    assert [name for name in shown if name not in names] == []
+
+
 def _names(node: str | dict[str, Any]) -> set[str]:
     return {node} if isinstance(node, str) else _names(node["first"]) | _names(node["second"])
 
@@ -310,9 +328,22 @@ def test_without_a_place_on_the_earth_three_formats_are_refused_and_three_writte
     files = export_files(utc_dive(origin=None), ["csv", "tum", "mcap"])
     assert set(files) == {
         f"export/{name}"
-        for name in ("recorded_tc.csv", "recorded_tc.tum", "tracks.mcap", "foxglove_layout.json")
+        for name in (
+            "recorded_tc.csv",
+            "recorded_tc.tum",
+            "tracks.mcap",
+            "foxglove_layout.json",
+            "plotjuggler_layout.xml",
+        )
     }
     assert b"LocationFix" not in bytes(files["export/tracks.mcap"])  # type: ignore[arg-type]
+
+
+def test_without_the_extra_mcap_is_refused_and_said_how_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    check_formats(["csv", "tum"])
+    with pytest.raises(DataError, match=r"MCAP files need mcap: `pip install '\.\[live\]'`"):
+        check_formats(["csv", "mcap"])
 
 
 def test_origin_is_known_before_the_replay(tmp_path: Path) -> None:
@@ -329,18 +360,27 @@ def test_origin_is_known_before_the_replay(tmp_path: Path) -> None:
     assert not has_origin(bare)
 
 
-def test_an_export_takes_the_place_of_an_earlier_one_but_not_of_a_users_file(
+def test_an_export_takes_the_place_of_the_same_format_but_not_of_a_users_file(
     folder: Path, tmp_path: Path
 ) -> None:
+    """Those of other formats stay; another choice of methods replaces the files of the one before."""
     out = tmp_path / "out"
     shutil.copytree(folder, out)
-    export_replay(out, ["tum"])
-    assert {path.suffix for path in (out / "export").iterdir()} == {".tum"}
-    (out / "export/recorded_tc.tum").write_text("mine", encoding="utf-8")
+    before = {path.name for path in (out / "export").iterdir()}
+    export_replay(out, ["tum"], methods=["ins"])
+    now = {path.name for path in (out / "export").iterdir()}
+    assert {name for name in now if not name.endswith(".tum")} == {
+        name for name in before if not name.endswith(".tum")
+    }
+    assert {name for name in now if name.endswith(".tum")} == {
+        f"{track.replace('tc', 'ins')}.tum" for track in TRACKS
+    }
+    (out / "export/recorded_ins.tum").write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="has changed since it was written"):
         export_replay(out, ["tum"])
     export_replay(out, ["tum"], force=True)
-    (out / "export/tracks.kml").write_text("mine", encoding="utf-8")
+    assert (out / "export/recorded_tc.tum").exists()
+    (out / "export_kml.record.json").unlink()
     with pytest.raises(OutputError, match="not of ours"):
         export_replay(out, ["kml"], force=True)
 
@@ -378,4 +418,4 @@ def test_a_replay_of_other_tables_removes_the_earlier_export(tmp_path: Path, roo
     done = command(*words, cwd=root)
     assert done.returncode == 0, done.stderr
     assert not (out / "export").exists()
-    assert "its export was made from other tables and is removed" in " ".join(done.stderr.split())
+    assert "its export_kml was made from other tables and is removed" in " ".join(done.stderr.split())

@@ -1,73 +1,33 @@
-"""The tracks that a replay exports: estimates of the chosen methods in each what-if case, and the reference."""
+"""What a finished replay exports: estimates of the chosen methods in each what-if case, and the reference."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
-from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import DataError
+from bottomlock.export.formats import check_formats, results_of, write_export
+from bottomlock.export.tracks import Export, ExportTrack, chosen_methods, geodetic_of, orientation_enu_flu
+from bottomlock.files.overwriting import digests_of
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.kernel.models import Environment
-from bottomlock.pages.plots import is_utc
-from bottomlock.recordings.axes import ENU_FROM_NED, FLU_FROM_FRD, from_angles
-from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
-from bottomlock.recordings.streams import Floats, Times
+from bottomlock.recordings.axes import from_angles
+from bottomlock.recordings.geodesy import Place
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.dive_plots import taken
 from bottomlock.replay.level import level_axes
-from bottomlock.replay.report import ReplayTables
+from bottomlock.replay.report import ReplayTables, read_replay
 from bottomlock.tables.replay import FORWARD
 
 REFERENCE = "reference"
 
 
-@dataclass(frozen=True, eq=False)
-class ExportTrack:
-    """A track.
+def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None) -> Export:
+    """The first run: forward and smoothed, in every what-if case, then the reference where there is one.
 
-    Attributes:
-        name: of files and topics: what-if case, method, and `smoothed` for that pass; or `reference`.
-        method: that estimated it, or `reference`.
-        what_if: the case, empty for the reference.
-        description: a sentence for the reader of a file.
-        rows: of `samples`, or of `reference`, those with a position alone.
-        position_t_m: (n, 3) north, east, down in the tangent frame, m.
-        geodetic: (n, 3) latitude, longitude, deg, and height above the ellipsoid, m; None without an origin.
-        orientation_enu_flu: (n, 4) unit quaternions x, y, z, w, forward-left-up to east-north-up; None for a track
-            without an attitude.
-        has_height: whether its heights and depths were recorded; those of a reference without are the origin's.
-    """
-
-    name: str
-    method: str
-    what_if: str
-    description: str
-    rows: pl.DataFrame
-    position_t_m: Floats
-    geodetic: Floats | None
-    orientation_enu_flu: Floats | None
-    has_height: bool = True
-
-    @property
-    def time_ns(self) -> Times:
-        """(n,) times, ns."""
-        return self.rows["time_ns"].to_numpy()
-
-    @property
-    def is_utc(self) -> bool:
-        """Whether the times are Unix time."""
-        return is_utc(int(self.time_ns[0]))
-
-    @property
-    def position_enu_m(self) -> Floats:
-        """(n, 3) east, north, up in the tangent frame, m."""
-        return np.asarray(self.position_t_m @ ENU_FROM_NED.T)
-
-
-def export_tracks(tables: ReplayTables, methods: Sequence[str] | None = None) -> list[ExportTrack]:
-    """The tracks of the first run: forward and smoothed, in every what-if case, then the reference where there is one.
+    Fixes are those of the forward pass.
 
     Args:
         tables: of the replay.
@@ -78,12 +38,9 @@ def export_tracks(tables: ReplayTables, methods: Sequence[str] | None = None) ->
         DataError: for a replay without one position.
     """
     manifest = tables.manifest
-    chosen = [taken(manifest)] if methods is None else list(dict.fromkeys(methods))
-    for method in chosen:
-        if method not in manifest["methods"]:
-            raise ScenarioError(
-                f"'{method}': is not in the replay, expected of {', '.join(manifest['methods'])}"
-            )
+    chosen = (
+        [taken(manifest)] if methods is None else chosen_methods(methods, manifest["methods"], "the replay")
+    )
     origin = None if manifest["origin"] is None else Place(**manifest["origin"])
     environment = _environment(manifest)
     tracks = [
@@ -96,9 +53,20 @@ def export_tracks(tables: ReplayTables, methods: Sequence[str] | None = None) ->
         rows = _placed(tables.path)
         if rows.height:
             tracks.append(_reference(manifest, rows, tables.path.height, origin))
-    if not tracks:
+    if not any(track.group for track in tracks):
         raise DataError("the replay has no position to export: its start has none")
-    return tracks
+    groups = list(dict.fromkeys(track.group for track in tracks if track.group))
+    fixes = {
+        f"{group}_{method}": _first_run(tables.innovations, group).filter(pl.col("method") == method)
+        for group in groups
+        for method in dict.fromkeys(track.method for track in tracks if track.group == group)
+    }
+    pings = {group: _first_run(tables.pings, group) for group in groups}
+    return Export(manifest["case"], tracks, pings, fixes)
+
+
+def _first_run(table: pl.DataFrame, what_if: str) -> pl.DataFrame:
+    return table.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
 
 
 def _reference(
@@ -112,11 +80,11 @@ def _reference(
     return ExportTrack(
         name=REFERENCE,
         method=REFERENCE,
-        what_if="",
+        group="",
         description=words + _without(times - rows.height),
         rows=rows,
         position_t_m=position,
-        geodetic=_geodetic(position, origin),
+        geodetic=geodetic_of(position, origin),
         orientation_enu_flu=None,
         has_height=has_height,
     )
@@ -170,15 +138,9 @@ def _estimates(
             description,
             rows,
             position,
-            _geodetic(position, origin),
-            _enu_flu(attitude.as_matrix()),
+            geodetic_of(position, origin),
+            orientation_enu_flu(attitude.as_matrix()),
         )
-
-
-def _enu_flu(rotation_t_p: Floats) -> Floats:
-    """(n, 4) unit quaternions x, y, z, w of (n, 3, 3) rotations from platform (forward-right-down) to tangent axes."""
-    rotation = Rotation.from_matrix(ENU_FROM_NED @ rotation_t_p @ FLU_FROM_FRD)
-    return np.asarray(rotation.as_quat(canonical=True))
 
 
 def _placed(rows: pl.DataFrame) -> pl.DataFrame:
@@ -190,8 +152,29 @@ def _position(rows: pl.DataFrame) -> Floats:
     return rows.select("north_m", "east_m", "down_m").to_numpy()
 
 
-def _geodetic(position_t_m: Floats, origin: Place | None) -> Floats | None:
-    if origin is None:
-        return None
-    latitude, longitude, height = geodetic_from_tangent(position_t_m, origin)
-    return np.stack([np.rad2deg(latitude), np.rad2deg(longitude), height], axis=-1)
+def export_replay(
+    folder: str | Path, formats: Sequence[str], *, methods: Sequence[str] | None = None, force: bool = False
+) -> list[Path]:
+    """Writes the tracks of a replay to `export/` in its folder; an earlier export in the same format is replaced.
+
+    Args:
+        folder: of the replay.
+        formats: of `formats.FORMATS`.
+        methods: whose tracks are exported; the one to take by default.
+        force: replace files that have changed since they were written.
+
+    Returns:
+        The files.
+
+    Raises:
+        DataError: as `read_replay` and `check_formats`, and for tracks that a format cannot hold.
+        ScenarioError: as `check_formats`, and for a method that the replay has not run.
+        OutputError: as `write_export`.
+    """
+    folder = Path(folder)
+    tables = read_replay(folder)
+    check_formats(formats, has_origin=tables.manifest["origin"] is not None)
+    results = results_of(folder, formats, "replay", digests_of(folder, [folder / "manifest.json"]))
+    for _, result in results:
+        result.check(force=force)
+    return write_export(export_of_replay(tables, methods), results, force=force)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.errors import DataError
+from bottomlock.export.decimals import decimal, utc
+from bottomlock.export.tracks import ExportTrack
 from bottomlock.recordings.streams import Floats
-from bottomlock.replay.export.decimals import decimal, utc
-from bottomlock.replay.export.tracks import ExportTrack
 
 NO_ORIGIN = (
-    "kml, geojson and gpx need a place on the Earth, and the case has none; give origin.latitude_deg and "
+    "kml, geojson and gpx need a place on the Earth, and there is none; give origin.latitude_deg and "
     "origin.longitude_deg, or export csv, tum or mcap"
 )
 
@@ -20,7 +20,7 @@ NO_ORIGIN = (
 class Point:
     """Longitude and latitude, deg, height, m, and UTC.
 
-    The height is None where none was recorded, the time where the clock of the case is not UTC.
+    The height is None where none was recorded, the time where the clock is not UTC.
     """
 
     longitude: str

@@ -1,15 +1,16 @@
-"""MCAP: the tracks, the beams and the fixes of a replay as messages in JSON."""
+"""MCAP: the tracks, their beams and their fixes as messages in JSON."""
 
+import heapq
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.replay.export.foxglove import (
+from bottomlock.export.foxglove import (
     LOCATION,
     POSE,
     SCHEMAS,
@@ -19,11 +20,10 @@ from bottomlock.replay.export.foxglove import (
     row_messages,
     row_schema,
 )
-from bottomlock.replay.export.tracks import ExportTrack
-from bottomlock.replay.report import ReplayTables
+from bottomlock.export.tracks import Export
 from bottomlock.support.extras import install
 
-TEXT = ("case", "what_if", "run", "method", "pass")
+TEXT = ("case", "what_if", "trajectory", "run", "method", "pass")
 """Columns that the topic states."""
 
 
@@ -49,8 +49,8 @@ def writer_library() -> Any:  # noqa: ANN401 - an extra
     return mcap.writer
 
 
-def mcap(tables: ReplayTables, tracks: Sequence[ExportTrack]) -> bytes:
-    """An MCAP file: for each track `/NAME/pose`, `/NAME/location`, `/NAME/estimate` and `/NAME/fix`, `/WHAT_IF/beams`.
+def mcap(export: Export) -> bytes:
+    """An MCAP file: for each track `/NAME/pose`, `/NAME/location` and `/NAME/estimate`, for each group `/GROUP/beams`.
 
     Raises:
         DataError: where mcap is not installed, and for times before zero, which MCAP cannot hold.
@@ -60,51 +60,50 @@ def mcap(tables: ReplayTables, tracks: Sequence[ExportTrack]) -> bytes:
     writer = library.Writer(file)
     writer.start(profile="", library="bottomlock")
     schemas: dict[str, int] = {}
-    messages: list[tuple[int, int, dict[str, Any]]] = []
-    for topic in topics(tables, tracks):
+    streams: list[Iterator[tuple[int, int, dict[str, Any]]]] = []
+    for topic in topics(export):
         title = topic.schema["title"]
         if title not in schemas:
             data = json.dumps(topic.schema).encode()
             schemas[title] = writer.register_schema(name=title, encoding="jsonschema", data=data)
         channel = writer.register_channel(topic=topic.name, message_encoding="json", schema_id=schemas[title])
-        messages += ((time_ns, channel, content) for time_ns, content in topic.messages)
-    messages.sort(key=lambda one: one[:2])
-    if messages and messages[0][0] < 0:
-        raise DataError(
-            f"MCAP holds no time before 0, and a track has {messages[0][0]} ns; export another format"
-        )
-    for time_ns, channel, content in messages:
+        streams.append(_numbered(channel, topic.messages))
+    for time_ns, channel, content in heapq.merge(*streams, key=lambda one: one[:2]):
+        if time_ns < 0:
+            raise DataError(
+                f"MCAP holds no time before 0, and a track has {time_ns} ns; export another format"
+            )
         data = json.dumps(content, allow_nan=False).encode()
         writer.add_message(channel_id=channel, log_time=time_ns, publish_time=time_ns, data=data)
     writer.finish()
     return file.getvalue()
 
 
-def topics(tables: ReplayTables, tracks: Sequence[ExportTrack]) -> list[Topic]:
-    """The channels of a file that have messages; fixes are those of the forward pass."""
+def _numbered(channel: int, messages: Iterable[Message]) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    """Time, channel and content."""
+    for time_ns, content in messages:
+        yield time_ns, channel, content
+
+
+def topics(export: Export) -> list[Topic]:
+    """The channels of a file."""
     found = []
-    for track in tracks:
-        if track.orientation_enu_flu is not None:
+    for track in export.tracks:
+        if track.position_t_m is not None and track.orientation_enu_flu is not None:
             found.append(Topic(f"/{track.name}/pose", SCHEMAS[POSE], pose_messages(track)))
         if track.geodetic is not None:
             found.append(Topic(f"/{track.name}/location", SCHEMAS[LOCATION], location_messages(track)))
-        title = "bottomlock.Estimate" if track.what_if else "bottomlock.Reference"
+        title = "bottomlock.Estimate" if track.group else "bottomlock.Reference"
         found.append(_rows(f"/{track.name}/estimate", title, track.rows))
-    for name in dict.fromkeys(track.what_if for track in tracks if track.what_if):
-        rows = _first_run(tables.pings, name)
-        valid = [column for column in rows.columns if column.endswith("_valid")]
-        counted = rows.with_columns(pl.sum_horizontal(valid).cast(pl.Int64).alias("beams_valid"))
-        found.append(_rows(f"/{name}/beams", "bottomlock.Beams", counted))
-        for method in dict.fromkeys(track.method for track in tracks if track.what_if == name):
-            fixes = _first_run(tables.innovations, name).filter(pl.col("method") == method)
-            found.append(_rows(f"/{name}_{method}/fix", "bottomlock.Fix", fixes))
+    for group, pings in export.pings.items():
+        valid = [column for column in pings.columns if column.endswith("_valid")]
+        counted = pings.with_columns(pl.sum_horizontal(valid).cast(pl.Int64).alias("beams_valid"))
+        found.append(_rows(f"/{group}/beams", "bottomlock.Beams", counted))
+    found += [_rows(f"/{name}/fix", "bottomlock.Fix", rows) for name, rows in export.fixes.items()]
+    found += [_rows(f"/{name}", "bottomlock.Arrival", rows) for name, rows in export.arrivals.items()]
     return found
 
 
 def _rows(topic: str, title: str, rows: pl.DataFrame) -> Topic:
-    numbers = rows.drop(TEXT, strict=False)
+    numbers = rows.drop(TEXT, strict=False).sort("time_ns", maintain_order=True)
     return Topic(topic, row_schema(title, numbers.schema), row_messages(numbers))
-
-
-def _first_run(table: pl.DataFrame, what_if: str) -> pl.DataFrame:
-    return table.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))

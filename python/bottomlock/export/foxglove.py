@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from bottomlock.export.tracks import ExportTrack
 from bottomlock.recordings.streams import Floats
-from bottomlock.replay.export.tracks import ExportTrack
 
 FRAME = "map"
-"""East-north-up at the origin of the case, the name by REP 105."""
+"""East-north-up at the origin, the name by REP 105."""
 
 POSE, LOCATION = "foxglove.PoseInFrame", "foxglove.LocationFix"
 DIAGONAL_KNOWN = 2
@@ -80,7 +80,13 @@ Message = tuple[int, dict[str, Any]]
 
 def row_schema(title: str, columns: pl.Schema) -> dict[str, Any]:
     """The JSON schema of the rows of a table; what is null in a row is left out of its message."""
-    names = {pl.String: "string", pl.Boolean: "boolean", pl.Int64: "integer", pl.Float64: "number"}
+    names = {
+        pl.String: "string",
+        pl.Boolean: "boolean",
+        pl.Int64: "integer",
+        pl.Float32: "number",
+        pl.Float64: "number",
+    }
     properties = {name: {"type": names[dtype.base_type()]} for name, dtype in columns.items()}
     return {"title": title, "type": "object", "properties": properties}
 
@@ -93,11 +99,10 @@ def row_messages(rows: pl.DataFrame) -> Iterator[Message]:
 
 def pose_messages(track: ExportTrack) -> Iterator[Message]:
     """`foxglove.PoseInFrame` of a track with an attitude: forward-left-up axes in east-north-up."""
-    if track.orientation_enu_flu is None:
+    positions, orientations = track.position_enu_m, track.orientation_enu_flu
+    if positions is None or orientations is None:
         return
-    for time_ns, position, orientation in zip(
-        track.time_ns.tolist(), track.position_enu_m, track.orientation_enu_flu, strict=True
-    ):
+    for time_ns, position, orientation in zip(track.time_ns.tolist(), positions, orientations, strict=True):
         pose = {
             "position": _named("xyz", position),
             "orientation": _named("xyzw", orientation),

@@ -3,24 +3,22 @@
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
-from bottomlock.figures.palette import stroke
-from bottomlock.replay.dive_plots import REFERENCE_COLOUR
-from bottomlock.replay.export.geographic import points
-from bottomlock.replay.export.tracks import REFERENCE, ExportTrack
+from bottomlock.export.geographic import points
+from bottomlock.export.tracks import ExportTrack
 
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
 <Document>"""
 
 
-def kml(case: str, tracks: Sequence[ExportTrack]) -> str:
+def kml(title: str, tracks: Sequence[ExportTrack]) -> str:
     """A document with a placemark a track, on the surface; heights above the ellipsoid, m, where they were recorded.
 
     Raises:
         DataError: without an origin on the Earth.
     """
     return "\n".join(
-        [HEAD, f"<name>{escape(case)}</name>", *map(_placemark, tracks), "</Document>", "</kml>", ""]
+        [HEAD, f"<name>{escape(title)}</name>", *map(_placemark, tracks), "</Document>", "</kml>", ""]
     )
 
 
@@ -53,5 +51,4 @@ def _line(track: ExportTrack) -> str:
 
 def _colour(track: ExportTrack) -> str:
     """Alpha, blue, green, red, two hex digits each."""
-    red_green_blue = REFERENCE_COLOUR if track.method == REFERENCE else stroke(track.method).colour
-    return "ff" + "".join(red_green_blue[k : k + 2] for k in (5, 3, 1))
+    return "ff" + "".join(track.colour[k : k + 2] for k in (5, 3, 1))

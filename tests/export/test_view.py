@@ -13,10 +13,10 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import Note, OutputError, ScenarioError
+from bottomlock.export.view import BEAM_M, check_view, open_view, save_view
 from bottomlock.replay.case import load_case
 from bottomlock.replay.report import ReplayTables, read_replay
 from bottomlock.replay.run_and_report import run_and_report
-from bottomlock.replay.view import BEAM_M, check_view, open_view, save_view
 from tests.cli.calls import command
 from tests.oracle.rotations import matrix_from_euler, matrix_from_quaternion
 from tests.replay.dive_tables import START_NS, dive_tables

@@ -2,18 +2,26 @@
 
 import numpy as np
 
-from bottomlock.replay.export.decimals import decimal, seconds
-from bottomlock.replay.export.tracks import ExportTrack
+from bottomlock.errors import DataError
+from bottomlock.export.decimals import decimal, seconds
+from bottomlock.export.tracks import ExportTrack
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def tum(track: ExportTrack) -> str:
-    """A trajectory, m; of a track without an attitude the orientation is the identity, not to be compared."""
+    """A trajectory, m; of a track without an attitude the orientation is the identity, not to be compared.
+
+    Raises:
+        DataError: for a track without positions.
+    """
     orientation = track.orientation_enu_flu
     if orientation is None:
         orientation = np.tile(IDENTITY, (len(track.time_ns), 1))
-    rows = np.hstack([track.position_enu_m, orientation])
+    position = track.position_enu_m
+    if position is None:
+        raise DataError(f"{track.name}: has velocities and no positions, which TUM needs; export csv or mcap")
+    rows = np.hstack([position, orientation])
     lines = (
         " ".join([seconds(time_ns), *map(decimal, row)])
         for time_ns, row in zip(track.time_ns, rows, strict=True)

@@ -7,22 +7,22 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.replay.export.decimals import utc
-from bottomlock.replay.export.geographic import crosses_antimeridian, geodetic
-from bottomlock.replay.export.tracks import ExportTrack
+from bottomlock.export.decimals import utc
+from bottomlock.export.geographic import crosses_antimeridian, geodetic
+from bottomlock.export.tracks import ExportTrack
 
 
-def geojson(case: str, tracks: Sequence[ExportTrack]) -> str:
-    """A feature collection; `coordinateProperties.times` has a UTC time a point, where the clock of the case is UTC.
+def geojson(title: str, tracks: Sequence[ExportTrack]) -> str:
+    """A feature collection; `coordinateProperties.times` has a UTC time a point, where the clock is UTC.
 
     Raises:
         DataError: without an origin on the Earth, for a single point and across 180 degrees of longitude.
     """
-    features = [_feature(case, track) for track in tracks]
+    features = [_feature(title, track) for track in tracks]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False) + "\n"
 
 
-def _feature(case: str, track: ExportTrack) -> dict[str, Any]:
+def _feature(title: str, track: ExportTrack) -> dict[str, Any]:
     if len(track.time_ns) < 2:
         raise DataError(f"{track.name}: has one point, expected two or more for a line of GeoJSON")
     if crosses_antimeridian(track):
@@ -32,8 +32,8 @@ def _feature(case: str, track: ExportTrack) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "name": track.name,
         "description": track.description,
-        "case": case,
-        "what_if": track.what_if,
+        "case": title,
+        "group": track.group,
         "method": track.method,
     }
     if track.is_utc:

@@ -1,0 +1,209 @@
+"""What a raw log of `bottomlock live` exports: the estimates that its replay offers to the ports, and their pings.
+
+Times are the host's, UTC. States in which nothing may be sent have no estimate, so the track has a gap there.
+"""
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from bottomlock.errors import DataError
+from bottomlock.export.formats import check_formats, results_of, write_export
+from bottomlock.export.tracks import Export, ExportTrack, geodetic_of, orientation_enu_flu
+from bottomlock.kernel import normal_gravity_mps2
+from bottomlock.kernel.models import Environment
+from bottomlock.live.config import LiveConfig
+from bottomlock.live.raw_log import Entry
+from bottomlock.live.replay import Replayed, replay_log
+from bottomlock.ports.estimate import Beams, Estimate
+from bottomlock.recordings.axes import from_quaternions, to_angles
+from bottomlock.recordings.geodesy import Place
+from bottomlock.recordings.streams import Floats
+from bottomlock.replay.level import level_axes
+
+NAME = "live"
+"""Of the track, and of the group of its pings."""
+_AXES = ("north", "east", "down")
+_BODY = ("surge", "sway", "heave")
+
+
+def export_live(
+    config: LiveConfig, log: Path, formats: Sequence[str], *, inputs: Sequence[Path] = (), force: bool = False
+) -> tuple[Replayed, list[Path]]:
+    """Plays a raw log again and writes its track to `NAME_export/` beside it; the same format is replaced.
+
+    Args:
+        config: that the log is played with.
+        log: of `bottomlock live`.
+        formats: of `formats.FORMATS`.
+        inputs: further files that are read.
+        force: replace files that have changed since they were written.
+
+    Returns:
+        What the replay gave, and the files.
+
+    Raises:
+        ScenarioError: as `check_formats`.
+        DataError: as `replay_log` and `check_formats`, for a log without an estimate, and for a track that a format
+            cannot hold.
+        OutputError: as `write_export`.
+    """
+    origin = _origin(config)
+    check_formats(formats, has_origin=origin is not None, has_position=config.mode == "navigation")
+    made_from = {
+        "log": _digest(log),
+        "configuration": hashlib.sha256(config.model_dump_json().encode()).hexdigest(),
+    }
+    folder = log.with_name(f"{log.stem}_export")
+    results = results_of(folder, formats, "live", made_from, [log, *inputs])
+    for _, result in results:
+        result.check(force=force)
+    collected = _Collected(config)
+    replayed = replay_log(
+        config, log, estimates=collected.estimate, bytes_of=collected.entry if "mcap" in formats else None
+    )
+    if not collected.estimates:
+        raise DataError(f"{log}: gives no estimate to export; its last state is {replayed.state}")
+    return replayed, write_export(
+        _export(config, log, collected, replayed, origin), results, force=force, folder=None
+    )
+
+
+def _origin(config: LiveConfig) -> Place | None:
+    """The origin on the Earth; None without its longitude."""
+    stated = config.origin
+    if stated is None or stated.longitude_deg is None:
+        return None
+    return Place(math.radians(stated.latitude_deg), math.radians(stated.longitude_deg), stated.height_m)
+
+
+def _digest(log: Path) -> str:
+    try:
+        with log.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise DataError(f"{log}: cannot be read ({error.strerror or error})") from error
+
+
+@dataclass
+class _Collected:
+    """What a replay passes on."""
+
+    config: LiveConfig
+    estimates: list[Estimate] = field(default_factory=list)
+    pings: list[tuple[int, Beams]] = field(default_factory=list)
+    bytes: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+
+    def estimate(self, estimate: Estimate) -> None:
+        """Takes an estimate, and its ping where that is a new one."""
+        beams = estimate.beams
+        if beams is not None and (not self.pings or self.pings[-1][1] is not beams):
+            self.pings.append((estimate.time_ns, beams))
+        self.estimates.append(estimate)
+
+    def entry(self, entry: Entry) -> None:
+        """Takes bytes that came or were sent: as text where they are that, otherwise as hexadecimal digits."""
+        if entry.kind == "connected":
+            return
+        if entry.kind == "in":
+            topic = f"in/{self.config.source[entry.place].name}"
+        else:
+            ports = self.config.port
+            # A log may have been written with more ports than it is played with.
+            topic = "/".join(
+                ["out", str(entry.place), *(one.port for one in ports[entry.place : entry.place + 1])]
+            )
+        text = entry.data.rstrip(b"\r\n").decode("ascii", "replace")
+        is_text = (
+            text.replace("\t", " ").replace("\r\n", " ").isprintable()
+            and "\N{REPLACEMENT CHARACTER}" not in text
+        )
+        row = {
+            "time_ns": entry.time_ns,
+            "bytes": len(entry.data),
+            "text": text if is_text else None,
+            "hex": None if is_text else entry.data.hex(" "),
+        }
+        self.bytes.setdefault(topic, []).append(row)
+
+
+def _export(
+    config: LiveConfig, log: Path, collected: _Collected, replayed: Replayed, origin: Place | None
+) -> Export:
+    words = f"{config.name}: {log.name}, played again: {replayed.text()}; estimates of the states in which any is sent"
+    rows = pl.DataFrame({"time_ns": [one.time_ns for one in collected.estimates]})
+    position = attitude = geodetic = None
+    if config.mode == "navigation":
+        position = np.array([one.position_t_m for one in collected.estimates])
+        attitude = from_quaternions(np.array([one.attitude_t_p for one in collected.estimates]))
+        geodetic = geodetic_of(position, origin)
+        rows = _with(rows, [f"{axis}_m" for axis in _AXES], position)
+        if geodetic is not None:
+            rows = _with(rows, ("latitude_deg", "longitude_deg", "height_m"), geodetic)
+        angles = np.rad2deg(to_angles(level_axes(_environment(config), position).inv() * attitude))
+        rows = _with(rows, ("roll_deg", "pitch_deg", "yaw_deg"), angles)
+    rows = _with_velocity(rows, collected.estimates)
+    track = ExportTrack(
+        name=NAME,
+        method=config.navigation.method if config.mode == "navigation" else config.velocity.method,
+        group=NAME,
+        description=words,
+        rows=rows,
+        position_t_m=position,
+        geodetic=geodetic,
+        orientation_enu_flu=None if attitude is None else orientation_enu_flu(attitude.as_matrix()),
+    )
+    arrivals = {
+        topic: pl.DataFrame(
+            rows, schema={"time_ns": pl.Int64, "bytes": pl.Int64, "text": pl.String, "hex": pl.String}
+        )
+        for topic, rows in collected.bytes.items()
+    }
+    return Export(
+        config.name, [track], {NAME: _pings(collected.pings)} if collected.pings else {}, arrivals=arrivals
+    )
+
+
+def _environment(config: LiveConfig) -> Environment:
+    """The Earth: level axes depend on its shape and the latitude, not on gravity."""
+    assert config.origin is not None  # of every configuration in mode navigation
+    latitude_rad = math.radians(config.origin.latitude_deg)
+    gravity = normal_gravity_mps2(latitude_rad, 0.0)
+    return Environment(latitude_rad=latitude_rad, gravity_mps2=gravity, earth=config.origin.earth)
+
+
+def _with_velocity(rows: pl.DataFrame, estimates: Sequence[Estimate]) -> pl.DataFrame:
+    """The rows with velocity, 1 sigma and state; a component that the beams do not determine is null."""
+    rows = _with(rows, [f"{axis}_mps" for axis in _BODY], np.array([one.velocity_p_mps for one in estimates]))
+    names = [f"sd_velocity_{axis}_mps" for axis in _BODY]
+    covariances = [one.covariance_m2ps2 for one in estimates]
+    if estimates[0].navigation_covariance is not None:
+        of_position = [f"sd_position_{axis}_m" for axis in _AXES]
+        names = [*of_position, *(f"sd_misalignment_{axis}_rad" for axis in _AXES), *names]
+        covariances = [one.navigation_covariance for one in estimates]  # type: ignore[misc]
+    rows = _with(rows, names, np.sqrt([np.diag(one) for one in covariances]))
+    return rows.with_columns(
+        pl.Series(name, [getattr(one, name) for one in estimates])
+        for name in ("state", "rank", "reset_counter")
+    )
+
+
+def _with(rows: pl.DataFrame, names: Sequence[str], values: Floats) -> pl.DataFrame:
+    """The rows with a column for each column of the values, NaN as null."""
+    return rows.with_columns(pl.Series(name, values[:, k]).fill_nan(None) for k, name in enumerate(names))
+
+
+def _pings(pings: Sequence[tuple[int, Beams]]) -> pl.DataFrame:
+    """A row a ping: time of the first estimate that has it, velocities and ranges of the beams, and which are valid."""
+    rows = pl.DataFrame({"time_ns": [time_ns for time_ns, _ in pings]})
+    for key, name in (("velocity_mps", "beam{}_mps"), ("range_m", "beam{}_range_m")):
+        values = np.array([getattr(beams, key) for _, beams in pings])
+        rows = _with(rows, [name.format(k + 1) for k in range(values.shape[1])], values)
+    valid = np.array([beams.valid for _, beams in pings])
+    return rows.with_columns(pl.Series(f"beam{k + 1}_valid", one) for k, one in enumerate(valid.T))

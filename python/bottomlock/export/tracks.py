@@ -1,0 +1,119 @@
+"""What is exported: tracks with what is known of each time, the beams of their pings, and the outcomes of the fixes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import polars as pl
+from scipy.spatial.transform import Rotation
+
+from bottomlock.errors import ScenarioError
+from bottomlock.figures.palette import stroke
+from bottomlock.pages.plots import is_utc
+from bottomlock.recordings.axes import ENU_FROM_NED, FLU_FROM_FRD
+from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
+from bottomlock.recordings.streams import Floats, Times
+from bottomlock.replay.dive_plots import REFERENCE_COLOUR
+
+
+@dataclass(frozen=True, eq=False)
+class ExportTrack:
+    """A track.
+
+    Attributes:
+        name: of files and topics.
+        method: that estimated it; `reference` or `truth`.
+        group: of the tracks that have the same pings: a what-if case, a run, a log; empty for a reference or truth.
+        description: a sentence for the reader of a file.
+        rows: a row a time, with `time_ns`; columns are named as those of a replay's `samples`.
+        position_t_m: (n, 3) north, east, down in the tangent frame, m; None for velocities alone.
+        geodetic: (n, 3) latitude, longitude, deg, and height above the ellipsoid, m; None without an origin.
+        orientation_enu_flu: (n, 4) unit quaternions x, y, z, w, forward-left-up to east-north-up; None for a track
+            without an attitude.
+        has_height: whether its heights and depths were recorded; those of a reference without are the origin's.
+    """
+
+    name: str
+    method: str
+    group: str
+    description: str
+    rows: pl.DataFrame
+    position_t_m: Floats | None
+    geodetic: Floats | None
+    orientation_enu_flu: Floats | None
+    has_height: bool = True
+
+    @property
+    def time_ns(self) -> Times:
+        """(n,) times, ns."""
+        return self.rows["time_ns"].to_numpy()
+
+    @property
+    def is_utc(self) -> bool:
+        """Whether the times are Unix time."""
+        return is_utc(int(self.time_ns[0]))
+
+    @property
+    def position_enu_m(self) -> Floats | None:
+        """(n, 3) east, north, up in the tangent frame, m; None for velocities alone."""
+        return None if self.position_t_m is None else np.asarray(self.position_t_m @ ENU_FROM_NED.T)
+
+    @property
+    def colour(self) -> str:
+        """#rrggbb, that of its method on every page of ours."""
+        return stroke(self.method).colour if self.group else REFERENCE_COLOUR
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """All that an export has.
+
+    Attributes:
+        title: name of the case, campaign or configuration.
+        tracks: one or more.
+        pings: by group, a row a ping: `time_ns`, `beam1_valid` and so on.
+        fixes: by name of a topic, the outcomes of the fixes, a row a ping.
+        arrivals: by name of a topic, the bytes of a live log, a row an arrival.
+    """
+
+    title: str
+    tracks: Sequence[ExportTrack]
+    pings: Mapping[str, pl.DataFrame]
+    fixes: Mapping[str, pl.DataFrame] = field(default_factory=dict)
+    arrivals: Mapping[str, pl.DataFrame] = field(default_factory=dict)
+
+    @property
+    def has_origin(self) -> bool:
+        """Whether its tracks have a place on the Earth."""
+        return all(track.geodetic is not None for track in self.tracks)
+
+    @property
+    def estimates(self) -> list[ExportTrack]:
+        """The tracks that are neither reference nor truth."""
+        return [track for track in self.tracks if track.group]
+
+
+def orientation_enu_flu(rotation_t_p: Floats) -> Floats:
+    """(n, 4) unit quaternions x, y, z, w of (n, 3, 3) rotations from platform (forward-right-down) to tangent axes."""
+    rotation = Rotation.from_matrix(ENU_FROM_NED @ rotation_t_p @ FLU_FROM_FRD)
+    return np.asarray(rotation.as_quat(canonical=True))
+
+
+def geodetic_of(position_t_m: Floats, origin: Place | None) -> Floats | None:
+    """(n, 3) latitude, longitude, deg, and height, m, of positions in the tangent frame of an origin; None without."""
+    if origin is None:
+        return None
+    latitude, longitude, height = geodetic_from_tangent(position_t_m, origin)
+    return np.stack([np.rad2deg(latitude), np.rad2deg(longitude), height], axis=-1)
+
+
+def chosen_methods(methods: Sequence[str], known: Sequence[str], place: str) -> list[str]:
+    """The methods that a user names, each once.
+
+    Raises:
+        ScenarioError: for one that is not known; `place` says where.
+    """
+    for method in methods:
+        if method not in known:
+            raise ScenarioError(f"'{method}': is not in {place}, expected of {', '.join(known)}")
+    return list(dict.fromkeys(methods))

@@ -1,0 +1,320 @@
+"""Exports of the raw logs of `bottomlock live`: against what the ports sent at that time, and by other programs."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from bottomlock.errors import DataError, OutputError, ScenarioError
+from bottomlock.export.formats import FORMATS
+from bottomlock.export.live import export_live
+from bottomlock.live.config import LiveConfig, parse_config
+from bottomlock.live.engine import Engine
+from bottomlock.live.raw_log import RawLog
+from tests.cli.calls import command, process
+from tests.export.plotjuggler import curves, series
+from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML, Sent, World, probe_registered
+from tests.oracle.rotations import matrix_from_euler, matrix_from_quaternion
+
+PLACES = {"dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": "udpout:127.0.0.1:9"}
+ORIGIN = "origin = { latitude_deg = 32.8, longitude_deg = -17.5, height_m = 4.0 }"
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
+
+
+@pytest.fixture(autouse=True)
+def _probe() -> Iterator[None]:
+    with probe_registered():
+        yield
+
+
+def text_of(mode: str, form: str = "waterlinked-json", port: str = "probe") -> str:
+    """A configuration that sends every estimate to a port, with a place on the Earth."""
+    text = (VELOCITY_TOML if mode == "velocity" else NAVIGATION_TOML).format(format=form, **PLACES)
+    text = text.replace("origin.latitude_deg = 32.8", ORIGIN).replace('port = "probe"', f'port = "{port}"')
+    return text.removesuffix("rate_hz = 10\n") if mode == "navigation" else text
+
+
+def write_log(folder: Path, text: str, world: World) -> tuple[LiveConfig, Path, list[Sent]]:
+    """The log of a run, as `bottomlock live` writes it, and what its probe sent."""
+    config = parse_config(text, place="test")
+    sources, ports = [one.name for one in config.source], [one.port for one in config.port]
+    log = RawLog(folder, sources=sources, ports=ports, start={"config": text.encode()})
+    engine, sent = Engine(config), []
+    for arrival_ns, source, data in world.arrivals(imu=config.mode == "navigation"):
+        log.write("in", source, arrival_ns, data)
+        for message in engine.arrive(source, arrival_ns, data):
+            log.write("out", message.port, arrival_ns, message.data)
+            sent.append(message.data)
+    log.close()
+    probed = [Sent.parse(data) for data in sent] if ports == ["probe"] else []
+    return config, log.path, probed
+
+
+def exported(log: Path, name: str) -> Path:
+    return log.with_name(f"{log.stem}_export") / name
+
+
+def rows_of(log: Path) -> list[dict[str, str]]:
+    with exported(log, "live.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def numbers(row: dict[str, str], names: list[str]) -> list[float]:
+    return [float(row[name] or "nan") for name in names]
+
+
+BODY = ("surge", "sway", "heave")
+VELOCITY = [f"{axis}_mps" for axis in BODY]
+SIGMA = [f"sd_velocity_{axis}_mps" for axis in BODY]
+
+
+def lost(t: float) -> tuple[int, ...]:
+    """Two beams for a second, and all for one."""
+    return (0, 1) if 4.0 <= t < 5.0 else (0, 1, 2, 3) if 6.0 <= t < 7.0 else ()
+
+
+@pytest.fixture(scope="module")
+def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Sent]]:
+    """A dive in mode navigation that loses beams, in every format."""
+    with probe_registered():
+        config, log, sent = write_log(
+            tmp_path_factory.mktemp("live"), text_of("navigation"), World(9.0, lost=lost)
+        )
+        replayed, files = export_live(config, log, FORMATS)
+    assert replayed.text().endswith("the same bits")
+    assert {path.name for path in files} == {
+        "tracks.kml", "tracks.geojson", "tracks.gpx", "live.csv", "live.tum",
+        "tracks.mcap", "foxglove_layout.json", "plotjuggler_layout.xml",
+    }  # fmt: skip
+    return log, sent
+
+
+def test_csv_has_the_bits_that_a_port_sent(dive: tuple[Path, list[Sent]]) -> None:
+    """Every estimate that was sent, its time, state, velocity and 1 sigma."""
+    log, sent = dive
+    rows = rows_of(log)
+    assert len(rows) == len(sent) > 100
+    for row, one in zip(rows, sent, strict=True):
+        assert (int(row["time_ns"]), row["state"], int(row["rank"])) == (one.time_ns, one.state, one.rank)
+        assert numbers(row, VELOCITY) == one.velocity.tolist()
+        assert numbers(row, SIGMA) == one.sd.tolist()
+    assert {row["state"] for row in rows} >= {"OK", "PARTIAL", "COASTING"}
+    assert {row["beams_valid"] for row in rows if row["state"] == "PARTIAL"} >= {"2"}
+    last = rows[-1]
+    assert np.datetime64(last["utc"].rstrip("Z"), "ns").astype(np.int64) == sent[-1].time_ns
+
+
+def test_tum_and_places_agree_with_the_csv(dive: tuple[Path, list[Sent]]) -> None:
+    """East, north, up; and a WGS 84 origin: a degree of latitude at 32.8° is 110 907 m, of longitude 93 658 m."""
+    log, _ = dive
+    rows = rows_of(log)
+    table = np.loadtxt(exported(log, "live.tum"))
+    ned = np.array([numbers(row, ["north_m", "east_m", "down_m"]) for row in rows])
+    np.testing.assert_array_equal(table[:, 1:4], ned @ ENU_FROM_NED.T)
+    angles = np.deg2rad([numbers(row, ["roll_deg", "pitch_deg", "yaw_deg"]) for row in rows])
+    for q, row in zip(table[::40, 4:], angles[::40], strict=True):
+        R = ENU_FROM_NED @ matrix_from_euler(*row) @ FLU_FROM_FRD
+        np.testing.assert_allclose(matrix_from_quaternion(np.roll(q, 1)), R, atol=1e-5)
+    places = json.loads(exported(log, "tracks.geojson").read_text("utf-8"))["features"][0]
+    found = np.array(places["geometry"]["coordinates"])
+    np.testing.assert_allclose((found[:, 1] - 32.8) * 110_907.0, ned[:, 0], atol=2e-3)
+    np.testing.assert_allclose((found[:, 0] + 17.5) * 93_658.0, ned[:, 1], atol=2e-3)
+    np.testing.assert_allclose(found[:, 2], 4.0 - ned[:, 2], atol=1e-4)
+    gpx = ET.parse(exported(log, "tracks.gpx")).getroot()
+    times = [one.text for one in gpx.findall(".//{http://www.topografix.com/GPX/1/1}time")]
+    assert times == places["properties"]["coordinateProperties"]["times"] == [row["utc"] for row in rows]
+
+
+def test_gpxpy_and_fastkml_read_the_track(dive: tuple[Path, list[Sent]]) -> None:
+    gpxpy = pytest.importorskip("gpxpy", reason="gpxpy is not installed: pip install gpxpy")
+    kml = pytest.importorskip("fastkml", reason="fastkml is not installed: pip install fastkml")
+    log, sent = dive
+    (feature,) = json.loads(exported(log, "tracks.geojson").read_text("utf-8"))["features"]
+    expected = feature["geometry"]["coordinates"]
+    (track,) = gpxpy.parse(exported(log, "tracks.gpx").read_text("utf-8")).tracks
+    points = track.segments[0].points
+    assert [[one.longitude, one.latitude, one.elevation] for one in points] == expected
+    assert [round(one.time.timestamp() * 1e6) for one in points] == [one.time_ns // 1000 for one in sent]
+    (mark,) = kml.utils.find_all(kml.KML.parse(exported(log, "tracks.kml")), of_type=kml.Placemark)
+    assert [list(one.coord.coords[0]) for one in mark.kml_geometry.track_items] == expected
+
+
+def test_gdal_reads_the_same_points(dive: tuple[Path, list[Sent]]) -> None:
+    """The reader of QGIS: lines of GeoJSON and of KML with times, points of GPX."""
+    raw = pytest.importorskip("pyogrio.raw", reason="pyogrio is not installed: pip install pyogrio")
+    shapely = pytest.importorskip("shapely", reason="shapely is not installed: pip install shapely")
+    log, _ = dive
+    expected = [numbers(row, ["longitude_deg", "latitude_deg", "height_m"]) for row in rows_of(log)]
+    for name, layer in (("tracks.geojson", None), ("tracks.kml", None), ("tracks.gpx", "track_points")):
+        _, _, shapes, fields = raw.read(exported(log, name), layer=layer)
+        places = shapely.get_coordinates(shapely.from_wkb(shapes), include_z=True)
+        if layer is not None:
+            places[:, 2] = fields[3]  # `ele`
+        assert places.tolist() == expected
+
+
+def test_mcap_has_estimates_beams_and_the_bytes_as_they_came(dive: tuple[Path, list[Sent]]) -> None:
+    log, sent = dive
+    path = exported(log, "tracks.mcap")
+    topics: dict[str, list[dict[str, Any]]] = {}
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+            assert schema is not None
+            assert schema.encoding == "jsonschema"
+            content = json.loads(message.data)
+            fields = json.loads(schema.data)["properties"]
+            assert set(content) <= set(fields), channel.topic
+            topics.setdefault(channel.topic, []).append(content | {"log_time": message.log_time})
+    assert [one["log_time"] for one in topics["/live/pose"]] == [one.time_ns for one in sent]
+    assert [[one[name] for name in SIGMA] for one in topics["/live/estimate"]] == [
+        one.sd.tolist() for one in sent
+    ]
+    variance = [one["position_covariance"][0] for one in topics["/live/location"]]
+    rows = rows_of(log)
+    assert variance == [float(row["sd_position_east_m"]) ** 2 for row in rows]
+    assert {one["beams_valid"] for one in topics["/live/beams"]} == {0, 2, 4}
+    assert 60 < len(topics["/live/beams"]) < len(topics["/in/dvl"])  # a ping is there once
+    half = next(one for one in topics["/live/beams"] if one["beams_valid"] == 2)
+    assert "beam1_mps" not in half
+    assert (half["beam1_valid"], half["beam3_valid"]) == (False, True)
+    world = World(9.0, lost=lost)
+    for topic, source in (("/in/dvl", 0), ("/in/imu", 1)):
+        came = [(ns, data) for ns, place, data in world.arrivals(imu=True) if place == source]
+        assert [(one["log_time"], one["text"]) for one in topics[topic]] == [
+            (ns, data.decode().rstrip("\r\n")) for ns, data in came
+        ]
+        assert [one["bytes"] for one in topics[topic]] == [len(data) for _, data in came]
+    assert len(topics["/out/0/probe"]) == len(sent)
+    names = series(path)
+    assert [name for name in curves(exported(log, "plotjuggler_layout.xml")) if name not in names] == []
+    panels = json.loads(exported(log, "foxglove_layout.json").read_text("utf-8"))["configById"]
+    paths = [one["value"].replace(".", "/") for panel in panels.values() for one in panel.get("paths", [])]
+    assert [name for name in paths if name not in names] == []
+    assert set(panels["map!tracks"]["topicColors"]) <= set(topics)
+
+
+def test_mode_velocity_has_velocities_and_no_positions(tmp_path: Path) -> None:
+    """A component that the beams do not determine is empty; bytes that are no text are hexadecimal digits."""
+    world = World(6.0, lost=lambda t: (0, 1, 2) if t >= 4.0 else (), form="pd0")
+    config, log, sent = write_log(tmp_path, text_of("velocity", "pd0"), world)
+    export_live(config, log, ["csv", "mcap"])
+    rows = rows_of(log)
+    assert [int(row["time_ns"]) for row in rows[: len(sent)]] == [one.time_ns for one in sent]
+    for row, one in zip(rows, sent, strict=False):
+        for name, value in zip(VELOCITY, one.velocity.tolist(), strict=True):
+            assert row[name] == "" if math.isnan(value) else float(row[name]) == value
+    assert {row["surge_mps"] == "" for row in rows} == {True, False}
+    assert "north_m" not in rows[0]
+    with exported(log, "tracks.mcap").open("rb") as file:
+        came = [
+            json.loads(message.data)
+            for _, channel, message in make_reader(file).iter_messages()
+            if channel.topic == "/in/dvl"
+        ]
+    assert [bytes.fromhex(one["hex"]) for one in came] == [data for _, _, data in world.arrivals()]
+    names = series(exported(log, "tracks.mcap"))
+    assert [name for name in curves(exported(log, "plotjuggler_layout.xml")) if name not in names] == []
+    panels = json.loads(exported(log, "foxglove_layout.json").read_text("utf-8"))["configById"]
+    paths = [one["value"].replace(".", "/") for panel in panels.values() for one in panel.get("paths", [])]
+    assert [name for name in paths if name not in names] == []
+    for name in ("kml", "geojson", "gpx", "tum"):
+        with pytest.raises(DataError, match=rf'{name} needs positions, and mode = "velocity" estimates none'):
+            export_live(config, log, ["csv", name])
+
+
+def test_the_replay_sends_the_same_with_and_without_an_export(tmp_path: Path) -> None:
+    """The listener is a port of its own: where no port is configured there are estimates, too."""
+    text = text_of("navigation")
+    config, log, sent = write_log(tmp_path, text, World(5.0))
+    without = parse_config(text[: text.index("[[port]]")], place="test")
+    replayed, _ = export_live(without, log, ["csv"])
+    assert "were not sent" not in replayed.first_difference
+    assert [int(row["time_ns"]) for row in rows_of(log)] == [one.time_ns for one in sent]
+    again, _ = export_live(config, log, ["csv"])
+    assert again.first_difference == ""
+
+
+def test_without_an_estimate_a_place_or_the_right_configuration_nothing_is_written(tmp_path: Path) -> None:
+    config, log, _ = write_log(tmp_path, text_of("navigation"), World(0.5))
+    with pytest.raises(
+        DataError, match=r"gives no estimate to export; its last state is INITIALISING, waiting for"
+    ):
+        export_live(config, log, ["csv"])
+    nowhere = parse_config(text_of("navigation").replace(ORIGIN, "origin.latitude_deg = 32.8"), place="test")
+    with pytest.raises(
+        DataError, match=r"need a place on the Earth, and there is none; give origin\.latitude_deg"
+    ):
+        export_live(nowhere, log, ["kml"])
+    with pytest.raises(DataError, match="has bytes of source 2, and the configuration has 1 sources"):
+        export_live(parse_config(text_of("velocity"), place="test"), log, ["csv", "mcap"])
+    with pytest.raises(ScenarioError, match="'shp' is no format"):
+        export_live(config, log, ["shp"])
+    with pytest.raises(DataError, match=r"nothing\.mcap: cannot be read"):
+        export_live(config, tmp_path / "nothing.mcap", ["csv"])
+    assert not exported(log, "").exists()
+
+
+def test_a_users_file_stays(tmp_path: Path) -> None:
+    config, log, _ = write_log(tmp_path, text_of("velocity"), World(2.0))
+    export_live(config, log, ["csv"])
+    exported(log, "live.csv").write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputError, match="has changed since it was written"):
+        export_live(config, log, ["csv"])
+    export_live(config, log, ["csv"], force=True)
+    exported(log, "tracks.mcap").write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputError, match="not of ours"):
+        export_live(config, log, ["mcap"], force=True)
+
+
+def test_the_command_exports_a_log_and_names_mistakes(tmp_path: Path) -> None:
+    text = text_of("velocity", port="sentence")
+    _, log, _ = write_log(tmp_path, text, World(2.0))
+    (tmp_path / "live.toml").write_text(text, encoding="utf-8")
+    words = ("live", "live.toml", "--replay", log.name)
+    done = command(*words, "--export", "csv,mcap", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"wrote {log.stem}_export/live.csv" in done.stdout
+    assert done.stdout.rstrip().endswith("the same bits")
+    for more, told in (
+        (("live", "live.toml", "--export", "csv"), "--export is given without --replay LOG"),
+        ((*words, "--export", "shp"), "'shp' is no format, expected of kml, geojson, gpx, csv, tum, mcap"),
+        ((*words, "--export", ","), "--export names no format"),
+        ((*words, "--export", "kml"), 'kml needs positions, and mode = "velocity" estimates none'),
+    ):
+        done = command(*more, cwd=tmp_path)
+        assert done.returncode == 2
+        assert told in " ".join(done.stderr.split())
+    # Another noise of the beams gives other bits: the track is written, and the exit code says so.
+    (tmp_path / "live.toml").write_text(
+        text.replace("noise_mps = 0.01", "noise_mps = 0.02"), encoding="utf-8"
+    )
+    done = command(*words, "--export", "csv", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "message 1 (port 0" in done.stdout
+
+
+def test_an_install_for_a_vehicle_says_what_it_lacks(tmp_path: Path) -> None:
+    text = text_of("velocity", port="sentence")
+    _, log, _ = write_log(tmp_path, text, World(2.0))
+    (tmp_path / "live.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys\nsys.modules.update({'polars': None, 'scipy': None, 'matplotlib': None})\n",
+        encoding="utf-8",
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", f"{tmp_path}{':'.join(['', *filter(None, sys.path)])}")
+        done = process("live", "live.toml", "--replay", log.name, "--export", "csv", cwd=tmp_path)
+        assert done.returncode == 2, done.stderr
+        assert "which an install for a vehicle leaves out" in " ".join(done.stderr.split())
+        assert process("live", "live.toml", "--replay", log.name, cwd=tmp_path).returncode == 0
