@@ -80,6 +80,27 @@ def test_ten_lines_navigate_a_recorded_dive() -> None:
     }
 
 
+def test_a_vehicle_that_speeds_up_while_it_is_levelled_is_told_so() -> None:
+    """The tutorial's five rejected reports, and none where the level is said to be good to 2 degrees."""
+    log = bottomlock.open_log(DIVE)
+    readings = [one for one in log if one.time_ns < log.streams.inertial.time_ns[0] + 60_000 * MS]
+
+    def rejected(**sections: Any) -> list[str]:  # noqa: ANN401 - of any section
+        nav = Navigator.start(
+            dvl=log.instrument,
+            imu="fibre_optic",
+            latitude_deg=log.latitude_deg,
+            heading_deg=-11.4,
+            method="sway_current",
+            **sections,
+        )
+        reports = (report for reading in readings for report in nav.push(reading))
+        return [report.sensor for report in reports if report.verdict == "rejected"]
+
+    assert rejected() == ["heave", *["beams"] * 4]
+    assert rejected(start={"level_sd_deg": 2.0}) == []
+
+
 def test_it_is_the_navigator_that_one_makes_by_hand() -> None:
     """Level, heading, velocity and depth as found, the models by name; from there on the same bits."""
     nav = begun(501)
