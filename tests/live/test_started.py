@@ -1,5 +1,6 @@
 """`Navigator.start`: names in place of settings, a start that is found by itself, readings one at a time."""
 
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -348,6 +349,29 @@ def test_times_in_ms_are_asked_about() -> None:
     for k in range(1000):
         nav.push(ImuReading(k * 10, NONE, FORCE))
     assert nav.waiting_for == "the alignment, 0 of 5 s after 1000 inertial readings: are their times in ns?"
+
+
+@pytest.mark.parametrize(
+    ("omega_radps", "force_mps2", "why"),
+    [
+        (
+            NONE,
+            (0.0, 0.0, GRAVITY),
+            r"\+9.8\) m/s² .*z of the IMU is up \(ROS\): imu.mounting_roll_deg = 180\?",
+        ),
+        (NONE, (0.0, -GRAVITY, 0.0), r"\+0.0, -9.8, \+0.0\) m/s² .*imu.mounting_roll_deg"),
+        (NONE, (0.0, 0.0, 1.0), r"that measure gravity: they read .*\+1.0\) m/s².*are they in g"),
+        ((0.0, 0.0, -GRAVITY), NONE, "are they in g, without gravity, or swapped with the rates"),
+    ],
+)
+def test_wrong_axes_and_units_are_no_start(omega_radps: Any, force_mps2: Any, why: str) -> None:  # noqa: ANN401
+    nav = Navigator.start(**A50)
+    for k in range(600):
+        nav.push(ImuReading(k * 10 * MS, omega_radps, force_mps2))
+        if k % 50 == 49:
+            nav.push(ping(k * 10 * MS))
+    assert nav.navigator is None
+    assert re.search(why, nav.waiting_for), nav.waiting_for
 
 
 def test_the_level_is_that_of_the_window_alone() -> None:

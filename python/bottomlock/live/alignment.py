@@ -98,6 +98,11 @@ class Alignment:
         up = -(matrix(attitude_t_p) @ force)[2] / self._gravity_mps2
         tilt_deg = np.degrees(np.arccos(np.clip(matrix(attitude_t_p)[2, 2], -1.0, 1.0)))
         words = f"({', '.join(f'{value:+.1f}' for value in force)}) m/s² along forward, starboard, down"
+        if not 1.0 - GREATEST_MISFIT < np.linalg.norm(force) / self._gravity_mps2 < 1.0 + GREATEST_MISFIT:
+            return (
+                f"accelerometers that measure gravity: they read {words}, and (0, 0, -9.8) when level; are they in g, "
+                "without gravity, or swapped with the rates?"
+            )
         if tilt_deg > self._start.largest_tilt_deg:
             hint = (
                 "z of the IMU is up (ROS): imu.mounting_roll_deg = 180"
