@@ -326,21 +326,42 @@ def test_what_no_section_uses_is_counted_as_it_is() -> None:
     assert nav.unused == {"GpsReading without section gps": 1}
 
 
-class OfBeams:
-    """Tight coupling by another name."""
+class NoBeams:
+    """Inertial navigation by another name."""
 
-    name = "started_of_beams"
+    name = "started_no_beams"
 
-    def ping(self, beams: own_method.Beams, prior: own_method.Prior) -> own_method.Rows:  # noqa: ARG002, D102
-        return beams.rows
+    def ping(self, beams: own_method.Beams, prior: own_method.Prior) -> None:  # noqa: ARG002, D102
+        return None
 
 
 def test_a_method_of_ones_own() -> None:
     """By its registered name; it flies as the built-in method does that it repeats."""
-    name = own_method.register(OfBeams)
-    assert np.array_equal(begun(method=name).velocity_sd_mps, begun(method="tc").velocity_sd_mps)
-    with pytest.raises(bottomlock.KernelError, match="velocity_mps has shape"):
-        begun(method=name).push(Ping.of_beams(AT, [0.0] * 3))
+    sd_mps = begun(method=own_method.register(NoBeams)).velocity_sd_mps
+    np.testing.assert_allclose(sd_mps, begun(method="ins").velocity_sd_mps, rtol=1e-8)
+    assert (sd_mps > begun(method="tc").velocity_sd_mps).all()
+
+
+def test_a_refused_ping_gives_no_velocity_between_attitudes() -> None:
+    """Attitudes in place of inertial readings are held at the velocity of the last ping that was taken."""
+    by_attitude: dict[str, Any] = A50 | {
+        "imu": {"source": "attitude", "accel_noise_mps_per_rt_h": 1.0},
+        "attitude": {"grade": "mti_ahrs"},
+        "heading_deg": None,
+    }
+    nav, other = Navigator.start(**by_attitude), Navigator.start(**by_attitude)
+    for k in range(60):
+        for one in (nav, other):
+            one.push(bottomlock.AttitudeReading(k * 100 * MS, (1.0, 0.0, 0.0, 0.0)))
+            if k % 5 == 0:
+                one.push(ping(k * 100 * MS))
+        if k == 52:
+            with pytest.raises(bottomlock.KernelError, match="behind the navigator"):
+                nav.push(Ping.of_beams(1000 * MS, A50_GEOMETRY.directions_p @ [3.0, -3.0, 1.0]))
+    # The count of late measurements is all that differs.
+    np.testing.assert_array_equal(nav.position_t_m, other.position_t_m)
+    np.testing.assert_array_equal(nav.velocity_p_mps, other.velocity_p_mps)
+    np.testing.assert_array_equal(nav.position_sd_m, other.position_sd_m)
 
 
 def test_times_in_ms_are_asked_about() -> None:
@@ -382,6 +403,18 @@ def test_the_level_is_that_of_the_window_alone() -> None:
         nav.push(ImuReading(k * 10 * MS, NONE, tilted if k < 5400 else FORCE))
     nav.push(ping(59_990 * MS))
     nav.push(still(6000))
+    np.testing.assert_allclose(nav.attitude_t_p, (HALF, 0.0, 0.0, HALF), atol=1e-9)
+
+
+def test_the_level_begins_anew_after_a_gap() -> None:
+    nav = Navigator.start(**A50)
+    tilted = (0.5 * GRAVITY, 0.0, -float(np.sqrt(0.75)) * GRAVITY)
+    for k in range(300):
+        nav.push(ImuReading(k * 10 * MS, NONE, tilted))
+    for k in range(3000, 3501):
+        nav.push(still(k))
+        if k == 3499:
+            nav.push(ping(k * 10 * MS))
     np.testing.assert_allclose(nav.attitude_t_p, (HALF, 0.0, 0.0, HALF), atol=1e-9)
 
 
