@@ -31,18 +31,18 @@ replay
 # %%
 replay.verdict, replay.method, replay.what_ifs
 
-# %%
+# %% mystnb={"image": {"alt": "Map of the dive: the tracks of the methods, the truth and two-sigma ellipses"}}
 replay.plot_map()
 plt.show()
 
-# %%
+# %% mystnb={"image": {"alt": "Surge, sway and heave of the methods against time, each with its sigma"}}
 replay.plot_velocity()
 plt.show()
 
 # %% [markdown]
 # With beams 3 and 4 lost, on axes of one's own:
 
-# %%
+# %% mystnb={"image": {"alt": "With two beams lost: the map, and the sigma of the position against time"}}
 figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 4.4), gridspec_kw={"wspace": 0.55})
 replay.plot_map("lost_34", axes=left)
 replay.plot_position_sd(what_if="lost_34", axes=right)

@@ -12,6 +12,7 @@ from bottomlock import kernel
 from tests.attack.trial import Trial, same
 from tests.attack.values import Arguments, spoilt_arguments
 from tests.attack.worlds import NONE, drawn_geometry, model, motion, options, some_methods
+from tests.kernel.report_bits import FIELDS
 
 STEP_NS = 50_000_000
 SPOILT = 0.3
@@ -56,7 +57,11 @@ def navigator(rng: Random, trial: Trial) -> None:
             trial.fault(name, "a refused push changed the state or the covariance")
         for report in reports or ():
             # A beam that did not return has no weight.
-            trial.finite(f"report of {name}", report, may_lack=("threshold", "beam_weight"))
+            trial.finite(
+                f"report of {name}",
+                {one: getattr(report, one) for one in FIELDS},
+                may_lack=("threshold", "beam_weight"),
+            )
         if trial.faults:
             return
         known = found

@@ -75,6 +75,21 @@ def test_ids_are_the_figures_own_and_all_are_used() -> None:
     assert "#1b1f24" not in text
 
 
+_REFERENCE = re.compile(r'href="#([^"]+)"|url\(#([^)]+)\)')
+
+
+def test_every_figure_of_a_page_refers_to_what_it_did() -> None:
+    """Clip paths and marks of its own, in their order, under other names."""
+    pictures = [_figure_svg("one"), _figure_svg("two")]
+    page = share_svg(f"<head></head><body><header></header>{''.join(pictures)}</body>")
+    for before, after in zip(pictures, re.findall(r'<svg role="img".*?</svg>', page), strict=True):
+        named = re.findall(r'(?:id="|#)((?:one|two)-\d+)', before)
+        numbered = re.findall(r' id="(\.\d+)"', after)
+        own = [one for one in re.findall(r'(?:id="|#)(\.\d+)', after) if one in numbered]
+        assert len(named) == len(own) > 5
+        assert len(set(zip(named, own, strict=True))) == len(set(named)) == len(set(own))
+
+
 def test_figures_of_a_page_share_letters_and_styles() -> None:
     """Every reference is there once, and what each figure refers to is what it was."""
     pictures = [_figure_svg("one"), _figure_svg("two")]
@@ -82,7 +97,9 @@ def test_figures_of_a_page_share_letters_and_styles() -> None:
     assert len(page) < 0.75 * sum(map(len, pictures))
     ids = re.findall(r' id="([^"]+)"', page)
     assert len(ids) == len(set(ids))
-    assert set(re.findall(r'href="#([^"]+)"', page)) <= set(ids)
+    assert {one for use in _REFERENCE.findall(page) for one in use if one} == set(ids)
+    # A trajectory may have any of these letters in its name, and names a part of a page.
+    assert not any(re.fullmatch(r"[\w-]+", one) for one in ids)
     assert ' style="' not in page
     classes = dict(re.findall(r"\.(s\d+) \{ (.*) \}", page))
     for picture in pictures:

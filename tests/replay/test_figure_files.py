@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from matplotlib.axes import Axes
 from polars.testing import assert_frame_equal
 
 from bottomlock.figures.drawn_table import panels_table
@@ -18,6 +17,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.dive_plots import state_panels
 from bottomlock.replay.report import PAGE, Drawing, ReplayTables, dive_of, drawings, read_replay
 from bottomlock.replay.run_and_report import run_and_report
+from tests.drawn_points import held, points
 
 CASE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
 DAY_NS = 86_400e9
@@ -73,23 +73,6 @@ def test_the_data_come_back_to_the_last_digit(
     for name, one in drawn.items():
         assert one.data.height > 0, name
         assert_frame_equal(data[name], one.data, check_exact=True)
-
-
-def points(axes: Axes) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """(n, 2) the points of every line in data coordinates."""
-    lines = [
-        np.column_stack([np.asarray(one.get_xdata(), dtype=float), np.asarray(one.get_ydata(), dtype=float)])
-        for one in axes.lines
-        if one.get_transform() == axes.transData
-    ]
-    every = np.concatenate(lines)
-    return np.asarray(every[np.isfinite(every).all(axis=1)])
-
-
-def held(shown: np.ndarray[tuple[int, int], np.dtype[np.float64]], x: pl.Series, y: pl.Series) -> float:
-    """The fraction of points that are among others."""
-    known = set(zip(x.to_list(), y.to_list(), strict=True))
-    return float(np.mean([(one[0], one[1]) in known for one in shown.tolist()]))
 
 
 def test_a_map_draws_points_of_its_data(drawn: dict[str, Drawing], data: dict[str, pl.DataFrame]) -> None:

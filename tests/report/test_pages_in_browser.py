@@ -130,7 +130,7 @@ def test_a_screen_reader_is_told(browser: Browser, folder: Path) -> None:
 
 
 def test_paper_is_white_and_shows_what_is_folded(browser: Browser, folder: Path) -> None:
-    """Also for a reader of dark pages; settings and manifest stay off the paper."""
+    """Also for a reader of dark pages; settings, manifest and links to files stay off the paper."""
     browser.open(folder / "a" / "report.html")
     browser.media(dark=True)
     dark = browser.value("getComputedStyle(document.body).backgroundColor")
@@ -139,8 +139,8 @@ def test_paper_is_white_and_shows_what_is_folded(browser: Browser, folder: Path)
         assert (
             dark != browser.value("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
         )
-        assert browser.value("getComputedStyle(document.querySelector('nav')).display") == "none"
-        assert browser.value("getComputedStyle(document.querySelector('details.long')).display") == "none"
+        for hidden in ("nav", "details.long", "figure .files"):
+            assert browser.value(f"getComputedStyle(document.querySelector({hidden!r})).display") == "none"
         height = "document.querySelector('details:not(.long)').getBoundingClientRect().height"
         on_paper = browser.value(height)
         browser.media()

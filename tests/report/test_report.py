@@ -61,6 +61,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+STARTS = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF-1.", "csv": b""}
+"""Endings of a figure's files, and how these begin."""
+
+
 def files(folder: Path) -> dict[str, str]:
     """Hash of everything that a report writes."""
     names = [folder / "report.html", *folder.glob("figures/*"), *folder.glob("tables/*")]
@@ -86,26 +90,30 @@ class _Page(HTMLParser):
 
 
 def test_writes_page_figures_and_claims(made: Path) -> None:
-    """Figure 8, six figures for each trajectory, and the sweep, each as PNG and SVG."""
+    """Figure 8, six figures for each trajectory, and the sweep, each as PNG, SVG, PDF and its data."""
     kinds = ("velocity", "attitude", "nees", "calibration", "normalised", "methods")
     names = {f"{kind}_{name}" for kind in kinds for name in ("straight", "figure_eight", "lawn_mower")}
     names |= {"trajectories", "sweep_1_straight"}
     assert {path.name for path in (made / "figures").iterdir()} == {
-        f"{name}.{suffix}" for name in names for suffix in ("svg", "png")
+        f"{name}.{suffix}" for name in names for suffix in STARTS
     }
+    for path in (made / "figures").iterdir():
+        assert path.read_bytes().startswith(STARTS[path.suffix[1:]])
     assert pl.read_parquet(made / "tables" / "claims.parquet").height > 30
 
 
 def test_the_page_stands_alone(made: Path) -> None:
-    """No script, no address outside, no link to nowhere, no id twice."""
+    """No script, no address outside but the figures' files, no link to nowhere, no id twice."""
     page = _Page()
     text = (made / "report.html").read_text(encoding="utf-8")
     page.feed(text)
     assert "script" not in page.tags
     assert len(re.findall('<svg role="img"', text)) == 20
     assert len(page.ids) == len(set(page.ids))
-    assert {link for link in page.links if not link.startswith("#")} == set()
-    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
+    outside = [link for link in page.links if not link.startswith("#")]
+    assert sorted(outside) == sorted(f"figures/{path.name}" for path in (made / "figures").iterdir())
+    assert {link.removeprefix("#") for link in page.links} - set(outside) <= set(page.ids)
+    assert set(re.findall(r"url\(#([^)]+)\)", text)) <= set(page.ids)
     assert "@import" not in text
     assert not re.search(r"url\((?!#)", text)
 
@@ -148,7 +156,7 @@ def test_without_truth_and_sweep(tmp_path: Path) -> None:
     text = report.page.read_text(encoding="utf-8")
     assert "no truth.parquet" in text
     assert 'id="sweep"' not in text
-    assert len(report.figures) == 12
+    assert report.figures == 6
 
 
 def test_errors_are_read_back_run_by_run(tmp_path: Path) -> None:

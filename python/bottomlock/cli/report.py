@@ -72,4 +72,4 @@ def print_report(made: Report) -> None:
             "the paper's claims: " + ", ".join(f"{count} {word}" for word, count in verdicts.iter_rows())
         )
     tables = " and tables/claims.parquet" if made.claims.height else ""
-    console.print(f"wrote {made.page}, {len(made.figures)} figures{tables}")
+    console.print(f"wrote {made.page}, {made.figures} figures{tables}")

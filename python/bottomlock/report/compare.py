@@ -10,9 +10,10 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.figures.compare import compare_figure
-from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.figures.images import images_of
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
+from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Page, Part, Picture, Table, html
 from bottomlock.pages.pieces import difference, glossary, interval, title_of
@@ -149,16 +150,19 @@ def _part(
         here = rows.filter(pl.col("quantity") == quantity)
         if here.is_empty():
             continue
-        figure = compare_figure(table, trajectory, quantity)
+        images = images_of(compare_figure(table, trajectory, quantity), pdf=True)
         name = f"{NAME}_{trajectory}_{re.sub('[^a-z]+', '_', quantity.lower())}"
-        files |= {f"figures/{name}.svg": svg_text(figure), f"figures/{name}.png": png_bytes(figure)}
+        data = here.select("campaign", "trajectory", "method", "quantity", "unit", "value", "lo", "hi")
+        own = figure_files(f"figures/{name}", images, data)
+        files |= own
         title = f"{quantity[0].upper()}{quantity[1:]} on {trajectory.replace('_', ' ')}"
         caption = f"{title}, 95 % intervals; numbers as above."
         if quantity == "NEES":
             degrees = {one.manifest.get("nees_degrees", {}).get(trajectory) for one in campaigns.values()}
             words = " or ".join(str(one) for one in sorted(degrees - {None}))
             caption += f" A consistent filter has {words}." if words else ""
-        pictures.append(Picture.of(figure, f"f{place}_{trajectory}", caption, kind=""))
+        picture = Picture.of_svg(images.svg, f"f{place}_{trajectory}", caption, kind="", files=list(own))
+        pictures.append(picture)
         unit = "" if here["unit"][0] == "1" else f", {here['unit'][0]}"
         tables.append(_quantity_table(here, labels, numbered, f"{title}{unit}"))
     return Part(trajectory, title_of(trajectory), [*pictures, *tables])

@@ -11,11 +11,12 @@ from bottomlock.figures.consistency import calibration_figure, normalised_figure
 from bottomlock.figures.curves import nees_figure, rms_figure
 from bottomlock.figures.multiples import velocity_multiples
 from bottomlock.figures.paths import paths_figure
-from bottomlock.figures.selector import choices_figure
+from bottomlock.figures.selector import choices_figure, shares_table
 from bottomlock.figures.sweep import sweep_figure
 from bottomlock.pages.featured import featured
 from bottomlock.paper.claims import Paper, ValueClaim
 from bottomlock.paper.verdicts import flown
+from bottomlock.report.drawn_data import calibration_data, nees_data, normalised_data, rms_data, sweep_data
 from bottomlock.report.swept import sweep_groups, virtual_beams
 from bottomlock.statistics.run_errors import RunErrors, velocity_calibration
 from bottomlock.tables.results import CampaignTables
@@ -32,6 +33,7 @@ class Drawing:
         name: of its file.
         caption: below it, and for screen readers.
         figure: itself.
+        data: every point of it, also those that the drawing leaves out as too close to tell apart.
         place: part of the page.
         trajectory: whose it is; None where it shows all of them.
         parameter: swept setting, of a figure of the sweep.
@@ -40,6 +42,7 @@ class Drawing:
     name: str
     caption: str
     figure: Figure
+    data: pl.DataFrame
     place: Place
     trajectory: str | None = None
     parameter: str | None = None
@@ -66,10 +69,7 @@ def drawings(
         banded = [method for method in ("ins", *recommended[:1]) if method in shown[name]] or shown[name][:2]
         yield _rms(campaign, name, paper, "attitude", shown[name], banded=banded, place="trajectory")
         yield from _consistency(campaign, name, errors[name], shown[name])
-        chosen = None if campaign.choices is None else choices_figure(campaign.choices, name)
-        if chosen is not None:
-            words = "What the selectors choose: share of the runs at each ping."
-            yield Drawing(f"choices_{name}", words, chosen, "every method", name)
+        yield from _choices(campaign, name)
     yield from _sweep(campaign, recommended)
 
 
@@ -81,7 +81,8 @@ def _paths(campaign: CampaignTables, paper: Paper) -> list[Drawing]:
         return []
     words = "The trajectories: plan view and depth"
     words += " (the paper's Figure 8)." if flown(campaign, paper) else "."
-    return [Drawing("trajectories", words, paths_figure(campaign.paths, names), "overview")]
+    data = campaign.paths.filter(pl.col("trajectory").is_in(names))
+    return [Drawing("trajectories", words, paths_figure(campaign.paths, names), data, "overview")]
 
 
 def _rms(
@@ -107,7 +108,8 @@ def _rms(
     figure = rms_figure(
         campaign.ensemble, name, quantity, printed, methods=methods, banded=banded, small=place == "first"
     )
-    return Drawing(f"{quantity}_{name}", f"{caption}.", figure, place, name)
+    data = rms_data(campaign.ensemble, name, quantity, methods, printed)
+    return Drawing(f"{quantity}_{name}", f"{caption}.", figure, data, place, name)
 
 
 def _consistency(
@@ -117,13 +119,16 @@ def _consistency(
         f"nees_{name}",
         "Mean NEES of the whole state; above the grey band a method is overconfident.",
         nees_figure(campaign.ensemble, campaign.consistency, name, methods=shown),
+        nees_data(campaign.ensemble, campaign.consistency, name, shown),
         "trajectory",
         name,
     )
+    calibration = {method: velocity_calibration(errors, method) for method in shown}
     yield Drawing(
         f"calibration_{name}",
         "Velocity error against its claimed σ, a point per second; the ring is the end.",
-        calibration_figure({method: velocity_calibration(errors, method) for method in shown}),
+        calibration_figure(calibration),
+        calibration_data(errors.time_s, calibration),
         "calibration",
         name,
     )
@@ -131,16 +136,29 @@ def _consistency(
         f"methods_{name}",
         "Velocity error of every method, RMS over runs; shaded: 95 % interval; grey: the other methods.",
         velocity_multiples(campaign.ensemble, name),
+        rms_data(campaign.ensemble, name, "velocity", campaign.methods(name)),
         "every method",
         name,
     )
+    normalised = {method: errors.normalised_rms[method] for method in campaign.methods(name)}
     yield Drawing(
         f"normalised_{name}",
         "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
-        normalised_figure({method: errors.normalised_rms[method] for method in campaign.methods(name)}),
+        normalised_figure(normalised),
+        normalised_data(normalised),
         "every method",
         name,
     )
+
+
+def _choices(campaign: CampaignTables, name: str) -> Iterator[Drawing]:
+    """Of a campaign with selectors."""
+    if campaign.choices is None:
+        return
+    shares = shares_table(campaign.choices, name)
+    if shares.height:
+        words = "What the selectors choose: share of the runs at each ping."
+        yield Drawing(f"choices_{name}", words, choices_figure(shares), shares, "every method", name)
 
 
 def _sweep(campaign: CampaignTables, recommended: list[str]) -> Iterator[Drawing]:
@@ -166,9 +184,10 @@ def _sweep(campaign: CampaignTables, recommended: list[str]) -> Iterator[Drawing
         shown = featured(methods, recommended)
         if len(shown) < len(methods):
             caption += f" In the rows only: {', '.join(one for one in methods if one not in shown)}."
-        figure = sweep_figure(rows.filter(pl.col("method").is_in(shown)), level=level)
+        drawn = rows.filter(pl.col("method").is_in(shown))
+        figure = sweep_figure(drawn, level=level)
         name = f"sweep_{numbers[parameter]}_{trajectory}"
-        yield Drawing(name, caption, figure, "sweep", trajectory, parameter)
+        yield Drawing(name, caption, figure, sweep_data(drawn, level), "sweep", trajectory, parameter)
 
 
 def _drawable(rows: pl.DataFrame) -> bool:

@@ -8,6 +8,7 @@ import polars as pl
 from bottomlock.figures.images import image_process
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
+from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.page import Picture, html
 from bottomlock.paper.claims import load_paper
 from bottomlock.paper.verdicts import claims_table, flown
@@ -23,15 +24,15 @@ KINDS = {"first": "third", "overview": "wide", "sweep": "third"}
 
 @dataclass(frozen=True)
 class Report:
-    """The written files: page, figures and table of claims."""
+    """The written page, the count of its figures, and the table of claims."""
 
     page: Path
-    figures: list[Path]
+    figures: int
     claims: pl.DataFrame
 
 
 def make_report(folder: str | Path, *, force: bool = False) -> Report:
-    """Writes `report.html` and `figures/` from the tables of a finished campaign.
+    """Writes `report.html` and `figures/` from the tables of a finished campaign; each figure has its files.
 
     Where the paper's scenarios were flown with its settings, its claims on them are tested, and `tables/claims.parquet`
     holds the verdicts. The same tables give the same bytes.
@@ -64,16 +65,16 @@ def make_report(folder: str | Path, *, force: bool = False) -> Report:
         recommended = (
             [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
         )
-        drawn = draw(drawings(campaign, errors, paper, recommended))
+        drawn = draw(drawings(campaign, errors, paper, recommended), pdf=True)
     files: Files = {"tables/claims.parquet": parquet_bytes(claims)} if theirs else {}
+    figures = []
     for drawing, image in drawn:
-        files |= {f"figures/{drawing.name}.svg": image.svg, f"figures/{drawing.name}.png": image.png}
-    paths = [folder / name for name in files if name.startswith("figures/")]
-    figures = [
-        (drawing, Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=KINDS.get(drawing.place, "")))
-        for drawing, image in drawn
-    ]
+        own = figure_files(f"figures/{drawing.name}", image, drawing.data)
+        files |= own
+        kind = KINDS.get(drawing.place, "")
+        picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
+        figures.append((drawing, picture))
     page = folder / "report.html"
     laid_out = page_of(Content(campaign, paper, claims, advice, choice, figures))
     result.write(files | {page.name: html(laid_out)}, force=force)
-    return Report(page, paths, claims)
+    return Report(page, len(figures), claims)
