@@ -51,7 +51,7 @@ def method_names(methods: Sequence[AnyMethod]) -> list[str]:
     Raises:
         KernelError: as `own_method.name_of`; for one method in place of a list.
     """
-    if isinstance(methods, str | type):
+    if isinstance(methods, str | type | set | frozenset):
         raise kernel.KernelError(f"methods is {methods!r:.60}, expected a list of methods")
     return [own_method.name_of(method) for method in methods]
 

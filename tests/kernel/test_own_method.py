@@ -303,6 +303,7 @@ def test_a_class_of_a_script_is_found_in_the_script(tmp_path: Path) -> None:
         ([3], "3"),
         ("tc", r"methods is 'tc', expected a list of methods"),
         (TightCopy, r"methods is <class .*TightCopy'>, expected a list of methods"),
+        ({"tc"}, r"methods is \{'tc'\}, expected a list of methods"),
     ],
 )
 def test_what_is_no_list_of_methods(wrong: Any, message: str) -> None:  # noqa: ANN401 - a wrong one

@@ -82,7 +82,8 @@ def test_forces_in_g_are_no_start_with_a_level_attitude() -> None:
     """A tenth of gravity upwards."""
     found = navigating(imu=imu_times(np.array([1, 1, 1, 0.1, 0.1, 0.1])))
     assert found[-1][0] == "INITIALISING"
-    assert "0.1 g upwards" in found[-1][1]
+    assert "they read (-0.0, +0.0, -1.0) m/s²" in found[-1][1]
+    assert "are they in g" in found[-1][1]
 
 
 @pytest.mark.parametrize(("from_s", "state"), [(0.0, "INITIALISING"), (3.0, "UNSAFE")])

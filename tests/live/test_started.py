@@ -1,5 +1,6 @@
 """`Navigator.start`: names in place of settings, a start that is found by itself, readings one at a time."""
 
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import bottomlock
-from bottomlock import DepthReading, ImuReading, Navigator, Ping
+from bottomlock import DepthReading, ImuReading, Navigator, Ping, own_method
 from bottomlock.config.instrument_grades import imu
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import models, normal_gravity_mps2
@@ -78,6 +79,32 @@ def test_ten_lines_navigate_a_recorded_dive() -> None:
         "AttitudeReading without section attitude",
         "AcousticPositionReading without section acoustic_position",
     }
+
+
+def test_a_vehicle_that_dives_while_it_is_levelled() -> None:
+    """The tutorial's four rejected pings, and none where the level is said to be good to 2 degrees."""
+    log = bottomlock.open_log(DIVE)
+    readings = [one for one in log if one.time_ns < log.streams.inertial.time_ns[0] + 60_000 * MS]
+
+    def rejected(**sections: Any) -> list[str]:  # noqa: ANN401 - of any section
+        nav = Navigator.start(
+            dvl=log.instrument,
+            imu="fibre_optic",
+            latitude_deg=log.latitude_deg,
+            heading_deg=-10.1,
+            method="tc",
+            **sections,
+        )
+        reports = (report for reading in readings for report in nav.push(reading))
+        begins_ns = log.streams.inertial.time_ns[0]
+        return [
+            f"{report.sensor} {(report.time_ns - begins_ns) / 1e9:.0f} s"
+            for report in reports
+            if report.verdict == "rejected"
+        ]
+
+    assert rejected() == ["beams 10 s", "beams 11 s", "beams 12 s", "beams 13 s"]
+    assert rejected(start={"level_sd_deg": 2.0}) == []
 
 
 def test_it_is_the_navigator_that_one_makes_by_hand() -> None:
@@ -209,11 +236,191 @@ def test_a_refused_reading_changes_nothing() -> None:
         assert nav.navigator.save() == other.navigator.save()
 
 
-def test_what_is_no_reading_is_named() -> None:
+@pytest.mark.parametrize(
+    ("given", "shown"),
+    [({"time_ns": 0}, "a dict"), (None, "a NoneType"), (ImuReading, "the class ImuReading")],
+)
+def test_what_is_no_reading_is_named(given: object, shown: str) -> None:
     with pytest.raises(
-        TypeError, match="push is given a dict, expected a reading such as ImuReading or Ping"
+        TypeError, match=f"push is given {shown}, expected a reading such as ImuReading or Ping"
     ):
-        Navigator.start(**A50).push({"time_ns": 0})  # type: ignore[arg-type]
+        ANY.Navigator.start(**A50).push(given)
+
+
+ALL: dict[str, Any] = {
+    "attitude": {"grade": "mti_ahrs", "aids": "heading"},
+    "gps": {},
+    "origin": {"longitude_deg": 10.0},
+    "acoustic_position": {},
+    "thrust": {"advance_m": 0.3},
+}
+AT, HALF = 6000 * MS, float(np.sqrt(0.5))
+NONE, FORCE = (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY)
+ANY: Any = bottomlock
+"""Whose classes take what a type checker refuses."""
+FAULTY: list[tuple[Any, str]] = [
+    (
+        ANY.ImuReading(6.0, NONE, FORCE),
+        r"ImuReading.time_ns is 6.0, expected whole nanoseconds: of seconds, round",
+    ),
+    (ANY.ImuReading(float(AT), NONE, FORCE), "expected whole nanoseconds"),
+    (ANY.ImuReading(np.datetime64("2026-01-01"), NONE, FORCE), "datetime64.*expected whole nanoseconds$"),
+    (ANY.ImuReading(None, NONE, FORCE), "time_ns is None"),
+    (ANY.ImuReading(10**19, NONE, FORCE), "expected nanoseconds in 64 bits"),
+    (ANY.ImuReading(AT, (0.0, 0.0), FORCE), r"omega_radps is \(0.0, 0.0\), expected 3 numbers, rad/s"),
+    (ANY.ImuReading(AT, NONE, None), "force_mps2 is None, expected 3 numbers"),
+    (ANY.ImuReading(AT, np.zeros((3, 1)), FORCE), r"omega_radps is array\(\[\[0.\], \[0.\], \[0.\]\]\)"),
+    (ANY.ImuReading(AT, ("1", "2", "3"), FORCE), "expected 3 numbers"),
+    (ANY.ImuReading(AT, NONE, (0.0, 0.0, float("inf"))), "expected finite numbers, m/s²"),
+    (ANY.Ping.of_beams(AT, [0.0, 0.0, 0.0]), r"velocity_mps has shape \(3,\), expected \(4,\)"),
+    (ANY.Ping.of_beams(6.0, [0.0] * 4), "Ping.time_ns is 6.0"),
+    (ANY.DepthReading(AT, float("nan")), "depth_m is nan, expected finite"),
+    (ANY.DepthReading(AT, "30"), "depth_m is '30', expected a number, m"),
+    (ANY.DepthReading(AT, np.array([30.0])), "expected a number, m"),
+    (ANY.AttitudeReading(AT, NONE), "expected 4 numbers, a quaternion"),
+    (ANY.AttitudeReading(AT, (0.0, 0.0, 0.0, 0.0)), "expected a quaternion of unit length"),
+    (
+        ANY.GpsReading(AT, 154.0, 10.0, 0.0),
+        "latitude 154.0, longitude 10.0, expected degrees, latitude first",
+    ),
+    (ANY.GpsReading(AT, 54.0, 10.0, None), "height_m is None"),
+    (
+        ANY.AcousticPositionReading(AT, NONE, 1.0),
+        "sd_m is 1.0, expected 3 numbers, m of each axis, or None",
+    ),
+    (ANY.ThrustReading(AT, "x"), "revolutions_hz is 'x', expected a number, 1/s"),
+]
+
+
+@pytest.mark.parametrize("readings", [300, 600])
+@pytest.mark.parametrize(("faulty", "why"), FAULTY)
+def test_a_faulty_reading_is_named_and_changes_nothing(readings: int, faulty: Any, why: str) -> None:  # noqa: ANN401
+    """Of our own errors, during the alignment and after it; the navigation goes on as without it."""
+    nav, other = begun(readings, **ALL), begun(readings, **ALL)
+    with pytest.raises(bottomlock.KernelError, match=why):
+        nav.push(faulty)
+    for one in (nav, other):
+        for k in range(readings, 610):
+            one.push(still(k))
+            if k % 50 == 49:
+                one.push(ping(k * 10 * MS))
+    assert nav.navigator is not None
+    assert other.navigator is not None
+    assert nav.navigator.save() == other.navigator.save()
+    assert nav.unused == other.unused
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    """Times, scalars and arrays as a program has them: the same bits."""
+    plain, of_numpy = begun(600), begun(600)
+    for k in range(600, 700):
+        reading = still(k)
+        plain.push(reading)
+        of_numpy.push(ANY.ImuReading(np.int64(reading.time_ns), np.zeros(3), list(reading.force_mps2)))
+    plain.push(DepthReading(6990 * MS, 30.5))
+    of_numpy.push(ANY.DepthReading(np.int64(6990 * MS), np.float32(30.5)))
+    assert plain.navigator is not None
+    assert of_numpy.navigator is not None
+    assert plain.navigator.save() == of_numpy.navigator.save()
+
+
+def test_what_no_section_uses_is_counted_as_it_is() -> None:
+    """A height that a log does not have is no fault where positions are not used."""
+    nav = Navigator.start(**A50)
+    assert nav.push(bottomlock.GpsReading(0, 54.0, 10.0, float("nan"))) == []
+    assert nav.unused == {"GpsReading without section gps": 1}
+
+
+class NoBeams:
+    """Inertial navigation by another name."""
+
+    name = "started_no_beams"
+
+    def ping(self, beams: own_method.Beams, prior: own_method.Prior) -> None:  # noqa: ARG002, D102
+        return None
+
+
+def test_a_method_of_ones_own() -> None:
+    """By its registered name; it flies as the built-in method does that it repeats."""
+    sd_mps = begun(method=own_method.register(NoBeams)).velocity_sd_mps
+    np.testing.assert_allclose(sd_mps, begun(method="ins").velocity_sd_mps, rtol=1e-8)
+    assert (sd_mps > begun(method="tc").velocity_sd_mps).all()
+
+
+def test_a_refused_ping_gives_no_velocity_between_attitudes() -> None:
+    """Attitudes in place of inertial readings are held at the velocity of the last ping that was taken."""
+    by_attitude: dict[str, Any] = A50 | {
+        "imu": {"source": "attitude", "accel_noise_mps_per_rt_h": 1.0},
+        "attitude": {"grade": "mti_ahrs"},
+        "heading_deg": None,
+    }
+    nav, other = Navigator.start(**by_attitude), Navigator.start(**by_attitude)
+    for k in range(60):
+        for one in (nav, other):
+            one.push(bottomlock.AttitudeReading(k * 100 * MS, (1.0, 0.0, 0.0, 0.0)))
+            if k % 5 == 0:
+                one.push(ping(k * 100 * MS))
+        if k == 52:
+            with pytest.raises(bottomlock.KernelError, match="behind the navigator"):
+                nav.push(Ping.of_beams(1000 * MS, A50_GEOMETRY.directions_p @ [3.0, -3.0, 1.0]))
+    # The count of late measurements is all that differs.
+    np.testing.assert_array_equal(nav.position_t_m, other.position_t_m)
+    np.testing.assert_array_equal(nav.velocity_p_mps, other.velocity_p_mps)
+    np.testing.assert_array_equal(nav.position_sd_m, other.position_sd_m)
+
+
+def test_times_in_ms_are_asked_about() -> None:
+    """100 Hz in ms: after 10 s the window is still that of a microsecond."""
+    nav = Navigator.start(**A50)
+    for k in range(1000):
+        nav.push(ImuReading(k * 10, NONE, FORCE))
+    assert nav.waiting_for == "the alignment, 0 of 5 s after 1000 inertial readings: are their times in ns?"
+
+
+@pytest.mark.parametrize(
+    ("omega_radps", "force_mps2", "why"),
+    [
+        (
+            NONE,
+            (0.0, 0.0, GRAVITY),
+            r"\+9.8\) m/s² .*z of the IMU is up \(ROS\): imu.mounting_roll_deg = 180\?",
+        ),
+        (NONE, (0.0, -GRAVITY, 0.0), r"\+0.0, -9.8, \+0.0\) m/s² .*imu.mounting_roll_deg"),
+        (NONE, (0.0, 0.0, 1.0), r"that measure gravity: they read .*\+1.0\) m/s².*are they in g"),
+        ((0.0, 0.0, -GRAVITY), NONE, "are they in g, without gravity, or swapped with the rates"),
+    ],
+)
+def test_wrong_axes_and_units_are_no_start(omega_radps: Any, force_mps2: Any, why: str) -> None:  # noqa: ANN401
+    nav = Navigator.start(**A50)
+    for k in range(600):
+        nav.push(ImuReading(k * 10 * MS, omega_radps, force_mps2))
+        if k % 50 == 49:
+            nav.push(ping(k * 10 * MS))
+    assert nav.navigator is None
+    assert re.search(why, nav.waiting_for), nav.waiting_for
+
+
+def test_the_level_is_that_of_the_window_alone() -> None:
+    """A vehicle that waits a minute for a ping: what was read before the last five seconds is gone."""
+    nav = Navigator.start(**A50)
+    tilted = (0.5 * GRAVITY, 0.0, -float(np.sqrt(0.75)) * GRAVITY)
+    for k in range(6000):
+        nav.push(ImuReading(k * 10 * MS, NONE, tilted if k < 5400 else FORCE))
+    nav.push(ping(59_990 * MS))
+    nav.push(still(6000))
+    np.testing.assert_allclose(nav.attitude_t_p, (HALF, 0.0, 0.0, HALF), atol=1e-9)
+
+
+def test_the_level_begins_anew_after_a_gap() -> None:
+    nav = Navigator.start(**A50)
+    tilted = (0.5 * GRAVITY, 0.0, -float(np.sqrt(0.75)) * GRAVITY)
+    for k in range(300):
+        nav.push(ImuReading(k * 10 * MS, NONE, tilted))
+    for k in range(3000, 3501):
+        nav.push(still(k))
+        if k == 3499:
+            nav.push(ping(k * 10 * MS))
+    np.testing.assert_allclose(nav.attitude_t_p, (HALF, 0.0, 0.0, HALF), atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -221,7 +428,27 @@ def test_what_is_no_reading_is_named() -> None:
     [
         ({"dvl": "waterlinked_a5"}, "did you mean 'waterlinked_a50'"),
         ({"imu": "tacticle"}, "Navigator.start: imu: grade is 'tacticle', did you mean 'tactical'"),
-        ({"method": "tcc"}, "'navigation.method' is 'tcc'"),
+        ({"method": "tcc"}, "method is 'tcc', did you mean 'tc'"),
+        ({"method": "dead_reckoning"}, "method is 'dead_reckoning' \\(known"),
+        ({"method": "nothing.py:None_"}, "Navigator.start: method 'nothing.py:None_'"),
+        ({"dvl": None}, "dvl is None, expected a packaged geometry's name"),
+        ({"dvl": bottomlock.BeamGeometry.janus(0.5)}, "dvl is of type BeamGeometry, expected"),
+        ({"dvl": Path(__file__).parent}, "is a folder, expected a TOML file"),
+        ({"imu": None}, "imu is None, expected a grade's name"),
+        ({"imu": bottomlock.ImuModel}, "imu is the class ImuModel, expected"),
+        ({"heading_sd_deg": 0.0}, "'start.heading_sd_deg' is 0.0, expected > 0.0 deg"),
+        (
+            {"start": {"heading_deg": 10.0}},
+            "'start.heading_deg' is given, expected the argument heading_deg alone",
+        ),
+        (
+            {"start": {"heading_sd_deg": 1.0}, "heading_sd_deg": 2.0},
+            "expected the argument heading_sd_deg alone",
+        ),
+        ({"origin": {"latitude_deg": 10.0}}, "expected the argument latitude_deg alone"),
+        ({"navigation": {"method": "lc"}}, "expected the argument method alone"),
+        ({"start": 5.0}, "start is 5.0, expected keys of \\[start\\]"),
+        ({"horizon_s": 3.0}, "'horizon_s' is a key of \\[navigation\\]"),
         ({"latitude_deg": 91.0}, "'origin.latitude_deg' is 91.0, expected <= 90.0 deg"),
         ({"heading_deg": None}, "'start.heading_deg' is missing"),
         ({"heading_sd_deg": -1.0}, "'start.heading_sd_deg' is -1.0"),

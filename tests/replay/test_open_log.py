@@ -3,6 +3,7 @@
 import shutil
 from collections import Counter
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -70,7 +71,13 @@ def test_files_are_guessed_as_by_init(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.instrument.beam_sd_mps, streams.instrument.beam_sd_mps)
     text = case.read_text(encoding="utf-8")
     assert len(log.guesses) == text.count("# guessed:") + text.count("# ?")
-    assert all(one.startswith(("guessed:", "?")) for one in log.guesses)
+    assert (
+        "[origin] latitude_deg = 45.0: ? where was this? It gives gravity and the Earth's rate" in log.guesses
+    )
+    whole = next(one for one in log.guesses if "so z points down" in one)
+    assert whole.startswith("[imu]: guessed: ")
+    assert whole.endswith(")")
+    assert repr(log) == "<Log of compass.csv, depth.csv, dvl.pd0, imu.parquet>"
     assert any(isinstance(reading, Ping) and reading.valid.all() for reading in log)
 
 
@@ -105,3 +112,14 @@ def test_mistakes_are_named() -> None:
         bottomlock.open_log(DIVE / "depth.csv")
     with pytest.raises(bottomlock.ScenarioError, match="no such"):
         bottomlock.open_log("none.toml")
+    case, wrong = DIVE / "case.toml", cast("Any", bottomlock.open_log)
+    with pytest.raises(bottomlock.DataError, match=r"given a list, expected paths: open_log\(\*files\)"):
+        wrong([case])
+    with pytest.raises(bottomlock.DataError, match=r"given a NoneType, expected paths$"):
+        wrong(None)
+    with pytest.raises(bottomlock.DataError, match=r"case\.toml: a case stands alone"):
+        bottomlock.open_log(DIVE / "depth.csv", case)
+    with pytest.raises(bottomlock.DataError, match="without is given with a case"):
+        bottomlock.open_log(case, without=["/odom"])
+    with pytest.raises(bottomlock.DataError, match=r"without is '/odom', expected a list .*: \['/odom'\]"):
+        bottomlock.open_log(DIVE / "imu.parquet", without="/odom")

@@ -184,3 +184,10 @@ def test_replays_of_two_dives_are_not_compared(replay: Replay, tmp_path: Path) -
     write_record(folder / "manifest.json", record, record[DIGESTS])
     with pytest.raises(DataError, match=r"different recordings: imu is imu\.parquet"):
         replay.compare(Replay(folder))
+
+
+def test_what_is_no_replay_is_named(replay: Replay) -> None:
+    with pytest.raises(DataError, match="compare is given a PosixPath, expected a replay, as Replay"):
+        replay.compare(replay.folder)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match=r"manifest\.json: is a file, expected the directory of a replay"):
+        Replay(replay.folder / "manifest.json")

@@ -97,6 +97,12 @@ def test_results_without_a_common_trajectory_are_not_compared(results: Results) 
         results.compare(renamed)
     with pytest.raises(DataError, match="labels are twice 'a'"):
         results.compare(results, labels=("a", "a"))
+    with pytest.raises(
+        DataError, match="compare is given a PosixPath, expected Results, such as read_results"
+    ):
+        results.compare(results.folder)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match=r"manifest\.json: is a file, expected a directory"):
+        read_results(results.folder / "manifest.json")
 
 
 def test_plots_return_axes(results: Results) -> None:

@@ -64,8 +64,12 @@ class ShownResults:
             `tables.variants.COMPARISON`: a row per campaign, trajectory, method and quantity.
 
         Raises:
-            DataError: without a common trajectory, and for labels that are the same.
+            DataError: for what is no results, without a common trajectory, and for labels that are the same.
         """
+        if not isinstance(other, ShownResults):
+            raise DataError(
+                f"compare is given a {type(other).__name__}, expected Results, such as read_results(FOLDER) returns"
+            )
         if labels[0] == labels[1]:
             raise DataError(f"labels are twice {labels[0]!r}, expected two that differ")
         if not set(self.trajectories) & set(other.trajectories):

@@ -16,7 +16,17 @@ from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.engine_parameters import EngineName, Scheduler
 from bottomlock.cli.force import ForceCampaign
-from bottomlock.cli.parameters import CampaignOut, Json, Methods, Recover, Runs, Seed, Threads, load_scenarios
+from bottomlock.cli.parameters import (
+    CampaignOut,
+    Json,
+    Methods,
+    Recover,
+    Runs,
+    Seed,
+    Threads,
+    check_none_given,
+    load_scenarios,
+)
 from bottomlock.cli.run_export import ExportRun, RunExport, RunNumber, export_finished, finished_folder
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import OutputError, ScenarioError
@@ -78,11 +88,19 @@ def run(
     exported = RunExport.parse(export, run_)
     finished = finished_folder(scenario)
     if finished is not None:
+        check_none_given(
+            finished,
+            {
+                "--runs (--run is the one to export)": runs,
+                "--seed": seed, "--set": set_, "--until": until, "--shard": shard, "--json": json,
+                "--recover": recover, "--scheduler": scheduler,
+            },
+        )  # fmt: skip
         export_finished(finished, exported, out=out, methods=methods, threads=threads, force=force)
         return
+    loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
     if out is None:
         raise OutputError("--out is missing, expected a directory for the results")
-    loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
     part = None if shard is None else Shard.parse(shard)
     settings: Any = {
         "threads": threads, "engine": engine, "scheduler": scheduler, "force": force, "recover": recover,

@@ -1,6 +1,6 @@
 """Parameters that several commands share, and the scenarios that they select."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -74,6 +74,19 @@ def check_threads(threads: int) -> None:
     """
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
+
+
+def check_none_given(folder: Path, options: Mapping[str, object]) -> None:
+    """Checks that options which change what is run are left out where a finished folder is named.
+
+    Raises:
+        ScenarioError: for one that is given, that is, neither None, nor False, nor empty.
+    """
+    given = [name for name, value in options.items() if not (value is None or value is False or value == ())]
+    if given:
+        raise ScenarioError(
+            f"{', '.join(given)}: nothing is run in {folder}, which is finished; leave it out"
+        )
 
 
 def check_beside(out: Path | None, folder: Path) -> None:

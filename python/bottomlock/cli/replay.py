@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bottomlock.cli.console import console, errors, late_bar
 from bottomlock.cli.page_output import print_blocks, print_headline, print_part
-from bottomlock.cli.parameters import Threads, check_beside, check_threads, split
+from bottomlock.cli.parameters import Threads, check_beside, check_none_given, check_threads, split
 from bottomlock.cli.tune import tune as tune_command
 from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats
@@ -121,6 +121,7 @@ def replay(
     case, formats = _only(files), split(export)
     if case.is_dir() and (formats is not None or view or view_file is not None):
         check_beside(out, case)
+        check_none_given(case, {"--runs": runs, "--seed": seed, "--write-calibration": write_calibration})
         if formats is not None:
             _export(case, formats, split(methods), force=force)
         _view(case, view_file, split(methods), window=view)
@@ -186,6 +187,10 @@ def _check_case(case: Path) -> None:
         raise ScenarioError(
             f"{case}: is a folder, expected a case file (TOML); of a replay's folder --export takes the tracks "
             "along, and --view opens it"
+        )
+    if not case.exists():
+        raise ScenarioError(
+            f"{case}: no such file or folder, expected a case (TOML), or the folder of a replay"
         )
     if case.suffix.lower() != ".toml":
         raise ScenarioError(

@@ -174,7 +174,7 @@ class Scenario(Section):
         Raises:
             ScenarioError: for a number out of range, an unknown or repeated method, and a class that is none.
         """
-        if isinstance(methods, str | type):
+        if isinstance(methods, str | type | set | frozenset):
             raise ScenarioError(
                 f"scenario {self.name}: methods is {methods!r:.60}, expected a list of methods"
             )

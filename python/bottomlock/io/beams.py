@@ -136,6 +136,10 @@ def _text_of(source: str | Path) -> tuple[str, str]:
     path = Path(source)
     if path.is_file():
         return read_text(path), str(path)
+    if path.is_dir() and str(source):
+        raise ScenarioError(
+            f"geometry '{source}' is a folder, expected a TOML file of a DVL or a packaged name"
+        )
     packaged = resources.files("bottomlock.config") / "geometries" / f"{source}.toml"
     if packaged.is_file():
         note_file_beside("geometry", str(source))

@@ -131,14 +131,14 @@ class AlignedNavigator:
         """Takes a reading for the alignment; the navigator begins once that is complete."""
         options = self._settings.options
         for what, reading, scale, unit in (
-            ("angular rate", omega, options.max_imu_rate_radps, "rad/s: are the rates in deg/s?"),
-            ("specific force", force, options.max_imu_force_mps2, "m/s²: are the forces in mg?"),
+            ("an angular rate", omega, options.max_imu_rate_radps, "rad/s: are the rates in deg/s?"),
+            ("a specific force", force, options.max_imu_force_mps2, "m/s²: are the forces in mg?"),
         ):
             if not np.isfinite(reading).all():
-                raise KernelError(f"a reading of the alignment has an {what} that is not finite: {reading}")
+                raise KernelError(f"a reading of the alignment has {what} that is not finite: {reading}")
             if np.abs(reading).max() >= scale:
                 self.imu_fault = f"{what} beyond the full scale of {scale:.4g} {unit}"
-                raise KernelError(f"a reading of the alignment has an {self.imu_fault}")
+                raise KernelError(f"a reading of the alignment has {self.imu_fault}")
         self.imu_fault = ""
         self._last_ns = time_ns
         self._alignment.imu(time_ns, force)

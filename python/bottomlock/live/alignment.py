@@ -15,6 +15,8 @@ PING_AGE_NS = 1_000_000_000
 """Greatest age of the ping that gives the initial velocity."""
 ATTITUDE_AGE_NS = 1_000_000_000
 """Greatest age of the attitude that gives a part of the initial one."""
+SHORTEST_NS, SURELY = 10_000, 100
+"""Interval of inertial readings that no instrument has, and of how many this is asked."""
 GREATEST_MISFIT = 0.5
 """Of the mean specific force upwards over gravity from 1."""
 Floats = NDArray[np.float64]
@@ -37,6 +39,7 @@ class Alignment:
         self._gravity_mps2 = gravity_mps2
         self._window_ns = units.ns_from_s(start.window_s)
         self._readings: deque[tuple[int, Floats]] = deque()
+        self._sum_mps2 = np.zeros(3)
         self._attitudes: deque[tuple[int, Floats]] = deque()
         self._velocity: tuple[int, Floats] | None = None
         self._depth_m: float | None = None
@@ -46,9 +49,11 @@ class Alignment:
         readings = self._readings
         if readings and not 0 < time_ns - readings[-1][0] <= self._window_ns:
             readings.clear()
+            self._sum_mps2 = np.zeros(3)
         readings.append((time_ns, force_p_mps2))
+        self._sum_mps2 = self._sum_mps2 + force_p_mps2
         while len(readings) > 2 and time_ns - readings[1][0] >= self._window_ns:
-            readings.popleft()
+            self._sum_mps2 = self._sum_mps2 - readings.popleft()[1]
 
     def attitude(self, time_ns: int, attitude_t_p: Floats) -> None:
         """Takes an attitude of the platform (4,), quaternion, scalar first."""
@@ -76,7 +81,10 @@ class Alignment:
             return "inertial readings"
         span_ns = self._readings[-1][0] - self._readings[0][0]
         if span_ns < self._window_ns and not self._level_by_attitude:
-            return f"the alignment, {span_ns * 1e-9:.0f} of {self._start.window_s:g} s"
+            hint = ""
+            if len(self._readings) > SURELY and span_ns < len(self._readings) * SHORTEST_NS:
+                hint = f" after {len(self._readings)} inertial readings: are their times in ns?"
+            return f"the alignment, {span_ns * 1e-9:.0f} of {self._start.window_s:g} s{hint}"
         needed = self._level_by_attitude or self._start.heading_deg is None
         return "an attitude" if needed and self._attitude() is None else ""
 
@@ -90,6 +98,11 @@ class Alignment:
         up = -(matrix(attitude_t_p) @ force)[2] / self._gravity_mps2
         tilt_deg = np.degrees(np.arccos(np.clip(matrix(attitude_t_p)[2, 2], -1.0, 1.0)))
         words = f"({', '.join(f'{value:+.1f}' for value in force)}) m/s² along forward, starboard, down"
+        if not 1.0 - GREATEST_MISFIT < np.linalg.norm(force) / self._gravity_mps2 < 1.0 + GREATEST_MISFIT:
+            return (
+                f"accelerometers that measure gravity: they read {words}, and (0, 0, -9.8) when level; are they in g, "
+                "without gravity, or swapped with the rates?"
+            )
         if tilt_deg > self._start.largest_tilt_deg:
             hint = (
                 "z of the IMU is up (ROS): imu.mounting_roll_deg = 180"
@@ -139,7 +152,7 @@ class Alignment:
         return quaternion(roll, pitch, yaw if heading_deg is None else units.rad_from_deg(heading_deg))
 
     def _mean_force(self) -> Floats:
-        return np.asarray(np.mean([force for _, force in self._readings], axis=0))
+        return np.asarray(self._sum_mps2 / len(self._readings))
 
     @property
     def _position_m(self) -> tuple[float, float, float]:

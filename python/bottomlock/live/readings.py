@@ -30,7 +30,7 @@ SLOW_HZ = 10.0
 """Greatest rate at which an autopilot is asked for what does not move the vehicle."""
 _FIX_3D = 3
 """Of GPS_RAW_INT: from here on the position has a height."""
-_ROUNDING = 1e-3
+ROUNDING = 1e-3
 """By how much the norm of a quaternion of single precision may be off."""
 
 
@@ -278,7 +278,7 @@ class MavlinkReader:
             parts = (message.q1, message.q2, message.q3, message.q4)
         norm = math.hypot(*parts)
         # Also not for numbers that are none.
-        if abs(norm - 1.0) < _ROUNDING:
+        if abs(norm - 1.0) < ROUNDING:
             w, x, y, z = (part / norm for part in parts)
             return AttitudeReading(message.time_boot_ms * 1_000_000, (w, x, y, z))
         self.skipped.add(f"{kind} without a unit quaternion")

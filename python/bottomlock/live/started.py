@@ -13,13 +13,15 @@ from bottomlock.config.scenario_sections import ImuErrors
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Instrument
-from bottomlock.kernel import KernelError, Navigator, Report
+from bottomlock.kernel import METHODS, KernelError, Navigator, Report
 from bottomlock.kernel.models import ImuModel
 from bottomlock.live.aiding import push_water
 from bottomlock.live.aligned import AlignedNavigator
+from bottomlock.live.given import checked, require_reading
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude
+from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of
 from bottomlock.recordings.readings import (
     AcousticPositionReading,
     AttitudeReading,
@@ -33,6 +35,7 @@ from bottomlock.recordings.readings import (
     WaterReading,
 )
 from bottomlock.recordings.streams import Floats
+from bottomlock.support.nearest import did_you_mean
 
 PLACE = "Navigator.start"
 """Names the settings in errors."""
@@ -52,6 +55,7 @@ class StartedNavigator:
 
     def __init__(self, config: NavigatorConfig, instrument: Instrument, settings: KernelSettings) -> None:
         self._config = config
+        self._beams = instrument.geometry.beams
         self._aligned = AlignedNavigator(config, instrument, settings, longest_attitude_s=SLOWEST_ATTITUDE_S)
         self.unused = Reasons()
 
@@ -67,19 +71,17 @@ class StartedNavigator:
 
         Raises:
             TypeError: for what is no reading.
-            KernelError: for a time that does not rise, one older than the horizon, numbers that are not finite, shapes
-                that do not fit; the reading is not taken.
+            KernelError: for a time that is no whole number of nanoseconds, does not rise or is older than the horizon,
+                numbers that are not finite, shapes that do not fit; the reading is not taken.
         """
-        if isinstance(reading, Ping):
-            return self._ping(reading)
-        if isinstance(reading, ImuReading):
-            return list(self._aligned.imu(reading.time_ns, reading))
-        if not isinstance(reading, Reading | WaterReading):
-            raise TypeError(
-                f"push is given a {type(reading).__name__}, expected a reading such as ImuReading or Ping"
-            )
+        require_reading(reading)
         if self._is_without_section(reading):
             return []
+        reading = checked(reading, self._beams)
+        if isinstance(reading, ImuReading):
+            return list(self._aligned.imu(reading.time_ns, reading))
+        if isinstance(reading, Ping):
+            return self._ping(reading)
         if isinstance(reading, AttitudeReading):
             return list(self._aligned.attitude(reading.time_ns, reading))
         if self.navigator is None and not isinstance(reading, DepthReading):
@@ -91,20 +93,20 @@ class StartedNavigator:
         return list(self._aligned.aid(reading.time_ns, reading))
 
     def _ping(self, ping: Ping) -> list[Report]:
-        self._aligned.solve(ping.time_ns, ping)
+        reports = list(self._aligned.beams(ping.time_ns, ping))
+        self._aligned.solve(ping.time_ns, ping)  # after it, so that a ping that is refused gives no velocity
         if self.navigator is None:
             return []
-        reports = list(self._aligned.beams(ping.time_ns, ping))
         if ping.water is not None and self._config.water_track is None:
             self.unused.add("water of a ping without section water_track")
         for _, _, found in self._aligned.water(ping.time_ns, ping):
             reports += found
         return reports
 
-    def _is_without_section(self, reading: Reading | WaterReading) -> bool:
+    def _is_without_section(self, reading: Reading | Ping | WaterReading) -> bool:
         """Whether nothing says how good such a reading is; counted."""
-        section = _SECTION[type(reading)]
-        if getattr(self._config, section) is not None:
+        section = _SECTION.get(type(reading))
+        if section is None or getattr(self._config, section) is not None:
             return False
         self.unused.add(f"{type(reading).__name__} without section {section}")
         return True
@@ -184,7 +186,7 @@ def start(
     latitude_deg: float,
     heading_deg: float | None,
     heading_sd_deg: float | None,
-    method: str,
+    method: AnyMethod,
     **sections: Mapping[str, Any] | None,
 ) -> StartedNavigator:
     """A navigator that begins by itself; called as `Navigator.start`, whose stub has the arguments.
@@ -195,16 +197,21 @@ def start(
         latitude_deg: of the place, deg.
         heading_deg: of the platform at the start, deg; None where a section `attitude` gives it.
         heading_sd_deg: its 1 sigma, deg; None is 2.
-        method: of aiding.
+        method: of aiding: a name, or a class of one's own (docs/own_method.md).
         sections: keys of further sections of a live configuration, as `depth={"sd_m": 0.1}`. `depth` has its defaults
             where it is left out, and None takes it away.
 
     Raises:
-        ScenarioError: for an unknown name, section or key, a value out of range, and a start that nobody gives.
+        ScenarioError: for an unknown name, section or key, a value out of range, a key that is given twice, and a start
+            that nobody gives.
     """
+    _each_is_given_once(heading_deg, heading_sd_deg, sections)
+    name = _method(method)
     beginning: dict[str, Any] = {}
     if heading_deg is not None:
-        beginning = {"heading_deg": heading_deg, "heading_sd_deg": heading_sd_deg or HEADING_SD_DEG}
+        beginning = {"heading_deg": heading_deg, "heading_sd_deg": HEADING_SD_DEG}
+    if heading_sd_deg is not None:
+        beginning["heading_sd_deg"] = heading_sd_deg
     content: dict[str, Any] = {
         "depth": {},
         **sections,
@@ -212,7 +219,7 @@ def start(
         "imu": _imu(imu),
         "origin": {"latitude_deg": latitude_deg, **(sections.get("origin") or {})},
         "start": {**beginning, **(sections.get("start") or {})},
-        "navigation": {"method": method, **(sections.get("navigation") or {})},
+        "navigation": {"method": name if name in METHODS else "tc", **(sections.get("navigation") or {})},
     }
     try:
         config = NavigatorConfig.model_validate(
@@ -224,6 +231,8 @@ def start(
         raise ScenarioError(explain(error, PLACE, NavigatorConfig)) from error
     except ValueError as error:
         raise ScenarioError(f"{PLACE}: {error}") from error
+    # A method of one's own is none of a live configuration's, and known by now.
+    config = config.model_copy(update={"navigation": config.navigation.model_copy(update={"method": name})})
     instrument = dvl if isinstance(dvl, Instrument) else config.instrument()
     settings = kernel_settings(config, instrument)
     if isinstance(imu, ImuModel):
@@ -231,15 +240,72 @@ def start(
     return StartedNavigator(config, instrument, settings)
 
 
-def _dvl(dvl: str | Path | Mapping[str, Any] | Instrument) -> Mapping[str, Any]:
+def _each_is_given_once(
+    heading_deg: float | None, heading_sd_deg: float | None, sections: Mapping[str, Any]
+) -> None:
+    """Checks that no key of a section is an argument at the same time."""
+    for section in ("origin", "start", "navigation"):
+        keys = sections.get(section)
+        if keys is not None and not isinstance(keys, Mapping):
+            raise ScenarioError(
+                f'{PLACE}: {section} is {keys!r}, expected keys of [{section}], as depth={{"sd_m": 0.1}}'
+            )
+    twice = {
+        "latitude_deg": ("origin", True),
+        "heading_deg": ("start", heading_deg is not None),
+        "heading_sd_deg": ("start", heading_sd_deg is not None),
+        "method": ("navigation", True),
+    }
+    for key, (section, is_argument) in twice.items():
+        if is_argument and key in (sections.get(section) or {}):
+            raise ScenarioError(f"{PLACE}: '{section}.{key}' is given, expected the argument {key} alone")
+
+
+def _method(method: AnyMethod) -> str:
+    """Name of a method; one's own is registered."""
+    try:
+        name = name_of(method)
+    except KernelError as error:
+        raise ScenarioError(f"{PLACE}: {error}") from error
+    names = [one for one in known_names() if one != DEAD_RECKONING]
+    if name not in names:
+        raise ScenarioError(
+            f"{PLACE}: method is '{name}'{did_you_mean(name, names)} (known: {', '.join(names)}; your own: "
+            "a class, MODULE:CLASS or FILE.py:CLASS)"
+        )
+    return name
+
+
+def _dvl(dvl: object) -> Mapping[str, Any]:
     """The keys of [dvl]; of an instrument that is given its geometry is no name."""
     if isinstance(dvl, Mapping):
         return dvl
-    return {"geometry": "given" if isinstance(dvl, Instrument) else str(dvl)}
+    if isinstance(dvl, Instrument):
+        return {"geometry": "given"}
+    if not isinstance(dvl, str | Path):
+        hint = (
+            "; .instrument of it is one" if isinstance(getattr(dvl, "instrument", None), Instrument) else ""
+        )
+        raise ScenarioError(
+            f"{PLACE}: dvl is {_kind(dvl)}, expected a packaged geometry's name, its file, the keys of [dvl], or an "
+            f"Instrument, as read_geometry returns it{hint}"
+        )
+    return {"geometry": str(dvl)}
 
 
-def _imu(imu: str | Mapping[str, Any] | ImuModel) -> Mapping[str, Any]:
+def _imu(imu: object) -> Mapping[str, Any]:
     """The keys of [imu]; of a model that is given the section has no errors of its own."""
     if isinstance(imu, ImuModel):
         return dict.fromkeys(_IMU_ERRORS, 0.0)
+    if not isinstance(imu, str | Mapping):
+        raise ScenarioError(
+            f"{PLACE}: imu is {_kind(imu)}, expected a grade's name (bottomlock grades lists them), the keys of [imu], "
+            "or an ImuModel"
+        )
     return imu if isinstance(imu, Mapping) else {"grade": imu}
+
+
+def _kind(given: object) -> str:
+    if given is None:
+        return "None"
+    return f"the class {given.__name__}" if isinstance(given, type) else f"of type {type(given).__name__}"

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -321,7 +322,14 @@ def load_case(path: str | Path) -> Case:
         ScenarioError: for a file that is missing or unreadable, ill-formed TOML, a missing or unknown key, or a value
             out of range; one line per fault.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise ScenarioError(f"the case is of type {type(path).__name__}, expected the path of a TOML file")
     path = Path(path)
+    if path.is_dir():
+        cases = ", ".join(sorted(one.name for one in path.glob("*.toml")))
+        raise ScenarioError(
+            f"{path}: is a folder, expected a case file{f' (there: {cases})' if cases else ''}"
+        )
     if not path.is_file():
         raise ScenarioError(f"{path}: no such case file")
     return parse_case(read_text(path), place=str(path), folder=path.parent)

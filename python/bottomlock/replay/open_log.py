@@ -1,8 +1,10 @@
 """Recorded files as readings one at a time: what `Navigator.start(...).push` takes."""
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -41,13 +43,16 @@ class Log:
 
     Attributes:
         case: how its files are read; `case.imu.sampling` and the like.
-        guesses: what was guessed of the files, and what they leave open, a line each; empty for a case that is given.
+        guesses: what was guessed of the files ("guessed:") and what they leave open ("?"), each with its section, and
+            its key and value where it is of one; empty for a case that is given.
         streams: the same readings as arrays.
+        files: those that were opened, or those of the case.
     """
 
     case: Case
     guesses: tuple[str, ...]
     streams: Streams
+    files: tuple[Path, ...]
 
     @property
     def instrument(self) -> Instrument:
@@ -81,7 +86,7 @@ class Log:
             yield columns[column[k]][1](int(times[k]), int(row[k]))
 
     def __repr__(self) -> str:
-        return f"<Log of {', '.join(path.name for path in self.case.files().values())}>"
+        return f"<Log of {', '.join(dict.fromkeys(path.name for path in self.files))}>"
 
 
 Column = tuple[Times, Callable[[int, int], Reading | Ping | WaterReading]]
@@ -157,19 +162,46 @@ def open_log(*files: str | Path, without: Sequence[str] = ()) -> Log:
         >>> type(next(iter(log))).__name__  # doctest: +SKIP
         'ImuReading'
     """
-    paths = [Path(file) for file in files]
+    paths = [_path(file) for file in files]
+    if isinstance(without, str):
+        raise DataError(f"without is '{without}', expected a list of topics and messages: [{without!r}]")
     if not paths:
         raise DataError(
             "open_log is given no file, expected the log of a DVL and those of other sensors, or a case"
         )
-    if len(paths) == 1 and paths[0].suffix == CASE:
+    if any(path.suffix == CASE for path in paths):
+        if len(paths) > 1:
+            raise DataError(
+                f"{next(p for p in paths if p.suffix == CASE)}: a case stands alone, it names its files"
+            )
+        if without:
+            raise DataError(f"{paths[0]}: without is given with a case, expected with logs alone")
         case = load_case(paths[0])
-        return Log(case, (), read_streams(case))
+        return Log(case, (), read_streams(case), tuple(case.files().values()))
     with TemporaryDirectory() as folder:
         # The tables that a guessed case needs beside it are read before they go.
         made = make_case(paths, Path(folder) / "case.toml", without=without)
         case = load_case(made.case)
-        guesses = [line.partition("# ")[2] for line in made.case.read_text(encoding="utf-8").splitlines()]
-        return Log(
-            case, tuple(one for one in guesses if one.startswith(("guessed:", "?"))), read_streams(case)
-        )
+        guesses = tuple(_guesses(made.case.read_text(encoding="utf-8")))
+        return Log(case, guesses, read_streams(case), tuple(paths))
+
+
+def _path(file: object) -> Path:
+    if not isinstance(file, str | os.PathLike):
+        hint = ": open_log(*files)" if isinstance(file, list | tuple) else ""
+        raise DataError(f"open_log is given a {type(file).__name__}, expected paths{hint}")
+    return Path(file)
+
+
+def _guesses(case: str) -> Iterator[str]:
+    """The remarks of a case that was guessed, as "[imu] force_unit = ...: guessed: ..."; some go on in a next line."""
+    lines = case.splitlines()
+    section = ""
+    for at, line in enumerate(lines):
+        if line.startswith("["):
+            section = line
+        setting, _, words = line.partition("# ")
+        if line and words.startswith(("guessed:", "?")):
+            more = takewhile(lambda one: one.startswith("#   "), lines[at + 1 :])
+            words = " ".join([words, *(one.removeprefix("#").strip() for one in more)])
+            yield f"{section} {setting.strip()}".strip() + f": {words}"

@@ -93,6 +93,10 @@ def read_replay(folder: str | Path) -> ReplayTables:
         DataError: for a directory without a replay, or a table that is missing or has changed since it was written.
     """
     folder = Path(folder)
+    if folder.is_file():
+        raise DataError(
+            f"{folder}: is a file, expected the directory of a replay; `bottomlock replay` makes one"
+        )
     manifest = read_record(folder / "manifest.json")
     if manifest is None or manifest.get("kind") != "replay":
         raise DataError(f"{folder}: holds no replay (no manifest.json of one); `bottomlock replay` makes one")

@@ -156,8 +156,12 @@ class Replay:
             `tables.replay.REPLAY_COMPARISON`: a row per what-if case, method, pass and quantity that both have.
 
         Raises:
-            DataError: for replays of different recordings.
+            DataError: for what is no replay, and for replays of different recordings.
         """
+        if not isinstance(other, Replay):
+            raise DataError(
+                f"compare is given a {type(other).__name__}, expected a replay, as Replay(FOLDER)"
+            )
         ours, theirs = self.manifest["files"], other.manifest["files"]
         # What-if cases and noise may be of other files: they are settings.
         for section in (one for one in ours if "." not in one and one in theirs):

@@ -53,7 +53,8 @@ def read_campaign_tables(folder: Path) -> CampaignTables:
             changed since it was written, or has other columns, trajectories or methods than expected.
     """
     if not folder.is_dir():
-        raise DataError(f"{folder}: no such directory; `bottomlock run` makes one")
+        found = "is a file, expected a directory" if folder.exists() else "no such directory"
+        raise DataError(f"{folder}: {found}; `bottomlock run` makes one")
     manifest = _manifest(folder)
     runs, ensemble, consistency = (
         check(_table(folder / f"{name}.parquet", manifest), columns, place=str(folder / f"{name}.parquet"))
