@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.array_functions import AnyGeometry
 from bottomlock.io.beams import Instrument
-from bottomlock.kernel import FixMethod, JanusConfiguration, Method, OwnName
+from bottomlock.kernel import FixMethod, JanusConfiguration, Method
 from bottomlock.kernel.models import Environment, ImuModel, InitialState, Model, Options
 from bottomlock.live.started import StartedNavigator
 from bottomlock.own_method import AnyMethod
@@ -556,7 +556,7 @@ class Navigator:
         latitude_deg: float,
         heading_deg: float | None = None,
         heading_sd_deg: float | None = None,
-        method: Method | OwnName = "tc",
+        method: AnyMethod = "tc",
         **sections: Mapping[str, Any] | None,
     ) -> StartedNavigator: ...
     def push_imu(

@@ -341,8 +341,10 @@ class NoBeams:
 
 
 def test_a_method_of_ones_own() -> None:
-    """By its registered name; it flies as the built-in method does that it repeats."""
-    sd_mps = begun(method=own_method.register(NoBeams)).velocity_sd_mps
+    """The class itself or its registered name; it flies as the built-in method does that it repeats."""
+    sd_mps = begun(method=NoBeams).velocity_sd_mps
+    by_name = begun(method=own_method.register(NoBeams)).velocity_sd_mps
+    np.testing.assert_array_equal(by_name, sd_mps)
     np.testing.assert_allclose(sd_mps, begun(method="ins").velocity_sd_mps, rtol=1e-8)
     assert (sd_mps > begun(method="tc").velocity_sd_mps).all()
 

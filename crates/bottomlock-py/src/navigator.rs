@@ -116,26 +116,32 @@ impl Navigator {
         }))
     }
 
-    /// A navigator that begins by itself from the readings that are pushed to it (`bottomlock.live.started.start`).
+    /// A navigator that begins by itself from names and the readings that are pushed to it.
     ///
-    /// Raises ScenarioError for an unknown name or key, and for a value out of range.
+    /// Level by the accelerometers over five seconds, velocity by a ping of three beams or more, depth by the depth sensor.
+    ///
+    /// Args:
+    ///     dvl: name of a packaged geometry, its file, the keys of [dvl] of a live configuration, or what `read_geometry` returns.
+    ///     imu: name of a grade, the keys of [imu], or an `ImuModel`.
+    ///     latitude_deg: of the place, deg.
+    ///     heading_deg: of the platform at the start, deg; None where a section `attitude` gives it.
+    ///     heading_sd_deg: its 1 sigma, deg; None is 2.
+    ///     method: of aiding: its name, or a class of one's own.
+    ///     sections: keys of further sections of a live configuration, such as depth={"sd_m": 0.1}. `depth` has its defaults where
+    ///         it is left out; None takes a section away.
+    ///
+    /// Returns:
+    ///     A `StartedNavigator`.
+    ///
+    /// Raises:
+    ///     ScenarioError: for an unknown name, section or key, a value out of range, and a start that nobody gives.
     #[staticmethod]
-    #[pyo3(signature = (*, dvl, imu, latitude_deg, heading_deg=None, heading_sd_deg=None, method="tc", **sections))]
-    #[allow(clippy::too_many_arguments)]
-    fn start<'py>(
-        py: Python<'py>,
-        dvl: &Bound<'py, PyAny>,
-        imu: &Bound<'py, PyAny>,
-        latitude_deg: f64,
-        heading_deg: Option<f64>,
-        heading_sd_deg: Option<f64>,
-        method: &str,
-        sections: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let given = (dvl, imu, latitude_deg, heading_deg, heading_sd_deg, method);
-        py.import("bottomlock.live.started")?
-            .getattr("start")?
-            .call(given, sections)
+    #[pyo3(
+        signature = (**given),
+        text_signature = "(*, dvl, imu, latitude_deg, heading_deg=None, heading_sd_deg=None, method='tc', **sections)"
+    )]
+    fn start<'py>(py: Python<'py>, given: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("bottomlock.live.started")?.getattr("start")?.call((), given)
     }
 
     /// An inertial reading: angular rate relative to inertial space and specific force in the platform frame, (3,) each, rad/s and

@@ -181,25 +181,16 @@ _SECTION = {
 
 
 def start(
+    *,
     dvl: str | Path | Mapping[str, Any] | Instrument,
     imu: str | Mapping[str, Any] | ImuModel,
     latitude_deg: float,
-    heading_deg: float | None,
-    heading_sd_deg: float | None,
-    method: AnyMethod,
+    heading_deg: float | None = None,
+    heading_sd_deg: float | None = None,
+    method: AnyMethod = "tc",
     **sections: Mapping[str, Any] | None,
 ) -> StartedNavigator:
-    """A navigator that begins by itself; called as `Navigator.start`, whose stub has the arguments.
-
-    Args:
-        dvl: name of a packaged geometry, its file, the keys of [dvl] of a live configuration, or an `Instrument`.
-        imu: name of a grade, the keys of [imu], or an `ImuModel`.
-        latitude_deg: of the place, deg.
-        heading_deg: of the platform at the start, deg; None where a section `attitude` gives it.
-        heading_sd_deg: its 1 sigma, deg; None is 2.
-        method: of aiding: a name, or a class of one's own (docs/own_method.md).
-        sections: keys of further sections of a live configuration, as `depth={"sd_m": 0.1}`. `depth` has its defaults
-            where it is left out, and None takes it away.
+    """A navigator that begins by itself: `Navigator.start`, whose docstring has the arguments.
 
     Raises:
         ScenarioError: for an unknown name, section or key, a value out of range, a key that is given twice, and a start
