@@ -111,7 +111,8 @@ def test_it_is_the_navigator_that_one_makes_by_hand() -> None:
     """Level, heading, velocity and depth as found, the models by name; from there on the same bits."""
     nav = begun(501)
     assert nav.navigator is not None
-    started = nav.navigator.state()
+    started = nav.state()
+    np.testing.assert_array_equal(nav.covariance(), nav.navigator.covariance())
     assert started["time_ns"] == 5000 * MS
     instrument = read_geometry("waterlinked_a50")
     settings = bottomlock.live.started.kernel_settings(nav._config, instrument)

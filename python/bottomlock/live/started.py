@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -36,6 +36,9 @@ from bottomlock.recordings.readings import (
 )
 from bottomlock.recordings.streams import Floats
 from bottomlock.support.nearest import did_you_mean
+
+if TYPE_CHECKING:
+    from bottomlock.kernel import StateDict
 
 PLACE = "Navigator.start"
 """Names the settings in errors."""
@@ -121,6 +124,14 @@ class StartedNavigator:
         """What the start still lacks, in words; "" once there is an estimate."""
         return self._aligned.waiting_for
 
+    def state(self) -> "StateDict":
+        """As `Navigator.state`. Raises KernelError before the start."""
+        return self._begun.state()
+
+    def covariance(self) -> Floats:
+        """As `Navigator.covariance`. Raises KernelError before the start."""
+        return self._begun.covariance()
+
     @property
     def time_ns(self) -> int:
         """Time of the estimate.
@@ -128,32 +139,32 @@ class StartedNavigator:
         Raises:
             KernelError: before the start.
         """
-        return int(self._begun.state()["time_ns"])
+        return int(self.state()["time_ns"])
 
     @property
     def position_t_m(self) -> Floats:
         """(3,) north, east, down from the origin, m. Raises KernelError before the start."""
-        return self._begun.state()["position_t_m"]
+        return self.state()["position_t_m"]
 
     @property
     def velocity_p_mps(self) -> Floats:
         """(3,) surge, sway, heave over ground, m/s. Raises KernelError before the start."""
-        return self._begun.state()["velocity_p_mps"]
+        return self.state()["velocity_p_mps"]
 
     @property
     def attitude_t_p(self) -> Floats:
         """(4,) quaternion, scalar first, platform to tangent. Raises KernelError before the start."""
-        return self._begun.state()["attitude_t_p"]
+        return self.state()["attitude_t_p"]
 
     @property
     def position_sd_m(self) -> Floats:
         """(3,) 1 sigma of north, east, down, m. Raises KernelError before the start."""
-        return np.sqrt(np.diag(self._begun.covariance())[:3])
+        return np.sqrt(np.diag(self.covariance())[:3])
 
     @property
     def velocity_sd_mps(self) -> Floats:
         """(3,) 1 sigma of surge, sway, heave, m/s. Raises KernelError before the start."""
-        return np.sqrt(np.diag(self._begun.covariance())[6:9])
+        return np.sqrt(np.diag(self.covariance())[6:9])
 
     @property
     def _begun(self) -> Navigator:
