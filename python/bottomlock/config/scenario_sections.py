@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -270,7 +270,7 @@ class Initial(Section):
     yaw_deg: NonNegative = 1.146
 
 
-_WATER = DEFAULT_OPTIONS["water"]
+_WATER: Final = DEFAULT_OPTIONS["water"]
 
 
 class Water(Section):
@@ -366,7 +366,7 @@ class Filter(Section):
         return content | {"covariance_period_ns": period_ns}
 
 
-_ROBUST = DEFAULT_OPTIONS["robust"]
+_ROBUST: Final = DEFAULT_OPTIONS["robust"]
 Gate = Annotated[float, Field(gt=0, lt=1)] | Literal["off"]
 
 

@@ -25,7 +25,8 @@ from bottomlock.kernel import models
 AXES = ("north", "east", "down")
 
 
-DEPTH_BIAS_M, DEPTH_BIAS_TIME_S = 0.3, 21_600.0
+DEPTH_BIAS_M: float = 0.3
+DEPTH_BIAS_TIME_S: float = 21_600.0
 """A sensor of 0.1 % of 200 m in waters with a tide; half a semidiurnal tide."""
 
 
