@@ -35,7 +35,12 @@ def test_masks_prints_and_writes(tmp_path: Path, scenario: Path, monkeypatch: py
     out = tmp_path / "o"
     assert pl.read_parquet(out / "masks.parquet").height == 17 * 2
     text = (out / "masks.md").read_text(encoding="utf-8")
-    assert "masks_straight" in (out / "masks.html").read_text(encoding="utf-8")
+    (figure,) = re.findall(
+        r"<figure.*?<figcaption>(.*?)</figcaption>",
+        (out / "masks.html").read_text(encoding="utf-8"),
+        re.DOTALL,
+    )
+    assert figure.startswith("Straight: velocity error at the end by the beams that return")
     assert text.startswith("# Masks and recovery\n\n1. **Three beams or more**")
     assert f"- Command: `bottomlock masks {scenario} --out DIR --runs 2" in text
     assert text.count("| 1,2 |") == 1
