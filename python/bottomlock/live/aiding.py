@@ -42,18 +42,11 @@ def push(
         return navigator.push_thrust(time_ns, reading.revolutions_hz, sd_mps=config.thrust.noise_mps)
     if isinstance(reading, EffortReading) and config.effort is not None:
         return navigator.push_effort(time_ns, reading.force_p_n, sd_n=config.effort.noise_n)
+    if isinstance(reading, WaterReading) and config.water_track is not None:
+        return navigator.push_water_track(
+            time_ns, reading.velocity_mps, reading.valid, sd_mps=reading.sd_mps, range_m=reading.range_m
+        )
     return ()
-
-
-def push_water(navigator: Navigator, reading: WaterReading) -> Sequence[Report]:
-    """The navigator's reports of beams that the water returned.
-
-    Raises:
-        KernelError: for one that is older than the horizon.
-    """
-    return navigator.push_water_track(
-        reading.time_ns, reading.velocity_mps, reading.valid, sd_mps=reading.sd_mps, range_m=reading.range_m
-    )
 
 
 def _tangent(reading: GpsReading, origin: OriginSection) -> np.ndarray:

@@ -11,7 +11,7 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.kernel.attitude_motion import MotionFromAttitude
 from bottomlock.kernel.models import MagnetometerModel
-from bottomlock.live.aiding import push, push_water
+from bottomlock.live.aiding import push
 from bottomlock.live.alignment import Alignment, AttitudeAlignment
 from bottomlock.live.estimator import solve_ping
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig
@@ -285,7 +285,7 @@ class AlignedNavigator:
             reading = WaterReading(
                 at_ns, rows.velocity_mps[row], rows.valid[row], rows.sd_mps[row], float(rows.range_m[row])
             )
-            yield at_ns, reading.valid, push_water(navigator, reading)
+            yield at_ns, reading.valid, push(navigator, self._config, at_ns, reading)
 
     def aid(self, time_ns: int, reading: AidingReading) -> Sequence[Report]:
         """Takes a measurement beside pings and attitudes; before the alignment a depth alone, where the vehicle begins.

@@ -15,7 +15,6 @@ from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import METHODS, KernelError, Navigator, Report
 from bottomlock.kernel.models import ImuModel
-from bottomlock.live.aiding import push_water
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.given import checked, require_reading
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
@@ -62,7 +61,7 @@ class StartedNavigator:
         self._aligned = AlignedNavigator(config, instrument, settings, longest_attitude_s=SLOWEST_ATTITUDE_S)
         self.unused = Reasons()
 
-    def push(self, reading: Reading | Ping | WaterReading) -> list[Report]:
+    def push(self, reading: Reading | Ping) -> list[Report]:
         """Takes a reading at its time of validity.
 
         Args:
@@ -90,9 +89,6 @@ class StartedNavigator:
         if self.navigator is None and not isinstance(reading, DepthReading):
             self.unused.add(f"{type(reading).__name__} before the start")
             return []
-        if isinstance(reading, WaterReading):
-            assert self.navigator is not None
-            return list(push_water(self.navigator, reading))
         return list(self._aligned.aid(reading.time_ns, reading))
 
     def _ping(self, ping: Ping) -> list[Report]:
@@ -106,7 +102,7 @@ class StartedNavigator:
             reports += found
         return reports
 
-    def _is_without_section(self, reading: Reading | Ping | WaterReading) -> bool:
+    def _is_without_section(self, reading: Reading | Ping) -> bool:
         """Whether nothing says how good such a reading is; counted."""
         section = _SECTION.get(type(reading))
         if section is None or getattr(self._config, section) is not None:

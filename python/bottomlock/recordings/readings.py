@@ -123,7 +123,9 @@ class WaterReading:
     range_m: float
 
 
-AidingReading = DepthReading | GpsReading | AcousticPositionReading | ThrustReading | EffortReading
+AidingReading = (
+    DepthReading | GpsReading | AcousticPositionReading | ThrustReading | EffortReading | WaterReading
+)
 """What aids beside pings and attitudes."""
 Reading = ImuReading | AttitudeReading | AidingReading
 """What is no ping."""

@@ -76,7 +76,7 @@ class Log:
         }
         return tuple(name for name, stream in named.items() if stream is not None)
 
-    def __iter__(self) -> Iterator[Reading | Ping | WaterReading]:
+    def __iter__(self) -> Iterator[Reading | Ping]:
         """The readings in the order of their times."""
         columns = list(_columns(self.streams, has_imu=not isinstance(self.case.imu, ImuFromAttitude)))
         times = np.concatenate([time_ns for time_ns, _ in columns])
@@ -89,7 +89,7 @@ class Log:
         return f"<Log of {', '.join(dict.fromkeys(path.name for path in self.files))}>"
 
 
-Column = tuple[Times, Callable[[int, int], Reading | Ping | WaterReading]]
+Column = tuple[Times, Callable[[int, int], Reading | Ping]]
 """Times, and the reading of a time and its row."""
 
 
