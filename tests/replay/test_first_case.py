@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError, OutputError
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
-from tests.replay.rov_dive import Floats, RovDive, rov_dive, write_a50, write_csv
+from tests.replay.rov_dive import EARTH, Floats, RovDive, rov_dive, write_a50, write_csv
 
 EPOCH_S = 1.7e9
 G = 9.80665
@@ -133,8 +134,6 @@ def test_an_attitude_in_other_frames_on_another_clock(
     dive: RovDive, tmp_path: Path, quaternion: bool
 ) -> None:
     """East-north-up angles in degrees or as a quaternion, 0.4 s late."""
-    from scipy.spatial.transform import Rotation
-
     k = slice(0, None, 5)
     roll, pitch, yaw = dive.rpy[k].T
     enu = Rotation.from_euler("ZYX", np.stack([np.pi / 2 - yaw, -pitch, roll], axis=1))
@@ -154,6 +153,20 @@ def test_an_attitude_in_other_frames_on_another_clock(
     assert case.attitude.clock.offset_s == pytest.approx(-0.4, abs=0.06)
     assert case.start.heading == "attitude"
     assert tc_row(case)["fixes_rejected"] < 10
+
+
+def test_gyros_that_agree_with_an_attitude_make_it_no_gyrocompass(tmp_path: Path) -> None:
+    """Gyros without any bias show a good IMU. They say nothing of north."""
+    dive = rov_dive(3, seconds=120.0, gyro_bias=0.0)
+    earth = Rotation.from_euler("ZYX", dive.rpy[:, ::-1]).inv().apply(EARTH)
+    imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], [*dive.force.T, *(dive.omega - earth).T], strict=True))
+    ahrs = {"t": dive.imu_s} | dict(zip(("roll", "pitch", "yaw"), np.rad2deg(dive.rpy.T), strict=True))
+    case = made(
+        tmp_path, write_a50(dive, tmp_path / "dvl.json"), write_csv(tmp_path / "imu.csv", imu),
+        write_csv(tmp_path / "ahrs.csv", ahrs),
+    )  # fmt: skip
+    assert case.attitude is not None
+    assert case.attitude.grade == "mti_ahrs"
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,15 @@
-"""The errors of a recorded attitude in a first case: of a packaged grade that suits its gyros."""
-
-import numpy as np
+"""The errors of a recorded attitude in a first case: those of a magnetic attitude reference."""
 
 from bottomlock.config.instrument_grades import grades
-from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.text import Section
 
-GYROCOMPASS_DEG_PER_H = 10.0
-"""Gyros within this of an attitude are of an instrument that finds north by itself."""
+MAGNETIC = "mti_ahrs"
+"""Gyros that agree with an attitude show a good IMU. They say nothing of north, so no gyrocompass follows from them."""
 
 
-def put_attitude_noise(section: Section, parts: Parts) -> None:
+def put_attitude_noise(section: Section) -> None:
     """The grade of the instrument, with its white noise, offset and walk as the filter then estimates them."""
-    offset = (
-        np.inf if parts.gyros is None else float(np.rad2deg(np.abs(parts.gyros.offset_radps).max())) * 3600.0
-    )
-    grade = grades("attitude")["gyrocompass" if offset < GYROCOMPASS_DEG_PER_H else "mti_ahrs"]
+    grade = grades("attitude")[MAGNETIC]
     section.put("grade", grade.name, f"which instrument is it? {grade.title}", known=False)
     keys = grade.keys
     section.say(

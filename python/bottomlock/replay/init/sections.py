@@ -326,7 +326,7 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
         )
     else:
         section.ask(attitude.declination_why)
-    put_attitude_noise(section, parts)
+    put_attitude_noise(section)
     return [section]
 
 
