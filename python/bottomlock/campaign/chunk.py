@@ -12,7 +12,7 @@ import polars as pl
 
 from bottomlock import kernel, own_method
 from bottomlock.campaign.build import BuiltScenario
-from bottomlock.campaign.closed_loop import Observe, run_closed_loop
+from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.campaign.partition import Chunk
 from bottomlock.campaign.reckoned import with_reckoning
 from bottomlock.campaign.selector_counts import choice_counts
@@ -57,7 +57,6 @@ def run_chunk(
     threads: int = 1,
     progress: Callable[[float], None] = lambda _: None,
     stop: Event | None = None,
-    observe: Observe | None = None,
 ) -> ChunkResult:
     """Runs a chunk with every method of its scenario; run again, it gives the same bits.
 
@@ -67,7 +66,6 @@ def run_chunk(
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         progress: called with the fraction done, 0 to 1, during a chunk in closed loop.
         stop: ends the kernel call early, with KernelError, once another thread has set it.
-        observe: called with every block of the truth and its schedule, during a chunk in closed loop.
 
     Raises:
         KernelError: for input that the kernel rejects, naming run and method.
@@ -77,7 +75,7 @@ def run_chunk(
         own_method.load(place)
     started = time.perf_counter()
     result = (
-        _closed_loop(built, chunk, threads, progress, observe)
+        _closed_loop(built, chunk, threads, progress)
         if built.closed_loop
         else _on_truth(built, chunk, threads, stop)
     )
@@ -134,11 +132,7 @@ def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int, stop: Event | No
 
 
 def _closed_loop(
-    built: BuiltScenario,
-    chunk: Chunk,
-    threads: int,
-    progress: Callable[[float], None],
-    observe: Observe | None,
+    built: BuiltScenario, chunk: Chunk, threads: int, progress: Callable[[float], None]
 ) -> dict[str, Any]:
     """Runs whose vehicles are guided on an estimate."""
     scenario = built.scenario
@@ -151,7 +145,6 @@ def _closed_loop(
         runs=chunk.runs,
         threads=threads,
         progress=progress,
-        observe=observe,
     )
 
 

@@ -12,9 +12,6 @@ from bottomlock.plant.closed_loop import Estimate, TruthBlock, VehicleGroup, cro
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import MeasurementSchedule
 
-Observe = Callable[[dict[str, Any], dict[str, Any]], None]
-"""Is given a block of the truth, (vehicles, times, ...) with `time_ns`, and the schedule along it."""
-
 _ARRAYS = ("position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "force_p_mps2")
 
 
@@ -28,7 +25,6 @@ def run_closed_loop(
     runs: int,
     threads: int = 0,
     progress: Callable[[float], None] = lambda _: None,
-    observe: Observe | None = None,
 ) -> dict[str, Any]:
     """Simulates vehicles side by side whose guidance and control use a navigation estimate.
 
@@ -45,7 +41,6 @@ def run_closed_loop(
         runs: number of runs.
         threads: 0 for as many as there are cores.
         progress: called with the fraction of the duration done, 0 to 1.
-        observe: called with every block of the truth and its schedule.
 
     Returns:
         As `kernel.run_batch`, with `sample_time_ns`, `dvl_time_ns`, and `cross_track_m` (runs, methods, ticks): the
@@ -69,7 +64,7 @@ def run_closed_loop(
     )
     start = group.start()
     loop = _kernel_loop(simulation, methods, start, vehicle_per_method=own, threads=threads, **draws)
-    navigation = _Navigation(loop, schedule, start, pilot=0 if own else methods.index(pilot), observe=observe)
+    navigation = _Navigation(loop, schedule, start, pilot=0 if own else methods.index(pilot))
     offsets = []
     for block in fly_on_estimate(group, navigation.estimate):
         offsets.append(cross_track_m(simulation.mission, group.segment, block.position_t_m[:, -1]))
@@ -130,7 +125,6 @@ class _Navigation:
         start: TruthBlock,
         *,
         pilot: int,
-        observe: Observe | None,
     ) -> None:
         """`pilot`: index of the method whose estimate steers; 0 where every method has its own vehicle."""
         self._loop = loop
@@ -138,7 +132,6 @@ class _Navigation:
         self._start_ns = start.time_ns[0]
         self._before = start
         self._pilot = pilot
-        self._observe = observe
         self._sample_time_ns: list[np.ndarray[Any, Any]] = []
         self._dvl_time_ns: list[np.ndarray[Any, Any]] = []
 
@@ -147,8 +140,6 @@ class _Navigation:
         if block.time_ns[0] > self._start_ns:
             truth = _joined(self._before, block)
             schedule, _ = self._schedule.over(truth["time_ns"], truth["position_t_m"], truth["attitude_t_p"])
-            if self._observe is not None:
-                self._observe(truth, schedule)
             self._loop.advance(truth, schedule)  # type: ignore[arg-type]
             self._sample_time_ns.append(schedule["sample_time_ns"])
             self._dvl_time_ns.append(schedule["dvl_time_ns"])

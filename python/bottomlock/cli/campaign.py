@@ -24,12 +24,10 @@ from bottomlock.cli.parameters import (
     Runs,
     Seed,
     Threads,
-    check_none_given,
     load_scenarios,
 )
-from bottomlock.cli.run_export import ExportRun, RunExport, RunNumber, export_finished, finished_folder
 from bottomlock.config.scenario import Scenario
-from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.errors import ScenarioError
 from bottomlock.report.compare import compare
 from bottomlock.studies.variants import (
     Variant,
@@ -43,7 +41,7 @@ from bottomlock.studies.variants import (
 
 def run(
     *scenario: str,
-    out: CampaignOut | None = None,
+    out: CampaignOut,
     runs: Runs = None,
     seed: Seed = None,
     threads: Threads = 0,
@@ -74,8 +72,6 @@ def run(
     ] = None,
     engine: EngineName = "local",
     scheduler: Scheduler = None,
-    export: ExportRun = None,
-    run_: RunNumber = None,
 ) -> None:
     """Run a Monte Carlo campaign and print a table of RMS errors.
 
@@ -83,30 +79,13 @@ def run(
     ----------
     scenario
         Packaged scenarios (see `bottomlock scenarios`) or TOML files, one or more.
-        With --export: these, or the folder of a campaign, of which the tracks are exported.
     """
-    exported = RunExport.parse(export, run_)
-    finished = finished_folder(scenario)
-    if finished is not None:
-        check_none_given(
-            finished,
-            {
-                "--runs (--run is the one to export)": runs,
-                "--seed": seed, "--set": set_, "--until": until, "--shard": shard, "--json": json,
-                "--recover": recover, "--scheduler": scheduler,
-            },
-        )  # fmt: skip
-        export_finished(finished, exported, out=out, methods=methods, threads=threads, force=force)
-        return
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
-    if out is None:
-        raise OutputError("--out is missing, expected a directory for the results")
     part = None if shard is None else Shard.parse(shard)
     settings: Any = {
         "threads": threads, "engine": engine, "scheduler": scheduler, "force": force, "recover": recover,
     }  # fmt: skip
     parted_by = "--set" if set_ else "--shard" if part else ""
-    exported.check(loaded, parted_by=parted_by)
     condition = None if until is None else _condition(until, loaded, parted_by)
     variants = _variants(loaded, set_, out, part) if set_ else []
     check_engine(engine, threads=threads, scheduler=scheduler)
@@ -132,7 +111,6 @@ def run(
         _print_variants(out, len(variants), force=force)
     elif part is None:
         print_results(results, out, as_json=json)
-        exported.write(out, None, threads=threads, force=force, quiet=json)
     else:
         console.print(
             f"shard {part} in {out}, {manifest['wall_time_s']:.1f} s; `bottomlock merge` joins all {part.n}"

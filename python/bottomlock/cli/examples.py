@@ -8,7 +8,6 @@ EXAMPLES = {
         "run straight lawn_mower -o out/pair -n 500 -m tc,nsv,consistent",
         "run straight -o out/narrow -n 5000 --until 'tc.velocity_rms<2%'",
         "run straight -o out/gyros --set imu.gyro_bias_deg_per_h=0.01,3,50",
-        "run out/first --export kml,tum,mcap --run 7",
     ),
     "compare": ("compare out/a out/b -o out/both", "compare out/gyros"),
     "merge": ("merge out/whole out/part1 out/part2",),

@@ -22,8 +22,8 @@ class ExportTrack:
 
     Attributes:
         name: of files and topics.
-        method: that estimated it; `reference` or `truth`.
-        group: of the tracks that have the same pings: a what-if case, a run, a log; empty for a reference or truth.
+        method: that estimated it; `reference`.
+        group: of the tracks that have the same pings: a what-if case, a log; empty for a reference.
         description: a sentence for the reader of a file.
         rows: a row a time, with `time_ns`; columns are named as those of a replay's `samples`.
         position_t_m: (n, 3) north, east, down in the tangent frame, m; None for velocities alone.
@@ -69,7 +69,7 @@ class Export:
     """All that an export has.
 
     Attributes:
-        title: name of the case, campaign or configuration.
+        title: name of the case or configuration.
         tracks: one or more.
         pings: by group, a row a ping: `time_ns`, `beam1_valid` and so on.
         fixes: by name of a topic, the outcomes of the fixes, a row a ping.
@@ -89,7 +89,7 @@ class Export:
 
     @property
     def estimates(self) -> list[ExportTrack]:
-        """The tracks that are neither reference nor truth."""
+        """The tracks that are no reference."""
         return [track for track in self.tracks if track.group]
 
 
