@@ -17,29 +17,11 @@ def test_two_commands_from_a_shipped_log_to_a_report(root: Path, tmp_path: Path)
     done = command("replay", "--init", *files, "--out", tmp_path / "case.toml")
     assert done.returncode == 0, done.stderr
     assert "questions (# ?)" in done.stdout
+    assert [path.name for path in tmp_path.glob("*.toml")] == ["case.toml"]
     done = command("replay", tmp_path / "case.toml", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "Method tc: " in done.stdout
     assert 'id="findings"' in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.long
-def test_a_first_case_of_a_long_log_ends_with_tune(root: Path, tmp_path: Path) -> None:
-    """Three minutes are tuned, in a case beside the first, unless told not to; 43 s are not."""
-    log = root / "data" / "logs" / "survey_dive"
-    files = [log / name for name in ("dvl.pd0", "imu.parquet", "depth.csv", "compass.csv")]
-    done = command("replay", "--init", *files, "--out", tmp_path / "case.toml", "--no-tune")
-    assert (done.returncode, "tuned" in done.stdout) == (0, False), done.stderr
-    assert not (tmp_path / "case_tuned.toml").exists()
-    done = command("replay", "--init", *files, "--out", tmp_path / "case.toml", "--force")
-    assert done.returncode == 0, done.stderr
-    assert "on the rest: error/σ" in done.stdout
-    assert (tmp_path / "case_tuned.json").is_file()
-    short = [
-        root / "data" / "logs" / "robosub" / f"night2_{name}.csv" for name in ("imu", "dvl", "ahrs", "depth")
-    ]
-    done = command("replay", "--init", *short, "--out", tmp_path / "short.toml")
-    assert (done.returncode, "tuned" in done.stdout) == (0, False), done.stderr
 
 
 def test_a_column_map(root: Path, tmp_path: Path) -> None:

@@ -129,7 +129,6 @@ def test_a_sensor_is_chosen_by_leaving_out_the_other(dive: RovDive, tmp_path: Pa
         "IMU 0",
         "--without",
         "XKF1 0",
-        "--no-tune",
     ]
     said = command(*arguments).stdout
     assert "IMU 1: imu" in said

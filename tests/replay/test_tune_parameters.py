@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import KernelError
 from bottomlock.kernel.models import Options
 from bottomlock.recordings.streams import Floats
@@ -17,6 +17,8 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.parameters import noise_of, value_of, with_values
 from bottomlock.replay.tune.passes import Inputs, passes_of
+from bottomlock.replay.tune.run import tune_case
+from tests.replay import synthetic_dive
 from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, dive, model, write_case
 
 WALK = "imu.errors.accel_bias_walk_mps2_per_rt_s"
@@ -94,3 +96,9 @@ def test_an_edge_beside_the_best_values_is_named(is_central: bool) -> None:
         best = criterion.candidates([np.zeros(2)])[0]
         with pytest.raises(DataError, match=r"where parameter 2 of 2 is [+-]0\.\d+ from its best value"):
             criterion.slopes(best)
+
+
+def test_beams_made_from_a_velocity_are_refused(tmp_path: Path) -> None:
+    """Four beams of three numbers close exactly: their noise would be estimated as nil."""
+    with pytest.raises(ScenarioError, match=r'dvl\.source is "velocity", expected "beams"'):
+        tune_case(synthetic_dive.write(tmp_path))

@@ -11,8 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bottomlock.cli.console import console, errors, late_bar
 from bottomlock.cli.page_output import print_blocks, print_headline, print_part
 from bottomlock.cli.parameters import Threads, check_beside, check_none_given, check_threads, split
-from bottomlock.cli.tune import tune as tune_command
-from bottomlock.errors import EXIT_INTERRUPTED, BottomlockError, OutputError, ScenarioError
+from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats
 from bottomlock.export.replay import export_replay
 from bottomlock.export.view import check_view, open_view, save_view
@@ -23,16 +22,12 @@ from bottomlock.pages.page import Table, plain_text
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
-from bottomlock.replay.init.make import Made, make_case
+from bottomlock.replay.init.make import make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import PAGE, read_replay
 from bottomlock.replay.run import ReplayResult, run_count
 from bottomlock.replay.run_and_report import run_and_report
-from bottomlock.replay.tune.passes import horizons_of
-
-FIRST_PART = 0.5
-"""Part of a recording that is tuned on, the command's own default."""
 
 
 def replay(
@@ -48,10 +43,6 @@ def replay(
         bool,
         Parameter(negative="", help="Write a commented case from logs, tables and bags; every FILE is one."),
     ] = False,
-    tune: Annotated[
-        bool,
-        Parameter(help="With --init: end with `bottomlock tune`, where the log is long enough."),
-    ] = True,
     without: Annotated[
         list[str] | None,
         Parameter(
@@ -114,9 +105,7 @@ def replay(
     """
     _check_view(view_file, files, init=init, window=view, force=force)
     if init:
-        made = _init(files, Path("case.toml") if out is None else out, force=force, without=without or ())
-        if tune:
-            _tune(made, threads=threads, force=force)
+        _init(files, Path("case.toml") if out is None else out, force=force, without=without or ())
         return
     case, formats = _only(files), split(export)
     if case.is_dir() and (formats is not None or view or view_file is not None):
@@ -225,7 +214,7 @@ def _view(folder: Path, file: Path | None, methods: Sequence[str] | None, *, win
         open_view(tables, methods)
 
 
-def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> Made:
+def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:
     """Writes a first case and says what it is made of."""
     if out.suffix.lower() != ".toml":
         raise OutputError(f"{out}: expected a name that ends in .toml, the case to write")
@@ -239,17 +228,6 @@ def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[st
         soft_wrap=True,
     )
     console.print(f"now: bottomlock replay {out} --out {out.stem}_replay", highlight=False, soft_wrap=True)
-    return made
-
-
-def _tune(made: Made, *, threads: int, force: bool) -> None:
-    """Tunes a first case, in a case beside it; of a log that cannot be tuned the first case stands alone."""
-    if not horizons_of(FIRST_PART * made.duration_s):
-        return
-    try:
-        tune_command(made.case, threads=threads, force=force)
-    except BottomlockError as error:
-        console.print(f"not tuned: {error}", highlight=False, soft_wrap=True)
 
 
 def print_results(replayed: ReplayResult) -> None:

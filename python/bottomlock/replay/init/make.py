@@ -44,7 +44,6 @@ class Made:
         case, written: its path, and the tables written beside it.
         words: what the files hold.
         guesses, questions: their numbers.
-        duration_s: of the part with pings and inertial readings.
     """
 
     case: Path
@@ -52,7 +51,6 @@ class Made:
     words: list[str]
     guesses: int
     questions: int
-    duration_s: float
 
 
 def make_case(files: Sequence[Path], out: Path, *, force: bool = False, without: Sequence[str] = ()) -> Made:
@@ -78,7 +76,7 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False, without:
     lines = text.splitlines()
     return Made(
         out, target.written, sources.words, sum("# guessed:" in line for line in lines),
-        sum("# ?" in line for line in lines), parts.duration_s,
+        sum("# ?" in line for line in lines),
     )  # fmt: skip
 
 

@@ -34,14 +34,6 @@ class Parts:
     pings: PingNoise | None = None
 
     @property
-    def duration_s(self) -> float:
-        """Length of the part with pings and inertial readings, s."""
-        offset_ns = round(self.dvl.offset_s * 1e9)
-        first = max(int(self.imu.time_ns[0]), self.dvl.first_ns + offset_ns)
-        last = min(int(self.imu.time_ns[-1]), self.dvl.last_ns + offset_ns)
-        return max(0.0, (last - first) * 1e-9)
-
-    @property
     def latitude_rad(self) -> float:
         """Latitude of the first recorded position; NaN without one on the Earth."""
         known = [one.latitude_rad for one in (self.reference, self.gps) if one is not None]

@@ -220,8 +220,8 @@ def tune_case(
         journal: of an interrupted search over the same case, which goes on to the same bits; a new one by default.
 
     Raises:
-        ScenarioError: for a case that is not valid, a fraction outside 0.2 to 0.8, and methods that predict no
-            measurement.
+        ScenarioError: for a case that is not valid or has beams made from a velocity, a fraction outside 0.2 to 0.8,
+            and methods that predict no measurement.
         DataError: as `read_streams`, for a recording that is too short, and where the filter fails with every noise.
     """
     if not 0.2 <= fraction <= 0.8:
@@ -237,6 +237,11 @@ def tune_case(
         )
     started = time.perf_counter()
     case = path if isinstance(path, Case) else load_case(path)
+    if case.dvl.source != "beams":
+        raise ScenarioError(
+            f'case {case.name}: dvl.source is "{case.dvl.source}", expected "beams": beams made from a velocity close '
+            "exactly, so they show no noise of a beam"
+        )
     recording = read_recording(case)
     times = recording.log["imu_time_ns"]
     split_ns = int(times[0] + fraction * (times[-1] - times[0]))
