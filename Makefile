@@ -145,7 +145,7 @@ bench: $(VENV)/.tools $(VENV)/.installed
 # The documentation site with its executed gallery, and rustdoc beside it; a warning is an error. Open out/site/index.html.
 docs: $(VENV)/.docs $(VENV)/.installed
 	RUSTDOCFLAGS="-D warnings" cargo doc --package bottomlock --no-deps --locked --quiet
-	$(bin)/python tools/build_site.py
+	$(bin)/python -m tools.build_site
 
 # Words that nobody spells so; NEES and NED are none of them.
 spelling: $(VENV)/.tools
@@ -153,11 +153,11 @@ spelling: $(VENV)/.tools
 
 # Every link of the site: a broken one within it fails `make docs` already; those outside are tried, and told.
 docs-links: $(VENV)/.docs $(VENV)/.installed
-	$(bin)/python tools/build_site.py --builder linkcheck --out out/links
+	$(bin)/python -m tools.build_site --builder linkcheck --out out/links
 
 # The examples as notebooks, in out/notebooks.
 notebooks: $(VENV)/.docs
-	$(bin)/python tools/build_site.py --notebooks out/notebooks
+	$(bin)/python -m tools.build_site --notebooks out/notebooks
 
 # The figures of README and methods' pages, flown again, the drawings, and pictures of pages, which need Chromium.
 figures: $(VENV)/.installed

@@ -1,12 +1,12 @@
 """Build the documentation site from the pages of docs/, the scripts of examples/ and notebooks made from them.
 
-    python tools/build_site.py                       # out/site
-    python tools/build_site.py --builder linkcheck   # every link; those outside are tried
-    python tools/build_site.py --notebooks out/notebooks    # the examples as notebooks, nothing else
+    python -m tools.build_site                       # out/site
+    python -m tools.build_site --builder linkcheck   # every link; those outside are tried
+    python -m tools.build_site --notebooks out/notebooks    # the examples as notebooks, nothing else
 
 Warnings are errors. What docs/ links to in the rest of the checkout becomes a link to the repository, a <picture> of a
 forge two figures of which the scheme shows one, and the script of each example and its notebook can be downloaded from
-its page. Decisions are left out of the search: it is for what holds today.
+its page.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ from pathlib import Path
 from types import ModuleType
 
 import polars as pl
+
+from tools import key_reference
 
 ROOT = Path(__file__).resolve().parent.parent
 REPOSITORY = "https://github.com/bottomlock/bottomlock/blob/main/"
@@ -78,8 +80,8 @@ def of_the_site(page: Path, text: str) -> str:
     text = in_both_schemes(outward(page, text))
     if page == ROOT / "docs" / "reference" / "tables.md":
         text += "\n" + tables()
-    if page.parent == ROOT / "docs" / "decisions" and page.name != "README.md":
-        text = f"---\nnosearch: true\n---\n\n{text}"
+    if page == ROOT / "docs" / "keys.md":
+        text += "\n" + key_reference.overview()
     return text
 
 
@@ -160,6 +162,7 @@ def staged(folder: Path) -> set[Path]:
         if path.suffix == ".md":
             data = of_the_site(path, data.decode()).encode()
         made.add(write(folder / path.relative_to(ROOT / "docs"), data))
+    made.update(write(folder / name, text.encode()) for name, text in key_reference.pages().items())
     gallery = folder / "gallery"
     for script in examples():
         text = script.read_text(encoding="utf-8")

@@ -1,18 +1,11 @@
-"""Writes docs/keys.md and the pages of docs/keys/, one a kind of file, from the models of the files that a user writes.
-
-Usage: python tools/key_reference.py [--check]
-"""
+"""Makes the site's pages of keys, one a kind of file, from the models of the files that a user writes."""
 
 import re
-import sys
-from pathlib import Path
 from typing import get_args
 
 from bottomlock.cli.keys import Kind, reference
 from bottomlock.config.key_reference import REQUIRED, Key, KeySection
-from bottomlock.files.atomic_write import write_text
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 TITLES: dict[Kind, str] = {
     "scenario": "Scenario",
     "case": "Replay case",
@@ -34,25 +27,18 @@ COMMANDS: dict[Kind, str] = {
     "--init`",
     "live": "`bottomlock live FILE`; written by `bottomlock live --init`; see [live](../live.md)",
 }
-HEAD = """# Keys
 
-Every key of the files that a user writes, a page a kind of file. The pages are written by `python
-tools/key_reference.py` from the models that check the files; `bottomlock keys case start` prints the same in a
-terminal, with an example of each key, and `bottomlock keys scenario --json` for programs.
 
-A key has its unit in its name, or beside its type. A key without a default is required or optional; there is no such
-value where an optional one is left out. Standard deviations are 1 sigma. What is wrong or missing in a file is named
-in one go, with what was expected and the nearest known key.
-"""
+def overview() -> str:
+    """What the site adds to docs/keys.md: the sections of every kind of file."""
+    kinds = get_args(Kind)
+    tree = ["```{toctree}", ":hidden:", "", *(f"keys/{kind}" for kind in kinds), "```", ""]
+    return "\n".join([*(_summary(kind) for kind in kinds), *tree])
 
 
 def pages() -> dict[str, str]:
-    """The overview and the page of every kind of file, by their places in docs/."""
-    kinds = get_args(Kind)
-    overview = [HEAD, *(_summary(kind) for kind in kinds)]
-    tree = ["```{toctree}", ":hidden:", "", *(f"keys/{kind}" for kind in kinds), "```", ""]
-    written = {"keys.md": "\n".join([*overview, *tree])}
-    return written | {f"keys/{kind}.md": _page(kind) for kind in kinds}
+    """The page of every kind of file, by its place in the site."""
+    return {f"keys/{kind}.md": _page(kind) for kind in get_args(Kind)}
 
 
 def _summary(kind: Kind) -> str:
@@ -117,32 +103,3 @@ def _entry(key: Key) -> str:
     if key.example and key.example != f"{key.name} = {key.default}":
         facts.append(f"`{key.example}`")
     return f"`{key.name}`\n: {key.meaning}\n: {'; '.join(fact for fact in facts if fact)}\n"
-
-
-def main() -> int:
-    """Writes the pages, or with `--check` says whether they are current."""
-    written = pages()
-    there = {path.relative_to(DOCS).as_posix() for path in (DOCS / "keys").glob("*.md")}
-    left = sorted(there - set(written))
-    if "--check" in sys.argv[1:]:
-        old = [name for name, text in written.items() if _text(name) != text] + left
-        print(
-            f"not current: {', '.join(old)}: python tools/key_reference.py" if old else "the keys are current"
-        )
-        return 1 if old else 0
-    (DOCS / "keys").mkdir(exist_ok=True)
-    for name, text in written.items():
-        write_text(DOCS / name, text)
-    for name in left:
-        (DOCS / name).unlink()
-    print(f"wrote {', '.join(written)}")
-    return 0
-
-
-def _text(name: str) -> str:
-    path = DOCS / name
-    return path.read_text(encoding="utf-8") if path.is_file() else ""
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -142,16 +142,6 @@ def test_the_beams_of_the_drawing_look_where_the_words_say() -> None:
     assert max(feet[1][0], feet[2][0]) < site_drawings.INSTRUMENT[0] < min(feet[0][0], feet[3][0])
 
 
-def test_decisions_are_out_of_the_search(root: Path) -> None:
-    """Each of them, and no other page, as Sphinx reads it."""
-    left_out = {
-        page
-        for page in (root / "docs").rglob("*.md")
-        if "nosearch: true" in build_site.of_the_site(page, page.read_text(encoding="utf-8"))
-    }
-    assert left_out == set((root / "docs" / "decisions").glob("0*.md"))
-
-
 def test_every_figure_of_an_example_has_words(root: Path) -> None:
     """For those who do not see it: the metadata of the cell that shows it."""
     for script in build_site.examples(root):

@@ -47,10 +47,7 @@ def keys(
         ),
     ] = False,
 ) -> None:
-    """Print every key of a scenario, case, geometry, vehicle, column map or live file, or its JSON schema.
-
-    The same is in docs/keys/.
-    """
+    """Print every key of a scenario, case, geometry, vehicle, column map or live file, or its JSON schema."""
     if schema:
         if word:
             raise ScenarioError(

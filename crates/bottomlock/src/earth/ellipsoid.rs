@@ -24,7 +24,7 @@
 //! With n = cos φ N = z_axis + sin φ D all of this is regular at the poles; north, and with it heading, is not.
 //!
 //! Everything is exact in the position, so no distance from the origin loses accuracy; no origin has to be moved
-//! (docs/decisions/0033-tangent-frame-on-the-ellipsoid.md).
+//! (docs/decisions.md#one-tangent-frame-and-the-exact-ellipsoid-below-it).
 
 use super::{
     ECCENTRICITY_SQUARED, Environment, GRAVITY_DEPTH_GRADIENT_PS2, GRAVITY_EQUATOR_MPS2, GRAVITY_RISE,
