@@ -62,7 +62,7 @@ def test_faults_name_row_and_column(tmp_path: Path, lines: tuple[str, ...], mess
 
 def test_missing_columns_and_files(tmp_path: Path) -> None:
     """The message says what is missing and what is there."""
-    with pytest.raises(DataError, match="column 'beam3_mps' is missing"):
+    with pytest.raises(DataError, match="has 2 beams, but the geometry has 3"):
         read_beams(log(tmp_path, "1,0.5,0.1,1,1"), beams=3)
     with pytest.raises(DataError, match="no such file"):
         read_beams(tmp_path / "none.csv", beams=2)

@@ -23,8 +23,7 @@ from bottomlock.audit.packaged import packaged_findings
 from bottomlock.audit.signature import find_signature, signature_findings
 from bottomlock.audit.single_beams import noisy_findings, stuck_findings
 from bottomlock.audit.water import WaterAgreement, water_agreement, water_findings
-from bottomlock.errors import DataError
-from bottomlock.io.beams import read_geometry
+from bottomlock.io.beams import check_beam_count, read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.io.water_table import WaterTable, read_water_table, water_file
 from bottomlock.kernel import BeamGeometry
@@ -95,11 +94,8 @@ def audit_log(
         >>> [(one.kind, one.beams) for one in audit_log(log, stated=janus).findings]
         [('swapped_beams', (1, 2))]
     """
-    if stated is not None and log.beams and stated.beams != log.beams:
-        raise DataError(
-            f"{log.place}: has {log.beams} beams, but the geometry has {stated.beams}; state the geometry of this "
-            "instrument"
-        )
+    if stated is not None and log.beams:
+        check_beam_count(log.place, log.beams, stated.beams)
     mounted = Mounted() if stated is None else Mounted.of(stated, mounting_rpy_rad)
     directions = None
     if stated is not None and log.beams:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -367,7 +368,8 @@ def read_beams(
         TypeError: for both or neither of `geometry` and `beams`.
         ScenarioError: as `read_geometry`.
         DataError: naming file, row and column: for a file that cannot be read, a missing column, a cell that is no
-            number, a time that repeats or goes back, a valid beam without a finite velocity, or a log without rows.
+            number, a time that repeats or goes back, a valid beam without a finite velocity, a log without rows, or
+            one with another number of beams.
     """
     place = str(path)
     if (geometry is None) == (beams is None):
@@ -388,6 +390,8 @@ def read_beams(
             raise DataError(
                 f"{place}: columns.{kind} names {len(names)} columns, expected {beams}, one per beam"
             )
+    if columns.velocity is None and "beam1_mps" in table.columns:
+        check_beam_count(place, _beams_of(table, beams), beams)
     time_ns = read_times(table, columns, place)
     velocity = np.stack(
         [column_numbers(table, n, place) for n in velocity_names],
@@ -405,6 +409,24 @@ def read_beams(
     return Pings(
         time_ns, velocity * columns.velocity_scale, valid, prior_velocity, prior_sd, instrument_valid
     )
+
+
+def check_beam_count(place: str, beams: int, geometry_beams: int) -> None:
+    """Checks that a log and a geometry have the same number of beams.
+
+    Raises:
+        DataError: where they differ.
+    """
+    if beams != geometry_beams:
+        raise DataError(
+            f"{place}: has {beams} beams, but the geometry has {geometry_beams}; state the geometry of this instrument"
+        )
+
+
+def _beams_of(table: pl.DataFrame, least: int) -> int:
+    """Beams of a table with the documented columns; beyond the first `least` an empty column is none."""
+    names = [name for name in table.columns if re.fullmatch(r"beam[1-8]_mps", name)]
+    return sum(int(name[4]) <= least or table[name].null_count() < table.height for name in names)
 
 
 def _instrument_flag(table: pl.DataFrame, mapped: str | None, place: str) -> NDArray[np.bool_] | None:
