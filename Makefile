@@ -87,12 +87,11 @@ test-deep: $(VENV)/.tools $(VENV)/.installed
 
 test-all: test test-long test-deep
 
-# What needs libraries that nothing else does: rivals in gtsam and JAX, Zenoh between two processes, Cyclone DDS, MHKiT as another reader,
-# Rerun as the viewer of a replay.
+# What needs libraries that nothing else does: rivals in gtsam and JAX, Zenoh between two processes, Cyclone DDS, MHKiT as another reader.
 # The learned rivals need torch, which is in no lock (gigabytes); recordings are read from BOTTOMLOCK_RECORDINGS.
 test-others: $(VENV)/.tools $(VENV)/.installed
 	$(locked) --group others
-	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/ros tests/io/test_logs.py tests/export
+	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/ros tests/io/test_logs.py
 
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
 # docs/mutants_rust.md. All of it takes a day of one core, incremental builds after the first one: name what you changed, or

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -22,7 +21,6 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.raw_log import RawLog
 from tests.cli.calls import command, process
-from tests.export.plotjuggler import curves, series
 from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML, Sent, World, probe_registered
 from tests.oracle.rotations import matrix_from_euler, matrix_from_quaternion
 
@@ -94,8 +92,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Sent]]:
         replayed, files = export_live(config, log, FORMATS)
     assert replayed.text().endswith("the same bits")
     assert {path.name for path in files} == {
-        "tracks.kml", "tracks.geojson", "tracks.gpx", "live.csv", "live.tum",
-        "tracks.mcap", "foxglove_layout.json", "plotjuggler_layout.xml",
+        "tracks.kml", "tracks.geojson", "live.csv", "live.tum", "tracks.mcap",
     }  # fmt: skip
     return log, sent
 
@@ -131,37 +128,27 @@ def test_tum_and_places_agree_with_the_csv(dive: tuple[Path, list[Sent]]) -> Non
     np.testing.assert_allclose((found[:, 1] - 32.8) * 110_907.0, ned[:, 0], atol=2e-3)
     np.testing.assert_allclose((found[:, 0] + 17.5) * 93_658.0, ned[:, 1], atol=2e-3)
     np.testing.assert_allclose(found[:, 2], 4.0 - ned[:, 2], atol=1e-4)
-    gpx = ET.parse(exported(log, "tracks.gpx")).getroot()
-    times = [one.text for one in gpx.findall(".//{http://www.topografix.com/GPX/1/1}time")]
-    assert times == places["properties"]["coordinateProperties"]["times"] == [row["utc"] for row in rows]
+    assert places["properties"]["coordinateProperties"]["times"] == [row["utc"] for row in rows]
 
 
-def test_gpxpy_and_fastkml_read_the_track(dive: tuple[Path, list[Sent]]) -> None:
-    gpxpy = pytest.importorskip("gpxpy", reason="gpxpy is not installed: pip install gpxpy")
+def test_fastkml_reads_the_track(dive: tuple[Path, list[Sent]]) -> None:
     kml = pytest.importorskip("fastkml", reason="fastkml is not installed: pip install fastkml")
-    log, sent = dive
+    log, _ = dive
     (feature,) = json.loads(exported(log, "tracks.geojson").read_text("utf-8"))["features"]
     expected = feature["geometry"]["coordinates"]
-    (track,) = gpxpy.parse(exported(log, "tracks.gpx").read_text("utf-8")).tracks
-    points = track.segments[0].points
-    assert [[one.longitude, one.latitude, one.elevation] for one in points] == expected
-    assert [round(one.time.timestamp() * 1e6) for one in points] == [one.time_ns // 1000 for one in sent]
     (mark,) = kml.utils.find_all(kml.KML.parse(exported(log, "tracks.kml")), of_type=kml.Placemark)
     assert [list(one.coord.coords[0]) for one in mark.kml_geometry.track_items] == expected
 
 
 def test_gdal_reads_the_same_points(dive: tuple[Path, list[Sent]]) -> None:
-    """The reader of QGIS: lines of GeoJSON and of KML with times, points of GPX."""
+    """The reader of QGIS: lines of GeoJSON and KML with times."""
     raw = pytest.importorskip("pyogrio.raw", reason="pyogrio is not installed: pip install pyogrio")
     shapely = pytest.importorskip("shapely", reason="shapely is not installed: pip install shapely")
     log, _ = dive
     expected = [numbers(row, ["longitude_deg", "latitude_deg", "height_m"]) for row in rows_of(log)]
-    for name, layer in (("tracks.geojson", None), ("tracks.kml", None), ("tracks.gpx", "track_points")):
-        _, _, shapes, fields = raw.read(exported(log, name), layer=layer)
-        places = shapely.get_coordinates(shapely.from_wkb(shapes), include_z=True)
-        if layer is not None:
-            places[:, 2] = fields[3]  # `ele`
-        assert places.tolist() == expected
+    for name in ("tracks.geojson", "tracks.kml"):
+        _, _, shapes, _ = raw.read(exported(log, name))
+        assert shapely.get_coordinates(shapely.from_wkb(shapes), include_z=True).tolist() == expected
 
 
 def test_mcap_has_estimates_beams_and_the_bytes_as_they_came(dive: tuple[Path, list[Sent]]) -> None:
@@ -196,12 +183,6 @@ def test_mcap_has_estimates_beams_and_the_bytes_as_they_came(dive: tuple[Path, l
         ]
         assert [one["bytes"] for one in topics[topic]] == [len(data) for _, data in came]
     assert len(topics["/out/0/probe"]) == len(sent)
-    names = series(path)
-    assert [name for name in curves(exported(log, "plotjuggler_layout.xml")) if name not in names] == []
-    panels = json.loads(exported(log, "foxglove_layout.json").read_text("utf-8"))["configById"]
-    paths = [one["value"].replace(".", "/") for panel in panels.values() for one in panel.get("paths", [])]
-    assert [name for name in paths if name not in names] == []
-    assert set(panels["map!tracks"]["topicColors"]) <= set(topics)
 
 
 def test_mode_velocity_has_velocities_and_no_positions(tmp_path: Path) -> None:
@@ -223,12 +204,7 @@ def test_mode_velocity_has_velocities_and_no_positions(tmp_path: Path) -> None:
             if channel.topic == "/in/dvl"
         ]
     assert [bytes.fromhex(one["hex"]) for one in came] == [data for _, _, data in world.arrivals()]
-    names = series(exported(log, "tracks.mcap"))
-    assert [name for name in curves(exported(log, "plotjuggler_layout.xml")) if name not in names] == []
-    panels = json.loads(exported(log, "foxglove_layout.json").read_text("utf-8"))["configById"]
-    paths = [one["value"].replace(".", "/") for panel in panels.values() for one in panel.get("paths", [])]
-    assert [name for name in paths if name not in names] == []
-    for name in ("kml", "geojson", "gpx", "tum"):
+    for name in ("kml", "geojson", "tum"):
         with pytest.raises(DataError, match=rf'{name} needs positions, and mode = "velocity" estimates none'):
             export_live(config, log, ["csv", name])
 
@@ -288,7 +264,7 @@ def test_the_command_exports_a_log_and_names_mistakes(tmp_path: Path) -> None:
     assert done.stdout.rstrip().endswith("the same bits")
     for more, told in (
         (("live", "live.toml", "--export", "csv"), "--export is given without --replay LOG"),
-        ((*words, "--export", "shp"), "'shp' is no format, expected of kml, geojson, gpx, csv, tum, mcap"),
+        ((*words, "--export", "shp"), "'shp' is no format, expected of kml, geojson, csv, tum, mcap"),
         ((*words, "--export", ","), "--export names no format"),
         ((*words, "--export", "kml"), 'kml needs positions, and mode = "velocity" estimates none'),
     ):

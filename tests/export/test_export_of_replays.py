@@ -27,7 +27,6 @@ from bottomlock.replay.report import ReplayTables, read_replay
 from bottomlock.replay.run import replay_case, write_replay
 from tests.cli.calls import command
 from tests.export.evo_command import ape
-from tests.export.plotjuggler import curves, series
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.dive_tables import dive_tables
@@ -40,7 +39,6 @@ name = "outage"
 outages = [{ beams = [1, 2, 3, 4], from_s = 20.0, to_s = 50.0 }]
 """
 KML = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
-GPX = {"gpx": "http://www.topografix.com/GPX/1/1"}
 TRACKS = ["recorded_tc", "recorded_tc_smoothed", "outage_tc", "outage_tc_smoothed", "reference"]
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -126,23 +124,6 @@ def test_kml_without_utc_is_lines_to_the_last_bit(folder: Path) -> None:
     assert root.find(".//gx:Track", KML) is None
 
 
-def test_gpx_without_utc_has_no_times(folder: Path) -> None:
-    root = ET.parse(folder / "export/tracks.gpx").getroot()
-    assert root.tag == f"{{{GPX['gpx']}}}gpx"
-    assert root.get("version") == "1.1"
-    tracks = root.findall("gpx:trk", GPX)
-    assert [track.findtext("gpx:name", namespaces=GPX) for track in tracks] == TRACKS
-    for track, name in zip(tracks, TRACKS, strict=True):
-        points = track.findall("gpx:trkseg/gpx:trkpt", GPX)
-        found = [
-            [point.get("lon"), point.get("lat"), point.findtext("gpx:ele", namespaces=GPX)]
-            for point in points
-        ]
-        assert not any("e" in text for row in found for text in row if text)  # xsd:decimal has no exponent
-        _equal_places(np.array(found, dtype=float), folder, name)
-    assert root.find(".//gpx:time", GPX) is None
-
-
 def test_geojson_is_a_line_a_track(folder: Path) -> None:
     content = json.loads((folder / "export/tracks.geojson").read_text(encoding="utf-8"))
     assert [one["properties"]["name"] for one in content["features"]] == TRACKS
@@ -171,10 +152,9 @@ def test_times_are_utc_to_the_nanosecond() -> None:
             np.datetime64(str(text).rstrip("Z"), "ns").astype(np.int64) for text in texts
         ] == times.tolist()
 
-    kml, gpx = (ET.fromstring(str(files[f"export/tracks.{name}"])) for name in ("kml", "gpx"))
+    kml = ET.fromstring(str(files["export/tracks.kml"]))
     read([one.text for one in kml.findall(".//gx:Track/kml:when", KML)])
     assert len(kml.findall(".//gx:Track/gx:coord", KML)) == len(times)
-    read([one.text for one in gpx.findall(".//gpx:trkpt/gpx:time", GPX)])
     (feature,) = json.loads(str(files["export/tracks.geojson"]))["features"]
     read(feature["properties"]["coordinateProperties"]["times"])
     read([row["utc"] for row in csv.DictReader(str(files["export/recorded_tc.csv"]).splitlines())])
@@ -190,14 +170,8 @@ def test_a_reference_without_heights_has_none(tmp_path: Path) -> None:
     assert text.count('height = "height"\n') == 1
     case.write_text(text.replace('height = "height"\n', ""), encoding="utf-8")
     write_replay(replay_case(load_case(case)), tmp_path / "out")
-    export_replay(tmp_path / "out", ("kml", "geojson", "gpx", "tum"))
+    export_replay(tmp_path / "out", ("kml", "geojson", "tum"))
     folder = tmp_path / "out" / "export"
-    heights = {
-        track.findtext("gpx:name", namespaces=GPX): len(track.findall(".//gpx:ele", GPX))
-        for track in ET.fromstring((folder / "tracks.gpx").read_text("utf-8")).findall("gpx:trk", GPX)
-    }
-    assert heights.pop("reference") == 0
-    assert min(heights.values()) > 0
     features = json.loads((folder / "tracks.geojson").read_text("utf-8"))["features"]
     sizes = {one["properties"]["name"]: len(one["geometry"]["coordinates"][0]) for one in features}
     assert (sizes["reference"], sizes["recorded_tc"]) == (2, 3)
@@ -215,24 +189,19 @@ def test_what_a_track_leaves_out_is_said() -> None:
         pl.when(is_last).then(None).otherwise(pl.col(name)).alias(name) for name in ("north_m", "east_m")
     ]
     tc = tables.samples.filter(pl.col("method") == "tc").with_columns(columns)
-    files = export_files(replace(tables, samples=tc), ("gpx", "tum"))
-    words = ET.fromstring(str(files["export/tracks.gpx"])).findtext(".//gpx:desc", namespaces=GPX)
+    files = export_files(replace(tables, samples=tc), ("kml", "tum"))
+    words = ET.fromstring(str(files["export/tracks.kml"])).findtext(".//kml:description", namespaces=KML)
     assert words is not None
     assert "not the track to take (The beams do not fit.)" in words
     assert words.endswith("; 1 times without a position are left out")
     assert words in str(files["export/recorded_tc.tum"]).splitlines()[0]
 
 
-def test_gpxpy_and_fastkml_read_the_same_points(tmp_path: Path) -> None:
-    gpxpy = pytest.importorskip("gpxpy", reason="gpxpy is not installed: pip install gpxpy")
+def test_fastkml_reads_the_same_points(tmp_path: Path) -> None:
     kml = pytest.importorskip("fastkml", reason="fastkml is not installed: pip install fastkml")
     files = export_files(utc_dive(), FORMATS)
     (feature,) = json.loads(str(files["export/tracks.geojson"]))["features"]
     expected = feature["geometry"]["coordinates"]
-    (track,) = gpxpy.parse(str(files["export/tracks.gpx"])).tracks
-    points = track.segments[0].points
-    assert [[one.longitude, one.latitude, one.elevation] for one in points] == expected
-    assert points[1].time.isoformat() == "2026-01-01T00:00:10.200000+00:00"
     path = tmp_path / "tracks.kml"
     path.write_text(str(files["export/tracks.kml"]), encoding="utf-8")
     (mark,) = kml.utils.find_all(kml.KML.parse(path), of_type=kml.Placemark)
@@ -275,44 +244,6 @@ def test_mcap_holds_poses_places_estimates_beams_and_fixes(folder: Path) -> None
     assert "/reference/pose foxglove.PoseInFrame" not in by_topic  # it has no attitude
 
 
-def test_layout_of_foxglove_names_topics_and_fields_of_the_file(folder: Path) -> None:
-    content = json.loads((folder / "export/foxglove_layout.json").read_text(encoding="utf-8"))
-    panels = content["configById"]
-    with (folder / "export/tracks.mcap").open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    fields = {
-        channel.topic: json.loads(summary.schemas[channel.schema_id].data)["properties"]
-        for channel in summary.channels.values()
-    }
-    assert set(panels["3D!poses"]["topics"]) <= set(fields)
-    assert set(panels["map!tracks"]["topicColors"]) <= set(fields)
-    values = [one["value"] for panel in panels.values() for one in panel.get("paths", [])]
-    assert len(values) > 8
-    for value in values:
-        topic, field = value.rsplit(".", 1)
-        assert field in fields[topic], value
-    assert _names(content["layout"]) == set(panels)
-
-
-def test_layout_of_plotjuggler_names_series_of_the_file(folder: Path) -> None:
-    names = series(folder / "export/tracks.mcap")
-    shown = curves(folder / "export/plotjuggler_layout.xml")
-    for name in (
-        "/outage_tc/estimate/east_m",
-        "/reference/estimate/north_m",
-        "/recorded_tc/estimate/sd_velocity_heave_mps",
-        "/recorded/beams/beam4_valid",
-        "/recorded_tc/fix/nis",
-    ):
-        assert name in shown
-    assert [name for name in shown if name not in names] == []
-
-
-def _names(node: str | dict[str, Any]) -> set[str]:
-    return {node} if isinstance(node, str) else _names(node["first"]) | _names(node["second"])
-
-
 def test_methods_are_chosen_and_unknown_ones_named(folder: Path) -> None:
     files = export_files(read_replay(folder), ["tum"], ["ins"])
     names = [track.replace("tc", "ins") for track in TRACKS]
@@ -321,8 +252,8 @@ def test_methods_are_chosen_and_unknown_ones_named(folder: Path) -> None:
         export_files(read_replay(folder), ["tum"], ["vb"])
 
 
-def test_without_a_place_on_the_earth_three_formats_are_refused_and_three_written() -> None:
-    for name in ("kml", "geojson", "gpx"):
+def test_without_a_place_on_the_earth_two_formats_are_refused_and_three_written() -> None:
+    for name in ("kml", "geojson"):
         with pytest.raises(DataError, match=r"origin\.longitude_deg"):
             check_formats([name], has_origin=False)
     files = export_files(utc_dive(origin=None), ["csv", "tum", "mcap"])
@@ -332,8 +263,6 @@ def test_without_a_place_on_the_earth_three_formats_are_refused_and_three_writte
             "recorded_tc.csv",
             "recorded_tc.tum",
             "tracks.mcap",
-            "foxglove_layout.json",
-            "plotjuggler_layout.xml",
         )
     }
     assert b"LocationFix" not in bytes(files["export/tracks.mcap"])  # type: ignore[arg-type]
@@ -392,7 +321,7 @@ def test_the_command_exports_a_folder_and_names_mistakes(folder: Path, tmp_path:
     assert done.returncode == 0, done.stderr
     assert (out / "export/tracks.kml").read_bytes() == (folder / "export/tracks.kml").read_bytes()
     for words, told in (
-        ((str(out), "--export", "shp"), "'shp' is no format, expected of kml, geojson, gpx, csv, tum, mcap"),
+        ((str(out), "--export", "shp"), "'shp' is no format, expected of kml, geojson, csv, tum, mcap"),
         ((str(out), "--export", ","), "--export names no format"),
         ((str(out),), "--export"),
         (

@@ -46,7 +46,7 @@ def live(
         str | None,
         Parameter(
             help="With --replay: formats of the log's track, written to the folder NAME_export beside the log, "
-            "separated by commas: kml, geojson, gpx, csv, tum, mcap."
+            "separated by commas: kml, geojson, csv, tum, mcap."
         ),
     ] = None,
     force: Force = False,

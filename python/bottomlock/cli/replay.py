@@ -14,7 +14,6 @@ from bottomlock.cli.parameters import Threads, check_beside, check_none_given, c
 from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats
 from bottomlock.export.replay import export_replay
-from bottomlock.export.view import check_view, open_view, save_view
 from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
@@ -25,7 +24,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
-from bottomlock.replay.report import PAGE, read_replay
+from bottomlock.replay.report import PAGE
 from bottomlock.replay.run import ReplayResult, run_count
 from bottomlock.replay.run_and_report import run_and_report
 
@@ -55,7 +54,7 @@ def replay(
         str | None,
         Parameter(
             help="Aiding methods, separated by commas; the case's own by default. "
-            "Of a folder: methods to export or view."
+            "Of a folder: methods to export."
         ),
     ] = None,
     runs: Annotated[
@@ -81,18 +80,6 @@ def replay(
             f"{', '.join(FORMATS)}. With the folder of a replay as FILE nothing else is done."
         ),
     ] = None,
-    view: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="Open the replay in Rerun: vehicle, beams, claimed σ, tracks, curves over one time. "
-            "With the folder of a replay as FILE nothing else is done.",
-        ),
-    ] = False,
-    view_file: Annotated[
-        Path | None,
-        Parameter(help="The same without a window: a file .rrd, which Rerun opens elsewhere."),
-    ] = None,
 ) -> None:
     """Navigate a recorded dive again, also with fewer beams.
 
@@ -103,17 +90,14 @@ def replay(
         With --export: that, or the folder of a replay, of which the tracks are exported.
         With --init: the log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
     """
-    _check_view(view_file, files, init=init, window=view, force=force)
     if init:
         _init(files, Path("case.toml") if out is None else out, force=force, without=without or ())
         return
     case, formats = _only(files), split(export)
-    if case.is_dir() and (formats is not None or view or view_file is not None):
+    if case.is_dir() and formats is not None:
         check_beside(out, case)
         check_none_given(case, {"--runs": runs, "--seed": seed, "--write-calibration": write_calibration})
-        if formats is not None:
-            _export(case, formats, split(methods), force=force)
-        _view(case, view_file, split(methods), window=view)
+        _export(case, formats, split(methods), force=force)
         return
     _check_case(case)
     if out is None:
@@ -156,7 +140,6 @@ def replay(
         console.print(f"wrote {write_calibration}", highlight=False)
     if formats is not None:
         _export(out, formats, split(methods), force=force)
-    _view(out, view_file, None, window=view)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}")
 
 
@@ -175,7 +158,7 @@ def _check_case(case: Path) -> None:
     if case.is_dir():
         raise ScenarioError(
             f"{case}: is a folder, expected a case file (TOML); of a replay's folder --export takes the tracks "
-            "along, and --view opens it"
+            "along"
         )
     if not case.exists():
         raise ScenarioError(
@@ -191,27 +174,6 @@ def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None,
     """Exports a replay and names the files."""
     for path in export_replay(folder, formats, methods=methods, force=force):
         console.print(f"wrote {path}", highlight=False, soft_wrap=True)
-
-
-def _check_view(file: Path | None, read: Sequence[Path], *, init: bool, window: bool, force: bool) -> None:
-    """Checks a view, where one is wanted."""
-    if not window and file is None:
-        return
-    if init:
-        raise ScenarioError("--init writes a case and replays nothing, so there is nothing to view yet")
-    check_view(file, window=window, inputs=read, force=force)
-
-
-def _view(folder: Path, file: Path | None, methods: Sequence[str] | None, *, window: bool) -> None:
-    """Writes a file for Rerun and opens Rerun, where that is wanted."""
-    if not window and file is None:
-        return
-    tables = read_replay(folder)
-    if file is not None:
-        save_view(tables, file, methods)
-        console.print(f"wrote {file}", highlight=False, soft_wrap=True)
-    if window:
-        open_view(tables, methods)
 
 
 def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:

@@ -5,22 +5,15 @@ from pathlib import Path
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.export.comma_separated import comma_separated
-from bottomlock.export.foxglove_layout import foxglove_layout
 from bottomlock.export.geographic import NO_ORIGIN
 from bottomlock.export.geojson import geojson
-from bottomlock.export.gpx import gpx
 from bottomlock.export.kml import kml
 from bottomlock.export.mcap_file import mcap, writer_library
-from bottomlock.export.plotjuggler_layout import plotjuggler_layout
 from bottomlock.export.tracks import Export, ExportTrack
 from bottomlock.export.tum import tum
 from bottomlock.files.overwriting import Files, Result
 
-EARTH: Mapping[str, Callable[[str, Sequence[ExportTrack]], str]] = {
-    "kml": kml,
-    "geojson": geojson,
-    "gpx": gpx,
-}
+EARTH: Mapping[str, Callable[[str, Sequence[ExportTrack]], str]] = {"kml": kml, "geojson": geojson}
 """Formats that need a place on the Earth; one file has every track."""
 POSITIONS = (*EARTH, "tum")
 """Formats that have nothing but positions and attitudes."""
@@ -66,11 +59,7 @@ def files_of(export: Export, name: str) -> Files:
         return {f"{one.name}.csv": comma_separated(one, export.pings.get(one.group)) for one in tracks}
     if name == "tum":
         return {f"{one.name}.tum": tum(one) for one in tracks}
-    return {
-        "tracks.mcap": mcap(export),
-        "foxglove_layout.json": foxglove_layout(export),
-        "plotjuggler_layout.xml": plotjuggler_layout(export),
-    }
+    return {"tracks.mcap": mcap(export)}
 
 
 def results_of(

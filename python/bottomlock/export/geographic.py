@@ -11,7 +11,7 @@ from bottomlock.export.tracks import ExportTrack
 from bottomlock.recordings.streams import Floats
 
 NO_ORIGIN = (
-    "kml, geojson and gpx need a place on the Earth, and there is none; give origin.latitude_deg and "
+    "kml and geojson need a place on the Earth, and there is none; give origin.latitude_deg and "
     "origin.longitude_deg, or export csv, tum or mcap"
 )
 

@@ -82,16 +82,6 @@ class Export:
     fixes: Mapping[str, pl.DataFrame] = field(default_factory=dict)
     arrivals: Mapping[str, pl.DataFrame] = field(default_factory=dict)
 
-    @property
-    def has_origin(self) -> bool:
-        """Whether its tracks have a place on the Earth."""
-        return all(track.geodetic is not None for track in self.tracks)
-
-    @property
-    def estimates(self) -> list[ExportTrack]:
-        """The tracks that are no reference."""
-        return [track for track in self.tracks if track.group]
-
 
 def orientation_enu_flu(rotation_t_p: Floats) -> Floats:
     """(n, 4) unit quaternions x, y, z, w of (n, 3, 3) rotations from platform (forward-right-down) to tangent axes."""
