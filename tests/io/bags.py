@@ -45,7 +45,7 @@ def message(store: Any, step: int, **changed: Any) -> Any:  # noqa: ANN401 - the
         "beam_ranges_valid": True,
         "beam_velocities_valid": True,
         "beam_unit_vec": [vector(*u) for u in UNIT],
-        "range": np.array([2.7, 2.8, 2.9, 3.0]),
+        "range": np.array([2.7, 2.8, 2.9, 3.0]) + 0.01 * step,
         "range_covar": np.full(4, -1.0, dtype=np.float32),
         "beam_quality": np.full(4, 0.5, dtype=np.float32),
         "beam_velocity": beams,

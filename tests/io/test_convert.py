@@ -13,8 +13,10 @@ import polars as pl
 import pytest
 
 from bottomlock.io.beam_table import read_account, read_beam_table
+from bottomlock.io.beams import read_beams
 from bottomlock.io.formats import read_recording
 from bottomlock.io.progress import progress_to
+from bottomlock.io.table import read_map
 from tests.cli import calls
 from tests.io import bags
 from tools import reader_seeds as seeds
@@ -168,6 +170,28 @@ def test_a_table_with_a_column_map(tmp_path: Path, convert: Run) -> None:
     again = convert(to, "--to", tmp_path / "again.parquet")
     assert again.returncode == 0, again.stderr
     assert json.loads((tmp_path / "again.json").read_text())["format"] == "table"
+
+
+@pytest.mark.parametrize("code", ["-32768", "88888", "9.97e36", "0"])
+def test_a_code_for_no_reading_is_no_velocity(code: str, tmp_path: Path, convert: Run) -> None:
+    """Flagged valid or not, in a table that convert reads and in one that `fix` reads; the account counts it.
+
+    The 0 of a beam is one where its range is 0 or less; another 0 is a reading.
+    """
+    log, columns = tmp_path / "log.csv", tmp_path / "map.toml"
+    log.write_text(
+        f"t,u1,u2,u3,r1,r2,r3,g1,g2,g3\n1.5,{code},200,300,-1,5,6,1,1,1\n2.5,110,0,310,5,6,7,1,1,1\n"
+    )
+    columns.write_text(MAP)
+    done = convert(log, "--to", tmp_path / "beams.parquet", "--columns", columns)
+    assert done.returncode == 0, done.stderr
+    frame = pl.read_parquet(tmp_path / "beams.parquet")
+    assert frame["beam1_valid"].to_list() == [False, True]
+    assert frame["beam2_valid"].to_list() == [True, True]
+    account = json.loads((tmp_path / "beams.json").read_text())
+    assert account["flagged"]["velocity is a code for no reading"]["count"] == 1
+    pings = read_beams(log, beams=3, columns=read_map(columns))
+    assert pings.valid.tolist() == [[False, True, True], [True, True, True]]
 
 
 @pytest.mark.parametrize(

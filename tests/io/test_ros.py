@@ -11,8 +11,10 @@ import pytest
 pytest.importorskip("rosbags", reason="bags need the extra .[ros]")
 
 from bottomlock.errors import DataError
+from bottomlock.io import ros
 from bottomlock.io.formats import detect, read_recording
 from bottomlock.io.rows import Options
+from bottomlock.live.pings import PingReader
 from tests.io import bags
 
 KINDS = ("ros1", "ros2", "mcap folder", "mcap file")
@@ -67,6 +69,67 @@ def test_what_a_message_says_of_itself(tmp_path: Path) -> None:
     assert any("--negate-beams" in note for note in recording.notes)
     turned = read_recording(tmp_path / "b.bag", options=Options(negate_beams=True))
     np.testing.assert_allclose(turned.table.velocity_mps[0], bags.UNIT @ bags.VELOCITY, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("lost", "ranges", "count", "valid"),
+    [
+        ([1], [2.7, -1.0, 2.9, 3.0], 3, [True, False, True, True]),
+        ([1], [2.7, 0.0, 2.9, 3.0], 4, [True, False, True, True]),
+        ([0, 3], [2.7, 2.8, 2.9, 3.0], 2, [False, True, True, False]),
+        ([], [2.7, 2.8, -1.0, 3.0], 3, [True, True, False, True]),
+        ([1], [2.7, 2.8, 2.9, 3.0], 4, [True, True, True, True]),
+        ([], [2.7, 2.8, 2.9, 3.0], 3, None),
+        ([0, 3], [2.7, 2.8, 2.9, 3.0], 3, None),
+        ([], [0.0, 0.0, 0.0, 0.0], 3, None),
+    ],
+)
+def test_a_lost_beam_of_the_makers_driver_is_no_velocity_of_zero(
+    lost: list[int], ranges: list[float], count: int, valid: list[bool] | None, tmp_path: Path
+) -> None:
+    """By velocity 0 and range, or by the number of good beams; where that does not say which, none of the ping is used.
+
+    In a bag and in a live message alike, and what is left out is counted in both.
+    """
+    beams = np.array(bags.UNIT @ bags.VELOCITY, dtype=np.float32)
+    beams[lost] = 0.0
+    changed = {
+        "beam_velocity": beams, "range": np.array(ranges), "num_good_beams": count,
+        "beam_velocity_covar": np.zeros(4, dtype=np.float32),
+    }  # fmt: skip
+    path = bags.write_ros1(tmp_path / "driver.bag", 1, **changed)
+    store, reader = ros.typestore(), PingReader("ros-dvl", 4)
+    pings = reader.feed(bytes(store.serialize_cdr(bags.message(store, 0, **changed), ros.TYPES[0])))
+    if valid is None:
+        reason = "fewer good beams than velocities, and no mark of the lost ones"
+        with pytest.raises(DataError, match=f"1 {reason}"):
+            read_recording(path)
+        assert pings == []
+        assert reader.skipped == {reason: 1}
+        return
+    np.testing.assert_array_equal(read_recording(path).table.valid, [valid])
+    np.testing.assert_array_equal([ping.valid for ping in pings], [valid])
+
+
+def test_stale_repeats_and_the_wrong_directions_of_the_makers_driver(tmp_path: Path) -> None:
+    """A repeated report holds no measurement; unit vectors at 67.5 degrees are not those of the A50."""
+    store, reader = ros.typestore(), PingReader("ros-dvl", 4)
+    changed: dict[str, Any] = {"range": np.full(4, 2.5)}
+    sent = [bytes(store.serialize_cdr(bags.message(store, k, **changed), ros.TYPES[0])) for k in (0, 1)]
+    assert [ping.valid.all() for data in sent for ping in reader.feed(data)] == [True, False]
+    steep = [
+        store.types["geometry_msgs/msg/Vector3"](
+            a * 0.6532814824381883, b * 0.6532814824381883, 0.38268343236508984
+        )
+        for a, b in ((-1, 1), (-1, -1), (1, -1), (1, 1))
+    ]
+    recording = read_recording(bags.write_ros2(tmp_path / "bag", 3, beam_unit_vec=steep, **changed))
+    np.testing.assert_array_equal(
+        recording.table.valid.any(axis=1), [True, False, True]
+    )  # the third has another beam 2
+    np.testing.assert_array_equal(recording.table.stale, [False, True, False])
+    assert recording.account.flagged["stale repeat"].count == 1
+    assert (recording.geometry, recording.facts) == ("waterlinked_a50", {})
 
 
 def fault_of(path: Path) -> str | None:

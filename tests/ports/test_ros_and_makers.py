@@ -13,8 +13,6 @@ from bottomlock.errors import ScenarioError
 from bottomlock.io import pd0 as pd0_reader
 from bottomlock.io import ros as ros_reader
 from bottomlock.io import waterlinked_json as waterlinked_reader
-from bottomlock.io.beam_table import Account
-from bottomlock.io.rows import Rows
 from bottomlock.kernel import BeamGeometry, solve_velocity
 from bottomlock.ports.registry import port
 from tests.ports.cases import BEAM_SD, JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
@@ -119,10 +117,7 @@ def test_ros_dvl(store: Any, mask: tuple[int, ...]) -> None:  # noqa: ANN401
     np.testing.assert_array_equal(np.isfinite(vector(message.velocity)), there)
     covariance = message.velocity_covar.reshape(3, 3)
     np.testing.assert_array_equal(np.diag(covariance) == -1.0, ~there)
-    account = Account(unit="message")
-    rows = Rows(4, account)
-    ros_reader._add(rows, 1, START, message, [])
-    table = rows.finish(negate=False)
+    table = ros_reader.read_message(data, "port").table
     assert table.valid.tolist() == [[bool(one) for one in mask]]
     assert estimate.beams is not None
     np.testing.assert_allclose(table.velocity_mps[0], estimate.beams.velocity_mps, rtol=1e-6)

@@ -139,6 +139,24 @@ def test_words_in_a_column_of_numbers(tmp_path: Path) -> None:
         read_streams(parse_case(CASE, place="case", folder=tmp_path))
 
 
+@pytest.mark.parametrize("code", [(0.0, 0.0, 0.0), (-32.768, -32.768, -32.768), (0.5, 9.97e36, 0.1)])
+def test_codes_for_no_velocity_are_left_out_and_counted(
+    code: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """A velocity along one axis may be 0; on every axis at once it is a code."""
+    tables(tmp_path)
+    rows = [(0.5, 0.1, 0.0), code, (0.5, 0.0, 0.0)]
+    pl.DataFrame({"t": [0.0, 1.0, 2.0]} | dict(zip("xyz", zip(*rows, strict=True), strict=True))).write_csv(
+        tmp_path / "dvl.csv"
+    )
+    velocity = 'file = "dvl.csv"\nsource = "velocity"\nvelocity = ["x", "y", "z"]\nclock = { column = "t" }'
+    case = parse_case(changed(('file = "beams.parquet"', velocity)), place="case", folder=tmp_path)
+    streams = read_streams(case)
+    assert streams.beams.time_ns.tolist() == [0, 2_000_000_000]
+    assert streams.clocks["dvl"].empty.count == 1
+    assert any("1 rows without a velocity" in note for note in streams.notes)
+
+
 def test_empty_rows_of_an_aid_are_left_out_and_counted(tmp_path: Path) -> None:
     tables(tmp_path)
     pl.DataFrame({"t": [0.0, 1.0, 2.0, 3.0], "p": [100.0, None, 300.0, None]}).write_csv(

@@ -138,6 +138,7 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
         flags = [name.replace("_mps", "_valid") for name in names]
     empty = np.zeros((table.height, 0))
     velocity = np.stack([numbers(table, n, place) for n in names], axis=1) if names else empty
+    velocity = velocity * chosen.velocity_scale
     if mapped and chosen.valid is None:
         valid = beam_flags(table, flags, velocity, chosen, place)
     else:
@@ -163,7 +164,7 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     if len(ranges) == len(names) > 0:
         reach = np.stack([numbers(table, n, place) for n in ranges], axis=1)
     return BeamLog(
-        place, time_ns, velocity * chosen.velocity_scale, valid, reach, instrument, verdict,
+        place, time_ns, velocity, valid, reach, instrument, verdict,
         chosen if mapped else None, _beside(Path(path)),
         _flags(table, "stale", place) if "stale" in table.columns else None,
         numbers(table, "error_velocity_mps", place) if _filled(table, "error_velocity_mps") else None,

@@ -22,7 +22,15 @@ from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.table_file import read_table_file
-from bottomlock.io.columns import column_names, column_numbers, nanoseconds, number_series, read_rows
+from bottomlock.io.account import Account
+from bottomlock.io.columns import (
+    column_names,
+    column_numbers,
+    is_code,
+    nanoseconds,
+    number_series,
+    read_rows,
+)
 from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
 from bottomlock.support.later import pl
@@ -313,13 +321,43 @@ def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray
 
 
 def beam_flags(
-    table: pl.DataFrame, names: Sequence[str], velocity: NDArray[np.float64], columns: Columns, place: str
+    table: pl.DataFrame,
+    names: Sequence[str],
+    velocity_mps: NDArray[np.float64],
+    columns: Columns,
+    place: str,
+    account: Account | None = None,
 ) -> NDArray[np.bool_]:
     """Which beams are valid (n, beams): by their columns, or where the velocity is a number if the map says so.
+
+    A velocity that is a code for "no reading" is lost whatever its flag: one of 0 with a mapped range of 0 or less, or
+    in a ping of zeros alone that has no flags; one that no DVL measures. The account counts their pings.
 
     Raises:
         DataError: as `read_flags`; for a table without flags, with both ways out.
     """
+    flags = _stated_flags(table, names, velocity_mps, columns, place)
+    no_range = np.broadcast_to((velocity_mps == 0.0).all(axis=1)[:, None], flags.shape)
+    if not columns.lost_when_empty:
+        no_range = np.zeros(flags.shape, dtype=bool)
+    if columns.range is not None and len(columns.range) == flags.shape[1]:
+        ranges = np.stack([column_numbers(table, name, place) for name in columns.range], axis=1)
+        no_range = no_range | (ranges <= 0.0)
+    lost = flags & is_code(velocity_mps, no_range)
+    if account is not None:
+        account.flag_where(
+            "velocity is a code for no reading",
+            lost.any(axis=1),
+            np.arange(len(lost)),
+            lambda k: f"{velocity_mps[k][lost[k]][0]:g} m/s",
+        )
+    return flags & ~lost
+
+
+def _stated_flags(
+    table: pl.DataFrame, names: Sequence[str], velocity: NDArray[np.float64], columns: Columns, place: str
+) -> NDArray[np.bool_]:
+    """The flags as the table has them."""
     if columns.lost_when_empty:
         return np.isfinite(velocity)
     if columns.valid is None and not any(name in table.columns for name in names):
@@ -397,6 +435,7 @@ def read_beams(
         [column_numbers(table, n, place) for n in velocity_names],
         axis=1,
     )
+    velocity = velocity * columns.velocity_scale
     valid = beam_flags(table, valid_names, velocity, columns, place)
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
     if wrong.size:
@@ -406,9 +445,7 @@ def read_beams(
         )
     prior_velocity, prior_sd = _prior(table, place)
     instrument_valid = _instrument_flag(table, columns.instrument_valid, place)
-    return Pings(
-        time_ns, velocity * columns.velocity_scale, valid, prior_velocity, prior_sd, instrument_valid
-    )
+    return Pings(time_ns, velocity, valid, prior_velocity, prior_sd, instrument_valid)
 
 
 def check_beam_count(place: str, beams: int, geometry_beams: int) -> None:

@@ -25,8 +25,25 @@ FLAG_WORDS: Mapping[str, str] = {
 }  # fmt: skip
 """Words of a flag, in small letters, and their numbers."""
 
+FASTEST_MPS = 30.0
+"""Speed beyond which a velocity of a DVL is a code for "no reading": 32.768, 88.888, 999, 9.97e36."""
+
 _SHOWN = 12
 """Columns that an error lists."""
+
+
+def is_code(velocity_mps: NDArray[np.float64], without_range: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which velocities are codes for "no reading".
+
+    Args:
+        velocity_mps: of any shape.
+        without_range: where exactly 0 stands for no reading, as by a range of 0 or less.
+
+    >>> is_code(np.array([0.3, -32.768, 0.0, 0.0, np.nan]), np.array([True, False, True, False, True])).tolist()
+    [False, True, True, False, False]
+    """
+    too_fast = np.isfinite(velocity_mps) & (np.abs(velocity_mps) > FASTEST_MPS)
+    return np.asarray(too_fast | ((velocity_mps == 0.0) & without_range))
 
 
 def read_rows(path: Path) -> pl.DataFrame:

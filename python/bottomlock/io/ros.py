@@ -1,8 +1,12 @@
 """Messages of DVLs from ROS 1 and ROS 2 bags and MCAP files, through the library rosbags.
 
 `marine_acoustic_msgs/Dvl`, and those of Water Linked's drivers (`ros_waterlinked`). By the first one's definition its
-stamp is the time of validity and z points where the instrument looks. It has no validity per beam: a velocity that is
-not finite stands for a lost beam, and a variance of -1 where others have one.
+stamp is the time of validity and z points where the instrument looks. It has no validity per beam. Lost is a beam whose
+velocity is not finite, whose variance is -1 where others have one, or whose velocity is exactly 0 with a range of 0 or
+less, as Water Linked's own driver fills it. A message that counts fewer good beams than these marks leave is used only
+where its velocities of 0, or its missing ranges, say which beams are lost.
+
+Source: Robotic-Decision-Making-Lab/waterlinked_dvl (Water Linked's ROS 2 driver), waterlinked_dvl_driver.cpp.
 """
 
 import math
@@ -23,10 +27,13 @@ from bottomlock.support.extras import install
 
 NAME = "ros"
 NAME_MESSAGE = "ros-dvl"
-STREAM = Stream(lambda _: Whole())
+STREAM = Stream(lambda _: Whole(), repeats=True)
 TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")
 _BEAMS = 4
 _BOTTOM, _WATER = 1, 2
+_DRIVER_UNIT = math.sin(math.radians(67.5)) * math.sqrt(0.5), math.cos(math.radians(67.5))
+"""Horizontal and downward parts of the unit vectors in Water Linked's driver: its A50 measures at 22.5 degrees."""
+_UNRESOLVED = "fewer good beams than velocities, and no mark of the lost ones"
 _ROS1, _MCAP, _SQLITE = b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\x00"
 
 
@@ -106,13 +113,14 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     rows = Rows(_BEAMS, account)
     geometry: list[list[list[float]]] = []
     others: list[tuple[int, Any]] = []
+    before = ""
     try:
         for position, (arrival_ns, message) in enumerate(_messages(path, options, place), 1):
             account.read += 1
             if not hasattr(message, "beam_velocity"):
                 others.append((position, message))
                 continue
-            _add(rows, position, arrival_ns, message, geometry)
+            before = _add(rows, position, arrival_ns, message, geometry, before, options)
     except DataError:
         raise
     # A damaged bag raises whatever the library's parts raise; the user needs the file's name and the reason.
@@ -135,7 +143,7 @@ def read_message(data: bytes, place: str, options: Options = PLAIN) -> Recording
     rows = Rows(_BEAMS, Account(unit="message", read=1))
     geometry: list[list[list[float]]] = []
     message = decode(data, "marine_acoustic_msgs/Dvl")
-    _add(rows, 1, stamp_ns(message.header), message, geometry)
+    _add(rows, 1, stamp_ns(message.header), message, geometry, "", options)
     return _recording(rows, geometry, options, place)
 
 
@@ -144,6 +152,13 @@ def _recording(rows: Rows, geometry: list[list[list[float]]], options: Options, 
     table = rows.finish(negate=options.negate_beams)
     raise_if_empty(account, place, TYPES[0])
     unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))
+    across, down = _DRIVER_UNIT
+    wrong = bool(np.allclose(np.abs(unit), [across, across, down], atol=1e-6))
+    notes = _notes(table, unit, same=all(one == geometry[0] for one in geometry))
+    if wrong:
+        notes.append(
+            "beam_unit_vec is 67.5 deg from down, a mistake of Water Linked's driver: it is not used"
+        )
     return Recording(
         format=NAME,
         table=table,
@@ -152,37 +167,57 @@ def _recording(rows: Rows, geometry: list[list[list[float]]], options: Options, 
         clock="the message's header, nanoseconds since 1970",
         time_of="validity",
         quality="beam_quality as recorded; its meaning is the driver's",
-        notes=_notes(table, unit, same=all(one == geometry[0] for one in geometry)),
-        facts={"beam_unit_vec": np.round(unit, 9).tolist()},
+        geometry="waterlinked_a50" if wrong else "",
+        notes=notes,
+        facts={} if wrong else {"beam_unit_vec": np.round(unit, 9).tolist()},
     )
 
 
-def _add(rows: Rows, position: int, arrival_ns: int, message: Any, geometry: list[Any]) -> None:  # noqa: ANN401
-    """A message to the table."""
+def _add(
+    rows: Rows,
+    position: int,
+    arrival_ns: int,
+    message: Any,  # noqa: ANN401 - the library's own object
+    geometry: list[Any],
+    before: str,
+    options: Options,
+) -> str:
+    """A message to the table; returns its beams as text, by which the next one is seen to repeat them."""
     account = rows.account
     if message.velocity_mode == _WATER:
         account.pass_by("velocity through the water", position)
-        return
+        return before
     if message.velocity_mode != _BOTTOM:
         account.flag("velocity mode is not stated", position, f"velocity_mode = {message.velocity_mode}")
     velocity = [float(v) for v in message.beam_velocity]
-    variance = [float(v) for v in message.beam_velocity_covar]
-    ranges = [float(v) for v in message.range]
-    some_known = any(v > 0.0 for v in variance)
-    good = [
-        bool(message.beam_velocities_valid) and math.isfinite(v) and not (some_known and c < 0.0)
-        for v, c in zip(velocity, variance, strict=True)
-    ]
+    ranges = [float(r) for r in message.range]
     unit = [[float(b.x), float(b.y), float(b.z)] for b in message.beam_unit_vec]
-    if any(good) and not any(map(any, unit)) and not any(velocity):
+    good = _stated_good(message, velocity, ranges)
+    if bool(message.beam_velocities_valid) and not any(map(any, unit)) and not any(velocity):
         account.flag("driver fills in no beams", position)
         good = [False] * _BEAMS
+    elif sum(good) > message.num_good_beams:
+        ranged = any(r > 0.0 for r in ranges)
+        good = [
+            g and v != 0.0 and (r > 0.0 or not ranged) for g, v, r in zip(good, velocity, ranges, strict=True)
+        ]
+        if sum(good) != message.num_good_beams:
+            account.skip(_UNRESOLVED, position, f"num_good_beams = {message.num_good_beams}")
+            return before
     if any(map(any, unit)):
         geometry.append(unit)
-    if sum(good) != message.num_good_beams:
+    if sum(good) < message.num_good_beams:
         account.flag(
             "num_good_beams disagrees with the beams", position, f"{message.num_good_beams} and {sum(good)}"
         )
+    quality = [float(q) for q in message.beam_quality]
+    beams = repr((velocity, ranges, quality))
+    # All beams lost read alike from ping to ping without being a repeat.
+    stale = any(good) and beams == before
+    if stale:
+        account.flag("stale repeat", position)
+        if not options.keep_stale:
+            good = [False] * _BEAMS
     spread = [float(message.velocity_covar[k]) for k in (0, 4, 8)]
     axes = (float(message.velocity.x), float(message.velocity.y), float(message.velocity.z))
     rows.add(
@@ -191,17 +226,32 @@ def _add(rows: Rows, position: int, arrival_ns: int, message: Any, geometry: lis
         velocity,
         good,
         range_m=[r if message.beam_ranges_valid and r > 0.0 else NAN for r in ranges],
-        quality=[float(q) for q in message.beam_quality],
-        sd=[math.sqrt(v) if v > 0.0 else NAN for v in variance],
+        quality=quality,
+        sd=[math.sqrt(v) if v > 0.0 else NAN for v in map(float, message.beam_velocity_covar)],
         instrument=axes,
         verdict=int(all(math.isfinite(v) for v in axes) and message.num_good_beams >= 3),
         arrival_ns=int(arrival_ns),
+        stale=stale,
         extra={
             "altitude_m": float(message.altitude) if message.altitude > 0.0 else NAN,
             "instrument_sd_mps": math.sqrt(max(spread)) if min(spread) > 0.0 else NAN,
             "sound_speed_mps": float(message.sound_speed) if message.sound_speed > 0.0 else NAN,
         },
     )
+    return beams
+
+
+def _stated_good(message: Any, velocity: list[float], ranges: list[float]) -> list[bool]:  # noqa: ANN401
+    """Which beams no mark of the message says to be lost."""
+    variance = [float(v) for v in message.beam_velocity_covar]
+    some_known = any(v > 0.0 for v in variance)
+    return [
+        bool(message.beam_velocities_valid)
+        and math.isfinite(v)
+        and not (some_known and c < 0.0)
+        and not (v == 0.0 and r <= 0.0)
+        for v, c, r in zip(velocity, variance, ranges, strict=True)
+    ]
 
 
 def _notes(table: BeamTable, unit: np.ndarray[Any, Any], *, same: bool) -> list[str]:

@@ -73,14 +73,14 @@ def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Optio
     time_ns = read_times(frame, columns, place)
     velocity = _floats(frame, velocity_names, beams, place) * columns.velocity_scale
     none = np.empty((frame.height, 0), dtype=bool)
-    valid = beam_flags(frame, valid_names, velocity, columns, place) if beams else none
+    account = Account(unit="row", read=frame.height)
+    valid = beam_flags(frame, valid_names, velocity, columns, place, account) if beams else none
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
         raise DataError(
             f"{place}: row {row}, column '{velocity_names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
         )
-    account = Account(unit="row", read=frame.height)
     rows = Rows(beams, account)
     _add_rows(rows, frame, columns, place, time_ns, velocity, valid)
     table = rows.finish(negate=options.negate_beams)

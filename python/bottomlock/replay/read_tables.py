@@ -1,6 +1,6 @@
 """Columns of CSV and Parquet files as arrays; errors name missing columns and cells, empty rows are counted."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,7 +53,11 @@ def column_stamps(table: pl.DataFrame, clock: Clock, *, place: str) -> NDArray[n
 
 
 def read_stream(
-    stream: Stream, names: Sequence[str], *, optional: bool = True
+    stream: Stream,
+    names: Sequence[str],
+    *,
+    optional: bool = True,
+    lost: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
 ) -> tuple[NDArray[np.float64], TimedRows, pl.DataFrame]:
     """Reads the named columns of a stream, (n, columns), in the rows where each of them holds a number.
 
@@ -61,6 +65,7 @@ def read_stream(
         stream: file, clock and decimation (`every`).
         names: names of the columns.
         optional: rows with an empty cell are left out and counted; if false they are an error.
+        lost: rows (n,) of the values that hold codes for "no reading"; they count as empty.
 
     Returns:
         Values, their times, and the whole table, whose rows `TimedRows.rows` counts.
@@ -75,6 +80,8 @@ def read_stream(
         column_stamps(table, stream.clock, place=place), table.height, stream.clock, place=place
     )
     values = np.stack([column_numbers(table, name, place) for name in names], axis=1)
+    if lost is not None:
+        values[lost(values)] = np.nan
     whole = np.asarray(np.isfinite(values).all(axis=1))
     incomplete = timed.rows[~whole[timed.rows]]
     if incomplete.size and not optional:

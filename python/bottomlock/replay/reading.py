@@ -8,7 +8,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
-from bottomlock.io.columns import column_numbers
+from bottomlock.io.columns import column_numbers, is_code
 from bottomlock.recordings.axes import (
     from_angles,
     handedness,
@@ -197,8 +197,14 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
             sd = _recorded_noise(dvl.file, kept, valid)
         return Beams(timed.time_ns[:: dvl.every] + late_ns, velocity, valid, np.ascontiguousarray(sd))
     assert dvl.velocity is not None  # validated in DvlStream
-    values, timed, table = read_stream(dvl, dvl.velocity)
+    values, timed, table = read_stream(
+        dvl, dvl.velocity, lost=lambda read: _no_velocity(read * SPEED_SI[dvl.velocity_unit])
+    )
     clocks["dvl"] = timed.report
+    if timed.report.empty.count:
+        notes.append(
+            f"dvl: {timed.report.empty.count} rows without a velocity, empty or a code, are left out"
+        )
     velocity_d = permute_axes(values * SPEED_SI[dvl.velocity_unit], dvl.axes) / dvl.velocity_scale
     pinged = np.ones(len(velocity_d), dtype=np.bool_)
     if dvl.valid is not None:
@@ -212,6 +218,12 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
     valid = np.repeat(pinged[:, None], geometry.beams, axis=1)
     sd = np.broadcast_to(instrument.beam_sd_mps, projected.shape)
     return Beams(timed.time_ns + late_ns, projected, valid, np.ascontiguousarray(sd), velocity_d)
+
+
+def _no_velocity(velocity_mps: Floats) -> Flags:
+    """Rows (n,) of codes for "no reading": 0 on every axis, or a velocity that no DVL measures."""
+    zero = (velocity_mps == 0.0).all(axis=1)
+    return np.asarray(is_code(velocity_mps, zero[:, None]).any(axis=1))
 
 
 def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
