@@ -66,7 +66,7 @@ test: $(VENV)/.tools $(VENV)/.installed
 	@$(make) test-python test-rust
 
 test-python: $(VENV)/.tools $(VENV)/.installed
-	$(pytest) -m "not long and not deep" --doctest-modules --pyargs bottomlock partialdvl_bench tests
+	$(pytest) -m "not long and not deep" --doctest-modules --pyargs bottomlock tests
 
 # Unit tests, laws and the documentation's tests. The bindings are tested by Python, examples by `make lint`.
 test-rust:
@@ -87,11 +87,11 @@ test-deep: $(VENV)/.tools $(VENV)/.installed
 
 test-all: test test-long test-deep
 
-# What needs libraries that nothing else does: rivals in gtsam and JAX, Zenoh between two processes, Cyclone DDS, MHKiT as another reader.
-# The learned rivals need torch, which is in no lock (gigabytes); recordings are read from BOTTOMLOCK_RECORDINGS.
+# What needs libraries that nothing else does: Zenoh between two processes, Cyclone DDS, MHKiT as another reader. Recordings are read
+# from BOTTOMLOCK_RECORDINGS.
 test-others: $(VENV)/.tools $(VENV)/.installed
 	$(locked) --group others
-	$(pytest) -rs tests/rivals tests/live/test_zenoh.py tests/ros tests/io/test_logs.py
+	$(pytest) -rs tests/live/test_zenoh.py tests/ros tests/io/test_logs.py
 
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
 # docs/mutants_rust.md. All of it takes a day of one core, incremental builds after the first one: name what you changed, or

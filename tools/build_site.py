@@ -119,13 +119,10 @@ def notebooks(folder: Path) -> Iterator[Path]:
 
 
 def tables(root: Path = ROOT) -> str:
-    """Columns, types and meanings of every table: a section a file of the package's `tables`, and the benchmark's."""
+    """Columns, types and meanings of every table: a section a file of the package's `tables`."""
     parts: list[str] = []
     package = root / "python"
-    for path in [
-        *sorted((package / "bottomlock" / "tables").glob("*.py")),
-        package / "partialdvl_bench" / "tables.py",
-    ]:
+    for path in sorted((package / "bottomlock" / "tables").glob("*.py")):
         module = importlib.import_module(".".join(path.relative_to(package).with_suffix("").parts))
         body = ast.parse(path.read_text(encoding="utf-8")).body
         found = [part for one, after in pairwise(body) for part in _table(module, one, after)]

@@ -19,7 +19,6 @@ from bottomlock.errors import EXIT_INTERRUPTED
 from bottomlock.kernel import METHODS
 from tests.cli.calls import command, process
 
-BENCH = ("list", "make", "run", "beams", "check", "score", "page")
 SHORT = ("run", "straight", "-n", "2", "-s", "3", "-j", "1", "-m", "ins,tc")
 
 
@@ -51,10 +50,10 @@ def test_every_help_has_examples_that_are_right(name: str) -> None:
         assert not ignored
 
 
-@pytest.mark.parametrize("words", [*((name,) for name in COMMANDS), *(("bench", name) for name in BENCH)])
-def test_every_help_names_its_arguments(words: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_help_names_its_arguments(name: str) -> None:
     """The usage has the names of the panel below it; a default that is empty is not shown."""
-    shown = command(*words, "--help").stdout
+    shown = command(name, "--help").stdout
     usage = shown.splitlines()[0]
     assert "ARGS" not in usage
     assert "[default: ()]" not in shown
@@ -63,10 +62,10 @@ def test_every_help_names_its_arguments(words: tuple[str, ...]) -> None:
     assert [name for name in arguments if name not in usage] == []
 
 
-@pytest.mark.parametrize("name", [*COMMANDS, *(f"bench {name}" for name in BENCH)])
+@pytest.mark.parametrize("name", COMMANDS)
 def test_where_a_result_goes_is_named_alike(name: str) -> None:
     """--out has its short form wherever it stands, and nothing else names a place to write to."""
-    shown = command(*name.split(), "--help").stdout
+    shown = command(name, "--help").stdout
     named = re.findall(r"^│ (?:\* )? *(?:[A-Z]+ )?(--(?:out|to)\b.*)", shown, re.MULTILINE)
     assert [words for words in named if not re.match(r"--out (?:--to )?-o ", words)] == []
 

@@ -86,8 +86,6 @@ def test_a_folder_in_place_of_a_log(tmp_path: Path) -> None:
     ("words", "help_of"),
     [
         (("fix", "a.csv"), "bottomlock fix --help"),
-        (("bench", "make", "--foo"), "bottomlock bench make --help"),
-        (("bench", "foo"), "bottomlock bench --help"),
         (("foo",), "bottomlock --help"),
     ],
 )

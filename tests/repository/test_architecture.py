@@ -61,14 +61,12 @@ def test_every_room_is_named(root: Path, page: str) -> None:
 
 LEVELS = {
     "attack",
-    "bench",
     "benchmarks",
     "c",
     "golden",
     "oracle",
     "property",
     "repository",
-    "rivals",
     "ros",
     "statistical",
 }

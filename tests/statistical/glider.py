@@ -20,7 +20,7 @@ from bottomlock.kernel.attitude_motion import divided, held, inertial_readings
 from bottomlock.recordings.streams import Inertial, WaterBeams
 from bottomlock.recordings.water_cells import water_beams
 from bottomlock.replay.vehicle_motion import vehicle_motion
-from partialdvl_bench.mission import Estimates, Mission, Pings, Scalars, Start
+from tests.statistical.missions import Estimates, Mission, Pings, Scalars
 from tools import recorded_dives
 
 Floats = NDArray[np.float64]
@@ -112,7 +112,7 @@ def read_dive(recordings: Path, folder: Path) -> Dive:
 
 
 class Errors(NamedTuple):
-    """Of the displacement: with water, m; of all pings with a bottom, m, and over its sigma, NaN without one."""
+    """Of the displacement: with water, m; of all pings with a bottom, m, and over its sigma."""
 
     error_m: float
     of_all_m: float
@@ -133,16 +133,12 @@ def mission_of_window(
     *,
     water: bool,
     layers: models.CurrentLayers = BY_DEPTH,
-    begin: int = 0,
 ) -> Mission:
-    """The dive up to the ping before `last`, the bottom hidden from ping `first` on, asked from the ping before it.
-
-    It begins with ping `begin`.
-    """
+    """The dive up to the ping before `last`, the bottom hidden from ping `first` on, asked from the ping before it."""
     has_bottom, velocity_p = known(dive.velocity_p_mps), dive.velocity_p_mps
-    pings = slice(begin, last)
+    pings = slice(last)
     seen = has_bottom[pings].copy()
-    seen[first - begin :] = False
+    seen[first:] = False
     time_ns = dive.time_ns[pings]
     motion = vehicle_motion(dive.time_ns[has_bottom], velocity_p[has_bottom])
     imu_ns, attitude = divided(time_ns, dive.attitude[pings])
@@ -179,30 +175,25 @@ def mission_of_window(
         dive.water.sd_mps[wet], dive.water.range_m[wet],
     )  # fmt: skip
     return Mission(
-        name=f"glider-{first}-{last}",
-        split="none",
         geometry=JANUS,
         model=model,
         options=options,
-        start=Start(
+        start=models.InitialState(
             time_ns=int(time_ns[0]),
-            position_t_m=np.array([0.0, 0.0, dive.depth_m[begin]]),
+            position_t_m=np.array([0.0, 0.0, dive.depth_m[0]]),
             velocity_p_mps=velocity_p[pings][rows[0]],
             attitude_t_p=attitude[0].as_quat(scalar_first=True),
         ),
         imu=Inertial(imu_ns, force, omega),
         pings=Pings(time_ns, np.nan_to_num(dive.beams_mps[pings]), np.repeat(seen[:, None], 4, axis=1)),
         depth=Scalars(time_ns, dive.depth_m[pings]),
-        heading=Scalars(np.empty(0, dtype=np.int64), np.empty(0)),
         grid_ns=dive.time_ns[first - 1 : last],
-        truth=None,
         water=returned if water else None,
     )
 
 
 def errors_of_window(dive: Dive, first: int, last: int, estimates: Estimates) -> Errors:
     """Horizontal errors gathered in the window."""
-    assert estimates.attitude_t_p is not None
     turned = Rotation.from_quat(estimates.attitude_t_p, scalar_first=True)
     faster = turned.apply(estimates.velocity_p_mps)[1:, :2] - dive.ned_mps[first:last, :2]
     seen_again = known(dive.velocity_p_mps)[first:last]
@@ -210,7 +201,5 @@ def errors_of_window(dive: Dive, first: int, last: int, estimates: Estimates) ->
         float(np.hypot(*(faster[counted].sum(axis=0) * PING_S)))
         for counted in (seen_again & known(dive.water_ned_mps)[first:last], seen_again)
     )
-    if estimates.position_cov is None:
-        return Errors(with_water, of_all, float("nan"))
     before, after = estimates.position_cov[[0, -1]][:, :2, :2]
     return Errors(with_water, of_all, of_all / float(np.sqrt(np.trace(after - before))))

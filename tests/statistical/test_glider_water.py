@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import models
-from partialdvl_bench.methods import replayed
 from tests.statistical.glider import (
     BY_DEPTH,
     MOUNTING_PITCH,
@@ -27,6 +26,7 @@ from tests.statistical.glider import (
     read_dive,
     windows,
 )
+from tests.statistical.missions import replayed
 
 Floats = NDArray[np.float64]
 

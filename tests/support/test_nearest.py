@@ -17,8 +17,6 @@ from bottomlock.errors import BottomlockError
 from bottomlock.plant import load_vehicle
 from bottomlock.studies.sensor_law import variant
 from bottomlock.support.nearest import did_you_mean, nearest
-from partialdvl_bench.methods import estimator
-from partialdvl_bench.mission_list import missions_of
 
 PACKAGE = Path(bottomlock.__file__).parent
 
@@ -64,10 +62,6 @@ def _navigator(method: Any) -> object:  # noqa: ANN401 - a wrong one
             bottomlock.BeamGeometry.janus(0.35), np.zeros((1, 4)), np.ones((1, 4), bool),
             method="nullified", beam_sd_mps=0.1,  # type: ignore[arg-type] # the mistake
         ), "nullified_sway"),
-        (lambda: estimator("consistnt"), "consistent"),
-        (lambda: missions_of(splits=("tes",)), "test"),
-        (lambda: missions_of(names=("remus100-mems-rough-sheared-janus30-markov-recorded-zigzag",)),
-         "remus100-mems-rough-sheared-janus30-markov-recorded-zigzag-250s"),
         (lambda: check_engine("Dask"), "dask"),
         (lambda: format_named("nucleos"), "nucleus"),
         (lambda: bottomlock.read_recording("x", format="pd-0"), "pd0"),
@@ -76,7 +70,7 @@ def _navigator(method: Any) -> object:  # noqa: ANN401 - a wrong one
     ],
 )  # fmt: skip
 def test_every_kind_of_name(call: Callable[[], object], proposed: str) -> None:
-    """Scenarios, geometries, vehicles, grades, methods, formats, missions, engines, sensors, keys."""
+    """Scenarios, geometries, vehicles, grades, methods, formats, engines, sensors, keys."""
     with pytest.raises(BottomlockError, match=f"did you mean '{re.escape(proposed)}'"):
         call()
 

@@ -51,7 +51,6 @@ JOBS = {
         "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
     },
     "Studies": {
-        "bench": ("bench", "PartialDVL-Bench: make missions, run methods, check and score submissions."),
         "consistency": (
             "consistency",
             "Test the consistency of NEES and NIS for every method and set of beams.",
@@ -80,7 +79,6 @@ JOBS = {
 }
 """By job, in the order of the help: module of `bottomlock.cli` and help line of each command."""
 COMMANDS = {name: words for commands in JOBS.values() for name, words in commands.items()}
-GROUPS = frozenset({"bench"})
 USAGE = {
     "run": "--out PATH [OPTIONS] SCENARIO...",
     "compare": "[OPTIONS] DIRECTORY...",
@@ -122,8 +120,7 @@ for _job, _commands in JOBS.items():
             name=_name,
             group=_group,
             help=_help,
-            # A command with commands of its own brings its examples along.
-            **({} if _name in GROUPS else {"help_epilogue": epilogue(_name)}),
+            help_epilogue=epilogue(_name),
             **({"usage": f"Usage: bottomlock {_name} {USAGE[_name]}"} if _name in USAGE else {}),
         )
 

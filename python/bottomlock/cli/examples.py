@@ -27,12 +27,6 @@ EXAMPLES = {
     "replay": ("replay case.toml -o out/dive",),
     "tune": ("tune case.toml", "tune case.toml -o tuned.toml --fraction 0.4"),
     "audit": ("audit beams.parquet -o out/audit --geometry waterlinked_a50",),
-    "bench": (
-        "bench make -o missions",
-        "bench run --data missions -o estimates -m tc,consistent",
-        "bench run --data missions -o estimates --engine dask --threads 4",
-        "bench score estimates/tc.parquet --data missions -o scores.parquet",
-    ),
     "observe": ("observe straight -o out/states", "observe --paper -o out/paper_states"),
     "convert": ("convert dive.pd0 --out beams.parquet",),
     "geometries": ("geometries",),

@@ -29,9 +29,7 @@ _KINDS: dict[Kind, tuple[Callable[[dict[str, Any]], bool], str]] = {
 }
 """How each kind of file is recognised, and what takes it."""
 
-_TABLE = (
-    "`bottomlock fix`, `audit` and `simulate-dvl` take a beam table, `bottomlock bench score` a submission"
-)
+_TABLE = "`bottomlock fix`, `audit` and `simulate-dvl` take a beam table"
 _LOG = "`bottomlock convert` takes a DVL's log or a table of readings, `bottomlock replay --init` those of a dive"
 
 

@@ -1,1 +1,0 @@
-"""PartialDVL-Bench: missions, tasks, scores and submissions; docs/bench.md is the protocol."""
