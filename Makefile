@@ -53,7 +53,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
 .PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-deep test-all test-others \
-    lint lint-rust lint-python deny bench golden pages consistency develop header install-c attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
+    lint lint-rust lint-python deny bench golden pages consistency develop header install-c attack fuzz soak mutants lock sbom wheel clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -92,18 +92,6 @@ test-all: test test-long test-deep
 test-others: $(VENV)/.tools $(VENV)/.installed
 	$(locked) --group others
 	$(pytest) -rs tests/live/test_zenoh.py tests/ros tests/io/test_logs.py
-
-# Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
-# docs/mutants_rust.md. All of it takes a day of one core, incremental builds after the first one: name what you changed, or
-# a share.
-#
-#   make mutants-rust MUTANTS="--re aiding/heading.rs"
-#   make mutants-rust MUTANTS="--shard 1/50"
-#   make mutants-rust MUTANTS="--in-diff change.diff"
-mutants-rust:
-	@cargo mutants --version >/dev/null 2>&1 || \
-	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }
-	CARGO_INCREMENTAL=1 CARGO_PROFILE_TEST_DEBUG=false cargo mutants --package bottomlock --jobs 1 --output out $(MUTANTS)
 
 lint: lint-rust lint-python
 
@@ -195,11 +183,13 @@ soak: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/python tools/soak.py --hours $(HOURS) --out out/soak.json
 	$(bin)/python tools/live_soak.py --hours $(LIVE_HOURS) --out out/live_soak.json
 
-mutants: mutants-rust mutants-python
-
-# Deliberate faults in readers, tables, statistics and campaigns, each of which a test must see.
-mutants-python: $(VENV)/.tools $(VENV)/.installed
-	$(bin)/python tools/mutants.py
+# Random wrong lines of kernel and package: which share do the quick tests of their rooms see? Needs cargo-mutants.
+#
+#   make mutants MUTANTS="--groups logs --each 20"
+mutants: $(VENV)/.tools $(VENV)/.installed
+	@cargo mutants --version >/dev/null 2>&1 || \
+	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }
+	$(bin)/python -m tools.mutation_sample $(MUTANTS)
 
 # Writes the versions and hashes of all that the groups of pyproject.toml install, for every platform and Python that is supported.
 lock: $(bin)/uv
