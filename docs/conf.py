@@ -25,7 +25,7 @@ extensions = [
 ]
 exclude_patterns: list[str] = []
 source_suffix = {".md": "myst-nb", ".py": "myst-nb"}
-exclude_patterns += ["conf.py", "joss/*", "**/__pycache__", "**/_downloads/*", "_extra"]
+exclude_patterns += ["conf.py", "**/__pycache__", "**/_downloads/*", "_extra"]
 
 # Markdown as on a forge: anchors of headings, $ for mathematics. Lists of definitions are those of the keys.
 myst_enable_extensions = ["dollarmath", "attrs_inline", "colon_fence", "deflist"]
