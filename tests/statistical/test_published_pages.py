@@ -11,7 +11,6 @@ import pytest
 from bottomlock.cli.parameters import load_scenarios
 from bottomlock.studies import consistency, masks, sensor_law
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
-from tools import fix_coverage, heavy_tails, sway_measured
 from tools.make_pages import ROOT, STAMP, pages, stamped
 
 pytestmark = pytest.mark.statistical
@@ -76,61 +75,6 @@ def test_sensor_law() -> None:
         flown = dict(zip(rows["sensors"], rows["velocity_rms_over_runs_mps"], strict=True))
         for sensors, value in there.items():
             assert float(value) == pytest.approx(flown[sensors], abs=6e-4), (method, sensors)
-
-
-@pytest.mark.long
-def test_sway_current_in_a_cross_current() -> None:
-    """Beams 1 and 2 on the figure of eight; the row of its own page."""
-    batch = sway_measured.flown("figure_eight", sway_measured.CROSS_CURRENT, "sway_current")
-    row = " | ".join(sway_measured.row("`sway_current`", batch))
-    assert (
-        f"| figure_eight | {row} |" in page("methods/sway_current.md").partition("<!-- table across -->")[2]
-    )
-
-
-@pytest.mark.long
-def test_the_price_of_the_default_prior() -> None:
-    """README's 17 %: the greatest of the page's table, whose row is flown again."""
-    text = page("methods/sway_current.md").partition("<!-- table cost -->")[2].partition("<!-- end -->")[0]
-    assert (
-        f"| {' | '.join(sway_measured.cost_row('figure_eight', (1, 3), sway_measured.COST_RUNS))} |" in text
-    )
-    greatest = max(int(line.split("|")[5]) for line in text.splitlines() if re.match(r"\| \w+ \| \d", line))
-    assert f"costs up to {greatest} %" in (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def table_of(name: str, mark: str) -> str:
-    return page(name).partition(f"<!-- table {mark} -->\n")[2].partition("<!-- end -->")[0].strip()
-
-
-@pytest.mark.long
-def test_a_bound_on_the_speed() -> None:
-    """One beam on the straight leg, with depth."""
-    assert f"| {' | '.join(sway_measured.bound_row((1,), ('depth',)))} |" in table_of(
-        "linear_range.md", "bound"
-    )
-
-
-@pytest.mark.long
-def test_a_pivot_that_the_prior_does_not_have() -> None:
-    assert sway_measured.pivot_table().strip() == table_of("methods/consistent.md", "pivots")
-
-
-@pytest.mark.long
-def test_heavy_tails() -> None:
-    row = heavy_tails.row("student", "Student's t, ν = 3")
-    assert f"| {' | '.join(row)} |" in table_of("robust.md", "updates")
-
-
-@pytest.mark.long
-def test_coverage_of_fixes(tmp_path: Path) -> None:
-    """Noise that is no Student's t, and the dive that ships."""
-    kind = "contaminated"
-    row = fix_coverage.simulated_row(kind, fix_coverage.KINDS[kind])
-    assert f"| {' | '.join(row)} |" in table_of("robust.md", "simulated")
-    shipped = fix_coverage.halves_table(None, tmp_path).splitlines()[2:4]
-    there = table_of("robust.md", "halves")
-    assert all(row.startswith("| survey dive") and row in there for row in shipped)
 
 
 def test_the_readme_states_the_range_of_the_masks() -> None:
