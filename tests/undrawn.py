@@ -32,7 +32,7 @@ def figures_undrawn() -> Iterator[None]:
 
 @contextmanager
 def _in_this_process() -> Iterator[Callable[..., list[tuple[Drawn, Images]]]]:
-    def draw(drawings: Iterable[Drawn], *, pdf: bool = False) -> list[tuple[Drawn, Images]]:
-        return [(one, images_of(one.figure, pdf=pdf)) for one in drawings]
+    def draw(drawings: Iterable[Drawn]) -> list[tuple[Drawn, Images]]:
+        return [(one, images_of(one.figure)) for one in drawings]
 
     yield draw

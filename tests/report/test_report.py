@@ -61,7 +61,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-STARTS = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF-1.", "csv": b""}
+STARTS = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml"}
 """Endings of a figure's files, and how these begin."""
 
 

@@ -2,7 +2,6 @@
 
 import matplotlib as mpl
 import numpy as np
-import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import norm
 
-from bottomlock.audit.robust import Array, sigma
+from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit
 from bottomlock.figures.palette import FAINT, INK, STYLE
 
@@ -48,56 +47,6 @@ def closure_figure(audit: Audit) -> Figure | None:
         axes.set_ylabel("pings")
         axes.legend(loc="upper right", frameon=False, fontsize=8.5)
     return figure
-
-
-def residual_figure(audit: Audit) -> Figure | None:
-    """The closure against time, and below it each beam's deviation from its median over five pings; or None.
-
-    The closure of four beams is one number per ping and cannot be assigned to a beam; the deviations in time can.
-    """
-    assessment, log = audit.assessment, audit.log
-    if not log.beams or assessment.full.sum() < 5:
-        return None
-    time_s, table = log.time_s[assessment.full], residual_table(audit)
-    names = table.columns[1:]
-    panels = [
-        (
-            name,
-            INK if name == "closure" else COLOURS[int(name.removeprefix("beam ")) - 1],
-            table[name].to_numpy(),
-        )
-        for name in names
-    ]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 0.9 + 0.9 * len(panels)), layout="constrained")
-        for axes, (name, colour, values) in zip(
-            np.atleast_1d(figure.subplots(len(panels), 1, sharex=True)), panels, strict=True
-        ):
-            limit = max(5.0 * sigma(values), float(np.quantile(np.abs(values), 0.97)), 1e-5)
-            beyond = np.abs(values) > limit
-            inside = 1e3 * np.clip(values, -limit, limit)
-            axes.plot(time_s[~beyond], inside[~beyond], ".", markersize=2.0, color=colour, rasterized=True)
-            axes.plot(time_s[beyond], inside[beyond], "|", markersize=5, color=ORANGE, rasterized=True)
-            axes.set_ylabel(name)
-            axes.set_ylim(-1.2e3 * limit, 1.2e3 * limit)
-        figure.axes[-1].set_xlabel("time, s")
-        figure.axes[0].set_title(
-            "mm/s; beams: deviation from the median of five pings; orange ticks lie beyond the frame",
-            loc="right",
-            fontsize=8.5,
-        )
-    return figure
-
-
-def residual_table(audit: Audit) -> pl.DataFrame:
-    """A row per full ping: `time_ns`, the first `closure` where there is one, and `beam 1` and so on, m/s."""
-    assessment, log = audit.assessment, audit.log
-    deviations = jumps(log.velocity_mps[assessment.full])
-    return pl.DataFrame(
-        {"time_ns": log.time_ns[assessment.full]}
-        | ({"closure": assessment.closures[0].values_mps} if assessment.closures else {})
-        | {f"beam {k + 1}": deviations[:, k] for k in range(log.beams)}
-    )
 
 
 def jumps(readings_mps: Array) -> Array:
@@ -148,15 +97,6 @@ def _beam_states(audit: Audit) -> NDArray[np.int64]:
     return np.where(audit.unchanged[:, None], 2, state)
 
 
-def validity_table(audit: Audit) -> pl.DataFrame:
-    """A row per ping: `time_ns`, and the state of `beam 1` and so on: returned, lost, stale or zero."""
-    words = np.array(_STATES)[_beam_states(audit)]
-    return pl.DataFrame(
-        {"time_ns": audit.log.time_ns}
-        | {f"beam {k + 1}": words[:, k].tolist() for k in range(audit.log.beams)}
-    )
-
-
 def geometry_figure(audit: Audit) -> Figure | None:
     """Beam directions from above: estimated as points, stated as rings; None where not observable."""
     matrix = audit.assessment.matrix
@@ -198,25 +138,6 @@ def geometry_figure(audit: Audit) -> Figure | None:
         axes.yaxis.grid(visible=True, color=FAINT, alpha=0.4)
         axes.set_title("beams from above: azimuth from x towards y, tilt in deg", fontsize=9.0)
     return figure
-
-
-def geometry_table(audit: Audit) -> pl.DataFrame:
-    """A row per beam that is `estimated` or `stated`: `directions`, `beam`, `tilt_deg`, `azimuth_deg`, `is_flipped`.
-
-    A beam that points up is shown turned round, as the figure has it.
-    """
-    matrix = audit.assessment.matrix
-    given = {"estimated": None if matrix is None else matrix.directions, "stated": audit.stated}
-    parts = [
-        pl.DataFrame(
-            {"directions": [name] * len(vectors), "beam": np.arange(1, len(vectors) + 1)}
-            | dict(zip(("tilt_deg", "azimuth_deg"), np.rad2deg(_polar(vectors)), strict=True))
-            | {"is_flipped": vectors[:, 2] < 0.0}
-        )
-        for name, vectors in given.items()
-        if vectors is not None
-    ]
-    return pl.concat(parts)
 
 
 def _polar(directions: Array) -> tuple[Array, Array]:

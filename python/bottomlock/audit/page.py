@@ -11,12 +11,11 @@ from bottomlock.audit import figures
 from bottomlock.audit.findings import findings_table
 from bottomlock.audit.plots import plots_of
 from bottomlock.audit.run import Audit, numbers_of
-from bottomlock.figures.images import Images
-from bottomlock.figures.palette import pdf_bytes, png_bytes, svg_text
+from bottomlock.figures.images import images_of
+from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
 from bottomlock.pages.explained import explained
-from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Table, html
@@ -25,7 +24,7 @@ from bottomlock.pages.plots import Plots
 
 CAPTIONS = {
     "closure": "Closure of the full pings, and a Gaussian of its robust sigma.",
-    "residuals": "Closure against time, and the deviation of each beam from its median over five pings.",
+    "curves": "Closure, readings of the beams and their deviation from the median over five pings against time.",
     "validity": "Validity of the beams; each column shows the worst of its pings.",
     "geometry": "Beam directions estimated from the log.",
 }
@@ -34,15 +33,19 @@ HALF = ("closure", "geometry")
 """Figures that stand beside each other where the page is wide."""
 
 
-def drawings(audit: Audit) -> dict[str, tuple[Figure, pl.DataFrame]]:
-    """The figures of an audit and what each shows, by name."""
+def drawings(audit: Audit, plots: Plots | None) -> dict[str, Figure]:
+    """The figures of an audit, by name; `plots` are its curves against time."""
     made = {
-        "closure": (figures.closure_figure(audit), _first_closure),
-        "residuals": (figures.residual_figure(audit), figures.residual_table),
-        "validity": (figures.validity_figure(audit), figures.validity_table),
-        "geometry": (figures.geometry_figure(audit), figures.geometry_table),
+        "closure": figures.closure_figure(audit),
+        "curves": None if plots is None else _curves(plots),
+        "validity": figures.validity_figure(audit),
+        "geometry": figures.geometry_figure(audit),
     }
-    return {name: (figure, table(audit)) for name, (figure, table) in made.items() if figure is not None}
+    return {name: figure for name, figure in made.items() if figure is not None}
+
+
+def _curves(plots: Plots) -> Figure:
+    return timeline_figure(plots.views[()].panels, plots.start_ns, utc=plots.is_utc, title=plots.caption)
 
 
 def beams_table(audit: Audit) -> pl.DataFrame:
@@ -85,10 +88,6 @@ def closure_table(audit: Audit) -> pl.DataFrame:
     return pl.concat([empty, *frames])
 
 
-def _first_closure(audit: Audit) -> pl.DataFrame:
-    return closure_table(audit).filter(closure=1)
-
-
 def audit_files(audit: Audit) -> Files:
     """The contents of audit.json, findings.parquet, beams.parquet, closure.parquet, the figures and audit.html.
 
@@ -101,18 +100,16 @@ def audit_files(audit: Audit) -> Files:
         "beams.parquet": parquet_bytes(beams_table(audit)),
         "closure.parquet": parquet_bytes(closure_table(audit)),
     }
-    pictures = {}
-    for name, (figure, data) in drawings(audit).items():
-        # In this order: their own layout moves a little with each drawing.
-        png = png_bytes(figure)
-        images = Images(svg_text(figure), png, pdf_bytes(figure))
-        own = figure_files(name, images, data)
+    pictures, plots = {}, plots_of(audit)
+    for name, figure in drawings(audit, plots).items():
+        images = images_of(figure)
+        own = images.files(name)
         files |= own
         kind = "" if name in HALF else "wide"
         pictures[name] = Picture.of_svg(
             images.svg, f"audit_{name}", CAPTIONS[name], kind=kind, files=list(own)
         )
-    return files | {"audit.html": html(explained(page_of(audit, content, pictures, plots_of(audit))))}
+    return files | {"audit.html": html(explained(page_of(audit, content, pictures, plots)))}
 
 
 def page_of(
@@ -141,7 +138,7 @@ def page_of(
     return Page("Audit of the DVL", [], parts, "bottomlock", about=_counts(audit))
 
 
-IN_TIME = ("residuals", "validity")
+IN_TIME = ("curves", "validity")
 """Figures that the curves show too."""
 
 

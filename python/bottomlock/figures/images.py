@@ -13,7 +13,8 @@ from typing import IO, Protocol, TypeVar
 
 from matplotlib.figure import Figure
 
-from bottomlock.figures.palette import pdf_bytes, png_bytes, svg_text
+from bottomlock.figures.palette import png_bytes, svg_text
+from bottomlock.files.overwriting import Files
 from bottomlock.support.other_process import other_process
 
 PREPARING = 0.25
@@ -33,18 +34,21 @@ D = TypeVar("D", bound=Drawn)
 
 @dataclass(frozen=True)
 class Images:
-    """A figure as SVG, as PNG, and, where it was asked for, as PDF."""
+    """A figure as SVG and as PNG."""
 
     svg: str
     png: bytes
-    pdf: bytes = b""
+
+    def files(self, stem: str) -> Files:
+        """Both as files, which a page links below the figure; `stem` is their path from the page, without an ending."""
+        return {f"{stem}.png": self.png, f"{stem}.svg": self.svg}
 
 
 class Draw(Protocol):
     """What `image_process` gives."""
 
-    def __call__(self, drawings: Iterable[D], *, pdf: bool = False) -> list[tuple[D, Images]]:
-        """Each drawing with its images, in order, also as PDF if that is wanted; to be called once."""
+    def __call__(self, drawings: Iterable[D]) -> list[tuple[D, Images]]:
+        """Each drawing with its images, in order; to be called once."""
 
 
 @contextmanager
@@ -58,9 +62,7 @@ def image_process() -> Iterator[Draw]:
         yield partial(_draw, process)
 
 
-def _draw(
-    process: subprocess.Popen[bytes], drawings: Iterable[D], *, pdf: bool = False
-) -> list[tuple[D, Images]]:
+def _draw(process: subprocess.Popen[bytes], drawings: Iterable[D]) -> list[tuple[D, Images]]:
     assert process.stdin is not None
     assert process.stdout is not None
     kept: list[D] = []
@@ -70,7 +72,7 @@ def _draw(
     with ThreadPoolExecutor(max_workers=1) as sender:
         for k, drawing in enumerate(drawings):
             kept.append(drawing)
-            data = pickle.dumps((drawing.figure, pdf))
+            data = pickle.dumps(drawing.figure)
             load_here += PREPARING * len(data)
             # The time of a figure is about as its size.
             if load_there <= load_here:
@@ -81,11 +83,11 @@ def _draw(
                 ours.append(k)
                 load_here += len(data)
         sender.submit(process.stdin.close)
-        images = {k: images_of(kept[k].figure, pdf=pdf) for k in ours}
+        images = {k: images_of(kept[k].figure) for k in ours}
         written = process.stdout.read()
     if process.wait() == 0:
         images |= dict(zip(theirs, pickle.loads(written), strict=True))  # noqa: S301 - our own
-    return [(one, images[k] if k in images else images_of(one.figure, pdf=pdf)) for k, one in enumerate(kept)]
+    return [(one, images[k] if k in images else images_of(one.figure)) for k, one in enumerate(kept)]
 
 
 def _send(to: IO[bytes], data: bytes) -> None:
@@ -93,9 +95,9 @@ def _send(to: IO[bytes], data: bytes) -> None:
     to.flush()
 
 
-def images_of(figure: Figure, *, pdf: bool = False) -> Images:
+def images_of(figure: Figure) -> Images:
     """The images of a figure, drawn here."""
-    return Images(svg_text(figure), png_bytes(figure), pdf_bytes(figure) if pdf else b"")
+    return Images(svg_text(figure), png_bytes(figure))
 
 
 def _serve() -> None:
@@ -104,6 +106,6 @@ def _serve() -> None:
     gc.disable()
     images = []
     while size := sys.stdin.buffer.read(8):
-        figure, pdf = pickle.loads(sys.stdin.buffer.read(int.from_bytes(size, "big")))  # noqa: S301 - the caller's
-        images.append(images_of(figure, pdf=pdf))
+        figure = pickle.loads(sys.stdin.buffer.read(int.from_bytes(size, "big")))  # noqa: S301 - the caller's
+        images.append(images_of(figure))
     sys.stdout.buffer.write(pickle.dumps(images))

@@ -245,16 +245,6 @@ def png_bytes(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def pdf_bytes(figure: Figure) -> bytes:
-    """The figure as PDF on white; the same figure gives the same bytes."""
-    buffer = io.BytesIO()
-    with mpl.rc_context(STYLE):
-        figure.savefig(
-            buffer, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None}
-        )
-    return buffer.getvalue()
-
-
 def svg_text(figure: Figure) -> str:
     """The figure as SVG on white; the same figure gives the same text."""
     buffer = io.StringIO()

@@ -1,21 +1,19 @@
 """Plan view of a replay: scaled to the tracks to be trusted, with claimed σ, beams lost, scale and north."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import matplotlib as mpl
 import numpy as np
-import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
-from bottomlock.figures.drawn_table import tracks_table
 from bottomlock.figures.labels import Line, coincident, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, marks, new_figure
 from bottomlock.figures.series import Floats, Frame, Track
-from bottomlock.replay.dive_plots import LOST_COLOURS, REFERENCE
+from bottomlock.replay.dive_plots import LOST_COLOURS
 
 ELLIPSES = 8
 """Along a track, the last of them at its end."""
@@ -42,15 +40,6 @@ class Map:
     frame: Frame
     claims: Sequence[str] = ()
     lost: tuple[Track, Floats] | None = None
-
-    def table(self) -> pl.DataFrame:
-        """Every point of it (`figures.drawn_table.tracks_table`)."""
-        tracks = dict(self.tracks)
-        if self.lost is not None:
-            track, beams = self.lost
-            tracks[track.label] = replace(track, lost=beams)
-        tracks |= {f"{name}, smoothed": track for name, track in self.smoothed.items()}
-        return tracks_table(tracks | ({} if self.reference is None else {REFERENCE: self.reference}))
 
 
 def map_figure(shown: Map, *, title: str) -> Figure:

@@ -10,7 +10,6 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
-from bottomlock.figures.drawn_table import panels_table
 from bottomlock.figures.images import image_process
 from bottomlock.figures.series import Track
 from bottomlock.figures.timeline import timeline_figure
@@ -19,7 +18,6 @@ from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.explained import explained
-from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.page import Picture, html
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.dive_plots import (
@@ -36,7 +34,6 @@ from bottomlock.replay.figures import (
     error_figure,
     innovation_figure,
     nis_figure,
-    nis_table,
     validity_figure,
 )
 from bottomlock.replay.findings.expected_nis import least_ratio
@@ -73,7 +70,6 @@ class Drawing:
         name: of its files.
         caption: below it.
         figure: itself.
-        data: what it shows, every point.
         what_if: case that it is of, None for all.
         folded: whether it has every method.
     """
@@ -81,7 +77,6 @@ class Drawing:
     name: str
     caption: str
     figure: Figure
-    data: pl.DataFrame
     what_if: str | None = None
     folded: bool = False
 
@@ -162,9 +157,9 @@ def report_files(tables: ReplayTables) -> Files:
     first_map = f"map_{tables.manifest['what_if'][0][0]}"
     plots = dive_of(tables)
     with image_process() as draw:
-        drawn = draw(drawings(tables, plots), pdf=True)
+        drawn = draw(drawings(tables, plots))
     for drawing, image in drawn:
-        own = figure_files(f"figures/{drawing.name}", image, drawing.data)
+        own = image.files(f"figures/{drawing.name}")
         files |= own
         kind = "wide" if drawing.what_if is None or drawing.name == first_map else ""
         picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
@@ -203,7 +198,6 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
             VALIDITY,
             f"Beams given to the filters: coloured where a beam is valid{tail}.",
             validity_figure(tables.pings, start_ns, title=f"valid beams, from beam 1 down{tail}"),
-            _first_draw(tables.pings).select("what_if", "time_ns", pl.col("^beam[0-9]+_valid$")),
         ),
     ]
     for what_if, _ in manifest["what_if"]:
@@ -217,16 +211,13 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
             caption = (
                 f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma; hollow: rejected."
             )
-            data = _first_draw(innovations).filter(pl.col("method") == method)
-            data = data.select("method", "time_ns", "status", pl.col("^beam[0-9]+_innovation.*$"))
-            found.append(Drawing(f"innovations_{what_if}", caption, drawn, data, what_if))
+            found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
         if tables.currents is not None:
             rows = tables.currents.filter(pl.col("what_if") == what_if)
             title = f"{_title(tables, what_if)}{tail}"
             drawn = current_figure(rows, start_ns, methods=shown, title=title)
             caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
-            data = _first_draw(rows).filter(pl.col("method").is_in(shown)).drop("case", "what_if", "run")
-            found.append(Drawing(f"current_{what_if}", caption, drawn, data, what_if))
+            found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
         if len(shown) < len(manifest["methods"]):
             found += _of_methods(tables, what_if, manifest["methods"], tail, folded=True)
     return found
@@ -240,11 +231,7 @@ def _timeline(manifest: dict[str, Any], plots: Plots, tail: str) -> Drawing:
     figure = timeline_figure(panels, plots.start_ns, utc=plots.is_utc, title=title)
     caption = f"Estimates of {shown[-1]} against time{tail}; shaded: ±σ as claimed"
     caption += ", of NIS the 95 % band of a consistent filter; dashed: dead reckoning."
-    return Drawing(TIMELINE, caption, figure, panels_table(panels))
-
-
-def _first_draw(table: pl.DataFrame) -> pl.DataFrame:
-    return table.filter(pl.col("run") == pl.col("run").min())
+    return Drawing(TIMELINE, caption, figure)
 
 
 def _title(tables: ReplayTables, what_if: str) -> str:
@@ -263,8 +250,8 @@ def _of_methods(
     )
     title, end = f"{_title(tables, what_if)}{tail}", "_all_methods" if folded else ""
 
-    def add(name: str, caption: str, figure: Figure, data: pl.DataFrame) -> None:
-        found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, data, what_if, folded))
+    def add(name: str, caption: str, figure: Figure) -> None:
+        found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, what_if, folded))
 
     shown = map_of(tables, what_if, methods)
     figure = map_figure(shown, title=title)
@@ -274,21 +261,19 @@ def _of_methods(
     caption += f"; ellipses: 2 sigma of north and east of {' and '.join(shown.claims)}"
     frame = shown_frame(figure)
     caption += _cut_words(shown.tracks, [one for one, way in shown.tracks.items() if not holds(frame, way)])
-    add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure, shown.table())
+    add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in (FORWARD, SMOOTHED):
         if manifest["has_reference"] and (ensemble["pass"] == name).any():
             drawn = error_figure(ensemble, methods=methods, title=f"{title}, {name}", which=name)
             caption = (
                 f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
             )
-            rows = ensemble.filter((pl.col("pass") == name) & pl.col("method").is_in(methods))
-            add(f"errors_{name}", caption, drawn, rows.drop("case", "what_if"))
+            add(f"errors_{name}", caption, drawn)
     caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
     add(
         "nis",
         caption,
         nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=least_ratio_of(manifest)),
-        nis_table(innovations, methods, least_ratio_of(manifest)),
     )
     return found
 

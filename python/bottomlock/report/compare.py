@@ -13,7 +13,6 @@ from bottomlock.figures.compare import compare_figure
 from bottomlock.figures.images import images_of
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
-from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Page, Part, Picture, Table, html
 from bottomlock.pages.pieces import difference, glossary, interval, title_of
@@ -150,10 +149,9 @@ def _part(
         here = rows.filter(pl.col("quantity") == quantity)
         if here.is_empty():
             continue
-        images = images_of(compare_figure(table, trajectory, quantity), pdf=True)
+        images = images_of(compare_figure(table, trajectory, quantity))
         name = f"{NAME}_{trajectory}_{re.sub('[^a-z]+', '_', quantity.lower())}"
-        data = here.select("campaign", "trajectory", "method", "quantity", "unit", "value", "lo", "hi")
-        own = figure_files(f"figures/{name}", images, data)
+        own = images.files(f"figures/{name}")
         files |= own
         title = f"{quantity[0].upper()}{quantity[1:]} on {trajectory.replace('_', ' ')}"
         caption = f"{title}, 95 % intervals; numbers as above."

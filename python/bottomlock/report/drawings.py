@@ -16,7 +16,6 @@ from bottomlock.figures.sweep import sweep_figure
 from bottomlock.pages.featured import featured
 from bottomlock.paper.claims import Paper, ValueClaim
 from bottomlock.paper.verdicts import flown
-from bottomlock.report.drawn_data import calibration_data, nees_data, normalised_data, rms_data, sweep_data
 from bottomlock.report.swept import sweep_groups, virtual_beams
 from bottomlock.statistics.run_errors import RunErrors, velocity_calibration
 from bottomlock.tables.results import CampaignTables
@@ -33,7 +32,6 @@ class Drawing:
         name: of its file.
         caption: below it, and for screen readers.
         figure: itself.
-        data: every point of it, also those that the drawing leaves out as too close to tell apart.
         place: part of the page.
         trajectory: whose it is; None where it shows all of them.
         parameter: swept setting, of a figure of the sweep.
@@ -42,7 +40,6 @@ class Drawing:
     name: str
     caption: str
     figure: Figure
-    data: pl.DataFrame
     place: Place
     trajectory: str | None = None
     parameter: str | None = None
@@ -81,8 +78,7 @@ def _paths(campaign: CampaignTables, paper: Paper) -> list[Drawing]:
         return []
     words = "The trajectories: plan view and depth"
     words += " (the paper's Figure 8)." if flown(campaign, paper) else "."
-    data = campaign.paths.filter(pl.col("trajectory").is_in(names))
-    return [Drawing("trajectories", words, paths_figure(campaign.paths, names), data, "overview")]
+    return [Drawing("trajectories", words, paths_figure(campaign.paths, names), "overview")]
 
 
 def _rms(
@@ -108,8 +104,7 @@ def _rms(
     figure = rms_figure(
         campaign.ensemble, name, quantity, printed, methods=methods, banded=banded, small=place == "first"
     )
-    data = rms_data(campaign.ensemble, name, quantity, methods, printed)
-    return Drawing(f"{quantity}_{name}", f"{caption}.", figure, data, place, name)
+    return Drawing(f"{quantity}_{name}", f"{caption}.", figure, place, name)
 
 
 def _consistency(
@@ -119,7 +114,6 @@ def _consistency(
         f"nees_{name}",
         "Mean NEES of the whole state; above the grey band a method is overconfident.",
         nees_figure(campaign.ensemble, campaign.consistency, name, methods=shown),
-        nees_data(campaign.ensemble, campaign.consistency, name, shown),
         "trajectory",
         name,
     )
@@ -128,7 +122,6 @@ def _consistency(
         f"calibration_{name}",
         "Velocity error against its claimed σ, a point per second; the ring is the end.",
         calibration_figure(calibration),
-        calibration_data(errors.time_s, calibration),
         "calibration",
         name,
     )
@@ -136,7 +129,6 @@ def _consistency(
         f"methods_{name}",
         "Velocity error of every method, RMS over runs; shaded: 95 % interval; grey: the other methods.",
         velocity_multiples(campaign.ensemble, name),
-        rms_data(campaign.ensemble, name, "velocity", campaign.methods(name)),
         "every method",
         name,
     )
@@ -145,7 +137,6 @@ def _consistency(
         f"normalised_{name}",
         "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
         normalised_figure(normalised),
-        normalised_data(normalised),
         "every method",
         name,
     )
@@ -158,7 +149,7 @@ def _choices(campaign: CampaignTables, name: str) -> Iterator[Drawing]:
     shares = shares_table(campaign.choices, name)
     if shares.height:
         words = "What the selectors choose: share of the runs at each ping."
-        yield Drawing(f"choices_{name}", words, choices_figure(shares), shares, "every method", name)
+        yield Drawing(f"choices_{name}", words, choices_figure(shares), "every method", name)
 
 
 def _sweep(campaign: CampaignTables, recommended: list[str]) -> Iterator[Drawing]:
@@ -187,7 +178,7 @@ def _sweep(campaign: CampaignTables, recommended: list[str]) -> Iterator[Drawing
         drawn = rows.filter(pl.col("method").is_in(shown))
         figure = sweep_figure(drawn, level=level)
         name = f"sweep_{numbers[parameter]}_{trajectory}"
-        yield Drawing(name, caption, figure, sweep_data(drawn, level), "sweep", trajectory, parameter)
+        yield Drawing(name, caption, figure, "sweep", trajectory, parameter)
 
 
 def _drawable(rows: pl.DataFrame) -> bool:

@@ -8,7 +8,6 @@ import polars as pl
 from bottomlock.figures.images import image_process
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
-from bottomlock.pages.figure_files import figure_files
 from bottomlock.pages.page import Picture, html
 from bottomlock.paper.claims import load_paper
 from bottomlock.paper.verdicts import claims_table, flown
@@ -65,11 +64,11 @@ def make_report(folder: str | Path, *, force: bool = False) -> Report:
         recommended = (
             [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
         )
-        drawn = draw(drawings(campaign, errors, paper, recommended), pdf=True)
+        drawn = draw(drawings(campaign, errors, paper, recommended))
     files: Files = {"tables/claims.parquet": parquet_bytes(claims)} if theirs else {}
     figures = []
     for drawing, image in drawn:
-        own = figure_files(f"figures/{drawing.name}", image, drawing.data)
+        own = image.files(f"figures/{drawing.name}")
         files |= own
         kind = KINDS.get(drawing.place, "")
         picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
