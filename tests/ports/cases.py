@@ -9,21 +9,40 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega
 
-from bottomlock.kernel import solve_velocity
+from bottomlock.kernel import BeamGeometry, solve_velocity
 from bottomlock.ports.estimate import Beams, Estimate, State
-from tools import port_losses
 
 Floats = NDArray[np.float64]
 
-JANUS, BEAM_SD, TRUTH = port_losses.JANUS, port_losses.BEAM_SD_MPS, port_losses.VELOCITY_P_MPS
+JANUS = BeamGeometry.janus(np.deg2rad(20.0))
+BEAM_SD = 0.02
+TRUTH = np.array([1.8, -0.3, 0.15])
 SECOND = 1_000_000_000
 START = 1_800_000_000 * SECOND
-MASKS = {name: mask for name, mask in port_losses.MASKS.items() if any(mask)}
+MASKS = {
+    "4 beams": (1, 1, 1, 1),
+    "3 beams": (1, 1, 1, 0),
+    "2 opposite": (1, 0, 1, 0),
+    "2 neighbours": (1, 1, 0, 0),
+    "1 beam": (1, 0, 0, 0),
+}
+_SD_MPS = np.array([0.15, 0.25, 0.08])
+INERTIAL_M2PS2: Floats = np.array([[1.0, 0.95, 0.9], [0.95, 1.0, 0.92], [0.9, 0.92, 1.0]]) * np.outer(
+    _SD_MPS, _SD_MPS
+)
+"""Covariance of an inertial solution before a ping, with correlations as a turn leaves them."""
 # Correlated as a navigator's is after an outage: a long axis across the platform's.
 JOINT_FACTOR = (
     np.random.default_rng(24).normal(0.0, 1.0, (9, 9))
     * np.array([[1.0, 1.0, 0.3, 0.002, 0.002, 0.01, 0.03, 0.08, 0.02]]).T
 )
+
+
+def fused(mask: tuple[int, ...]) -> Floats:
+    """(3, 3) covariance of the inertial solution after a ping of these beams, m²/s²."""
+    rows = JANUS.directions_p[np.array(mask, dtype=bool)]
+    after = np.linalg.inv(np.linalg.inv(INERTIAL_M2PS2) + rows.T @ rows / BEAM_SD**2)
+    return np.asarray(0.5 * (after + after.T), dtype=np.float64)
 
 
 def ping(mask: tuple[int, ...], velocity: Floats = TRUTH) -> Beams:

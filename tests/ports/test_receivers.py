@@ -22,7 +22,8 @@ from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.over_bound import diagonal_bound
 from bottomlock.ports.registry import port
 from bottomlock.statistics.chi_squared import each_probability, mean_band
-from tests.ports.cases import BEAM_SD, JANUS, SECOND, START, TRUTH, navigated
+from tests.ports import cases
+from tests.ports.cases import BEAM_SD, JANUS, SECOND, START, TRUTH, fused, navigated
 from tests.ports.receivers import (
     ACCEL_NOISE,
     BIAS_SD,
@@ -35,10 +36,10 @@ from tests.ports.receivers import (
     Px4,
     Receiver,
 )
-from tools.port_losses import MASKS, fused
 
 Floats = NDArray[np.float64]
 
+MASKS = cases.MASKS | {"no beam": (0, 0, 0, 0)}
 STEPS = 8
 FULL = "ros_twist"
 FALSE_ALARM = 1e-3
