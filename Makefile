@@ -1,5 +1,5 @@
 # The same verbs by hand, in hooks and in CI: demo, test, test-long, test-deep, test-all, test-others, lint, docs, bench, golden, pages,
-# consistency, develop, install-c, clean. Of the site also: docs-links, notebooks, figures.
+# consistency, develop, install-c, clean. Of the site also: docs-links, figures.
 # What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
 #
 #   make demo RUNS=500      a larger campaign
@@ -52,7 +52,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*' -not -path '*-c/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-deep test-all test-others \
+.PHONY: demo docs docs-links figures spelling test test-rust test-python test-long test-deep test-all test-others \
     lint lint-rust lint-python deny bench golden pages consistency develop header install-c attack fuzz soak mutants lock sbom wheel clean
 .DELETE_ON_ERROR:
 
@@ -141,10 +141,6 @@ spelling: $(VENV)/.tools
 # Every link of the site: a broken one within it fails `make docs` already; those outside are tried, and told.
 docs-links: $(VENV)/.docs $(VENV)/.installed
 	$(bin)/python -m tools.build_site --builder linkcheck --out out/links
-
-# The examples as notebooks, in out/notebooks.
-notebooks: $(VENV)/.docs
-	$(bin)/python -m tools.build_site --notebooks out/notebooks
 
 # The figures of README and methods' pages, flown again, the drawings, and pictures of pages, which need Chromium.
 figures: $(VENV)/.installed

@@ -59,11 +59,5 @@ compared.filter(
 ).select("method", "unit", "value", "paired", "difference", "difference_lo", "difference_hi")
 
 # %% [markdown]
-# For a paper, the table in LaTeX, with the rules of booktabs:
-
-# %%
-print(found["two beams"].to_latex())
-
-# %% [markdown]
 # [Notebooks](../docs/notebooks.md) lists what shows itself; [side by side](../docs/compare.md) compares variants with
 # paired differences.

@@ -61,9 +61,3 @@ replay.pings.filter(replay.pings["what_if"] == "lost_34").head(4)
 # %%
 compared = alone.compare(replay)
 compared.filter(what_if="recorded", method="tc", **{"pass": "forward"})
-
-# %% [markdown]
-# And for a paper, the table of the page with the rules of booktabs:
-
-# %%
-print(replay.to_latex("lost_34"))

@@ -1,12 +1,10 @@
-"""Build the documentation site from the pages of docs/, the scripts of examples/ and notebooks made from them.
+"""Build the documentation site from the pages of docs/ and the scripts of examples/.
 
     python -m tools.build_site                       # out/site
     python -m tools.build_site --builder linkcheck   # every link; those outside are tried
-    python -m tools.build_site --notebooks out/notebooks    # the examples as notebooks, nothing else
 
 Warnings are errors. What docs/ links to in the rest of the checkout becomes a link to the repository, a <picture> of a
-forge two figures of which the scheme shows one, and the script of each example and its notebook can be downloaded from
-its page.
+forge two figures of which the scheme shows one, and the script of each example can be downloaded from its page.
 """
 
 from __future__ import annotations
@@ -99,23 +97,13 @@ def write(path: Path, data: bytes) -> Path:
 
 
 def with_downloads(script: Path, text: str) -> str:
-    """An example with a last paragraph that names its two forms."""
-    name = script.stem
+    """An example with a last paragraph that links its script."""
+    name = script.name
     links = (
-        f"The page was run when this site was built. Download it as {{download}}`script <_downloads/{name}.py>` or as\n"
-        f"# {{download}}`notebook <_downloads/{name}.ipynb>`."
+        f"The page was run when this site was built. Download it as {{download}}`script <_downloads/{name}>`."
     )
     pages = re.sub(r"\]\(\.\./docs/", "](../", text)
     return f"{pages.rstrip()}\n\n# %% [markdown]\n# ---\n# {links}\n"
-
-
-def notebooks(folder: Path) -> Iterator[Path]:
-    """The examples as notebooks without outputs."""
-    import jupytext  # noqa: PLC0415 - of the extra `docs`; the rest of this module is tested without it
-
-    for script in examples():
-        book = jupytext.read(script, fmt="py:percent")
-        yield write(folder / f"{script.stem}.ipynb", jupytext.writes(book, fmt="ipynb").encode())
 
 
 def tables(root: Path = ROOT) -> str:
@@ -165,7 +153,6 @@ def staged(folder: Path) -> set[Path]:
         text = script.read_text(encoding="utf-8")
         made.add(write(gallery / script.name, with_downloads(script, text).encode()))
         made.add(write(gallery / "_downloads" / script.name, text.encode()))
-    made.update(notebooks(gallery / "_downloads"))
     rustdoc = ROOT / "target" / "doc"
     if (rustdoc / "bottomlock" / "index.html").is_file():
         shutil.copytree(rustdoc, folder / "_extra" / "rust", dirs_exist_ok=True)
@@ -188,12 +175,7 @@ def main() -> int:
     )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "site")
     parser.add_argument("--builder", default="html")
-    parser.add_argument("--notebooks", type=Path)
     asked = parser.parse_args()
-    if asked.notebooks is not None:
-        for path in notebooks(asked.notebooks):
-            print(path)
-        return 0
     clear(STAGED, staged(STAGED))
     links = asked.builder == "linkcheck"
     command = [sys.executable, "-m", "sphinx", "-b", asked.builder, "--keep-going", "--quiet", "-j", "2"]

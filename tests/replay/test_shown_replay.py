@@ -111,7 +111,6 @@ def test_plots_take_axes_methods_and_passes(replay: Replay) -> None:
             lambda one: one.plot_depth(DEAD_RECKONING, which="smoothed"),
             "which is 'smoothed', expected one of forward",
         ),
-        (lambda one: one.to_latex("lost"), "what_if is 'lost'"),
     ],
 )
 def test_what_a_replay_does_not_have_is_named(
@@ -143,13 +142,12 @@ def test_it_shows_itself(replay: Replay) -> None:
     Reader().feed(html)
     assert captions == ["survey_dive", "Recorded", "Lost 34", "One beam for 5 min"]
     assert replay.manifest["answer"]["sentence"].split(".")[0] in html
-    latex = replay.to_latex("lost_34")
     row = replay.runs.filter(
         (pl.col("what_if") == "lost_34")
         & (pl.col("method") == "sway_current")
         & (pl.col("pass") == "forward")
     )
-    assert rf"sway\_current & forward & {row['position_final_m'].item():.2f} &" in latex
+    assert f"{row['position_final_m'].item():.2f}</td>" in html
 
 
 def test_its_tables_are_its_files(replay: Replay) -> None:

@@ -36,13 +36,13 @@ def test_every_table_is_documented() -> None:
     assert page.count("| Column | Type |") > 15
 
 
-def test_an_example_is_offered_in_two_forms(root: Path) -> None:
+def test_an_example_links_its_script(root: Path) -> None:
     script = root / "examples" / "slope.py"
     text = script.read_text(encoding="utf-8")
     page = build_site.with_downloads(script, text)
     assert "](../plant.md)" in page
     assert "../docs/" not in page
-    assert "_downloads/slope.ipynb" in page
+    assert "_downloads/slope.py" in page
 
 
 def test_broken_links_within_the_site_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

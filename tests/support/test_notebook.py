@@ -62,17 +62,6 @@ def test_results_are_a_line_and_a_table(results: Results) -> None:
     assert float(value) == pytest.approx(np.sqrt(np.mean(final**2)), rel=5e-3)
 
 
-def test_results_in_latex_are_those_of_the_notebook(results: Results) -> None:
-    """Cell by cell, without the escapes."""
-    lines = results.to_latex().splitlines()
-    rows = [line.removesuffix(r" \\").split(" & ") for line in lines if line.endswith(r"\\")]
-    shown = cells(results._repr_html_())[1:]
-    plain = [cell.replace(r"\ldots{}", "…").replace("--", "–") for row in rows for cell in row]
-    assert plain == shown
-    with pytest.raises(DataError, match="trajectory is 'curved', expected one of straight"):
-        results.to_latex("curved")
-
-
 def test_results_are_compared_as_the_command_does(results: Results, tmp_path: Path) -> None:
     """The table of `bottomlock compare` of the same folders; the pairs are those of equal runs."""
     other = run_campaign([short(runs=3).replace({"dvl.beams_lost": [2]})], tmp_path / "other")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Self
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.pages.latex import latex_table
 from bottomlock.pages.notebook import notebook_table
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Table
@@ -38,17 +37,6 @@ class ShownResults:
     def _repr_html_(self) -> str:
         """Errors at the end and NEES with their intervals, a row for each method, a table for each trajectory."""
         return "".join(notebook_table(self._table(name)) for name in self.trajectories)
-
-    def to_latex(self, trajectory: str | None = None) -> str:
-        """The same table in LaTeX, with the rules of the package booktabs.
-
-        Args:
-            trajectory: one of the campaign's; its only one by default.
-
-        Raises:
-            DataError: for a trajectory that the campaign does not have, or none of several.
-        """
-        return latex_table(self._table(self._known(trajectory)))
 
     def compare(self, other: Self, labels: tuple[str, str] = ("this", "other")) -> pl.DataFrame:
         """These results beside others, as `bottomlock compare` lays them out; differences are these minus the others.

@@ -12,7 +12,6 @@ from bottomlock.figures.notebook import shown_axes, shown_figure
 from bottomlock.figures.palette import WIDTH_IN
 from bottomlock.figures.series import Panel
 from bottomlock.figures.timeline import draw_panels, stacked_axes, timeline_size_in
-from bottomlock.pages.latex import latex_table
 from bottomlock.pages.notebook import notebook_table
 from bottomlock.pages.page import Table
 from bottomlock.pages.pieces import title_of
@@ -140,14 +139,6 @@ class Replay:
             self.manifest["case"],
         )
         return notebook_table(head) + "".join(notebook_table(self._table(name)) for name in self.what_ifs)
-
-    def to_latex(self, what_if: str | None = None) -> str:
-        """Errors at the end, claims and fixes of a what-if case in LaTeX, with the rules of the package booktabs.
-
-        Raises:
-            DataError: for a what-if case that the replay does not have.
-        """
-        return latex_table(self._table(self._case(what_if)))
 
     def compare(self, other: "Replay") -> pl.DataFrame:
         """The replay beside another of the same dive, with other methods or settings; differences are to the other.
