@@ -2,7 +2,7 @@
 
 Fibre-optic IMU at 100 Hz, DVL at 1 Hz in instrument axes (beams are projected: semi-synthetic), reference at 1 Hz. What
 has to be corrected stands in the recording's README; that the IMU reads where the DVL is, and the reference stands
-1.8 m ahead, was found here .
+1.8 m ahead, was found here.
 """
 
 from __future__ import annotations
