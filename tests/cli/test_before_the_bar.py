@@ -68,7 +68,7 @@ def test_a_replay_that_cannot_begin_shows_no_bar(
             "--shard and --set are both given",
         ),
         (["run", "straight", "--methods", "tcc"], "did you mean 'tc'"),
-        (["masks", "straight", "--methods", "tcc"], "did you mean 'tc'"),
+        (["study", "straight", "--methods", "tcc"], "did you mean 'tc'"),
         (["compare", "nowhere"], "nowhere: no such directory"),
         # Long ones: no estimate of their time comes before the error.
         (["run", "straight", *LONG, "--set", "imu.gyro_bais_deg_per_h=1,2"], "did you mean"),

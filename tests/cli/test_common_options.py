@@ -82,7 +82,7 @@ def test_commands_stand_by_job() -> None:
     assert sum(map(len, JOBS.values())) == len(COMMANDS)
 
 
-@pytest.mark.parametrize("name", ["run", "consistency", "masks"])
+@pytest.mark.parametrize("name", ["run", "study"])
 def test_methods_are_listed_where_one_is_chosen(name: str) -> None:
     shown = command(name, "--help").stdout
     assert {method for method in METHODS if re.search(rf"\b{method}\b", shown)} == set(METHODS)
@@ -155,13 +155,13 @@ def test_completion_is_a_script_of_bash(tmp_path: Path) -> None:
     script.write_text(command("completion", "bash").stdout)
     lines = (
         f"source {shlex.quote(str(script))}",
-        "COMP_WORDS=(bottomlock cons)",
+        "COMP_WORDS=(bottomlock stu)",
         "COMP_CWORD=1",
         "_bottomlock",
         'echo "${COMPREPLY[@]}"',
     )
     done = subprocess.run(["bash", "-c", "\n".join(lines)], capture_output=True, text=True, check=False)
-    assert done.stdout.split() == ["consistency"], done.stderr
+    assert done.stdout.split() == ["study"], done.stderr
 
 
 def test_no_color_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:

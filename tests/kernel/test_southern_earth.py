@@ -6,6 +6,7 @@ north has it upwards. Half an hour with the wrong sign is 10 degrees of heading.
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,14 +15,13 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 import bottomlock
+from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import EARTH_RATE_RADPS, load_scenario
 from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
 from bottomlock.dead_reckoning.track import Velocities
 from bottomlock.kernel.attitude_motion import inertial_readings
 from bottomlock.plant.ideal_sensors import inertial_measurements
 from bottomlock.replay.init.moved import turns
-from bottomlock.simulation.build import build_simulation
-from bottomlock.studies.consistency import run_judged
 from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings
 from tests.oracle import beams, truth
 from tests.property import settings
@@ -141,7 +141,7 @@ def test_simulated_sensors_allow_for_it() -> None:
         np.testing.assert_allclose(read["dvl_velocity_mps"][row], beams.x_janus() @ velocity, atol=1e-9)
 
 
-def test_a_scenario_in_the_south_is_consistent() -> None:
+def test_a_scenario_in_the_south_is_consistent(tmp_path: Path) -> None:
     """Ten minutes of `long_way` to the south-west, 24 runs: each mean NEES in a band that one campaign in 500 leaves.
 
     Its readings are those of the truth: averaged ones would be made with the filter's own Earth.
@@ -150,7 +150,7 @@ def test_a_scenario_in_the_south_is_consistent() -> None:
     scenario = scenario.replace({
         "environment.latitude_deg": -45.0, "trajectory.heading_deg": 225.0, "imu.sampling": "instantaneous",
     })  # fmt: skip
-    times_s, batch = run_judged(build_simulation(scenario), ["tc"], threads=1)
-    nees = batch["nees_velocity_attitude"][:, 0].mean(axis=0)
-    low, high = chi2.ppf([1e-3 / len(times_s), 1.0 - 1e-3 / len(times_s)], 6 * 24) / 24
-    assert low < nees.min() <= nees.max() < high
+    consistency = run_campaign([scenario.with_overrides(methods=["tc"])], tmp_path, threads=1).consistency
+    (row,) = consistency.filter(quantity="nees_velocity_attitude").to_dicts()
+    low, high = chi2.ppf([1e-3 / row["times"], 1.0 - 1e-3 / row["times"]], 6 * 24) / 24
+    assert low < row["least"] <= row["greatest"] < high

@@ -11,7 +11,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.kernel import Method
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.simulation.run_events import Readings
+from tests.run_events import Readings
 
 METHODS: list[Method] = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway"]
 

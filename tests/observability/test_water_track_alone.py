@@ -17,8 +17,8 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import CurrentLayers
 from bottomlock.simulation.build import build_simulation
-from bottomlock.simulation.run_events import Readings
 from tests.imu_blocks import measured
+from tests.run_events import Readings
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
 from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.results import read_campaign_tables
-from bottomlock.tables.studies import CURRENT, PUBLISHED, QUANTITIES, SWEEP
+from bottomlock.tables.studies import CURRENT, PUBLISHED, SWEEP
 from tests.recorded import add_table
 from tests.report.synthetic_campaign import edit_manifest, write_campaign
 
@@ -45,11 +45,12 @@ def _overconfident(folder: Path, trajectory: str, method: str) -> None:
 
 
 def studies(*methods: str, overconfident: Sequence[tuple[str, str, str]] = ()) -> pl.DataFrame:
-    """Published studies of one trajectory in which all is consistent but some cells: method, beams, quantity."""
+    """Published studies of one trajectory in which all is consistent but some cells: method, beams, verdict."""
     rows = [
         (
             "survey", method, "straight", beams,
-            *("overconfident" if (method, beams, name) in overconfident else "consistent" for name in QUANTITIES),
+            *("overconfident" if (method, beams, name) in overconfident else "consistent"
+              for name in ("verdict_velocity_attitude", "verdict")),
         )
         for method in methods
         for beams in ("1,2,3,4", "1,2", "1,3")
@@ -91,16 +92,15 @@ def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lost", "cell", "recommended"),
     [
-        ([3, 4], ("nsv", "1,2", "nees_velocity_attitude"), ("tc",)),
-        ([3, 4], ("nsv", "1,2", "nis"), ("tc",)),
-        ([3, 4], ("nsv", "1,3", "nees"), ("nsv", "tc")),
-        ([4], ("nsv", "1,3", "nees"), ("tc",)),
+        ([3, 4], ("nsv", "1,2", "verdict"), ("tc",)),
+        ([3, 4], ("nsv", "1,3", "verdict"), ("nsv", "tc")),
+        ([4], ("nsv", "1,3", "verdict"), ("tc",)),
     ],
 )
 def test_a_method_is_recommended_where_the_published_studies_bear_it_out(
     tmp_path: Path, lost: list[int], cell: tuple[str, str, str], recommended: tuple[str, ...]
 ) -> None:
-    """Overconfident there under the campaign's beams, in any quantity; under any beams where its own are not there."""
+    """Overconfident there under the campaign's beams; under any beams where its own are not there."""
 
     def size(_: str, method: str, __: np.ndarray[Any, Any]) -> tuple[Any, Any]:
         return {"nsv": 0.05, "elc": 0.01}.get(method, 0.2), 1.0

@@ -17,15 +17,11 @@ from tests.campaign.small_campaign import same_bits, short
 
 ENTRY_POINTS = {
     "bottomlock.campaign.until": ["run_until"],
-    "bottomlock.studies.consistency": ["run_consistency"],
-    "bottomlock.studies.masks": ["run_masks"],
-    "bottomlock.studies.recovery": ["run_recovery"],
     "bottomlock.studies.reproduce": ["reproduce"],
-    "bottomlock.studies.sensor_law": ["run_sensor_law"],
+    "bottomlock.studies.study": ["study"],
     "bottomlock.studies.sweep": ["run_sweep"],
     "bottomlock.studies.variants": ["run_variants"],
     "bottomlock.studies.without_cause": ["run_without_causes"],
-    "bottomlock.studies.expected_verdicts": ["read_expectations"],
     "bottomlock.report.compare": ["compare"],
     "bottomlock.report.page": ["make_report"],
     "bottomlock.replay.case": ["load_case"],

@@ -18,13 +18,13 @@ from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.report import scenario_schedule
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.simulation.run_events import Readings
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.analytic import analytic
 from tests.config.test_scenario import TEXT
 from tests.imu_blocks import measured
 from tests.oracle import acoustic_position as oracle
 from tests.oracle.rotations import matrix_from_quaternion
+from tests.run_events import Readings
 
 LEVER = [0.8, -0.3, 0.6]
 

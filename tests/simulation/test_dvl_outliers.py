@@ -17,9 +17,9 @@ from bottomlock.kernel import KernelError, run_batch
 from bottomlock.kernel.models import DvlOutlierModel
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.simulation.run_events import Readings
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.config.test_scenario import TEXT
+from tests.run_events import Readings
 
 SECONDS = 60.0
 

@@ -12,10 +12,10 @@ from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import run_batch, simulate_sensors
 from bottomlock.simulation.build import Simulation, build_simulation
-from bottomlock.simulation.run_events import Readings
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.config.test_scenario import TEXT
 from tests.oracle.rotations import matrix_from_quaternion
+from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 CURRENT = {

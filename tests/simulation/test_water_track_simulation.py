@@ -15,10 +15,10 @@ from bottomlock.kernel import ClosedLoop, KernelError, run_batch, simulate_senso
 from bottomlock.plant import Current
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.measurement_schedule import MeasurementSchedule
-from bottomlock.simulation.run_events import Readings
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.config.test_scenario import TEXT
 from tests.oracle.rotations import matrix_from_quaternion
+from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 LEVERS = [[0.8, -0.3, 0.6], [0.9, -0.2, 0.6], [0.7, 0.1, 0.5], [0.8, 0.2, 0.4]]

@@ -29,7 +29,7 @@ EVERY_S = 5
 def run(mask: tuple[int, ...], vehicle: str, runs: int) -> dict[str, Array]:
     """NEES of velocity and attitude, errors and σ of velocity every 5 s; (runs, methods, T, …)."""
     scenario = load_scenario("hovering").replace({"filter.water": {"vehicle": vehicle}})
-    simulation = build_simulation(cases.masked(scenario, mask).scenario)
+    simulation = build_simulation(cases.masked(scenario, mask))
     truth, key = simulation.truth(), trajectory_key(scenario.name)
     plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
     plan["sample_time_ns"] = plan["sample_time_ns"][plan["sample_time_ns"] % (EVERY_S * 10**9) == 0][1:]
@@ -68,5 +68,5 @@ def table(runs: int, vehicles: Iterable[str] = PRIORS, masks: Iterable[tuple[int
                     np.sqrt(np.mean(np.sum(batch[name][:, k] ** 2, axis=-1))) for name in ("error", "sd")
                 )
                 cells.append(f"{at.mean():.1f} [{at.max():.1f}], {error:.3f} / {claimed:.3f}")
-            rows.append(f"| {vehicle} | {cases.beam_list(mask)} | {' | '.join(cells)} |")
+            rows.append(f"| {vehicle} | {','.join(map(str, mask))} | {' | '.join(cells)} |")
     return "\n".join(rows)

@@ -14,10 +14,10 @@ import pytest
 from bottomlock.kernel import Method, Navigator
 from bottomlock.kernel.models import DvlModel
 from bottomlock.simulation.build import build_simulation
-from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band
 from tests.imu_blocks import measured
 from tests.oracle.acoustic_position import deviation
+from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import scenario
 
 RUNS, SECONDS = 60, 40.0

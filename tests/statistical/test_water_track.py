@@ -16,9 +16,9 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import CurrentLayers
 from bottomlock.simulation.build import build_simulation
-from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band
 from tests.imu_blocks import measured
+from tests.run_events import Readings
 
 RUNS, SECONDS, LOCK_S = 40, 240.0, 60.0
 PROBABILITY = 1.0 - 2.5e-4

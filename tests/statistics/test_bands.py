@@ -2,8 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from bottomlock.statistics.chi_squared import detectable_factor, each_probability, mean_band, verdict
+from bottomlock.statistics.chi_squared import (
+    detectable_factor,
+    each_probability,
+    family_band,
+    judged_samples,
+    mean_band,
+    verdict,
+)
 
 
 @pytest.mark.parametrize(
@@ -43,18 +51,30 @@ def test_the_family_rate_holds_for_dependent_tests() -> None:
 
 
 @pytest.mark.parametrize(
-    ("least", "greatest", "expected"),
+    ("at_low", "at_high", "expected"),
     [
-        (5.5, 6.5, "consistent"),
-        (5.0, 7.0, "consistent"),
-        (5.5, 7.1, "overconfident"),
-        (4.9, 6.5, "conservative"),
-        (4.9, 7.1, "overconfident"),
+        (1.001, 0.999, "consistent"),
+        (1.001, 1.001, "overconfident"),
+        (0.999, 0.999, "conservative"),
+        (0.999, 1.001, "overconfident"),
     ],
 )
-def test_verdicts(least: float, greatest: float, expected: str) -> None:
-    """Overconfidence at one time outweighs caution at another: it is the fault that does harm."""
-    assert verdict(5.0, least, greatest, 7.0) == expected
+@pytest.mark.parametrize("degrees", [6, 20])
+def test_verdicts_at_the_limits(degrees: int, at_low: float, at_high: float, expected: str) -> None:
+    """A thousandth inside and outside either limit, which scipy gives: 1 % is shared by 48 means, each with two tails.
+
+    Overconfidence at one time outweighs caution at another: it is the fault that does harm.
+    """
+    low, high = chi2.ppf([0.005 / 48, 1.0 - 0.005 / 48], 40 * degrees) / 40
+    assert family_band(degrees, 40, 48) == pytest.approx((low, high))
+    assert verdict([float(degrees), at_low * low, at_high * high], 40, degrees, 48) == expected
+
+
+def test_the_judged_samples_are_the_ends_of_fifths() -> None:
+    """Of a second each: 50, 100, … 250 s; the last one always is, and of few samples every one."""
+    assert judged_samples(250) == [49, 99, 149, 199, 249]
+    assert judged_samples(301) == [59, 119, 180, 240, 300]
+    assert [judged_samples(count) for count in (1, 3, 5)] == [[0], [0, 1, 2], [0, 1, 2, 3, 4]]
 
 
 def test_detectable_factor_is_detected() -> None:

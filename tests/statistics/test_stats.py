@@ -6,10 +6,9 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.statistics import campaign
-from bottomlock.statistics.campaign import BAND_PROBABILITY
-from bottomlock.statistics.chi_squared import mean_band
+from bottomlock.statistics.chi_squared import family_band
 from bottomlock.statistics.rms import bootstrap_rms, rms_column
-from bottomlock.tables.campaign import ENSEMBLE, OUTCOMES, RUNS, SAMPLES
+from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
 from bottomlock.tables.check import check
 
 
@@ -93,17 +92,36 @@ def test_consistency_verdicts() -> None:
         assert table["verdict"].to_list() == [verdict, verdict]
 
 
-def test_consistency_of_a_mean_at_the_edge_of_its_band() -> None:
-    """Six and twenty degrees; a mean that is just at a limit is inside."""
-    bands = {
-        "nees_velocity_attitude": mean_band(6, 2, BAND_PROBABILITY),
-        "nees": mean_band(20, 2, BAND_PROBABILITY),
+def test_means_are_judged_at_their_times_as_one_family() -> None:
+    """Two methods and two quantities at five of ten times: twenty means; one above its band counts."""
+    _, high = family_band(6, 2, 20)
+    spike = {
+        name: np.full(10, degrees) for name, degrees in (("nees_velocity_attitude", 6.0), ("nees", 20.0))
     }
-    at_time = {name: np.array([low, high, 0.9 * low, 1.1 * high]) for name, (low, high) in bands.items()}
-    table = campaign.consistency_rows("t", "tc", at_time, runs=2, full_degrees=20)
-    assert table["degrees"].to_list() == [6, 20]
-    assert table.select("band_lo", "band_hi").rows() == list(bands.values())
-    assert table["fraction_inside"].to_list() == [0.5, 0.5]
+    between = {name: values.copy() for name, values in spike.items()}
+    spike["nees_velocity_attitude"][3] = 1.001 * high
+    between["nees_velocity_attitude"][2] = 1.001 * high
+    rows = [
+        campaign.consistency_rows("t", method, means, runs=2, full_degrees=20)
+        for method, means in (("tc", spike), ("vb", between))
+    ]
+    table = check(campaign.judge(pl.concat(rows)), CONSISTENCY, place="consistency")
+    assert table["degrees"].to_list() == [6, 20] * 2
+    assert table["verdict"].to_list() == ["overconfident", "consistent", "consistent", "consistent"]
+    assert table["greatest"].to_list() == pytest.approx([1.001 * high, 20.0, 6.0, 20.0])
+    assert table.select("band_lo", "band_hi").row(1) == family_band(20, 2, 20)
+
+
+def test_a_method_without_nees_has_no_verdict_and_is_not_of_the_family() -> None:
+    none = {name: np.full(5, np.nan) for name in ("nees_velocity_attitude", "nees")}
+    some = {"nees_velocity_attitude": np.full(5, 6.0), "nees": np.full(5, 20.0)}
+    rows = [
+        campaign.consistency_rows("t", method, means, runs=9, full_degrees=20)
+        for method, means in (("dead_reckoning", none), ("tc", some))
+    ]
+    table = campaign.judge(pl.concat(rows))
+    assert table.select("mean", "greatest", "verdict").row(0) == (None, None, None)
+    assert table.select("band_lo", "band_hi").row(2) == family_band(6, 9, 10)
 
 
 def test_rejected_fraction_is_of_all_fixes() -> None:

@@ -15,7 +15,7 @@ from bottomlock.config.scenario import copy_scenario
 from bottomlock.encoders.registry import format_named
 from bottomlock.errors import BottomlockError
 from bottomlock.plant import load_vehicle
-from bottomlock.studies.sensor_law import variant
+from bottomlock.studies.cases import aided_by
 from bottomlock.support.nearest import did_you_mean, nearest
 
 PACKAGE = Path(bottomlock.__file__).parent
@@ -65,7 +65,7 @@ def _navigator(method: Any) -> object:  # noqa: ANN401 - a wrong one
         (lambda: check_engine("Dask"), "dask"),
         (lambda: format_named("nucleos"), "nucleus"),
         (lambda: bottomlock.read_recording("x", format="pd-0"), "pd0"),
-        (lambda: variant(bottomlock.load_scenario("straight"), (1, 3), ("dept",), 0.0), "depth"),
+        (lambda: aided_by(bottomlock.load_scenario("straight"), ("dept",)), "depth"),
         (lambda: bottomlock.truth_from_path("x.csv", rate_hz=10.0, gravity_mps2=9.8, smoth_s=1.0), "smooth_s"),
     ],
 )  # fmt: skip

@@ -50,7 +50,8 @@ class Aggregate:
         # With one BLAS thread the last bits do not depend on the number of cores.
         with threadpool_limits(limits=1, user_api="blas"):
             parts = [scenario.tables() for scenario in self._scenarios.values()]
-        return Tables(*(pl.concat(tables) for tables in zip(*parts, strict=True)))
+        tables = Tables(*(pl.concat(tables) for tables in zip(*parts, strict=True)))
+        return tables._replace(consistency=campaign.judge(tables.consistency))
 
 
 class _ScenarioAggregate:

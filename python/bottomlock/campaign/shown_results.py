@@ -109,7 +109,7 @@ class ShownResults:
         return self._plot("attitude", trajectory, axes)
 
     def plot_nees(self, trajectory: str | None = None, *, axes: "Axes | None" = None) -> "Axes":
-        """Mean NEES of the whole state against time with its 95 % band; as `plot_velocity_error`."""
+        """Mean NEES of the whole state against time with its band; as `plot_velocity_error`."""
         return self._plot("nees", trajectory, axes)
 
     def _plot(self, quantity: str, trajectory: str | None, axes: "Axes | None") -> "Axes":

@@ -51,17 +51,15 @@ JOBS = {
         "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
     },
     "Studies": {
-        "consistency": (
-            "consistency",
-            "Test the consistency of NEES and NIS for every method and set of beams.",
-        ),
-        "masks": ("masks", "Run every set of returning beams, dropouts and a slope."),
         "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
         "reproduce": (
             "report",
             "Reproduce the 2017 paper: run its study, test its claims, write the report.",
         ),
-        "sensor-law": ("sensor_law", "Test whether a further sensor makes an estimate worse."),
+        "study": (
+            "study",
+            "Compare the methods under sets of returning beams and sensors: errors, NEES, NIS, verdicts.",
+        ),
     },
     "Look up": {
         "completion": ("completion", "Print the completion of the command for a shell."),
@@ -85,9 +83,7 @@ USAGE = {
     "merge": "[OPTIONS] OUT SHARDS...",
     "fly": "[OPTIONS] SCENARIO...",
     "keys": "[OPTIONS] KIND [WORD]",
-    "masks": "--out PATH [OPTIONS] SCENARIO...",
-    "consistency": "--out PATH [OPTIONS] [SCENARIO...]",
-    "sensor-law": "--out PATH [OPTIONS] [SCENARIO...]",
+    "study": "--out PATH [OPTIONS] [SCENARIO...]",
     "replay": "[OPTIONS] FILES...",
     "observe": "--out PATH [OPTIONS] [CASE]",
 }

@@ -21,9 +21,10 @@ EXAMPLES = {
     ),
     "reproduce": ("reproduce -o out/paper -n 50",),
     "report": ("report out/first",),
-    "masks": ("masks straight -o out/masks -n 50",),
-    "consistency": ("consistency straight -o out/consistency -n 100 -m tc,nsv",),
-    "sensor-law": ("sensor-law -o out/law",),
+    "study": (
+        "study straight -o out/masks -n 100 -m tc,nsv,sway_current",
+        "study straight -o out/depth --masks 12,1 --sensors none,depth",
+    ),
     "replay": ("replay case.toml -o out/dive",),
     "tune": ("tune case.toml", "tune case.toml -o tuned.toml --fraction 0.4"),
     "audit": ("audit beams.parquet -o out/audit --geometry waterlinked_a50",),

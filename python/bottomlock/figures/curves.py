@@ -144,7 +144,7 @@ def draw_nees(
     *,
     methods: Sequence[str] | None = None,
 ) -> None:
-    """Mean NEES of the whole state against time, with the 95 % chi-squared band of a consistent filter."""
+    """Mean NEES of the whole state against time, with the chi-squared band that the verdict holds it against."""
     rows = _rows(ensemble, trajectory, methods)
     band = consistency.filter((pl.col("trajectory") == trajectory) & (pl.col("quantity") == "nees"))
     nees = _by_method(rows.drop_nulls("nees_mean_over_runs"), "nees_mean_over_runs")
@@ -161,7 +161,7 @@ def draw_nees(
             axes, np.array(list(nees.values())), [float(band["band_lo"][0]), float(band["band_hi"][0])]
         )
         axes.text(
-            0.0, 1.02, f"grey: consistent filter, 95 % ({band['degrees'][0]} states, {band['runs'][0]} runs)",
+            0.0, 1.02, f"grey: consistent filter ({band['degrees'][0]} states, {band['runs'][0]} runs)",
             transform=axes.transAxes, fontsize=8.5, color=INK, va="bottom",
         )  # fmt: skip
         label_ends(axes, lines)

@@ -1,7 +1,8 @@
-"""The published consistency studies (docs/consistency*.md), as advice needs them: where each method was overconfident.
+"""The published studies (docs/evidence.md), as advice needs them: where each method was overconfident.
 
 A campaign tests the assumptions of its methods in its own water only. What a method may be recommended for therefore
-also comes from here. `tools/publish_studies.py` writes the packaged table from the pages.
+also comes from here. `python -m tools.evidence --publish` writes the packaged table; its metadata name commits and
+commands.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,12 +15,9 @@ import polars as pl
 from bottomlock.errors import DataError
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT
 from bottomlock.tables.check import check
-from bottomlock.tables.studies import PUBLISHED, QUANTITIES
+from bottomlock.tables.studies import PUBLISHED
 
-FILE = "published_consistency.csv"
-
-CORE = "nees_velocity_attitude"
-"""The quantity that must be consistent for a cell to count as consistent."""
+FILE = "published.parquet"
 
 IN_CURRENT = ("survey", "hovering")
 """Worlds whose water moves; that of the paper is still."""
@@ -38,9 +36,9 @@ class Standing:
 
     Attributes:
         cells: number of cells.
-        consistent: cells whose NEES of velocity and attitude is consistent and in which nothing is overconfident.
-        overconfident: cells in which any quantity is overconfident.
-        overconfident_core: those of them in which the NEES of velocity and attitude is.
+        consistent: cells whose verdict is that.
+        overconfident: cells whose verdict is that: in velocity and attitude, or in the whole state.
+        overconfident_core: those of them in velocity and attitude.
     """
 
     cells: int
@@ -74,8 +72,8 @@ def load_published() -> pl.DataFrame:
     >>> load_published().columns[:4]
     ['world', 'method', 'trajectory', 'beams']
     """
-    text = (resources.files("bottomlock.report") / FILE).read_bytes()
-    return check(pl.read_csv(text, schema=dict(PUBLISHED)), PUBLISHED, place=FILE)
+    content = (resources.files("bottomlock.report") / FILE).read_bytes()
+    return check(pl.read_parquet(content), PUBLISHED, place=FILE)
 
 
 def returning_beams(configuration: Mapping[str, Any]) -> str | None:
@@ -107,12 +105,11 @@ def standing(published: pl.DataFrame, method: str) -> Standing:
     chosen = published.filter(pl.col("method") == method)
     if chosen.is_empty():
         raise DataError(f"{FILE}: holds no cell of method '{method}'")
-    over = pl.any_horizontal((pl.col(name) == OVERCONFIDENT).fill_null(value=False) for name in QUANTITIES)
-    core = pl.col(CORE)
+    verdict = pl.col("verdict")
     counts = chosen.select(
-        ((core == CONSISTENT) & ~over).sum().alias("consistent"),
-        over.sum().alias("overconfident"),
-        (core == OVERCONFIDENT).sum().alias("overconfident_core"),
+        (verdict == CONSISTENT).sum().alias("consistent"),
+        (verdict == OVERCONFIDENT).sum().alias("overconfident"),
+        (pl.col("verdict_velocity_attitude") == OVERCONFIDENT).sum().alias("overconfident_core"),
     ).row(0, named=True)
     return Standing(chosen.height, **counts)
 

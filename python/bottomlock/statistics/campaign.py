@@ -6,14 +6,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.statistics.chi_squared import mean_band
-from bottomlock.statistics.chi_squared import verdict as verdict_of
+from bottomlock.statistics.chi_squared import family_band, judged_samples, verdict
 from bottomlock.statistics.rms import bootstrap_rms, combined_rms, rms_column
-from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, RUNS
+from bottomlock.tables.campaign import CONSISTENCY_MEANS, ENSEMBLE, RUNS
 from bottomlock.units import DEGREES_PER_RADIAN
-
-BAND_PROBABILITY = 0.95
-"""Of the chi-squared band that each verdict of a campaign is held against."""
 
 NORMS = ("velocity_mps", "attitude_deg", "position_m", "nees", "nees_velocity_attitude")
 """Columns of `error_norms` beside its keys."""
@@ -120,10 +116,7 @@ def consistency_rows(
     runs: int,
     full_degrees: int,
 ) -> pl.DataFrame:
-    """A row per kind of NEES of one method (`tables.campaign.CONSISTENCY`); null where it has none.
-
-    The verdict compares the mean over runs and time with the band of the mean over runs at one time. The false-alarm
-    rate is therefore below that of the band, since the mean over time scatters less than the value at one time.
+    """A row per kind of NEES of one method, for `judge`: its means are null where it has none.
 
     Args:
         trajectory: its name.
@@ -134,16 +127,30 @@ def consistency_rows(
     """
     rows: list[tuple[object, ...]] = []
     for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full_degrees)):
-        low, high = mean_band(degrees, runs, BAND_PROBABILITY)
         at_time = nees_at_time[quantity]
-        mean = float(np.mean(at_time))
-        if np.isnan(mean):
-            rows.append((trajectory, method, quantity, degrees, runs, None, low, high, None, None))
-            continue
-        inside = float(np.mean((at_time >= low) & (at_time <= high)))
-        verdict = verdict_of(low, mean, mean, high)
-        rows.append((trajectory, method, quantity, degrees, runs, mean, low, high, inside, verdict))
-    return pl.DataFrame(rows, schema=dict(CONSISTENCY), orient="row")
+        judged = at_time[judged_samples(len(at_time))]
+        means = (float(np.mean(at_time)), float(judged.min()), float(judged.max()))
+        absent = np.isnan(means).any()
+        rows.append(
+            (trajectory, method, quantity, degrees, runs, len(judged), *((None,) * 3 if absent else means))
+        )
+    return pl.DataFrame(rows, schema=dict(CONSISTENCY_MEANS), orient="row")
+
+
+def judge(means: pl.DataFrame) -> pl.DataFrame:
+    """The verdicts (`tables.campaign.CONSISTENCY`) on all means of a campaign or study, which are one family."""
+    family = max(1, int(means.filter(pl.col("mean").is_not_null())["times"].sum()))
+    rows = means.select("least", "greatest", "runs", "degrees").rows()
+    bands = [family_band(degrees, runs, family) for _, _, runs, degrees in rows]
+    verdicts = [
+        None if least is None else verdict([least, greatest], runs, degrees, family)
+        for least, greatest, runs, degrees in rows
+    ]
+    return means.with_columns(
+        pl.Series("band_lo", [low for low, _ in bands], pl.Float64),
+        pl.Series("band_hi", [high for _, high in bands], pl.Float64),
+        pl.Series("verdict", verdicts, pl.String),
+    )
 
 
 def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame:
@@ -153,7 +160,7 @@ def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame
         at_time = {name: errors[name].mean(axis=0) for name in ("nees", "nees_velocity_attitude")}
         runs = len(errors["nees"])
         parts.append(consistency_rows(trajectory, method, at_time, runs=runs, full_degrees=full_degrees))
-    return pl.concat(parts)
+    return judge(pl.concat(parts))
 
 
 def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:

@@ -1,9 +1,29 @@
-"""Chi-squared bands for many verdicts at once: false-alarm rate of a whole table, and the departure it detects."""
+"""The one verdict on consistency, and its chi-squared bands: false-alarm rate of a family, departure it detects."""
+
+from collections.abc import Sequence
 
 from scipy.stats import chi2
 
 CONSISTENT, OVERCONFIDENT, CONSERVATIVE = "consistent", "overconfident", "conservative"
 VERDICTS = (CONSISTENT, OVERCONFIDENT, CONSERVATIVE)
+
+FALSE_ALARM = 0.01
+"""Probability, at most, that any verdict of a family of consistent filters is another one."""
+
+TIMES = 5
+"""Times of a run at which its NEES is judged."""
+
+
+def judged_samples(samples: int) -> list[int]:
+    """Which of a run's samples are judged: the last one of each fifth.
+
+    NEES at neighbouring times is nearly the same number, so a mean over time has no chi-squared band. A mean over
+    independent runs at one time has.
+
+    >>> judged_samples(250), judged_samples(2)
+    ([49, 99, 149, 199, 249], [0, 1])
+    """
+    return sorted({max(1, round(samples * (k + 1) / TIMES)) - 1 for k in range(TIMES)})
 
 
 def each_probability(false_alarm: float, tests: int) -> float:
@@ -37,15 +57,35 @@ def mean_band(degrees: float, values: int, probability: float) -> tuple[float, f
     return float(low), float(high)
 
 
-def verdict(low: float, least: float, greatest: float, high: float) -> str:
-    """Verdict on several means from the least and the greatest of them; one above the band outweighs one below.
+def family_band(degrees: float, values: int, family: int) -> tuple[float, float]:
+    """Band of each of the means of a family, all of which lie within theirs with 1 − `FALSE_ALARM` or more.
 
-    >>> verdict(5.0, 5.5, 6.5, 7.0), verdict(5.0, 4.0, 7.5, 7.0), verdict(5.0, 4.0, 6.0, 7.0)
+    Args:
+        degrees: expected value of each chi-squared value.
+        values: number of independent values behind the mean.
+        family: number of means that are judged together.
+    """
+    return mean_band(degrees, values, each_probability(FALSE_ALARM, family))
+
+
+def verdict(nees: Sequence[float], runs: int, degrees: float, family: int) -> str:
+    """The verdict of every table, page and recommendation on the NEES of a filter.
+
+    Overconfident above the band at any of the times; conservative below it at some time and above it at none.
+
+    Args:
+        nees: mean over the runs at each of the judged times.
+        runs: number of independent runs.
+        degrees: expected value for a consistent filter.
+        family: number of means that are judged together: methods, trajectories, times, and so on.
+
+    >>> verdict([6.1, 5.9], 100, 6, 2), verdict([4.0, 7.9], 100, 6, 2), verdict([4.0, 6.0], 100, 6, 2)
     ('consistent', 'overconfident', 'conservative')
     """
-    if greatest > high:
+    low, high = family_band(degrees, runs, family)
+    if max(nees) > high:
         return OVERCONFIDENT
-    return CONSERVATIVE if least < low else CONSISTENT
+    return CONSERVATIVE if min(nees) < low else CONSISTENT
 
 
 def detectable_factor(degrees: int, runs: int, probability: float, power: float = 0.9) -> float:

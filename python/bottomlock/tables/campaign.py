@@ -99,20 +99,28 @@ ENSEMBLE: Mapping[str, pl.DataType] = {
 """A row per trajectory, method and second: norms of the error vectors, RMS over runs with 95 % bootstrap interval
 (`_lo_`, `_hi_`), and mean NEES of the whole state over runs."""
 
-CONSISTENCY: Mapping[str, pl.DataType] = {
+CONSISTENCY_MEANS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "method": pl.String(),
     "quantity": pl.String(),
     "degrees": pl.Int64(),
     "runs": pl.Int64(),
+    "times": pl.Int64(),
     "mean": pl.Float64(),
+    "least": pl.Float64(),
+    "greatest": pl.Float64(),
+}
+"""A row per trajectory, method and kind of NEES: mean over runs and all times; the number of times at which the mean
+over runs is judged, and the least and the greatest of these means. All three are null where a method has no NEES."""
+
+CONSISTENCY: Mapping[str, pl.DataType] = {
+    **CONSISTENCY_MEANS,
     "band_lo": pl.Float64(),
     "band_hi": pl.Float64(),
-    "fraction_inside": pl.Float64(),
     "verdict": pl.String(),
 }
-"""A row per trajectory, method and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean over
-runs at one time, the fraction of the times at which the mean over runs lies inside, and the verdict on `mean`."""
+"""The same with the chi-squared band of each judged mean and the verdict (`statistics.chi_squared.verdict`); all judged
+means of a campaign are one family with a false-alarm rate of 1 %."""
 
 PATHS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),

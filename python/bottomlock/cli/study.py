@@ -1,0 +1,194 @@
+"""The command `bottomlock study`: methods under sets of beams and sensors, with one verdict each."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import polars as pl
+from cyclopts import Parameter
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from bottomlock.cli.console import console, errors, interrupted, late_bar
+from bottomlock.cli.force import ForceStudy
+from bottomlock.cli.page_output import print_table
+from bottomlock.cli.parameters import (
+    Json,
+    Methods,
+    Runs,
+    Seed,
+    StudyOut,
+    Threads,
+    World,
+    load_scenarios,
+    split,
+)
+from bottomlock.errors import ScenarioError
+from bottomlock.files.atomic_write import json_text, parquet_bytes
+from bottomlock.files.overwriting import Result
+from bottomlock.kernel import kernel_version
+from bottomlock.pages.numbers import plain
+from bottomlock.pages.page import Table, html
+from bottomlock.statistics.chi_squared import FALSE_ALARM
+from bottomlock.studies import cases
+from bottomlock.studies.study import cells
+from bottomlock.studies.study import study as run_study
+from bottomlock.studies.study_page import page, summary_table
+from bottomlock.tables.versions import library_versions
+
+CONFIGURED = "own"
+"""For the beams or sensors of the scenario itself."""
+
+MOST_ROWS = 60
+"""Cells of a study whose every row is printed; of a larger one the sums by method."""
+
+
+def study(
+    *scenario: str,
+    out: StudyOut,
+    runs: Runs = None,
+    seed: Seed = None,
+    threads: Threads = 0,
+    methods: Methods = None,
+    world: World = None,
+    masks: Annotated[
+        str | None,
+        Parameter(
+            help="Sets of returning beams, such as 1234,123,12; every set by default; "
+            f"'{CONFIGURED}' for the scenario's own beam loss."
+        ),
+    ] = None,
+    sensors: Annotated[
+        str | None,
+        Parameter(
+            help="Sets of sensors beside the beams, such as none,depth,depth+attitude, of "
+            f"{', '.join(cases.SENSORS)}; '{CONFIGURED}' (the default) for the scenario's own."
+        ),
+    ] = None,
+    force: ForceStudy = False,
+    json: Json = False,
+) -> None:
+    """Compare the methods under sets of returning beams and sensors: errors, NEES, NIS, verdicts.
+
+    Writes study.parquet and study.html. An interrupted study resumes.
+
+    Parameters
+    ----------
+    scenario
+        Packaged scenarios or TOML files; the three trajectories of the paper by default.
+    """
+    loaded = load_scenarios(
+        scenario or cases.PAPER_TRAJECTORIES,
+        runs=runs,
+        seed=seed,
+        methods=methods,
+        threads=threads,
+        world=world,
+    )
+    beams = {one.dvl.beams for one in loaded}
+    if len(beams) != 1:
+        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
+    wanted = cells(loaded, masks=parse_masks(masks, beams.pop()), sensors=parse_sensors(sensors))
+    for cell in wanted:
+        cell.flown()
+    given = {"--world": world, "--runs": runs, "--seed": seed, "--methods": methods}
+    given |= {"--masks": masks, "--sensors": sensors}
+    options = [f"{option} {value}" for option, value in given.items() if value is not None]
+    command = " ".join(["bottomlock study", *scenario, "--out DIR", *options])
+    files = [file for one in loaded for file in one.files()]
+    result = Result(out, "study", "study", {"command": command}, inputs=files, resumes=True)
+    result.check(force=force)
+    if not result.record.exists() or force:
+        # The folder is ours from now on, and the same command resumes.
+        result.write({}, force=force)
+    with _bar(out) as report:
+        table = run_study(wanted, folder=out / "cells", threads=threads, force=force, progress=report)
+    versions = ", ".join(f"{name} {version}" for name, version in library_versions().items())
+    about = f"bottomlock {kernel_version()}, {versions}"
+    made = page(table, [f"Command: `{command}`", f"Made with {about}"], about)
+    result.write({"study.parquet": parquet_bytes(table), "study.html": html(made)}, force=force)
+    if json:
+        console.file.write(json_text({"out": str(out), "command": command, "cells": table.to_dicts()}))
+        return
+    if table.height <= MOST_ROWS:
+        for title, shown in cell_tables(table):
+            print_table(title, shown)
+    print_table("methods: cells by verdict, velocity error at the end", summary_table(table))
+    console.print(
+        f"false-alarm rate of all verdicts together: {FALSE_ALARM:.0%}; study.parquet and study.html in {out}"
+    )
+
+
+def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...] | None]:
+    """Sets of beams from `1234,12,1`; every one for None.
+
+    Raises:
+        ScenarioError: for what is not a set of beams of the instrument.
+
+    Examples:
+        >>> parse_masks("1234,13", 4), parse_masks("own", 4)
+        ([(1, 2, 3, 4), (1, 3)], [None])
+    """
+    known: dict[str, tuple[int, ...] | None] = {"".join(map(str, mask)): mask for mask in cases.masks(beams)}
+    names = split(text) if text is not None else list(known)
+    known[CONFIGURED] = None
+    for name in names or [""]:
+        if name not in known:
+            raise ScenarioError(
+                f"--masks: '{name}' is no set of the beams 1 to {beams}, expected digits in rising order, such as 12, "
+                f"or '{CONFIGURED}'"
+            )
+    return [known[name] for name in dict.fromkeys(names or [])]
+
+
+def parse_sensors(text: str | None) -> list[tuple[str, ...] | None]:
+    """Sets of sensors from `none,depth,depth+gps`; the scenario's own for None.
+
+    >>> parse_sensors("none,depth+gps"), parse_sensors(None)
+    ([(), ('depth', 'gps')], [None])
+    """
+    names = split(text) or [CONFIGURED]
+    sets: dict[str, tuple[str, ...] | None] = {CONFIGURED: None, "none": ()}
+    return [sets[name] if name in sets else tuple(name.split("+")) for name in dict.fromkeys(names)]
+
+
+def cell_tables(table: pl.DataFrame) -> Iterator[tuple[str, Table]]:
+    """A title and a table for each trajectory, beams and sensors, for 80 columns."""
+    for place, rows in table.group_by("trajectory", "beams", "sensors", maintain_order=True):
+        shown = [
+            [
+                row["method"],
+                plain(row["velocity_rms_over_runs_mps"], digits=4),
+                " .. ".join(
+                    plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi")
+                ),
+                plain(row["attitude_rms_over_runs_deg"], decimals=2),
+                plain(row["position_rms_over_runs_m"], decimals=2),
+                plain(row["nees_velocity_attitude"], decimals=1),
+                plain(row["nees"], decimals=1),
+                plain(row["nis"], decimals=2),
+                row["verdict"] or "-",
+            ]
+            for row in rows.iter_rows(named=True)
+        ]
+        columns = ["method", "v m/s", "95 %", "att deg", "pos m", "NEES 6", "NEES", "NIS", "verdict"]
+        yield "{}, beams {}, sensors {}: RMS over runs at the end".format(*place), Table(columns, shown)
+
+
+@contextmanager
+def _bar(out: Path) -> Iterator[Callable[[str, float], None]]:
+    """A progress bar with the time left, called with a cell and the fraction done; an interruption ends the command."""
+    columns = (
+        TextColumn("{task.description:>22}", markup=False), BarColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    try:
+        with late_bar(Progress(*columns, console=errors)) as bar:
+            task = bar.add_task("", total=1.0)
+
+            def report(cell: str, fraction: float) -> None:
+                bar.start()
+                bar.update(task, description=cell, completed=fraction)
+
+            yield report
+    except KeyboardInterrupt:
+        interrupted(out, kept="cells")
