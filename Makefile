@@ -1,5 +1,5 @@
-# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-deep, test-all, test-others, lint, docs, bench, golden, pages,
-# consistency, develop, install-c, clean. Of the site also: docs-links, figures.
+# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-deep, test-all, test-others, lint, docs, bench, golden,
+# develop, install-c, clean. Of the site also: docs-links, figures.
 # What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
 #
 #   make demo RUNS=500      a larger campaign
@@ -53,7 +53,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
 .PHONY: demo docs docs-links figures spelling test test-rust test-python test-long test-deep test-all test-others \
-    lint lint-rust lint-python deny bench golden pages consistency develop header install-c attack fuzz soak mutants lock sbom wheel clean
+    lint lint-rust lint-python deny bench golden develop header install-c attack fuzz soak mutants lock sbom wheel clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -151,18 +151,6 @@ figures: $(VENV)/.installed
 # Rewrites the golden files; every number that moves goes into the CHANGELOG under "Numbers".
 golden: $(VENV)/.installed
 	$(bin)/python tools/update_golden.py
-
-# Every page whose numbers a command measures (tools/pages.toml), with the commit of the code; an hour and a half of two cores.
-# PAGES="docs/audit.md" is some of them.
-pages: $(VENV)/.tools $(VENV)/.installed
-	$(bin)/python tools/make_pages.py $(PAGES)
-
-# The consistency study of a release in the paper's world, in that of a real vehicle, whose masks are flown too, and of one
-# that hovers: ten minutes of two cores. A verdict other than expected in the paper's world fails. The verdicts go into
-# the package and the README, too.
-consistency: $(VENV)/.installed
-	$(bin)/python tools/make_pages.py docs/consistency.md docs/consistency_survey.md docs/consistency_hovering.md \
-	    docs/masks_survey.md docs/methods/index.md
 
 # A million random calls of the kernel, and of the C library under sanitizers, 200,000 mutated records, 100 kills, 200 bit flips; ATTACK="calls --calls 5000" is
 # a part of it, `python -m tests.attack --help` has the rest.

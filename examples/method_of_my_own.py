@@ -60,7 +60,7 @@ verdicts
 # Beams 1 and 2 measure surge and a mixture of heave and sway; whoever knows the heave can solve for the sway. The
 # verdict is the part to read twice. The assumption is held at every ping anew, as if it were a new measurement each
 # second. Where the true heave departs from zero in a way that lasts, the filter counts one error many times, and the
-# NEES shows it. On this leg it passes or fails as the table says; `bottomlock consistency --methods FILE.py:CLASS`
+# NEES shows it. On this leg it passes or fails as the table says; `bottomlock study --methods FILE.py:CLASS`
 # tries it on all.
 #
 # [A method of your own](../docs/own_method.md) has the contract, the faults and the cost.
