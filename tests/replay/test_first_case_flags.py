@@ -60,7 +60,9 @@ def test_a_case_has_the_beams_of_the_table(tmp_path: Path, words: str, unit: str
     path = write(tmp_path, words, unit)
     made = make_case([tmp_path / "imu.csv", path], tmp_path / "case.toml")
     _, measured, valid = beams()
-    read = read_streams(load_case(made.case)).beams
+    case = load_case(made.case)
+    assert not case.dvl.geometry_known
+    read = read_streams(case).beams
     assert (np.asarray(read.valid) == valid).all()
     np.testing.assert_allclose(np.asarray(read.velocity_mps)[valid], measured[valid], atol=1e-9)
 

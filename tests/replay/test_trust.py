@@ -72,11 +72,21 @@ def test_a_method_that_claims_nothing_is_lost() -> None:
     assert not Agreement("tc", 3.0, 1.1, 2.0, 1e6, 7.0, None, None).lost
 
 
-def test_the_reference_judges_both() -> None:
-    """Worse by a quarter is worse only where the difference is beyond the method's own σ."""
-    assert Agreement("tc", 9.0, 1.0, 1.0, 1.0, 1.0, 9.0, 3.0).worse
-    assert not Agreement("tc", 9.0, 1.0, 1.0, 9.0, 1.0, 9.0, 3.0).worse
-    assert not Agreement("tc", 9.0, 1.0, 1.0, 1.0, 1.0, 3.6, 3.0).worse
+@pytest.mark.parametrize(
+    ("sd_m", "reckoned_sd_m", "rms_m", "reference_sd_m", "worse"),
+    [
+        (1.0, 1.0, 9.0, 0.0, True),
+        (9.0, 1.0, 9.0, 0.0, False),
+        (1.0, 9.0, 9.0, 0.0, False),
+        (1.0, 1.0, 9.0, 9.0, False),
+        (1.0, 1.0, 3.6, 0.0, False),
+    ],
+)
+def test_the_reference_judges_both(
+    sd_m: float, reckoned_sd_m: float, rms_m: float, reference_sd_m: float, worse: bool
+) -> None:
+    """Worse by a quarter is worse only where neither claim nor the reference's noise explains the difference."""
+    assert Agreement("tc", 9.0, 1.0, 1.0, sd_m, reckoned_sd_m, rms_m, 3.0, reference_sd_m).worse is worse
 
 
 @pytest.mark.parametrize("robust", [Robust(), Robust(student_t_degrees=2.0), Robust(tail="huber")])
@@ -106,7 +116,8 @@ def evidence(**changes: object) -> Evidence:
     whole: dict[str, object] = {
         "verdict": verdict, "state": state, "causes": (), "further": (), "seen": SEEN, "closure": "",
         "agreements": (NEAR,), "reckoned": True, "aided": False, "reference": "", "sway": None,
-        "partial": 0.0, "methods": ("tc", "sway_current"),
+        "partial": 0.0, "methods": ("tc", "sway_current"), "sd_m": {"tc": 1.0, "sway_current": 1.0, METHOD: 1.0},
+        "way_m": 500.0, "geometry_open": False,
     }  # fmt: skip
     return Evidence(**(whole | changes))  # type: ignore[arg-type]
 
@@ -163,12 +174,54 @@ def test_the_method_fits_vehicle_and_beams(rms_mps: float, partial: float, metho
 
 def test_a_method_that_the_reference_beats_is_not_recommended() -> None:
     """RMS of tc 9 m, of dead reckoning 3 m, within what tc claims: another filter, or the attitude that is unused."""
-    beaten = Agreement("tc", 9.0, 1.0, 1.0, 9.0, 1.0, 9.0, 3.0)
-    good = Agreement("info", 1.0, 1.0, 1.0, 9.0, 1.0, 3.1, 3.0)
+    beaten = Agreement("tc", 9.0, 1.0, 1.0, 9.0, 4.0, 9.0, 3.0)
+    good = Agreement("info", 1.0, 1.0, 1.0, 9.0, 4.0, 3.1, 3.0)
     assert answer_of(evidence(agreements=(beaten, good), methods=("tc", "info"))).method == "info"
     alone = answer_of(evidence(agreements=(beaten,), methods=("tc",)))
     assert (alone.verdict, alone.method, "attitude.aids" in alone.change) == ("yes", "tc", True)
     assert answer_of(evidence(agreements=(beaten,), methods=("tc",), aided=True)).change == "Nothing."
+
+
+WORSE = Agreement("tc", 9.0, 1.0, 1.0, 1.0, 1.0, 9.0, 3.0)
+VAGUE = Agreement("tc", 0.5, 0.1, 0.6, 3.1, 1.0, None, None)
+
+
+@pytest.mark.parametrize(
+    ("changes", "method"),
+    [
+        ({"agreements": (WORSE,), "methods": ("tc",), "reference": "Reference: ..."}, METHOD),
+        ({"agreements": (VAGUE,), "methods": ("tc",), "sd_m": {"tc": 3.1}}, METHOD),
+        ({"way_m": 0.9}, "tc"),
+        ({"agreements": (), "reckoned": False, "reference": "Reference: ...", "way_m": 0.9}, "tc"),
+        ({"geometry_open": True}, "tc"),
+    ],
+)
+def test_each_rule_keeps_an_answer_from_yes(changes: dict[str, object], method: str) -> None:
+    """Worse than dead reckoning, 1 sigma of no use by it or by the distance, beams that nothing confirms."""
+    answer = answer_of(evidence(**changes))
+    assert (answer.verdict, answer.method) == ("partly", method)
+    assert answer.change not in {"", "Nothing."}
+
+
+def test_a_reference_confirms_an_open_geometry() -> None:
+    assert answer_of(evidence(geometry_open=True, reference="Reference: ...")).verdict == "yes"
+
+
+def test_beams_of_a_guessed_geometry_without_positions_are_in_doubt(tmp_path: Path) -> None:
+    path = write_case(rov_dive(21, seconds=120.0), tmp_path)
+    before, rest = path.read_text(encoding="utf-8").split("[reference]")
+    text = before + rest[rest.index("[start]") :].replace('position = "reference"', 'position = "given"')
+    path.write_text(text.replace("[dvl]", "[dvl]\ngeometry_known = false"), encoding="utf-8")
+    answer = replay_case(load_case(path)).manifest["answer"]
+    assert (answer["verdict"], answer["method"]) == ("partly", "tc")
+    assert "geometry_known" in answer["change"]
+
+
+@pytest.mark.parametrize("beaten", [NEAR, WORSE, VAGUE, FAR])
+def test_free_inertial_navigation_is_never_recommended(beaten: Agreement) -> None:
+    methods = ("ins", "tc")
+    assert answer_of(evidence(agreements=(beaten,), methods=methods)).method in {"tc", METHOD}
+    assert answer_of(evidence(agreements=(), reckoned=False, methods=("ins",))).method == ""
 
 
 def test_low_nis_is_no_doubt() -> None:

@@ -279,6 +279,7 @@ class AcousticPositionStream(AcousticPositionErrors, PositionStream):
 class ReferenceStream(PositionStream):
     """Reference position, velocity and attitude, to compute errors against, of a point at `lever_arm_m` from the IMU.
 
+    `sd_m` is 1 sigma of its horizontal position along an axis: an error that it explains is not held against a method.
     `note` is printed in the report, for instance that the reference is computed from the same sensors.
     """
 
@@ -289,6 +290,7 @@ class ReferenceStream(PositionStream):
     pitch: str | None = None
     yaw: str | None = None
     attitude_unit: Literal["rad", "deg"] = "rad"
+    sd_m: NonNegative = 0.0
     note: str = ""
 
     @property

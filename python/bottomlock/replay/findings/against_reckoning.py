@@ -6,6 +6,7 @@ Under the hypothesis that both claims are right, the difference of two positions
 dependence): a right pair is reported once in 10,000 dives at most. The threshold is 4.7 σ.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,8 @@ TIMES = 20
 AXES = ("north", "east")
 LOST = 10.0
 """Claimed σ over that of dead reckoning from which a method has no position to speak of."""
+VAGUE = 3.0
+"""The same from which its position is worth less than that of dead reckoning."""
 LIMIT = float(norm.isf(0.5 * (1.0 - each_probability(FALSE_ALARM, TIMES * len(AXES)))))
 """Largest difference in combined σ that chance explains."""
 WORSE = 1.25
@@ -42,6 +45,7 @@ class Agreement:
         own_sigmas: the same over the σ of dead reckoning alone.
         sd_m, reckoned_sd_m: claimed σ at the end, root of the sum over both axes.
         rms_m, reckoned_rms_m: RMS against the reference; None without one.
+        reference_sd_m: 1 sigma of the reference, root of the sum over both axes.
     """
 
     method: str
@@ -52,6 +56,7 @@ class Agreement:
     reckoned_sd_m: float
     rms_m: float | None
     reckoned_rms_m: float | None
+    reference_sd_m: float = 0.0
 
     @property
     def leaves(self) -> bool:
@@ -72,10 +77,16 @@ class Agreement:
 
     @property
     def worse(self) -> bool:
-        """Whether the reference contradicts it, and dead reckoning less, by more than its own σ."""
+        """Whether it is worse by more than the claims of both and the reference's noise explain."""
         if not self.beaten or self.rms_m is None or self.reckoned_rms_m is None:
             return False
-        return float(np.sqrt(self.rms_m**2 - self.reckoned_rms_m**2)) > self.sd_m
+        explained_m = math.hypot(self.sd_m, self.reckoned_sd_m, self.reference_sd_m)
+        return math.sqrt(self.rms_m**2 - self.reckoned_rms_m**2) > explained_m
+
+    @property
+    def vague(self) -> bool:
+        """Whether its claim is so much larger than that of dead reckoning that it is of no use."""
+        return self.sd_m > VAGUE * self.reckoned_sd_m
 
     def words(self) -> str:
         """The comparison in one sentence."""
@@ -101,12 +112,13 @@ def metres(value: float) -> str:
     return f"{value:.3g} m" if value < 1000.0 else f"{value:,.0f} m"
 
 
-def agreements(samples: pl.DataFrame, methods: Sequence[str]) -> list[Agreement]:
+def agreements(samples: pl.DataFrame, methods: Sequence[str], reference_sd_m: float = 0.0) -> list[Agreement]:
     """Every trusted method against dead reckoning; none where it was not possible.
 
     Args:
         samples: `tables.replay.REPLAY_SAMPLES` of the recording, first run.
         methods: of the tables.
+        reference_sd_m: 1 sigma of the reference along an axis.
     """
     forward = samples.filter(pl.col("pass") == FORWARD)
     reckoned = forward.filter(pl.col("method") == METHOD)
@@ -128,6 +140,7 @@ def agreements(samples: pl.DataFrame, methods: Sequence[str]) -> list[Agreement]
                 reckoned_sd_m=float(np.linalg.norm(sd[-1])),
                 rms_m=_rms(own_error),
                 reckoned_rms_m=_rms(error),
+                reference_sd_m=float(np.sqrt(len(AXES)) * reference_sd_m),
             )
         )
     return found

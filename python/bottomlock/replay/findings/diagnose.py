@@ -38,6 +38,8 @@ from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.stream_sections import ImuStream
+from bottomlock.statistics.replay import track_table
+from bottomlock.tables.replay import FORWARD
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +71,7 @@ def diagnose(
     # Beams projected from a velocity have its noise three times over, and no closure.
     least = 0.0 if projected else least_ratio(prepared.options.robust)
     seen = innovations_of(innovations, methods, beams, least)
-    agreed = agreements(samples, methods)
+    agreed = agreements(samples, methods, 0.0 if case.reference is None else case.reference.sd_m)
     if seen is None:
         verdict, state = no_fix(), WRONG
     else:
@@ -82,6 +84,8 @@ def diagnose(
         *earth_findings(prepared.model.environment, samples),
         *([] if seen is None else heading_findings(prepared, samples, seen.method)),
     ]
+    tracks = _tracks(samples)
+    stands = DEAD_RECKONING if DEAD_RECKONING in tracks else methods[0] if seen is None else seen.method
     evidence = Evidence(
         verdict=verdict, state=state, causes=causes, further=further, seen=seen, closure=closure_words(prepared),
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
@@ -90,10 +94,20 @@ def diagnose(
         sway=measured_sway(case, prepared, *_heading(prepared, samples, seen)),
         partial=float(np.mean(prepared.streams.beams.valid[prepared.pings].sum(axis=1) < 3)),
         methods=methods,
+        sd_m={name: row["sd_m"] for name, row in tracks.items()},
+        way_m=tracks[stands]["way_m"],
+        geometry_open=not projected and not case.dvl.geometry_known,
     )  # fmt: skip
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]
     return Diagnosis([verdict, *causes, *further], answer_of(evidence))
+
+
+def _tracks(samples: pl.DataFrame) -> dict[str, dict[str, float]]:
+    """Distance travelled and horizontal σ at the end, `way_m` and `sd_m`, by method."""
+    sd = (pl.col("sd_position_north_m") ** 2 + pl.col("sd_position_east_m") ** 2).sqrt()
+    rows = track_table(samples).filter(pl.col("pass") == FORWARD).select("method", "way_m", sd_m=sd)
+    return {row["method"]: row for row in rows.iter_rows(named=True)}
 
 
 def _heading(

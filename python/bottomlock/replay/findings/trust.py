@@ -1,6 +1,6 @@
 """Can this be trusted? One answer from the findings: yes, partly or no, with the numbers that decide it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -8,7 +8,7 @@ import polars as pl
 
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
-from bottomlock.replay.findings.against_reckoning import TRUSTED, Agreement
+from bottomlock.replay.findings.against_reckoning import TRUSTED, VAGUE, Agreement, metres
 from bottomlock.replay.findings.sway import Sway
 from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
 from bottomlock.tables.replay import FORWARD
@@ -20,6 +20,8 @@ OF_FILTERS_ALONE = {
 """Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
 
 NOTHING = "Nothing."
+FREE = "ins"
+"""Free inertial navigation, the comparison without a DVL."""
 PARTIAL = 0.1
 """Part of the pings with fewer than three beams from which an assumption on the sway helps."""
 
@@ -66,6 +68,9 @@ class Evidence:
         sway: as measured.
         partial: part of the pings with fewer than three beams.
         methods: filters of the case.
+        sd_m: claimed σ of the horizontal position at the end, of each method.
+        way_m: distance travelled, by dead reckoning where there is one.
+        geometry_open: whether the geometry of recorded beams is a guess.
     """
 
     verdict: Finding
@@ -81,6 +86,84 @@ class Evidence:
     sway: Sway | None
     partial: float
     methods: Sequence[str]
+    sd_m: Mapping[str, float]
+    way_m: float
+    geometry_open: bool
+
+    @property
+    def judged(self) -> Agreement | None:
+        """Agreement of the method to take, or else of the one that stands for all; None without dead reckoning."""
+        taken = recommended(self)
+        return next(
+            (one for one in self.agreements if one.method == taken), next(iter(self.agreements), None)
+        )
+
+    @property
+    def sd_taken_m(self) -> float:
+        """Claimed σ at the end of that method; 0 where there is none."""
+        name = recommended(self) if self.judged is None else self.judged.method
+        return self.sd_m.get(name, 0.0)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A reason for which an answer is "partly" at most.
+
+    Attributes:
+        applies: whether the evidence has it.
+        sentence: why, in one sentence.
+        change: what to change.
+    """
+
+    applies: Callable[[Evidence], bool]
+    sentence: Callable[[Evidence], str]
+    change: str
+
+
+def _worse(evidence: Evidence) -> bool:
+    return evidence.judged is not None and evidence.judged.worse
+
+
+def _vague(evidence: Evidence) -> bool:
+    return evidence.judged is not None and evidence.judged.vague
+
+
+RULES = (
+    Rule(
+        _worse,
+        lambda _: (
+            "Dead reckoning is nearer to the reference by more than the claims of both and its noise explain."
+        ),
+        "Take dead_reckoning; imu.errors and dvl.beam_noise_mps claim less than the filter's error.",
+    ),
+    Rule(
+        _vague,
+        lambda evidence: (
+            f"The method claims 1 sigma of {metres(evidence.sd_taken_m)} at the end, more than {VAGUE:g} "
+            "times that of dead reckoning."
+        ),
+        'Take dead_reckoning; imu.errors may be too large, or attitude.aids = "attitude" bounds them.',
+    ),
+    Rule(
+        lambda evidence: evidence.sd_taken_m > evidence.way_m,
+        lambda evidence: (
+            f"The method claims 1 sigma of {metres(evidence.sd_taken_m)} at the end, more than the "
+            f"{metres(evidence.way_m)} travelled."
+        ),
+        "Check imu.errors and the start; an [attitude] that aids bounds the error.",
+    ),
+    Rule(
+        lambda evidence: evidence.geometry_open and not evidence.reference,
+        lambda _: "The geometry of the beams is an open question, and dead reckoning has the same.",
+        "Set dvl.geometry to that of the instrument and geometry_known = true, or give positions as [reference].",
+    ),
+    Rule(
+        lambda evidence: not evidence.reckoned and not evidence.reference,
+        lambda _: "The beams fit the navigation, and nothing else confirms it.",
+        "Give an [attitude] for dead reckoning, or positions as [reference].",
+    ),
+)
+"""Reasons for "partly" beside the findings, the gravest first."""
 
 
 def answer_of(evidence: Evidence) -> Answer:
@@ -97,13 +180,10 @@ def answer_of(evidence: Evidence) -> Answer:
     doubts = [one for one in (*evidence.causes, *evidence.further) if one.severity != "note"]
     if evidence.verdict.severity != "note" and evidence.state != ABSORBED:
         doubts = [evidence.verdict, *doubts]
-    if doubts:
-        return Answer("partly", doubts[0].text, numbers, doubts[0].advice, method, vehicle)
-    if not evidence.reckoned and not evidence.reference:
-        return Answer(
-            "partly", "The beams fit the navigation, and nothing else confirms it.", numbers,
-            "Give an [attitude] for dead reckoning, or positions as [reference].", method, vehicle,
-        )  # fmt: skip
+    reasons = [(one.text, one.advice) for one in doubts]
+    reasons += [(rule.sentence(evidence), rule.change) for rule in RULES if rule.applies(evidence)]
+    for sentence, change in reasons[:1]:
+        return Answer("partly", sentence, numbers, change, method, vehicle)
     agree = [
         name
         for name, there in (
@@ -138,9 +218,11 @@ def recommended(evidence: Evidence) -> str:
     """The filter that fits vehicle and beams, of those that stay with dead reckoning.
 
     An assumption on the sway is worth its risk where pings lack beams, and where complete ones do not contradict it.
-    What the reference shows to be worse than dead reckoning comes last.
+    What the reference shows to be worse than dead reckoning comes last. The free inertial navigation is none of them.
     """
-    astray = {one.method for one in evidence.agreements if one.leaves or one.lost}
+    astray = {FREE} | {
+        one.method for one in evidence.agreements if one.leaves or one.lost or one.worse or one.vague
+    }
     beaten = {one.method for one in evidence.agreements if one.beaten}
     slender = evidence.sway is not None and evidence.sway.fits and evidence.partial > PARTIAL
     order = ("sway_current", *TRUSTED) if slender else TRUSTED

@@ -194,6 +194,13 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
         if "valid" in names:
             section.put("valid", names["valid"])
     section.put("geometry", _geometry(dvl, files), dvl.geometry_why, known=dvl.geometry_known)
+    if dvl.recording is not None and not dvl.geometry_known:
+        section.put(
+            "geometry_known",
+            value=False,
+            why="true once it is: until then nothing confirms the beams",
+            known=False,
+        )
     if dvl.mounting_why:
         section.say(f"mounting_yaw_deg is {dvl.mounting_yaw_deg:g}: {dvl.mounting_why}")
     if dvl.mounting_yaw_deg:
@@ -363,6 +370,7 @@ def _reference(parts: Parts, files: Files) -> list[Section]:
     if all(f"v{k}" in names for k in range(3)) and found.columns is None:
         section.put("velocity_body", [names[f"v{k}"] for k in range(3)])
     section.say(found.words)
+    section.put("sd_m", found.sd_m)
     if not found.found.table.independent:
         section.put("note", f"{found.found.table.part}: {found.found.table.remark}")
     section.ask(
