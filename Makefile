@@ -142,10 +142,9 @@ spelling: $(VENV)/.tools
 docs-links: $(VENV)/.docs $(VENV)/.installed
 	$(bin)/python -m tools.build_site --builder linkcheck --out out/links
 
-# The figures of README and methods' pages, flown again, the drawings, and pictures of pages, which need Chromium.
+# The figures of README and methods' pages, flown again, and pictures of pages, which need Chromium.
 figures: $(VENV)/.installed
 	$(bin)/python tools/site_figures.py
-	$(bin)/python tools/site_drawings.py
 	$(bin)/python tools/site_screenshots.py
 
 # Rewrites the golden files; every number that moves goes into the CHANGELOG under "Numbers".

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.logs import BeamLog
+from bottomlock.audit.logs import BeamLog, read_log
 from bottomlock.audit.run import audit_log
+from bottomlock.io import pd0
+from bottomlock.io.beam_table import write_recording
+from bottomlock.io.beams import read_geometry
 from tests.audit.synthetic import Array, channels, janus, kinds, make_log, stale
 
 STATED = BeamGeometry.janus(np.deg2rad(22.0))
 ALL = (1, 2, 3, 4)
+RIVER = Path(__file__).parents[2] / "data" / "logs" / "pd0_riverpro" / "RiverPro_test01.PD0"
 
 
 def mistilted(beam: int, by_deg: float) -> Array:
@@ -212,3 +217,26 @@ def test_a_log_that_hardly_moves() -> None:
     assert found(replace(log, instrument_mps=log.instrument_mps + drift)) == {
         ("directions_not_observable", ())
     }
+
+
+@pytest.mark.parametrize(
+    ("order", "sign", "expected", "beam"),
+    [
+        ([2, 1, 0, 3], [1, 1, 1, 1], {"swapped_beams", "order_or_bias"}, 3),
+        ([1, 0, 2, 3], [1, 1, 1, 1], set(), 0),
+        ([0, 1, 2, 3], [1, 1, -1, 1], {"sign_flipped", "order_or_bias"}, 3),
+    ],
+)
+def test_channels_of_a_river_profiler(
+    order: list[int], sign: list[int], expected: set[str], beam: int, tmp_path: Path
+) -> None:
+    """A recording of 270 pings without a velocity of its own: opposite beams exchanged cannot be seen."""
+    path = tmp_path / "river.parquet"
+    write_recording(pd0.read(RIVER.read_bytes(), RIVER.name), path, source=RIVER)
+    log, stated = read_log(path), read_geometry("teledyne_20").geometry
+    clean = {kind for kind, _ in found(log, stated=stated)}
+    made = [
+        one for one in audit_log(channels(log, order, sign), stated=stated).findings if one.kind not in clean
+    ]
+    assert [one.kind for one in made if one.severity != "note" and one.kind not in expected] == []
+    assert any(one.kind in expected and beam in one.beams for one in made) == bool(expected)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
 from bottomlock.audit.run import Audit, audit_log
-from tools.audit_worlds import Array, World, simulated
+from tests.audit.worlds import Array, World, simulated
 
 TILT, ARM = np.deg2rad(22.5), np.array([-1.2, 0.4, 0.1])
 RPY = np.deg2rad([1.0, -2.0, 10.0])

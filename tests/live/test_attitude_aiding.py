@@ -39,8 +39,8 @@ from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 from tests.live.world import START_NS, Sent
+from tests.recorded_dives import stpere
 from tests.replay.rov_dive import RovDive, rov_dive, write_a50
-from tools.recorded_dives import stpere
 
 SECONDS = 60.0
 TEXT = """
@@ -739,7 +739,7 @@ def test_the_recorded_auv(tmp_path: Path, recordings: Path) -> None:
 
 
 def recorded_arrivals(tables: Path, config: LiveConfig) -> Arrivals:
-    """The tables of `tools/recorded_dives.py` as lines and records: inertial readings first, then the other two."""
+    """The tables of `tests/recorded_dives.py` as lines and records: inertial readings first, then the other two."""
     entries: Arrivals = []
 
     def rows(name: str) -> Iterator[tuple[int, list[float]]]:

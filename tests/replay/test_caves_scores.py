@@ -10,11 +10,10 @@ import pytest
 
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.kernel import solve_velocity
-from bottomlock.replay.beam_noise import BeamNoise, claimed_noise
+from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.leave_out import leave_out, over_sets
-from bottomlock.replay.robust_fix import solve_robust
+from bottomlock.replay.robust_fix import solve_robust, solve_scaled
 from bottomlock.tables.fixes import OUTLIER_TESTS
-from tools import fix_coverage
 
 pytestmark = pytest.mark.recordings
 
@@ -35,30 +34,46 @@ def scores(caves: tuple[Instrument, Pings]) -> dict[int, pl.DataFrame]:
     return {beams: leave_out(*arguments, beams=beams, robust=False) for beams in (1, 2)}
 
 
-def test_coverage_of_the_left_out_beam(recordings: Path) -> None:
+def test_coverage_of_the_left_out_beam(caves: tuple[Instrument, Pings]) -> None:
     """Where the instrument accepts its velocity: 66-71, 93-97 and 98.5-100 %; as claimed 91 % within three sigma.
 
     With the noise of one half of the recording and the coverage of the other 1 sigma covers 64 and 70 %.
     """
-    log = fix_coverage.caves(recordings)
-    if log is None:
-        pytest.skip("no recording of the caves")
-    assert log.instrument_valid is not None
-    accepted, every = log.instrument_valid, np.ones(len(log.valid), dtype=bool)
+    instrument, pings = caves
+    geometry, sd_mps = instrument.geometry, np.broadcast_to(instrument.beam_sd_mps, (4,))
+    accepted = pings.instrument_valid
+    assert accepted is not None
+    every = np.ones(len(pings.valid), dtype=bool)
+    first = np.arange(len(every)) < len(every) // 2
 
-    def coverage(noise: BeamNoise, where: np.ndarray) -> list[float]:
-        errors = fix_coverage.of_left_out(log, noise, where)
-        halfwidths = noise.halfwidths[where & log.valid.all(axis=1)]
-        return [float(part) for part in fix_coverage.covered(errors.error_mps, errors.of_log_mps, halfwidths)]
+    def noise_of(measured: np.ndarray) -> BeamNoise:
+        valid = pings.valid & measured[:, None]
+        return measure_noise(geometry, pings.velocity_mps, valid, sd_mps, accepted)
 
-    one, two, three = coverage(log.noise_of(every), accepted)
+    def coverage(noise: BeamNoise, where: np.ndarray) -> np.ndarray:
+        """Each beam of the pings with four against the fix of the other three, % within 1, 2 and 3 sigma."""
+        where = where & pings.valid.all(axis=1)
+        within = []
+        for beam, b in enumerate(np.asarray(geometry.directions_p)):
+            shown = pings.valid.copy()
+            shown[:, beam] = False
+            fixes = solve_scaled(
+                geometry, pings.velocity_mps, shown, noise.factor, method="lc", beam_sd_mps=sd_mps
+            )
+            of_fix = np.einsum("i,nij,j->n", b, fixes.cov_m2ps2, b)
+            sd = np.sqrt(of_fix + (noise.factor * sd_mps[beam]) ** 2)
+            error = np.abs(pings.velocity_mps[:, beam] - fixes.velocity_p_mps @ b)
+            within.append((error / sd)[where, None] <= noise.halfwidths[where])
+        return np.asarray(100.0 * np.mean(within, axis=(0, 1)))
+
+    one, two, three = coverage(noise_of(every), accepted)
     assert 66.0 <= one <= 71.0
     assert 93.0 <= two <= 97.0
     assert 98.5 <= three <= 100.0
-    plain = coverage(claimed_noise(len(log.valid)), accepted)
+    plain = coverage(claimed_noise(len(every)), accepted)
     np.testing.assert_allclose(plain, [62.5, 82.2, 90.6], atol=0.5)
-    for half in (log.first, ~log.first):
-        one, two, three = coverage(log.noise_of(half), accepted & ~half)
+    for half in (first, ~first):
+        one, two, three = coverage(noise_of(half), accepted & ~half)
         assert 63.0 <= one <= 72.0
         assert 93.0 <= two <= 97.0
         assert 98.5 <= three <= 100.0

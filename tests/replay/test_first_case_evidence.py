@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -19,6 +17,7 @@ from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.init import axes_part, declination
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
@@ -28,11 +27,11 @@ from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerati
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.run import replay_case
+from tests import recorded_dives
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-ROOT = Path(__file__).resolve().parents[2]
 EPOCH_S = 1.7e9
 OFFSET_RADPS = np.array([0.002, -0.001, 0.0115])
 """Of cheap gyros: 2,400 deg/h about the vertical."""
@@ -315,15 +314,6 @@ def test_the_attitude_of_the_reference_does_not_aid(dive: RovDive, tmp_path: Pat
     assert case.attitude.aids == "nothing"
 
 
-def recorded_dives() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("recorded_dives", ROOT / "tools" / "recorded_dives.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.long
 @pytest.mark.recordings
 @pytest.mark.parametrize("names", [("imu", "ahrs", "dvl", "gps"), ("mti", "dvl", "gps")])
@@ -333,17 +323,23 @@ def test_a_recorded_dive_untouched_ends_near_dgps(
     """MTi AHRS, three-beam DVL, DGPS: 1 % of the DVL's 430 m, where an untouched case once ended 912 m off."""
     if not (recordings / "stpere_ictineu").is_dir():
         pytest.skip(f"no recording {recordings / 'stpere_ictineu'}")
-    recorded_dives().stpere(recordings, tmp_path)
+    recorded_dives.stpere(recordings, tmp_path)
     case, _ = made(tmp_path, {name: tmp_path / f"{name}.csv" for name in names})
     assert case.readings.omega_unit == "rad/s"
     assert case.readings.errors.gyro_bias_deg_per_h == pytest.approx(2450.0, rel=0.1)
     assert case.dvl.beam_noise_mps == pytest.approx(0.065, rel=0.1)
+    two_beams = WhatIf(name="two_beams", beams_lost=(3,))
+    case = case.model_copy(update={"what_if": (two_beams, WhatIf(name="one_beam", beams_lost=(2, 3)))})
     rows = replay_case(case.with_overrides(methods=["tc", "dead_reckoning"])).runs.filter(
         pl.col("pass") == "forward"
     )
-    tc, floor = (rows.filter(pl.col("method") == m).row(0, named=True) for m in ("tc", "dead_reckoning"))
+    errors = rows.rows_by_key(("what_if", "method"), named=True, unique=True)
+    tc, floor = (errors["recorded", method] for method in ("tc", "dead_reckoning"))
     assert tc["position_final_m"] < 4.3
     assert tc["position_rms_over_time_m"] < 1.05 * floor["position_rms_over_time_m"]
+    for fewer in ("two_beams", "one_beam"):
+        tc, floor = (errors[fewer, method] for method in ("tc", "dead_reckoning"))
+        assert tc["position_rms_over_time_m"] < floor["position_rms_over_time_m"]
 
 
 @pytest.mark.long

@@ -19,8 +19,8 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.tables.replay import RECORDED
+from tests.recorded_dives import stpere
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
-from tools.recorded_dives import stpere
 
 CASE = """
 name = "no_imu"

@@ -1,4 +1,4 @@
-"""Water track in a replay: a dive in a current with its bottom hidden, the section's keys, the page, a glider."""
+"""Water track in a replay: a dive in a current with its bottom hidden, the section's keys, the page."""
 
 from __future__ import annotations
 
@@ -24,8 +24,6 @@ from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.replay.tune.parameters import noise_of
 from bottomlock.replay.tune.run import tune_case
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
-from tools.recorded_dives import glider
-from tools.score_no_imu import case_of, summary, windows
 
 CURRENT = np.array([0.25, -0.15, 0.0])
 HIDDEN = (60.0, 200.0)
@@ -283,24 +281,6 @@ def test_a_first_case_names_the_water_beside_the_beams(tmp_path: Path, dive: Rov
     (tmp_path / "case" / "dive_beams_water.parquet").unlink()
     make_case(named, tmp_path / "case" / "dive.toml", force=True)
     assert load_case(tmp_path / "case" / "dive.toml").water_track is None
-
-
-def test_a_glider_without_the_bottom(recordings: Path, tmp_path: Path) -> None:
-    """All beams of the bottom hidden for 300 s, 31 times: the error is a fifth of that of dead reckoning.
-
-    A quarter of the pings have no water either: near the bottom its side lobes cover the nearest cell.
-    """
-    glider(recordings, tmp_path / "glider")
-    errors = {}
-    for water in ("", "[water_track]\nnoise_mps = 0.03\nmax_closure_mps = 0.035\n"):
-        case = case_of("glider", tmp_path / "glider", ("tc",), water)
-        rows = windows(case, read_streams(case), 300.0, (1, 2, 3, 4))
-        errors[bool(water)] = summary(rows).rows_by_key("method", named=True, unique=True)
-    assert errors[True]["tc"]["windows"] == 31
-    assert errors[True]["tc"]["median_m"] < 0.25 * errors[True]["dead_reckoning"]["median_m"]
-    assert errors[True]["tc"]["median_m"] < 0.4 * errors[False]["tc"]["median_m"]
-    assert errors[True]["tc"]["p90_m"] < 0.4 * errors[False]["tc"]["p90_m"]
-    assert errors[True]["tc"]["error_over_sigma"] < 1.0
 
 
 @pytest.mark.long

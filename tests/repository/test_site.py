@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from tools import build_site, site_drawings
+from tools import build_site
 from tools.site_screenshots import SHOTS
 
 
@@ -123,23 +123,6 @@ def test_screenshots_are_small(root: Path) -> None:
     taken = {path.name: path.stat().st_size for path in (root / "docs" / "figures").glob("*.png")}
     assert set(taken) == {f"page_{name}_{scheme}.png" for name in SHOTS for scheme in ("light", "dark")}
     assert max(taken.values()) < 150_000
-
-
-def test_the_drawings_are_what_their_command_draws(root: Path) -> None:
-    """The vehicle in both schemes, and the mark."""
-    for scheme in site_drawings.SCHEMES:
-        figure = root / "docs" / "figures" / f"vehicle_{scheme}.svg"
-        assert figure.read_text(encoding="utf-8") == site_drawings.drawing(scheme)
-    assert (root / "docs" / "_static" / "mark.svg").read_text(encoding="utf-8") == site_drawings.mark()
-    assert site_drawings.ALT in (root / "docs" / "index.md").read_text(encoding="utf-8")
-
-
-def test_the_beams_of_the_drawing_look_where_the_words_say() -> None:
-    """Beams 2 and 3 look back, where the bottom is, and 1 and 4, which are lost, ahead."""
-    forward = site_drawings.BEAMS_P[:, 0]
-    assert [number for number in (1, 2, 3, 4) if forward[number - 1] > 0.0] == list(site_drawings.LOST)
-    feet = [site_drawings.seen(beam * site_drawings.DEPTH / beam[2]) for beam in site_drawings.BEAMS_P]
-    assert max(feet[1][0], feet[2][0]) < site_drawings.INSTRUMENT[0] < min(feet[0][0], feet[3][0])
 
 
 def test_every_figure_of_an_example_has_words(root: Path) -> None:

@@ -1,7 +1,7 @@
 """Windows of a glider's dive as missions: bottom hidden, two nearest cells, attitude, depth; no inertial sensor.
 
 The recording (`glider_pathfinder`: attitude, bottom track and cells of 2 m) is not republished. Its tables are those of
-`tools/recorded_dives.py`, and its two nearest cells are screened as `replay` screens them. Errors are those of the
+`tests/recorded_dives.py`, and its two nearest cells are screened as `replay` screens them. Errors are those of the
 displacement in the pings whose water and bottom are both there, unless stated otherwise; windows begin every 150 s.
 """
 
@@ -20,8 +20,8 @@ from bottomlock.kernel.attitude_motion import divided, held, inertial_readings
 from bottomlock.recordings.streams import Inertial, WaterBeams
 from bottomlock.recordings.water_cells import water_beams
 from bottomlock.replay.vehicle_motion import vehicle_motion
+from tests import recorded_dives
 from tests.statistical.missions import Estimates, Mission, Pings, Scalars
-from tools import recorded_dives
 
 Floats = NDArray[np.float64]
 

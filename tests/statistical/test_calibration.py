@@ -20,7 +20,7 @@ import pytest
 
 from tests.oracle import chi_squared
 from tests.oracle.calibrated_beams import readings
-from tools.calibration_study import CLOCK_SD_S, MOUNTING_SD_DEG, Ensemble, ensemble
+from tests.statistical.calibrating import CLOCK_SD_S, MOUNTING_SD_DEG, Ensemble, ensemble
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

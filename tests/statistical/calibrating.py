@@ -1,23 +1,16 @@
-"""Mounting and clock of a DVL as states: what is seen on which manoeuvre, and whether the claims hold.
-
-    python -m tools.calibration_study            writes the table into docs/calibration.md
-    python -m tools.calibration_study --check    compares instead
+"""Runs with the mounting and the clock of a DVL as states, of a vehicle that turns, changes its speed, or does neither.
 
 Every run draws the errors of the sensors, the start, the mounting and the clock from what the filter assumes of them.
 The readings of the beams are those of the true motion at the true time through the true mounting, made by the caller's
 own function (`tests/oracle/calibrated_beams.py`), not by the kernel.
 """
 
-import argparse
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
@@ -25,8 +18,6 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel.models import Calibration, DvlModel, GpsModel, Model
 from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
 from bottomlock.truth.truth import Truth, sample_times_ns
-from tools.recorded_tables import number
-from tools.score_recorded import marked, replaced, same_numbers
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +27,6 @@ MOUNTING_SD_DEG, CLOCK_SD_S = 1.0, 0.1
 DURATION_S, RATE_HZ = 300.0, 50.0
 LEVER_M = np.array([1.0, 0.2, 0.3])
 LATITUDE_RAD, GRAVITY_MPS2 = np.deg2rad(32.8), 9.795
-PAGE = Path(__file__).parents[1] / "docs" / "calibration.md"
 
 
 def _motion(*, surge_mps: float, yaw_rad: float, pitch_rad: float) -> Motion:
@@ -210,41 +200,3 @@ def _nees(truth: Truth, result: Mapping[str, Any], samples_ns: NDArray[np.int64]
     error = np.hstack([turn.as_rotvec(), truth.velocity_p_mps[at] - result[prefix + "velocity_p_mps"][0]])
     covariance = result[prefix + "covariance"][0, :, 3:9, 3:9]
     return float(np.mean(np.einsum("ti,ti->t", error, np.linalg.solve(covariance, error[..., None])[..., 0])))
-
-
-def table(readings: Callable[..., Floats], runs: int = RUNS) -> str:
-    """A row per manoeuvre."""
-    low, high = (float(stats.chi2(4 * runs).ppf(p)) / runs for p in (0.025, 0.975))
-    lines = [
-        f"{runs} runs, seed {SEED}; 95 % band of the NEES of the four: {low:.2f} to {high:.2f}.",
-        "",
-        "| Manoeuvre | σ forward, ° | right | down | clock, s | NEES of 4 | of 6, with | smoothed | without |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
-    for name, world in WORLDS.items():
-        found = ensemble(name, readings, runs=runs)
-        sd = np.sqrt(np.mean(found.sd**2, axis=0)) * [*[180.0 / np.pi] * 3, 1.0]
-        numbers = [number(value, 2) for value in sd] + [f"{found.nees.mean():.2f}"]
-        numbers += [f"{one.mean():.3g}" for one in (found.with_states, found.smoothed, found.without)]
-        lines.append(f"| {world.words} | {' | '.join(numbers)} |")
-        print(lines[-1], flush=True)
-    return "\n".join(lines)
-
-
-def main() -> None:
-    """Writes the table into the page, or compares it."""
-    from tests.oracle.calibrated_beams import readings  # noqa: PLC0415 - the folder is beside this one
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true")
-    check = parser.parse_args().check
-    text = PAGE.read_text(encoding="utf-8")
-    now = f"{table(readings)}\n"
-    if check:
-        there = marked(text, "study").group(2).strip()
-        sys.exit(0 if same_numbers(there, now.strip()) else "the table has changed")
-    PAGE.write_text(replaced(text, {"study": now}), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

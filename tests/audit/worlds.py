@@ -1,23 +1,20 @@
-"""Logs in which the audit's table plants its defects: simulated dives and recordings."""
+"""Logs with what stands beside them, simulated or flown by the plant, and defects of a mounting to plant in them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.logs import BeamLog, Reference, read_depths, read_inertial, read_log
+from bottomlock.audit.logs import BeamLog, Reference
+from bottomlock.audit.robust import resolution
+from bottomlock.audit.run import Audit, audit_log
 from bottomlock.config.scenario import load_scenario
 from bottomlock.instruments.from_scenario import with_geometry
-from bottomlock.io import linkquest, pd0, waterlinked_json
-from bottomlock.io.beam_table import write_recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.recordings.streams import Depths, Inertial
@@ -25,8 +22,8 @@ from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 
 Array = NDArray[np.float64]
-
-SHIPPED = Path(__file__).resolve().parent.parent / "data" / "logs"
+REFERENCE_STEP_S = 0.1
+ATTITUDE_SD_RAD = np.deg2rad(0.02)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,10 +152,6 @@ def simulated(
     )  # fmt: skip
 
 
-REFERENCE_STEP_S = 0.1
-ATTITUDE_SD_RAD = np.deg2rad(0.02)
-
-
 def flown(
     scenario: str, seed: int, *, reference_sd_mps: float | None = 0.005, geometry: str = "waterlinked_a50",
     duration_s: float = 900.0,
@@ -225,46 +218,62 @@ def _own(y: Array, valid: NDArray[np.bool_], rows: Array, step: float) -> tuple[
     return np.round(own / step) * step, valid.sum(axis=1) >= 3
 
 
-def recorded(recordings: Path | None, scratch: Path) -> Iterator[World]:
-    """The recordings: one that ships, and those of `recordings` (where they are), read as `bottomlock convert` does."""
-    river = SHIPPED / "pd0_riverpro" / "RiverPro_test01.PD0"
-    path = scratch / "river.parquet"
-    write_recording(pd0.read(river.read_bytes(), str(river)), path, source=river)
-    yield World("river profiler", read_log(path), read_geometry("teledyne_20").geometry, np.zeros(3))
-    if recordings is None:
-        return
-    source = recordings / "caves_girona_linkquest" / "dvl_linkquest.csv"
-    if source.exists():
-        path = scratch / "caves.parquet"
-        write_recording(linkquest.read(source.read_bytes(), str(source)), path, source=source)
-        yield World(
-            "LinkQuest, caves", read_log(path), read_geometry("linkquest_navquest").geometry, np.zeros(3)
-        )
-    source = recordings / "a50_waterlinked_json" / "out20210528_circle.txt"
-    if source.exists():
-        path = scratch / "a50.parquet"
-        write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
-        yield World("A50, circle", read_log(path), read_geometry("waterlinked_a50").geometry, np.zeros(3))
-
-
-def others(recordings: Path | None, scratch: Path) -> Iterator[World]:
-    """Logs of other instruments, vehicles and neighbours than those of `simulated` and `recorded`."""
-    yield flown("survey", 11)
-    yield flown("hovering", 12)
-    beside = SHIPPED / "survey_dive"
-    compass = pl.read_csv(beside / "compass.csv")
-    rpy_rad = np.deg2rad(compass.select("roll_deg", "pitch_deg", "heading_deg").to_numpy())
-    yield World(
-        "Workhorse, IMU and compass", read_log(beside / "beams.parquet"), read_geometry("teledyne_30").geometry,
-        np.zeros(3), Reference(compass["time_ns"].to_numpy(), rpy_rad, None), read_depths(beside / "depth.csv"),
-        read_inertial(beside / "imu.parquet"),
+def audited(world: World) -> Audit:
+    """The audit of a log with all that is beside it."""
+    return audit_log(
+        world.log, stated=world.geometry, geometry_name="stated", mounting_rpy_rad=world.mounting_rpy_rad,
+        reference=world.reference, imu=world.imu, depths=world.depths,
     )  # fmt: skip
-    if recordings is None:
-        return
-    source = recordings / "a50_waterlinked_json" / "out20210528_straight+turn360.txt"
-    if source.exists():
-        path = scratch / "turn.parquet"
-        write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
-        yield World(
-            "A50, straight and a turn", read_log(path), read_geometry("waterlinked_a50").geometry, np.zeros(3)
-        )
+
+
+def rows_of(world: World) -> Array:
+    """(beams, 3) stated rows."""
+    assert world.geometry is not None
+    return np.asarray(world.geometry.directions_p)
+
+
+def _rounded(world: World, y: Array) -> Array:
+    """Readings in the steps of the log: unrounded ones never repeat by chance, as those of an instrument do.
+
+    Before, they are spread over the step that they were rounded to: a change of less than a step is lost otherwise.
+    """
+    step = resolution(world.log.velocity_mps.ravel())
+    spread = np.random.default_rng(7).uniform(-0.5, 0.5, y.shape)
+    return np.asarray(np.round(y / step + spread) * step)
+
+
+def clock_behind(world: World, behind_s: float) -> World:
+    """The DVL's clock is behind."""
+    return world.with_log(replace(world.log, time_ns=world.log.time_ns - round(behind_s * 1e9)))
+
+
+def _moved(world: World, change_mps: Array) -> World:
+    """The instrument's velocity and its beams with a change (n, 3) of the velocity that the instrument measures."""
+    own = world.log.instrument_mps
+    assert own is not None
+    moved = np.where(world.log.solved[:, None], change_mps, 0.0)
+    y = world.log.velocity_mps + np.where(world.log.valid, moved @ rows_of(world).T, 0.0)
+    return world.with_log(replace(world.log, velocity_mps=_rounded(world, y), instrument_mps=own + moved))
+
+
+def yawed(world: World, angle_deg: float) -> World:
+    """What beams in an instrument turned to starboard read of the same motion."""
+    own = np.nan_to_num(np.asarray(world.log.instrument_mps))
+    return _moved(world, Rotation.from_euler("z", angle_deg, degrees=True).inv().apply(own) - own)
+
+
+def scaled(world: World, factor: float) -> World:
+    """All beams read this many times the velocity."""
+    return _moved(world, (factor - 1.0) * np.nan_to_num(np.asarray(world.log.instrument_mps)))
+
+
+def lever_arm_of(world: World, ahead_m: float) -> World:
+    """The DVL sits ahead of the reference's point."""
+    reference = world.reference
+    assert reference is not None
+    attitude = Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1])
+    rate = (
+        (attitude[:-2].inv() * attitude[2:]).as_rotvec() / np.diff(reference.time_ns)[:, None].mean() / 2e-9
+    )
+    at = [np.interp(world.log.time_ns, reference.time_ns[1:-1], column) for column in rate.T]
+    return _moved(world, np.cross(np.stack(at, axis=1), [ahead_m, 0.0, 0.0]))

@@ -95,7 +95,6 @@ position = "reference"
 velocity = "reference"
 position_sd_m = [0.0, 0.0, 0.0]
 {start}
-{robust}
 [replay]
 {replay}
 {what_if}
@@ -124,17 +123,7 @@ NOISE = """
 noise = {{ kind = "closure", of = {{ file = "{caves}", geometry = "linkquest_caves" }} }}
 beam_noise_mps = 0.0224  # the closure's robust sigma of a beam, 20 mm/s, and the velocity's own 10 mm/s
 """
-NOT_ROBUST = """
-[robust]
-enabled = false
-"""
-WHAT_IF = {
-    "lost_34": "beams_lost = [3, 4]",
-    "outage_60": "outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 120.0 }}]",
-    "outage_120": "outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 180.0 }}]",
-    "outage_300": "outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 360.0 }}]",
-    "caves": 'validity_of = {{ file = "{caves}", geometry = "linkquest_caves" }}',
-}
+WHAT_IF = {"lost_34": "beams_lost = [3, 4]"}
 
 
 def akit_case(
@@ -147,7 +136,6 @@ def akit_case(
     drawn: bool = False,
     asks: Sequence[str] = (),
     depth: bool = True,
-    robust: bool = True,
     replay: str = "",
 ) -> Case:
     """A section as a case.
@@ -161,7 +149,6 @@ def akit_case(
         drawn: the start is displaced by errors drawn from its standard deviations.
         asks: what-if cases of `WHAT_IF` beside the beams as recorded.
         depth: with the altitude of the reference as a depth sensor.
-        robust: with replay's defaults for outliers; without them a Gaussian filter that gates whole pings.
         replay: lines for the section [replay].
     """
     geometry = scratch / "akit_dvl.toml"
@@ -175,10 +162,7 @@ def akit_case(
         start=(TABLE_2_START if degraded else START) + f"draw = {str(drawn).lower()}\n",
         noise=NOISE.format(caves=caves) if noisy else "",
         depth=DEPTH.format(**common) if depth else "",
-        what_if="".join(
-            f'[[what_if]]\nname = "{name}"\n{WHAT_IF[name]}\n'.format(caves=caves) for name in asks
-        ),
+        what_if="".join(f'[[what_if]]\nname = "{name}"\n{WHAT_IF[name]}\n' for name in asks),
         replay=replay,
-        robust="" if robust else NOT_ROBUST,
     )
     return parse_case(text, place=f"akit section {section}")

@@ -1,7 +1,6 @@
-"""Two recorded dives as their users would hold them, in CSV files: `python tools/recorded_dives.py OUT [DATA]`.
+"""Two recorded dives as their users would hold them, in CSV files.
 
-DATA is the folder of the recordings, by default the one that BOTTOMLOCK_RECORDINGS names. Nothing of them may be
-republished, so the tables are written where the caller says and never into the project.
+Nothing of them may be republished, so the tables are written where the caller says and never into the project.
 
 - `stpere`: MTi AHRS, three-beam DVL (beams and velocity) and DGPS of the AUV Ictineu (Ribas et al. 2008), in
   vehicle axes (forward, right, down), and the readings of the MTi in its own axes in `mti.csv`.
@@ -9,8 +8,6 @@ republished, so the tables are written where the caller says and never into the 
   readings.
 """
 
-import os
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.io.water_table import WaterTable, water_file
 
-ROOT = Path(__file__).resolve().parent.parent
 MTI_TO_VEHICLE = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Found in the recording: x_v = -y, y_v = x, z_v = z."""
 DVL_YAW_DEG = 70.2
@@ -31,11 +27,6 @@ PROFILE_CELLS = 10
 """Of 40; the others are beyond the bottom."""
 GLIDER_CLOCK_S = 3593.0
 """Found in the recording: the depths of the two logs then correlate by 0.9995."""
-
-
-def recordings() -> Path:
-    """Default folder of the recordings."""
-    return Path(os.environ.get("BOTTOMLOCK_RECORDINGS", ROOT.parent / "shared" / "data"))
 
 
 def numbers(path: Path, columns: int) -> np.ndarray:
@@ -194,10 +185,3 @@ def profile(
         none,
     )
     write_parquet(water_file(out / "dvl_beams.csv"), table.to_frame())
-
-
-if __name__ == "__main__":
-    target = Path(sys.argv[1])
-    folder = Path(sys.argv[2]) if len(sys.argv) > 2 else recordings()
-    stpere(folder, target / "stpere")
-    glider(folder, target / "glider")
