@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import fcntl
 import json
@@ -20,7 +21,11 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
-from bottomlock.setup.form import HEALTH_PORT
+from bottomlock.live.http_server import Request
+from bottomlock.setup.folder import SetupFolder
+from bottomlock.setup.form import HEALTH_PORT, SetupForm
+from bottomlock.setup.process import LiveProcess
+from bottomlock.setup.server import SetupServer
 from tests.live.processes import Instruments, free_port
 from tests.setup.blueos import ask, detect_service, get, post
 
@@ -188,6 +193,7 @@ def test_other_pages_change_nothing(tmp_path: Path) -> None:
             (good | {"Origin": "http://evil.example"}, 403),
             (good | {"Origin": "null"}, 403),
             (good | {"Host": "evil.example"}, 421),
+            (good | {"Host": "rov.local:8770"}, 421),
             (good | {"Host": "blueos.local.evil.example"}, 421),
             (good | {"Content-Length": "99999999999999"}, 413),
             (good | {"Content-Length": "-1"}, 411),
@@ -197,12 +203,52 @@ def test_other_pages_change_nothing(tmp_path: Path) -> None:
         assert ask(port, "OPTIONS", "/save", None, {"Origin": "http://blueos.local"})[0] == 405
         assert get(port, "/save")[0] == 404
         assert not list(tmp_path.iterdir())
-        # Through BlueOS' own server, and by the vehicle's name in its network.
+    # Through BlueOS' own server, and by the vehicle's name in its network.
+    with served(tmp_path, "--host", "0.0.0.0") as port:
         for origin, host in (
             ("http://blueos.local", "127.0.0.1"),
             ("http://192.168.2.2:8770", "rov.local:8770"),
         ):
             assert ask(port, "POST", "/save", body, good | {"Origin": origin, "Host": host})[0] == 200
+
+
+@pytest.mark.parametrize("field", ["address", "imu", "to"])
+@pytest.mark.parametrize(
+    "address",
+    [
+        "file:/etc/passwd", "stdin", "stdout", "zenoh:a/b", "ros:/imu", "serial:/etc/passwd",
+        "serial:/dev/../etc/passwd", "tcp:8.8.8.8:80", "tcp:example.org:80", "udpin:8.8.8.8:80", "udpout:8.8.8.8:80",
+    ],
+)  # fmt: skip
+def test_no_file_and_no_foreign_host_is_named_by_the_page(field: str, address: str, tmp_path: Path) -> None:
+    """Whoever reaches the page would read files through the raw log, append to them, or send to the internet."""
+    folder = SetupFolder(tmp_path)
+    server = SetupServer(folder, LiveProcess(folder.config, print), "127.0.0.1")
+    body = json.dumps({"latitude_deg": 1.0, field: address}).encode()
+    answer = asyncio.run(server._post(Request("POST", "/save", {}, body)))
+    assert b"422" in answer.splitlines()[0]
+    assert [one["field"] for one in json.loads(answer.rpartition(b"\r\n\r\n")[2])["faults"]] == [field]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("tcp:192.168.194.95:16171", "file:/etc/passwd", "source.0.address"),
+        ("tcp:192.168.194.95:16171", "serial:/etc/passwd", "source.0.address"),
+        ("tcp:127.0.0.1:5777", "file:/tmp/taken", "port.0.to"),
+    ],
+)
+def test_a_configuration_in_the_folder_names_no_file(old: str, new: str, key: str, tmp_path: Path) -> None:
+    """Neither started by the page nor, as one that was running, by a start of the vehicle."""
+    SetupFolder(tmp_path).save(SetupForm(mode="velocity"))
+    config = tmp_path / "live.toml"
+    config.write_text(config.read_text().replace(old, new))
+    SetupFolder(tmp_path).shall_run = True
+    with served(tmp_path) as port:
+        code, answer = post(port, "/start")
+        assert (code, key in answer["faults"][0]["words"]) == (422, True)
+        assert not shown(port)["process"]["wanted"]
 
 
 @pytest.mark.parametrize(

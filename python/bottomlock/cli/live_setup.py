@@ -9,10 +9,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.console import errors
-from bottomlock.errors import OutputError
+from bottomlock.errors import BottomlockError, OutputError
 from bottomlock.setup.folder import SetupFolder
 from bottomlock.setup.process import LiveProcess
-from bottomlock.setup.server import NAMES, PORT, SetupServer
+from bottomlock.setup.server import PORT, SetupServer
 
 
 def live_setup(
@@ -23,9 +23,11 @@ def live_setup(
     ] = "127.0.0.1",
     port: Annotated[int, Parameter(help="TCP port of the page; 0: a free one.")] = PORT,
     names: Annotated[
-        tuple[str, ...],
-        Parameter(help="Further host names under which the page may be asked; .END: all that end so."),
-    ] = NAMES,
+        tuple[str, ...] | None,
+        Parameter(
+            help="Names under which the page may be asked; .END: all that end so. Default beyond loopback: .local."
+        ),
+    ] = None,
 ) -> None:
     """Set live navigation up in a browser: instrument, autopilot, mounting; start, stop, state, raw logs.
 
@@ -41,11 +43,22 @@ def _say(words: str) -> None:
     errors.print(words, markup=False, highlight=False, soft_wrap=True)
 
 
-async def _serve(folder: Path, host: str, port: int, names: tuple[str, ...]) -> None:
+def _go_on(kept: SetupFolder, process: LiveProcess) -> None:
+    """Starts the live process that was running before, if its configuration may be run by the page."""
+    if not kept.shall_run:
+        return
+    try:
+        kept.settings()
+    except BottomlockError as error:
+        _say(f"bottomlock: not started: {error}")
+        return
+    process.want(running=True)
+
+
+async def _serve(folder: Path, host: str, port: int, names: tuple[str, ...] | None) -> None:
     kept = SetupFolder(folder)
     process = LiveProcess(kept.config, _say)
     server = SetupServer(kept, process, host, port, names=names, say=_say)
-    process.want(running=kept.shall_run)
     serving, living = asyncio.create_task(server.run()), asyncio.create_task(process.run())
     opened = asyncio.create_task(server.opened.wait())
     loop = asyncio.get_running_loop()
@@ -56,6 +69,7 @@ async def _serve(folder: Path, host: str, port: int, names: tuple[str, ...]) -> 
         await asyncio.wait({serving, opened}, return_when=asyncio.FIRST_COMPLETED)
         if server.opened.is_set():
             _say(f"bottomlock: set-up page {server.url}, configuration in {kept.folder}")
+            _go_on(kept, process)
         await serving
     except asyncio.CancelledError:
         pass

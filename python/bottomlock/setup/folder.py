@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import read_json, write_json, write_text
 from bottomlock.live.config import LiveConfig, load_config, parse_config
+from bottomlock.setup.addresses import check_by_hand
 from bottomlock.setup.form import LOGS, SetupForm, config_text, geometry_of
 
 CONFIG, STATE = "live.toml", "setup.json"
@@ -98,11 +99,13 @@ class SetupFolder:
         """The configuration, read and checked.
 
         Raises:
-            ScenarioError: as `load_config`, and where nothing was saved yet.
+            ScenarioError: as `load_config` and `check_by_hand`, and where nothing was saved yet.
         """
         if not self.config.exists():
             raise ScenarioError("there is no configuration yet: save the form first")
-        return load_config(self.config)
+        config = load_config(self.config)
+        check_by_hand(config, str(self.config))
+        return config
 
     def logs(self) -> list[RawLogFile]:
         """The raw logs, the last one first."""

@@ -10,10 +10,10 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from bottomlock.config.scenario_sections import Finite, Section
 from bottomlock.io.beams import geometry_text, read_geometry
-from bottomlock.live.address import SinkAddress, SourceAddress
 from bottomlock.live.sections import Name
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS
 from bottomlock.ports.estimate import Mode
+from bottomlock.setup.addresses import FormSource, FormTarget
 
 LOGS = "logs"
 """Folder of the raw logs, beside the configuration."""
@@ -40,7 +40,7 @@ class SetupForm(Section):
 
     name: Name = "vehicle"
     instrument: Literal[tuple(FORM_INSTRUMENTS)] = "a50"  # type: ignore[valid-type]
-    address: SourceAddress = INSTRUMENTS["a50"].address
+    address: FormSource = INSTRUMENTS["a50"].address
     mounting_roll_deg: _Degrees = 0.0
     mounting_pitch_deg: _Pitch = 0.0
     mounting_yaw_deg: _Degrees = 0.0
@@ -48,9 +48,9 @@ class SetupForm(Section):
     lever_starboard_m: Finite = 0.0
     lever_down_m: Finite = 0.0
     autopilot: Literal[tuple(FORM_AUTOPILOTS)] = "ardusub"  # type: ignore[valid-type]
-    to: SinkAddress = ROUTER
+    to: FormTarget = ROUTER
     mode: Mode = "navigation"
-    imu: SourceAddress = ROUTER
+    imu: FormSource = ROUTER
     latitude_deg: Annotated[float | None, Field(ge=-90, le=90, validate_default=True)] = None
     record: bool = True
 

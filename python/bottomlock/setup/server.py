@@ -23,7 +23,10 @@ from bottomlock.setup.process import LiveProcess
 
 PORT = 8770
 NAMES = (".local",)
-"""Names of a vehicle in its own network, as BlueOS has them (multicast DNS); no name of the web ends so."""
+"""Names of a vehicle in its own network, as BlueOS has them (multicast DNS); no name of the web ends so.
+
+They are answered where the page listens beyond the loopback address: elsewhere it has no name in the network."""
+_LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _BLOCK = 65_536
 _STALLED_S = 60.0
 """Longest time that a client takes nothing of a raw log."""
@@ -67,9 +70,11 @@ class SetupServer(HttpServer):
         host: str,
         port: int = PORT,
         *,
-        names: Sequence[str] = NAMES,
+        names: Sequence[str] | None = None,
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
+        if names is None:
+            names = () if host in _LOOPBACK else NAMES
         super().__init__(host, port, names=names, say=say)
         self._folder, self._process = folder, process
 

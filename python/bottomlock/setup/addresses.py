@@ -1,0 +1,73 @@
+"""Which addresses the set-up page takes: whoever reaches the page chooses them, and `bottomlock live` opens them.
+
+A file would be read into the raw log, which the page hands out, or appended to. So the form knows devices in the
+vehicle's own network and serial lines, and a configuration in the folder may not name a file either.
+"""
+
+import ipaddress
+from pathlib import PurePosixPath
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+from bottomlock.errors import ScenarioError
+from bottomlock.live.config import LiveConfig
+from bottomlock.ports.address import Address, Kind, parse_address
+
+_SOURCES: tuple[Kind, ...] = ("tcp", "udpin", "serial")
+_TARGETS: tuple[Kind, ...] = ("tcp", "udpout", "serial")
+_BY_HAND = ("tcp:", "tcpin:", "udpin:", "udpout:", "serial:/dev/")
+_LOCAL_NAMES = ("localhost", ".local")
+
+
+def _check(text: str, address: Address) -> None:
+    """Raises ValueError for a device that is none, and for a host outside the vehicle's network."""
+    if address.kind == "serial":
+        device = PurePosixPath(address.path)
+        if not device.is_relative_to("/dev") or ".." in device.parts:
+            raise ValueError(
+                f"'{text}' is no serial device, expected one in /dev, as serial:/dev/ttyUSB0:115200"
+            )
+        return
+    try:
+        host = ipaddress.ip_address(address.host)
+        near = host.is_private or host.is_loopback or host.is_link_local or host.is_unspecified
+    except ValueError:
+        near = address.host.lower().endswith(_LOCAL_NAMES)
+    if not near:
+        raise ValueError(
+            f"'{text}' is outside the vehicle's network, expected a private address, as 192.168.2.1, or a name that "
+            "ends in .local"
+        )
+
+
+def _source(text: str) -> str:
+    _check(text, parse_address(text, _SOURCES, what="a source of the set-up page"))
+    return text
+
+
+def _target(text: str) -> str:
+    _check(text, parse_address(text, _TARGETS, what="a target of the set-up page"))
+    return text
+
+
+FormSource = Annotated[str, AfterValidator(_source)]
+FormTarget = Annotated[str, AfterValidator(_target)]
+
+
+def check_by_hand(config: LiveConfig, place: str) -> None:
+    """Checks the addresses of a configuration that the page is to run, whoever wrote it.
+
+    Raises:
+        ScenarioError: for one that is neither a network address nor a serial line.
+    """
+    named = [(f"source.{k}.address", one.address) for k, one in enumerate(config.source)]
+    named += [(f"port.{k}.to", one.to) for k, one in enumerate(config.port)]
+    if config.diagnostics is not None:
+        named.append(("diagnostics.to", config.diagnostics.to))
+    for key, address in named:
+        if not address.startswith(_BY_HAND) or "/../" in address:
+            raise ScenarioError(
+                f"{place}: '{key}' is '{address}', expected tcp, udp or a serial line where the set-up page runs "
+                "it; run this one with `bottomlock live`"
+            )
