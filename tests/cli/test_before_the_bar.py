@@ -69,7 +69,7 @@ def test_a_replay_that_cannot_begin_shows_no_bar(
         ),
         (["run", "straight", "--methods", "tcc"], "did you mean 'tc'"),
         (["study", "straight", "--methods", "tcc"], "did you mean 'tc'"),
-        (["compare", "nowhere"], "nowhere: no such directory"),
+        (["report", "nowhere", "there"], "nowhere: no such directory"),
         # Long ones: no estimate of their time comes before the error.
         (["run", "straight", *LONG, "--set", "imu.gyro_bais_deg_per_h=1,2"], "did you mean"),
         (["run", "straight", *LONG, "--set", "dvl.tilt_deg=20", "--shard", "1/2"], "--shard and --set"),

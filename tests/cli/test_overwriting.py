@@ -292,7 +292,7 @@ def test_a_comparison_follows_its_campaigns(tmp_path: Path) -> None:
     assert command(*variants, "dvl.tilt_deg=20,25", cwd=tmp_path).returncode == 0
     out = tmp_path / "o"
     assert (out / "compare.html").is_file()
-    assert command("compare", "o", cwd=tmp_path).returncode == 0
+    assert command("report", "o", cwd=tmp_path).returncode == 0
     done = command(*variants, "dvl.tilt_deg=30", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert pl.read_parquet(out / "compare.parquet")["campaign"].n_unique() == 3
@@ -306,15 +306,15 @@ def test_a_comparison_follows_its_campaigns(tmp_path: Path) -> None:
     assert not list(out.glob("compare*"))
     # Elsewhere a comparison of others needs --force, and nothing of ours is written beside what is not.
     two = [str(path) for path in sorted(out.iterdir()) if path.is_dir()]
-    assert command("compare", *two[:2], "--out", "both", cwd=tmp_path).returncode == 0
-    assert command("compare", *two[:2], "--out", "both", cwd=tmp_path).returncode == 0
-    done = command("compare", *two[1:], "--out", "both", cwd=tmp_path)
+    assert command("report", *two[:2], "--out", "both", cwd=tmp_path).returncode == 0
+    assert command("report", *two[:2], "--out", "both", cwd=tmp_path).returncode == 0
+    done = command("report", *two[1:], "--out", "both", cwd=tmp_path)
     assert done.returncode == 2
     assert "use --force to replace it" in done.stderr
-    assert command("compare", *two[1:], "--out", "both", "--force", cwd=tmp_path).returncode == 0
+    assert command("report", *two[1:], "--out", "both", "--force", cwd=tmp_path).returncode == 0
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "note.txt").touch()
-    done = command("compare", *two[:2], "--out", "mine", "--force", cwd=tmp_path)
+    done = command("report", *two[:2], "--out", "mine", "--force", cwd=tmp_path)
     assert done.returncode == 2
     assert [one.name for one in (tmp_path / "mine").iterdir()] == ["note.txt"]
 

@@ -14,7 +14,6 @@ from matplotlib.collections import PolyCollection
 
 from bottomlock.files.records import write_recorded_table
 from bottomlock.paper.claims import ValueClaim, load_paper
-from bottomlock.report.compare import compare
 from bottomlock.report.drawings import Drawing, drawings
 from bottomlock.report.page import make_report
 from bottomlock.tables.campaign import CHOICES, PATHS
@@ -191,16 +190,3 @@ def test_trajectories_draw_the_truth(drawn: dict[str, Drawing], campaign: Campai
     assert set(map(tuple, points(depth).tolist())) == set(
         zip(table["time_ns"] * 1e-9, table["depth_m"], strict=True)
     )
-
-
-def test_campaigns_side_by_side_have_the_files_too(tmp_path: Path) -> None:
-    """Drawn, not set up alone, and no file is linked twice."""
-    for name in ("a", "b"):
-        write_campaign(tmp_path / name, trajectories=["straight"], methods=["tc", "vb"], runs=4)
-    made = compare([tmp_path / "a", tmp_path / "b"], tmp_path / "both")
-    links = re.findall(r'<a href="(figures/[^"]+)">', made.page.read_text(encoding="utf-8"))
-    paths = list((tmp_path / "both" / "figures").iterdir())
-    assert sorted(links) == sorted(path.relative_to(tmp_path / "both").as_posix() for path in paths)
-    starts = {".png": b"\x89PNG\r\n\x1a\n", ".svg": b"<?xml"}
-    assert {path.suffix for path in paths} == set(starts)
-    assert all(path.read_bytes().startswith(starts[path.suffix]) for path in paths)

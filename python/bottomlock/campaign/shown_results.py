@@ -39,7 +39,7 @@ class ShownResults:
         return "".join(notebook_table(self._table(name)) for name in self.trajectories)
 
     def compare(self, other: Self, labels: tuple[str, str] = ("this", "other")) -> pl.DataFrame:
-        """These results beside others, as `bottomlock compare` lays them out; differences are these minus the others.
+        """These results beside others, as `bottomlock report A B` has them; differences are these minus the others.
 
         Run k of both is a pair where the true motion and the seed are the same: what both share drops out of the
         difference. Where they are not, the intervals are those of independent runs, and `paired` is false.

@@ -41,13 +41,15 @@ JOBS = {
         ),
     },
     "Simulation": {
-        "compare": ("compare", "Lay campaigns or variants side by side: table, differences, page."),
         "fly": (
             "simulate",
             "Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure.",
         ),
         "merge": ("campaign", "Join the shards of a campaign and print its table."),
-        "report": ("report", "Write report.html and figures from the tables of a campaign or a replay."),
+        "report": (
+            "report",
+            "Write the report of a campaign or a replay, or lay several campaigns side by side.",
+        ),
         "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
     },
     "Studies": {
@@ -79,7 +81,7 @@ JOBS = {
 COMMANDS = {name: words for commands in JOBS.values() for name, words in commands.items()}
 USAGE = {
     "run": "--out PATH [OPTIONS] SCENARIO...",
-    "compare": "[OPTIONS] DIRECTORY...",
+    "report": "[OPTIONS] DIRECTORY...",
     "merge": "[OPTIONS] OUT SHARDS...",
     "fly": "[OPTIONS] SCENARIO...",
     "keys": "[OPTIONS] KIND [WORD]",

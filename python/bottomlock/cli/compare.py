@@ -1,51 +1,19 @@
-"""The command `bottomlock compare`: campaigns or variants side by side."""
+"""Campaigns side by side on a terminal."""
 
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import polars as pl
-from cyclopts import Parameter
 from rich.table import Table
 
 from bottomlock.cli.console import console, narrow_table
-from bottomlock.cli.force import Force
-from bottomlock.errors import OutputError
 from bottomlock.pages.numbers import plain
 from bottomlock.report.compare import Comparison
-from bottomlock.report.compare import compare as lay_side_by_side
 
 SHOWN = (("velocity at the end", ", m/s RMS", 3), ("position at the end", ", m RMS", 1), ("NEES", "", 1))
-"""Quantities on the screen, with their units and decimals; the page and the tables have the others."""
+"""Quantities on the screen, with their units and decimals; the page and the table have the others."""
 
 COLUMNS = 7
 """Campaigns beside one another in 80 columns."""
-
-
-def compare(
-    *directory: Path,
-    out: Annotated[
-        Path | None,
-        Parameter(alias="-o", help="Directory for page, table and figures; that of the variants by default."),
-    ] = None,
-    against: Annotated[
-        str | None, Parameter(help="The campaign that differences are taken to; the first by default.")
-    ] = None,
-    force: Force = False,
-) -> None:
-    """Lay campaigns or variants side by side: table, differences, page.
-
-    Writes compare.html, compare.parquet, compare.csv and figures. Differences are paired where the seeds and the
-    trajectories are the same.
-
-    Parameters
-    ----------
-    directory
-        Directories of finished campaigns, or one of variants.
-    """
-    if out is None and len(directory) != 1:
-        raise OutputError("--out is missing, expected a directory for page, table and figures")
-    folder = directory[0] if out is None else out
-    print_comparison(lay_side_by_side(list(directory), folder, against=against, force=force))
 
 
 def print_comparison(made: Comparison) -> None:
@@ -58,17 +26,16 @@ def print_comparison(made: Comparison) -> None:
         for quantity, unit, decimals in SHOWN:
             part = rows.filter(rows["quantity"] == quantity)
             for first in range(0, len(labels), COLUMNS):
-                title = f"{trajectory}: {quantity}{unit}"
-                console.print(
-                    _table(part, labels, range(first, min(first + COLUMNS, len(labels))), title, decimals)
-                )
+                here = range(first, min(first + COLUMNS, len(labels)))
+                console.print(_table(part, labels, here, f"{trajectory}: {quantity}{unit}", decimals))
     console.print("* differs from the reference: the 95 % interval of the difference excludes zero")
     for trajectory, whys in made.unpaired.items():
         for label, why in whys.items():
             console.print(
                 f"not paired with {made.reference}: {label} on {trajectory} ({why})", soft_wrap=True
             )
-    console.print(f"wrote {made.page}, compare.parquet, compare.csv and figures", soft_wrap=True)
+    if made.page is not None:
+        console.print(f"wrote {made.page} and compare.parquet", soft_wrap=True)
 
 
 def _table(rows: pl.DataFrame, labels: list[str], columns: range, title: str, decimals: int) -> Table:

@@ -9,7 +9,6 @@ EXAMPLES = {
         "run straight -o out/narrow -n 5000 --until 'tc.velocity_rms<2%'",
         "run straight -o out/gyros --set imu.gyro_bias_deg_per_h=0.01,3,50",
     ),
-    "compare": ("compare out/a out/b -o out/both", "compare out/gyros"),
     "merge": ("merge out/whole out/part1 out/part2",),
     "fly": ("fly straight -o out/path",),
     "simulate-dvl": ("simulate-dvl survey --dvl tcpin:127.0.0.1:16171",),
@@ -20,7 +19,7 @@ EXAMPLES = {
         "fix beams.parquet --geometry waterlinked_a50 --leave-out 1",
     ),
     "reproduce": ("reproduce -o out/paper -n 50",),
-    "report": ("report out/first",),
+    "report": ("report out/first", "report out/a out/b -o out/both", "report out/gyros"),
     "study": (
         "study straight -o out/masks -n 100 -m tc,nsv,sway_current",
         "study straight -o out/depth --masks 12,1 --sensors none,depth",

@@ -7,13 +7,16 @@ from cyclopts import Parameter
 
 from bottomlock.campaign.run import check_campaign
 from bottomlock.cli.campaign_output import progress_bar, say_cost
+from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.force import Force, ForceStudy
 from bottomlock.cli.parameters import Recover, Seed, StudyOut, Threads, check_threads
 from bottomlock.errors import DataError
 from bottomlock.replay.report import is_replay, make_replay_report
+from bottomlock.report.compare import compare
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies import reproduce as whole_study
+from bottomlock.tables.variants import VARIANTS
 
 
 def reproduce(
@@ -46,22 +49,48 @@ def reproduce(
     print_report(made)
 
 
-def report(directory: Path, *, force: Force = False) -> None:
-    """Write report.html and figures from the tables of a campaign or a replay.
+def report(
+    *directory: Path,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            alias="-o",
+            help="Directory for the page of several campaigns; that of variants, otherwise none by default.",
+        ),
+    ] = None,
+    against: Annotated[
+        str | None,
+        Parameter(help="Of several campaigns the one that differences are taken to; the first by default."),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write the report of a campaign or a replay, or lay several campaigns side by side.
 
-    Where a campaign flew the paper's scenarios with its settings, the report tests the paper's claims, too.
+    Of one directory: report.html and figures from its tables; where a campaign flew the paper's scenarios with its
+    settings, the report tests the paper's claims, too. Of several: a table of errors and of their differences, run by
+    run where the seeds and the trajectories are the same.
 
     Parameters
     ----------
     directory
-        Directory of a finished campaign (`bottomlock run`) or of a replay (`bottomlock replay`).
+        Directory of a finished campaign (`bottomlock run`), of its variants, or of a replay (`bottomlock replay`);
+        several campaigns are compared.
     """
-    if directory.is_file():
-        raise DataError(f"{directory}: is a file, expected the folder of a campaign or a replay")
-    if is_replay(directory):
-        console.print(f"wrote {make_replay_report(directory, force=force)}")
+    if not directory:
+        raise DataError("no directory is named, expected that of a campaign or a replay")
+    first, *others = directory
+    if others or (first / VARIANTS).is_file():
+        place = first if out is None and not others else out
+        print_comparison(compare(directory, place, against=against, force=force))
+        return
+    if out is not None or against is not None:
+        raise DataError("--out and --against are of several campaigns, and one directory is named")
+    if first.is_file():
+        raise DataError(f"{first}: is a file, expected the folder of a campaign or a replay")
+    if is_replay(first):
+        console.print(f"wrote {make_replay_report(first, force=force)}")
     else:
-        print_report(make_report(directory, force=force))
+        print_report(make_report(first, force=force))
 
 
 def print_report(made: Report) -> None:
