@@ -55,5 +55,5 @@ for beams in range(1, 5):
     )
 
 # %% [markdown]
-# [Masks](../docs/masks.md) has every set of beams on three trajectories; [observability](observability_in_pictures.py)
-# shows what a manoeuvre adds.
+# `bottomlock study` runs every set of beams on three trajectories; [observability](observability_in_pictures.py) shows
+# what a manoeuvre adds.

@@ -60,5 +60,5 @@ table
 # zero, which is true on this straight leg in still water and [false in a current](cross_current.py). `sway_current`
 # says the same of the sway **through the water** and estimates the current.
 #
-# Next: [one beam only](one_beam_only.py), [why VB is overconfident](why_vb_is_overconfident.py), and every case in
-# [Masks](../docs/masks.md).
+# Next: [one beam only](one_beam_only.py), [why VB is overconfident](why_vb_is_overconfident.py), and
+# [every method](../docs/methods/index.md).

@@ -76,5 +76,5 @@ plt.show()
 # it is **conservative**: its σ is wider than needed. Overconfidence is what hurts, because whoever uses the estimate
 # (a gate, an autopilot, another filter) trusts it too much.
 #
-# A single look at 95 % is wrong once in twenty. [The consistency study](../docs/consistency.md) tests 45 cells of every
-# method with one false-alarm rate for the whole.
+# A single look at 95 % is wrong once in twenty. `bottomlock study` tests 45 cells of every method with one
+# false-alarm rate for [the whole](../docs/methods/index.md).

@@ -84,5 +84,5 @@ plt.show()
 
 # %% [markdown]
 # With n_f = 1 the filter claims a small fraction of its error. As n_f grows, the claim grows towards that of `tc`,
-# and the error with it becomes that of `tc`: at its best the virtual beam is the filter without it. The numbers of
-# the whole study are in [Consistency](../docs/consistency.md), the method's page is [`vb`](../docs/methods/vb.md).
+# and the error with it becomes that of `tc`: at its best the virtual beam is the filter without it. The page
+# of the method is [`vb`](../docs/methods/vb.md).

@@ -42,7 +42,7 @@ _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
 def outward(page: Path, text: str, root: Path = ROOT) -> str:
     """A page of docs/ with its links out of docs/ as links to the repository; code stays as it is.
 
-    >>> outward(ROOT / "docs" / "masks.md", "[us](../CONTRIBUTING.md#style) [x](keys.md) `[c](../Makefile)`")
+    >>> outward(ROOT / "docs" / "survey.md", "[us](../CONTRIBUTING.md#style) [x](keys.md) `[c](../Makefile)`")
     '[us](https://github.com/bottomlock/bottomlock/blob/main/CONTRIBUTING.md#style) [x](keys.md) `[c](../Makefile)`'
     """
 

@@ -25,7 +25,7 @@ from tools.site_screenshots import SHOTS
 )
 def test_links_out_of_docs_lead_to_the_repository(root: Path, text: str, written: str) -> None:
     """Examples are pages of the gallery; code, pages beside and what is not there stay as they are."""
-    assert build_site.outward(root / "docs" / "masks.md", text) == written
+    assert build_site.outward(root / "docs" / "survey.md", text) == written
 
 
 def test_every_table_is_documented() -> None:
@@ -47,7 +47,7 @@ def test_an_example_links_its_script(root: Path) -> None:
 
 def test_broken_links_within_the_site_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What is outside is told and does not fail, since it may be away for a day."""
-    link = {"filename": "masks.md", "lineno": 3, "status": "broken", "info": "404"}
+    link = {"filename": "survey.md", "lineno": 3, "status": "broken", "info": "404"}
     found = [
         link | {"uri": "https://x.org"},
         link | {"uri": "gone.md"},
