@@ -28,12 +28,6 @@ class Match:
     off_rad: Array
     rotation: Rotation
 
-    @property
-    def as_stated(self) -> bool:
-        """Order and signs are the stated ones, without a common rotation."""
-        plain = np.array_equal(self.beam, np.arange(len(self.beam))) and bool((self.sign > 0).all())
-        return plain and self.rotation.magnitude() < 1e-9
-
 
 def match(found: Array, stated: Array) -> Match:
     """The simplest order, signs and common rotation that bring stated directions (beams, 3) to found ones.

@@ -55,24 +55,17 @@ def xor_of(text: bytes) -> int:
     return value
 
 
-def _crc8_table(polynomial: int) -> bytes:
+def _crc8_table() -> bytes:
     table = []
     for start in range(256):
         value = start
         for _ in range(8):
-            value = (value << 1) ^ polynomial if value & 0x80 else value << 1
+            value = (value << 1) ^ 0x107 if value & 0x80 else value << 1
         table.append(value & 0xFF)
     return bytes(table)
 
 
-_CRC8_07, _CRC8_31 = _crc8_table(0x107), _crc8_table(0x131)
-
-
-def _crc8(text: bytes, table: bytes) -> int:
-    value = 0
-    for byte in text:
-        value = table[value ^ byte]
-    return value
+_CRC8_07 = _crc8_table()
 
 
 def crc8_07(text: bytes) -> int:
@@ -81,12 +74,10 @@ def crc8_07(text: bytes) -> int:
     >>> hex(crc8_07(b"wru,0,0.070,1.10,-40,-95"))
     '0x9c'
     """
-    return _crc8(text, _CRC8_07)
-
-
-def crc8_31(text: bytes) -> int:
-    """CRC-8, polynomial 0x31, start 0, not reflected."""
-    return _crc8(text, _CRC8_31)
+    value = 0
+    for byte in text:
+        value = _CRC8_07[value ^ byte]
+    return value
 
 
 def hexadecimal(text: bytes) -> int | None:

@@ -7,7 +7,6 @@ there are colours. Tables are of strings, in which `<br>` begins a line.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Self
 
 from markdown_it import MarkdownIt
@@ -17,7 +16,6 @@ from matplotlib.figure import Figure
 
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import STROKES, svg_text
-from bottomlock.files.atomic_write import write_text
 from bottomlock.pages.plots import Plots
 from bottomlock.pages.render import method, render
 
@@ -255,12 +253,6 @@ def _markdown_blocks(blocks: Sequence[Block]) -> list[str]:
         elif isinstance(block, Folded):
             lines += _markdown_blocks(block.blocks)
     return lines
-
-
-def write_pages(stem: Path, page: Page) -> None:
-    """Writes `stem`.md and `stem`.html."""
-    write_text(stem.with_name(f"{stem.name}.md"), markdown(page))
-    write_text(stem.with_name(f"{stem.name}.html"), html(page))
 
 
 def kind_of(text: str) -> str:

@@ -22,7 +22,6 @@ POSITION = slice(0, 3)
 ATTITUDE = slice(3, 7)
 NU = slice(7, 13)
 FINS = slice(13, 17)
-SHAFT = 17
 OWN = 13
 """Where the state of actuators and controllers begins."""
 

@@ -62,11 +62,6 @@ class ClockReport:
     max_stamp_deviation_s: float | None = None
     gap_s: float = 0.0
 
-    @property
-    def faultless(self) -> bool:
-        """Whether no fault was found."""
-        return not any(f.count for f in (self.repeats, self.backward, self.gaps, self.jumps, self.empty))
-
 
 @dataclass(frozen=True, eq=False)
 class TimedRows:

@@ -119,9 +119,3 @@ def standings(published: pl.DataFrame, methods: Iterable[str], beams: str | None
     here = published if beams is None else published.filter(pl.col("beams") == beams)
     known = set(here["method"].unique().to_list())
     return {method: standing(here, method) for method in methods if method in known}
-
-
-def never_overconfident(published: pl.DataFrame) -> list[str]:
-    """The methods that are overconfident in no cell of any world, in the order of the studies."""
-    methods = published["method"].unique(maintain_order=True).to_list()
-    return [method for method in methods if not standing(published, method).overconfident]

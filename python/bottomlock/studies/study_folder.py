@@ -42,11 +42,6 @@ def made_with() -> str:
     return ", ".join(f"{name} {version}" for name, version in versions().items())
 
 
-def campaign_values(scenarios: Iterable[Scenario], key: str) -> str:
-    """The values of a key of `[campaign]` in words, each once: `50`, or `50, 60` where scenarios differ."""
-    return ", ".join(dict.fromkeys(str(getattr(scenario.campaign, key)) for scenario in scenarios))
-
-
 def finished_part(path: Path, configuration: str, run: Callable[[], pl.DataFrame]) -> pl.DataFrame:
     """The table in a file; where it is not finished, or has changed since, it is run (again) and written first.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.replay.motion.fit import LEAST_PINGS, Match, Recorded, at_pings, fit, lines
+from bottomlock.replay.motion.fit import LEAST_PINGS, Recorded, at_pings, lines
 from bottomlock.replay.motion.segments import Segments, integrate
 
 Floats = NDArray[np.float64]
@@ -106,16 +106,3 @@ def _vertex(lags: Floats, cost: Floats, best: int) -> float:
     bend = before - 2.0 * here + after
     shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
     return float(lags[best] + np.clip(shift, -0.5, 0.5) * (lags[1] - lags[0]))
-
-
-def best_axes(recorded: Recorded, choices: list[Floats], clock_s: float = 0.0) -> tuple[Match, float] | None:
-    """The fit with the best of several axes, and how many times the next one's residuals are as large.
-
-    Axes that a rotation of less than 45° leads to are one: the one with the smallest rotation stands.
-    """
-    prior = LOOSE | {"rotation": 0.15, "clock": 0.3}
-    fits = [fit(recorded, prior, axes=M, clock_s=clock_s) for M in choices]
-    found = sorted((one for one in fits if one is not None), key=lambda one: one.sigma_mps)
-    if not found:
-        return None
-    return found[0], (found[1].sigma_mps / found[0].sigma_mps if len(found) > 1 else np.inf)
