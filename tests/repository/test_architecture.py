@@ -81,17 +81,6 @@ def test_tests_stand_by_the_rooms(root: Path) -> None:
     assert sorted(path.name for path in (root / "tests").glob("test_*.py")) == []
 
 
-def test_a_missing_path_and_an_unnamed_room_are_noticed(tmp_path: Path) -> None:
-    """The two tests above fail where they should."""
-    (tmp_path / "python" / "bottomlock" / "io" / "new").mkdir(parents=True)
-    (tmp_path / "python" / "bottomlock" / "io" / "pd0.py").touch()
-    (tmp_path / "python" / "bottomlock" / "io" / "new" / "x.py").touch()
-    assert rooms(tmp_path) == ["python/bottomlock/", "python/bottomlock/io/", "python/bottomlock/io/new/"]
-    paths = named_paths("`io/pd0.py`, `python/bottomlock/io/` and tests/gone/ beside `moved.rs` and figures/")
-    assert paths == {"io/pd0.py", "python/bottomlock/io/", "tests/gone/", "moved.rs"}
-    assert sorted(path for path in paths if not exists(tmp_path, path)) == ["moved.rs", "tests/gone/"]
-
-
 def layers(page: str, after: str) -> list[set[str]]:
     """The layers, from the top down, of the block that follows some words."""
     block = page.split(after, 1)[1].split("```\n", 2)[1]

@@ -156,22 +156,6 @@ def test_equations_are_in_order() -> None:
     assert table.complaints + check_equations.check_citations(check_equations.ROOT, table) == []
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("Eq. 46", [46]),
-        ("Eqs. (31)–(36)", [31, 32, 33, 34, 35, 36]),
-        ("Eqs. 25, 28 (whole) and 30", [25, 28]),
-        ("Eqs 13 and 14", [13, 14]),
-        ("Groves 2013, Eq. 5.84", []),
-    ],
-)
-def test_citations_are_read(text: str, expected: list[int]) -> None:
-    """The forms in which the sources cite; a list broken by words keeps its first part."""
-    found = check_equations._CITATION.search(text)
-    assert (check_equations.numbers(found[1]) if found else []) == expected
-
-
 def test_an_unknown_equation_is_noticed(tmp_path: Path) -> None:
     source = tmp_path / "crates" / "lib.rs"
     source.parent.mkdir()

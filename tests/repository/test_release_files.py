@@ -1,4 +1,4 @@
-"""Files of a release agree with one another in version and date."""
+"""Files of a release agree with one another."""
 
 import re
 import tomllib
@@ -11,12 +11,6 @@ def version() -> str:
     """The version of the workspace, which the wheel takes."""
     workspace = tomllib.loads((ROOT / "Cargo.toml").read_text(encoding="utf-8"))["workspace"]
     return str(workspace["package"]["version"])
-
-
-def test_one_version() -> None:
-    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    stated = re.findall(r'^\s*version: "?(\d+\.\d+\.\d+)"?$', text, flags=re.MULTILINE)
-    assert stated == [version()]
 
 
 def test_one_date() -> None:

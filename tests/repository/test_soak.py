@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -40,11 +39,6 @@ def test_every_sensor_is_used_and_some_beams_are_lost(ten_minutes: dict[str, Any
     assert ten_minutes["verdicts"]["tc"]["beams accepted"] <= 301
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="asks the kernel of Linux for the resident memory")
-def test_memory_is_told(ten_minutes: dict[str, Any]) -> None:
-    assert ten_minutes["memory_mb"]["last"] > 10.0
-
-
 class _Navigator:
     """What a navigator says of itself, changed."""
 
@@ -72,10 +66,8 @@ SINGULAR = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]) * 1e-12
     [
         (_Navigator(np.eye(3), attitude_t_p=np.array([1.0 + 1e-11, 0, 0, 0])), "quaternion_norm_error"),
         (_Navigator(np.eye(3), position_t_m=np.array([101.0, 0, 0])), "position_m"),
-        (_Navigator(np.eye(3), velocity_p_mps=np.array([np.nan, 0, 0])), "velocity_mps"),
         (_Navigator(SKEW), "asymmetry"),
         (_Navigator(SINGULAR * np.array([[1, 1.1, 1], [1.1, 1, 1], [1, 1, 1]])), "positive definite"),
-        (_Navigator(np.diag([1.0, 0.0, 1.0])), "positive numbers"),
         (_Navigator(np.full((3, 3), np.nan)), "positive numbers"),
     ],
 )
