@@ -203,7 +203,7 @@ def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: t
     )
     assert done.stderr.endswith("use --force to replace it\n")
     assert contents(here / "o") == before
-    pages = ("audit.html", "straight_truth.parquet", "observability.html")
+    pages = ("audit.html", "straight_truth.parquet", "observability.parquet")
     (edited,) = (here / "o" / name for name in pages if (here / "o" / name).exists())
     edited.write_bytes(b"with my remarks")
     done = command(*first, cwd=here)

@@ -5,24 +5,20 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Callable
-from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars as pl
 import pytest
 
 from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
-from bottomlock.observability import report
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.observability.schedule import Schedule
-from bottomlock.observability.tables import manoeuvre_table
 from bottomlock.simulation.build import build_simulation
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 from bottomlock.truth.truth import Truth
@@ -113,11 +109,9 @@ def test_a_sensor_of_an_interval_adds_information_then(eight: Truth) -> None:
     assert (gone[11:] > stayed[11:]).all(axis=0).sum() >= 12
     assert gone[-1, 17] > stayed[-1, 17], "bias of beam 3"
     sets = [Aiding(beams=(1, 2)), Aiding(beams=(1, 2, 3, 4))]
-    two, four = observe(eight, JANUS, sets, earth_rate_radps=0.0, schedule=schedule, growing=True)
+    two, four = observe(eight, JANUS, sets, earth_rate_radps=0.0, schedule=schedule)
     assert two.rank < four.rank
     assert "beam bias 4" in two.unobservable
-    assert four.rank_history is not None
-    assert four.rank_history[-1] == four.rank
 
 
 def test_lever_arms_of_depth_and_gps(eight: Truth) -> None:
@@ -163,15 +157,9 @@ def test_rates_and_silence_reach_the_schedule() -> None:
     assert own == Aiding(beams=(1, 2), depth=True, attitude=True)
 
 
-@pytest.fixture
-def hover_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The table of masks by manoeuvres, which is judged in tests/oracle, with one manoeuvre."""
-    monkeypatch.setattr(report, "manoeuvre_table", partial(manoeuvre_table, manoeuvres=[MANOEUVRES["hover"]]))
-
-
 @pytest.mark.long
 @pytest.mark.slow
-@pytest.mark.usefixtures("hover_alone", "undrawn")
+@pytest.mark.usefixtures("undrawn")
 def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
     """Its own row stands beside the mask on which all beams would stay, and shows no more than that."""
     path = tmp_path / "gaps.toml"
@@ -185,8 +173,8 @@ def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
     steady = made.table.row(14, named=True)
     assert own["aiding"] == made.own
     assert own["mask"] == steady["mask"] == "1234"
-    written = pl.read_parquet(tmp_path / "o" / "deviations.parquet")
-    sway = written.filter(state="velocity y").sort("time_ns")["sd"].to_numpy()
+    assert made.history is not None
+    sway = made.history.sd[:, made.history.states.index("velocity y")]
     # One beam for half a minute: the sideways velocity is forgotten until the others return.
     assert sway[30] > 3.0 * sway[3]
     assert sway[-1] < 0.5 * sway[30]
@@ -194,7 +182,7 @@ def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.slow
-@pytest.mark.usefixtures("hover_alone", "undrawn")
+@pytest.mark.usefixtures("undrawn")
 def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> None:
     path = tmp_path / "fifteen.toml"
     path.write_text(short(filter={"estimate_dvl": False}), encoding="utf-8")

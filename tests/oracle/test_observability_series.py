@@ -17,11 +17,10 @@ from bottomlock.observability.analysis import Aiding, observe
 from bottomlock.observability.tables import (
     PAPER_CASES,
     QUIET,
-    THREE_AIDINGS,
     PaperCase,
-    manoeuvre_table,
 )
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
+from tests.oracle.masks_by_manoeuvres import THREE_AIDINGS, manoeuvre_table
 from tests.oracle.observability_rows import ZERO, Rows, stacked
 from tests.oracle.observability_series import (
     PRIMES,

@@ -36,5 +36,4 @@ def observe(
     made = observe_paper(out, force=force) if case is None else observe_scenario(case, out, force=force)
     for part in console_lines(made):
         console.print(part, highlight=False)
-    figures = "a figure" if len(made.figures) == 1 else f"{len(made.figures)} figures"
-    console.print(f"wrote tables and {figures} to {out}", soft_wrap=True)
+    console.print(f"wrote {'a table' if case is None else 'tables and a figure'} to {out}", soft_wrap=True)

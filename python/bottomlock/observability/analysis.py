@@ -28,10 +28,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock import kernel
-from bottomlock.config import sensors
+from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError
-from bottomlock.kernel import SENSORS
-from bottomlock.kernel.models import DvlModel, Environment, ImuModel, InitialModel, Model
+from bottomlock.kernel.models import Environment, Model
 from bottomlock.observability.schedule import Schedule
 from bottomlock.truth.truth import Array, Truth
 from bottomlock.units import ns_from_s
@@ -47,8 +46,7 @@ LEAST_GAP = 1e3
 class Aiding:
     """A set of aiding sensors; beams are numbered from 1, lever arms lie in the platform frame (m).
 
-    `thrust` and the axes of `effort` read nothing here: they measure the speed relative to a current, which is no state
-    of these models.
+    Speeds through the water are left out: they are relative to a current, which is no state of these models.
 
     Examples:
         >>> Aiding(beams=(1, 2), depth=True).name
@@ -63,14 +61,9 @@ class Aiding:
     gps_position: bool = False
     gps_velocity: bool = False
     acoustic_position: bool = False
-    thrust: bool = False
-    effort_surge: bool = False
-    effort_sway: bool = False
-    effort_heave: bool = False
     depth_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gps_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     acoustic_position_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    effort_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def mask(self) -> str:
@@ -80,7 +73,7 @@ class Aiding:
     @property
     def name(self) -> str:
         """The sensors in words."""
-        others = [name for name in SENSORS if getattr(self, name)]
+        others = [name for name in _FLAGS if getattr(self, name)]
         words = [f"beams {self.mask}"] if self.beams else []
         return " + ".join(words + [other.replace("_", " ") for other in others]) or "nothing"
 
@@ -102,8 +95,12 @@ class Aiding:
     def scheduled(cls, schedule: Schedule) -> "Aiding":
         """Every beam and sensor with at least one measurement in a schedule."""
         beams = tuple(int(beam) + 1 for beam in np.flatnonzero(schedule.beams.any(axis=0)))
-        flags: dict[str, Any] = {name: bool(schedule.others[name].any()) for name in SENSORS}
+        flags: dict[str, Any] = {name: bool(schedule.others[name].any()) for name in _FLAGS}
         return cls(beams=beams, **flags)
+
+
+_FLAGS = tuple(field.name for field in fields(Aiding) if field.default is False)
+"""The sensors beside the beams."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +123,6 @@ class Finding:
         gramian: (n, n) Eq. 1 of Klein & Diamant 2015, SI, by the trapezoidal rule.
         rows: (m, n) the stack in SI.
         time_ns: (e,) epochs.
-        rank_history, gap_history, decided_history: (e,) of the window that ends at each epoch; rank -1 at the first;
-            None unless requested.
         gravity_mps2: gravity, which names the coefficients.
     """
 
@@ -145,15 +140,7 @@ class Finding:
     gramian: Array
     rows: Array
     time_ns: NDArray[np.int64]
-    rank_history: NDArray[np.int64] | None
-    gap_history: Array | None
-    decided_history: NDArray[np.bool_] | None
     gravity_mps2: float
-
-    @property
-    def verdict(self) -> str:
-        """The rank out of the states, or "undecided"."""
-        return f"{self.rank} of {len(self.states)}" if self.decided else "undecided"
 
     @property
     def unobservable(self) -> tuple[str, ...]:
@@ -198,28 +185,11 @@ def describe(
 
 
 def _model(truth: Truth, earth_rate_radps: float) -> Model:
-    """A model with the truth's environment; deviations do not matter for a rank."""
-    three = (1.0, 1.0, 1.0)
-    others: dict[str, Any] = {
-        sensor.name: sensor.model(sensor.section(), truth.gravity_mps2) for sensor in sensors.SENSORS
-    }
-    return Model(
-        environment=Environment(
-            latitude_rad=truth.latitude_rad,
-            gravity_mps2=truth.gravity_mps2,
-            earth_rate_radps=earth_rate_radps,
-        ),
-        imu=ImuModel(
-            accel_noise_mps_rts=0.0, gyro_noise_rad_rts=0.0, accel_bias_sd_mps2=0.0, gyro_bias_sd_radps=0.0,
-            accel_bias_walk_mps2_rts=0.0, gyro_bias_walk_radps_rts=0.0,
-        ),
-        dvl=DvlModel(
-            beam_noise_sd_mps=1.0, beam_bias_sd_mps=0.0, beam_bias_walk_mps_rts=0.0, scale_factor_sd=0.0,
-            scale_factor_walk_rts=0.0,
-        ),
-        initial=InitialModel(position_sd_m=three, attitude_sd_rad=three, velocity_sd_mps=three),
-        **others,
-    )  # fmt: skip
+    """A model with the truth's environment; the deviations of the packaged scenario do not matter for a rank."""
+    environment = Environment(
+        latitude_rad=truth.latitude_rad, gravity_mps2=truth.gravity_mps2, earth_rate_radps=earth_rate_radps
+    )
+    return load_scenario("straight").kernel_model(truth.gravity_mps2).replace(environment=environment)
 
 
 def observe(
@@ -232,7 +202,6 @@ def observe(
     period_s: float = 1.0,
     schedule: Schedule | None = None,
     scale: ArrayLike | None = None,
-    growing: bool = False,
 ) -> list[Finding]:
     """Judges the window of a truth for each of several aiding sets (Klein & Diamant 2015, Eqs 1-3).
 
@@ -246,13 +215,12 @@ def observe(
         schedule: measurement times in place of the period; a sensor is used where it is in the set and scheduled.
         scale: (n,) factors on the natural scales of the states, as other units would have them, before columns are
             brought to one length; the rank does not depend on them.
-        growing: also judge the window that ends at each epoch.
 
     Raises:
         KernelError: for an empty aiding set, a window of one epoch, a motion that is not finite.
         DataError: for a beam that the instrument lacks.
     """
-    results = kernel.observe(
+    results: list[Any] = kernel.observe(
         geometry,
         truth.kernel_arrays(),
         _model(truth, earth_rate_radps),
@@ -261,30 +229,17 @@ def observe(
         period_ns=ns_from_s(period_s),
         schedule=None if schedule is None else schedule.kernel_dict(),
         scale=scale,
-        per_epoch=growing,
     )
-    return [_finding(found, truth.gravity_mps2) for found in results]
-
-
-def _finding(found: Any, gravity_mps2: float) -> Finding:  # noqa: ANN401 - the kernel's dict
-    """The kernel's result for one aiding set."""
-    return Finding(
-        states=tuple(found["states"]),
-        unobservable_fraction=found["unobservable_fraction"],
-        time_ns=found["epoch_time_ns"],
-        rank_history=found.get("epoch_rank"),
-        gap_history=found.get("epoch_gap"),
-        decided_history=found.get("epoch_decided"),
-        gravity_mps2=gravity_mps2,
-        **{name: found[name] for name in _SAME_NAMES},
-    )
-
-
-_SAME_NAMES = (
-    "rank", "decided", "gap", "widest_step", "singular_values", "noise_floor", "basis", "pivots", "scales", "gramian",
-    "rows",
-)  # fmt: skip
-"""Fields that have the same name in the kernel's result."""
+    names = [one.name for one in fields(Finding) if one.name not in {"states", "time_ns", "gravity_mps2"}]
+    return [
+        Finding(
+            states=tuple(found["states"]),
+            time_ns=found["epoch_time_ns"],
+            gravity_mps2=truth.gravity_mps2,
+            **{name: found[name] for name in names},
+        )
+        for found in results
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,12 +260,6 @@ class Deviations:
     def sd(self) -> Array:
         """(e, n) standard deviations."""
         variances: Array = np.diagonal(self.covariance, axis1=1, axis2=2).clip(min=0.0)
-        return np.asarray(np.sqrt(variances))
-
-    def sd_along(self, direction: ArrayLike) -> Array:
-        """(e,) standard deviation of the linear function `direction` · x of the error."""
-        along = np.asarray(direction, dtype=np.float64)
-        variances: Array = np.einsum("i,eij,j->e", along, self.covariance, along).clip(min=0.0)
         return np.asarray(np.sqrt(variances))
 
 

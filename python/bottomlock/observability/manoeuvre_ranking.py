@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
 import polars as pl
 
 from bottomlock.kernel import BeamGeometry
@@ -12,7 +13,6 @@ from bottomlock.observability.schedule import Schedule
 from bottomlock.tables.check import check
 from bottomlock.tables.observability import MANOEUVRE_RANKING
 from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
-from bottomlock.truth.truth import Truth
 
 
 def manoeuvre_ranking(
@@ -55,48 +55,40 @@ def manoeuvre_ranking(
         ['figure_eight']
     """
     environment = model.environment
-    frames = []
+    earth_rate_radps = environment.earth_rate_radps
+    initial_sd, frames = np.array(_initial_sd(model)), []
     for manoeuvre in manoeuvres:
         truth = manoeuvre_truth(
             manoeuvre,
             rate_hz=rate_hz,
             latitude_rad=environment.latitude_rad,
             gravity_mps2=environment.gravity_mps2,
-            earth_rate_radps=environment.earth_rate_radps,
+            earth_rate_radps=earth_rate_radps,
         )
         settings: dict[str, Any] = {"kind": kind, "period_s": period_s}
         if rates_hz is not None:
             settings["schedule"] = Schedule.regular(truth.time_ns, geometry.beams, rates_hz)
-        frames.append(_after(manoeuvre, truth, geometry, aiding, model, settings))
-    return pl.concat(frames)
-
-
-def _after(
-    manoeuvre: Manoeuvre,
-    truth: Truth,
-    geometry: BeamGeometry,
-    aiding: Aiding,
-    model: Model,
-    settings: dict[str, Any],
-) -> pl.DataFrame:
-    """Rows of `MANOEUVRE_RANKING` for one manoeuvre, whose motion is `truth`."""
-    earth_rate_radps = model.environment.earth_rate_radps
-    (found,) = observe(truth, geometry, [aiding], earth_rate_radps=earth_rate_radps, **settings)
-    history = deviations(truth, geometry, aiding, model, **settings)
-    count = len(found.states)
-    before, after = _initial_sd(model)[:count], history.sd[-1, :count]
-    return pl.DataFrame(
-        {
-            "manoeuvre": [manoeuvre.name] * count,
-            "aiding": [aiding.name] * count,
+        (found,) = observe(truth, geometry, [aiding], earth_rate_radps=earth_rate_radps, **settings)
+        history = deviations(truth, geometry, aiding, model, **settings)
+        count = len(found.states)
+        columns = {
             "state": found.states,
             "verdict": [_word(found, k) for k in range(count)],
-            "sd_before": before,
-            "sd_after": after,
-            "fraction_left": [a / b if b > 0.0 else None for a, b in zip(after, before, strict=True)],
-        },
-        schema=dict(MANOEUVRE_RANKING),
-    )
+            "sd_before": initial_sd[:count],
+            "sd_after": history.sd[-1, :count],
+        }
+        frames.append(
+            pl.DataFrame(columns)
+            .with_columns(
+                manoeuvre=pl.lit(manoeuvre.name),
+                aiding=pl.lit(aiding.name),
+                fraction_left=pl.when(pl.col("sd_before") > 0.0).then(
+                    pl.col("sd_after") / pl.col("sd_before")
+                ),
+            )
+            .select(list(MANOEUVRE_RANKING))
+        )
+    return pl.concat(frames)
 
 
 def best(table: pl.DataFrame) -> pl.DataFrame:

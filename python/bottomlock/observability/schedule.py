@@ -97,24 +97,6 @@ class Schedule:
             others={name: times(name) for name in rates_hz if name != "beams"},
         )
 
-    def gathered(self, most: int) -> "Schedule":
-        """At most `most` epochs: neighbours are merged, and their measurements move to the last of them.
-
-        Examples:
-            >>> whole = Schedule.regular(np.arange(0, 101) * 10**8, 4, {"beams": 5.0, "depth": 0.5})
-            >>> half = whole.gathered(25)
-            >>> len(whole.time_ns), len(half.time_ns), int(half.others["depth"].sum())
-            (50, 25, 5)
-        """
-        size = -(-len(self.time_ns) // most)
-        starts = np.arange(0, len(self.time_ns), size)
-        ends = np.append(starts[1:], len(self.time_ns)) - 1
-        return Schedule(
-            time_ns=self.time_ns[ends],
-            beams=np.logical_or.reduceat(self.beams, starts, axis=0),
-            others={name: np.logical_or.reduceat(flags, starts) for name, flags in self.others.items()},
-        )
-
     def kernel_dict(self) -> dict[str, Any]:
         """As the kernel takes it."""
         return {"time_ns": self.time_ns, "beams": self.beams, **self.others}

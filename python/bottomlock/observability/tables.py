@@ -1,21 +1,19 @@
-"""Observability tables: the six cases of the 2015 paper, every mask along any truth, masks by manoeuvres."""
+"""Observability tables: the six cases of the 2015 paper, and every mask along any truth."""
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
 
-from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
-from bottomlock.kernel.models import Environment, Model
-from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
+from bottomlock.kernel import BeamGeometry
+from bottomlock.observability.analysis import Aiding, Finding, Kind, observe
 from bottomlock.observability.schedule import Schedule
-from bottomlock.tables.observability import DEVIATIONS, OBSERVABILITY, RANKS
-from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth, motion_of, steady
+from bottomlock.tables.observability import OBSERVABILITY
+from bottomlock.truth.manoeuvres import Manoeuvre, manoeuvre_truth, motion_of, steady
 from bottomlock.truth.truth import Truth
-from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
 
 DVL, PRESSURE = Aiding(velocity=True), Aiding(depth=True)
 CONSTANT, QUIET = "constant", "quiet leg first"
@@ -150,7 +148,10 @@ def paper_table() -> pl.DataFrame:
     rows = []
     for case in PAPER_CASES:
         for window, kind in itertools.product(case.windows, case.models):
-            (found,) = _look(case, window, kind)
+            truth = manoeuvre_truth(case.manoeuvre(window), rate_hz=50.0)
+            (found,) = observe(
+                truth, _ANY_BEAMS, [case.aiding], kind=kind, earth_rate_radps=0.0, period_s=2.0
+            )
             rows.append(
                 table_row(
                     case.name, case.aiding, window, kind, found,
@@ -159,70 +160,11 @@ def paper_table() -> pl.DataFrame:
                 )
                 | {"model": case.model(kind)}
             )  # fmt: skip
-    return _frame(rows, OBSERVABILITY)
-
-
-def _look(case: PaperCase, window: str, kind: Kind, *, growing: bool = False) -> list[Finding]:
-    truth = manoeuvre_truth(case.manoeuvre(window), rate_hz=50.0)
-    return observe(
-        truth, _ANY_BEAMS, [case.aiding], kind=kind, earth_rate_radps=0.0, period_s=2.0, growing=growing
-    )
+    return pl.DataFrame(rows, schema=dict(OBSERVABILITY))
 
 
 _ANY_BEAMS = BeamGeometry.janus(math.radians(20.0))
 """The 2015 model measures a velocity; no beam of this geometry is used."""
-
-
-def paper_histories(model: Model) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Histories of figures 1-6: the filter's deviations and ranks (`tables.observability`: DEVIATIONS, RANKS).
-
-    Args:
-        model: sensor errors in SI (`Scenario.kernel_model`); the initial biases become the paper's 3 mg and
-            3 deg/h, and the Earth is at rest.
-    """
-    sd_rows: list[pl.DataFrame] = []
-    rank_rows: list[pl.DataFrame] = []
-    for case in PAPER_CASES:
-        for window in case.windows:
-            truth = manoeuvre_truth(case.manoeuvre(window), rate_hz=50.0)
-            history = deviations(truth, _ANY_BEAMS, case.aiding, _paper_errors(model, truth), kind="paper")
-            for k, state in enumerate(history.states):
-                columns = {"time_ns": history.time_ns, "sd": history.sd[:, k]}
-                labels = {"case": case.name, "motion": window, "model": case.model("paper"), "state": state}
-                sd_rows.append(_labelled(columns, labels, DEVIATIONS))
-            for kind in case.models:
-                (found,) = _look(case, window, kind, growing=True)
-                columns = {
-                    "time_ns": found.time_ns[1:],
-                    "rank": _requested(found.rank_history)[1:],
-                    "decided": _requested(found.decided_history)[1:],
-                }
-                labels = {"case": case.name, "motion": window, "model": case.model(kind)}
-                rank_rows.append(_labelled(columns, labels | {"printed_rank": case.printed_rank}, RANKS))
-    return pl.concat(sd_rows), pl.concat(rank_rows)
-
-
-def _requested(history: Any) -> Any:  # noqa: ANN401 - an array of either kind
-    assert history is not None
-    return history
-
-
-def _labelled(
-    columns: Mapping[str, Any], labels: Mapping[str, Any], table: Mapping[str, pl.DataType]
-) -> pl.DataFrame:
-    frame = pl.DataFrame(columns).with_columns(**{name: pl.lit(value) for name, value in labels.items()})
-    return frame.select(pl.col(name).cast(dtype) for name, dtype in table.items())
-
-
-def _paper_errors(model: Model, truth: Truth) -> Model:
-    return model.replace(
-        imu=model.imu.replace(
-            accel_bias_sd_mps2=mps2_from_mg(3.0), gyro_bias_sd_radps=radps_from_deg_per_h(3.0)
-        ),
-        environment=Environment(
-            latitude_rad=truth.latitude_rad, gravity_mps2=truth.gravity_mps2, earth_rate_radps=0.0
-        ),
-    )
 
 
 def masks(beams: int) -> list[tuple[int, ...]]:
@@ -238,104 +180,26 @@ def masks(beams: int) -> list[tuple[int, ...]]:
 def mask_table(
     truth: Truth,
     geometry: BeamGeometry,
-    others: Sequence[Aiding],
+    other: Aiding,
     *,
     case: str,
-    motion: str = "",
-    kind: Kind = "full",
-    earth_rate_radps: float = EARTH_RATE_RADPS,
-    period_s: float = 1.0,
-    schedule: Schedule | None = None,
+    motion: str,
+    kind: Kind,
+    earth_rate_radps: float,
+    schedule: Schedule,
 ) -> pl.DataFrame:
-    """Rank and unobservable directions of a truth for every mask of an instrument, each with further sensors.
+    """Rank and unobservable directions of a truth for every mask: `tables.observability.OBSERVABILITY`.
 
     Args:
         truth: any truth.
         geometry: the beams.
-        others: sensors beside the beams; their own beams are replaced.
+        other: sensors beside the beams; its own beams are replaced.
         case, motion: words for the table.
         kind: the model.
         earth_rate_radps: Earth rate that the truth was made with.
-        period_s: interval between measurements.
-        schedule: measurement times in place of the period.
+        schedule: measurement times.
     """
-    sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
-    found = observe(
-        truth,
-        geometry,
-        sets,
-        kind=kind,
-        earth_rate_radps=earth_rate_radps,
-        period_s=period_s,
-        schedule=schedule,
-    )
+    sets = [replace(other, beams=mask) for mask in masks(geometry.beams)]
+    found = observe(truth, geometry, sets, kind=kind, earth_rate_radps=earth_rate_radps, schedule=schedule)
     rows = [table_row(case, aiding, motion, kind, one) for aiding, one in zip(sets, found, strict=True)]
-    return _frame(rows, OBSERVABILITY)
-
-
-THREE_AIDINGS: tuple[Aiding, ...] = (Aiding(), Aiding(depth=True), Aiding(depth=True, attitude=True))
-"""Aiding beside the beams: nothing, depth, depth and magnetometer."""
-
-
-def manoeuvre_table(
-    geometry: BeamGeometry,
-    *,
-    manoeuvres: Iterable[Manoeuvre] = tuple(MANOEUVRES.values()),
-    others: Sequence[Aiding] = THREE_AIDINGS,
-    earth_rates_radps: Sequence[float] = (0.0, EARTH_RATE_RADPS),
-    rate_hz: float = 50.0,
-) -> pl.DataFrame:
-    """Every mask by every manoeuvre by every set of further sensors, on an Earth at rest and a turning one.
-
-    A rank that is undecided over the window of a manoeuvre is computed over windows four and sixteen times as long: the
-    manoeuvres are analytic, so that every window has the same rank, but the Earth's rotation shows better in a longer
-    one. The column window_s holds the window used.
-    """
-    sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
-    rows = []
-    for manoeuvre, earth_rate_radps in itertools.product(manoeuvres, earth_rates_radps):
-        found = _decide(manoeuvre, geometry, sets, earth_rate_radps=earth_rate_radps, rate_hz=rate_hz)
-        case = "Earth turning" if earth_rate_radps else "Earth at rest"
-        rows += [
-            table_row(case, aiding, manoeuvre.name, "full", one)
-            for aiding, one in zip(sets, found, strict=True)
-        ]
-    return _frame(rows, OBSERVABILITY)
-
-
-_LONGER, _EPOCHS = (1.0, 4.0, 16.0), 32
-"""Windows in lengths of the manoeuvre, and intervals between the epochs of each."""
-
-
-def _decide(
-    manoeuvre: Manoeuvre,
-    geometry: BeamGeometry,
-    sets: Sequence[Aiding],
-    *,
-    earth_rate_radps: float,
-    rate_hz: float,
-) -> list[Finding]:
-    """Each set over the shortest window that decides its rank, or over the longest."""
-    found: dict[int, Finding] = {}
-    open_sets = list(range(len(sets)))
-    for factor in _LONGER:
-        window_s = factor * manoeuvre.duration_s
-        truth = manoeuvre_truth(
-            replace(manoeuvre, duration_s=window_s), rate_hz=rate_hz, earth_rate_radps=earth_rate_radps
-        )
-        judged = observe(
-            truth,
-            geometry,
-            [sets[k] for k in open_sets],
-            earth_rate_radps=earth_rate_radps,
-            period_s=window_s / _EPOCHS,
-        )
-        found |= dict(zip(open_sets, judged, strict=True))
-        open_sets = [k for k in open_sets if not found[k].decided]
-        if not open_sets:
-            break
-    return [found[k] for k in range(len(sets))]
-
-
-def _frame(rows: Sequence[Mapping[str, Any]], table: Mapping[str, pl.DataType]) -> pl.DataFrame:
-    return pl.DataFrame(rows, schema=dict(table))
+    return pl.DataFrame(rows, schema=dict(OBSERVABILITY))

@@ -24,27 +24,6 @@ OBSERVABILITY: Mapping[str, pl.DataType] = {
 where it is known, the rank that a paper prints, the ratio between the least kept and the greatest dropped singular
 value, and the unobservable directions in words."""
 
-DEVIATIONS: Mapping[str, pl.DataType] = {
-    "case": pl.String(),
-    "motion": pl.String(),
-    "model": pl.String(),
-    "time_ns": pl.Int64(),
-    "state": pl.String(),
-    "sd": pl.Float64(),
-}
-"""A row per case, motion, time and state: the standard deviation that a filter claims, SI units."""
-
-RANKS: Mapping[str, pl.DataType] = {
-    "case": pl.String(),
-    "motion": pl.String(),
-    "model": pl.String(),
-    "time_ns": pl.Int64(),
-    "rank": pl.Int64(),
-    "decided": pl.Boolean(),
-    "printed_rank": pl.Int64(),
-}
-"""A row per case, motion, model and time: the rank of the window from the start to that time."""
-
 MANOEUVRE_RANKING: Mapping[str, pl.DataType] = {
     "manoeuvre": pl.String(),
     "aiding": pl.String(),
