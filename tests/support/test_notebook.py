@@ -63,7 +63,7 @@ def test_results_are_a_line_and_a_table(results: Results) -> None:
 
 
 def test_results_are_compared_as_the_command_does(results: Results, tmp_path: Path) -> None:
-    """The table of `bottomlock compare` of the same folders; the pairs are those of equal runs."""
+    """The table of `bottomlock report A B`; the pairs are those of equal runs."""
     other = run_campaign([short(runs=3).replace({"dvl.beams_lost": [2]})], tmp_path / "other")
     table = other.compare(results, labels=("other", results.folder.name))
     written = compare([results.folder, tmp_path / "other"], tmp_path / "out").table
