@@ -116,18 +116,25 @@ def test_two_ports_to_one_receiver_count_together() -> None:
         assert first[4] == second[4] == 0
 
 
-def test_the_makers_client_reads_every_report_and_the_way_adds_up() -> None:
-    """Mode navigation, estimates 53 ms apart and less, two beams: the way is that which the vehicle went."""
-    one = port("waterlinked_json", geometry=JANUS)
+@pytest.mark.parametrize(("settings", "count"), [({}, 300), ({"max_rate_hz": None}, 749)])
+def test_the_makers_client_reads_every_report_and_the_way_adds_up(
+    settings: dict[str, None], count: int
+) -> None:
+    """Mode navigation, estimates 53 ms apart and less, two beams: the way is that which the vehicle went.
+
+    A client of a DVL may take no more than ten reports a second: the default.
+    """
+    one = port("waterlinked_json", geometry=JANUS, **settings)
     beams = from_beams(MASKS["2 neighbours"]).beams
     small = np.diag([0.01, 0.02, 0.005]) ** 2
     times = offered(30.0, 5.0)
-    data = b"".join(
-        one.encode(navigated(time_ns, beams=beams, covariance_m2ps2=small)) or b"" for time_ns in times
-    )
-    reports = waterlinked_client(data)
-    assert len(reports) == len(times) - 1
-    np.testing.assert_allclose(blueos_way_m(reports), TRUTH * (times[-1] - times[0]) / SECOND, rtol=1e-9)
+    messages = [
+        (time_ns, one.encode(navigated(time_ns, beams=beams, covariance_m2ps2=small))) for time_ns in times
+    ]
+    sent = [(time_ns, data) for time_ns, data in messages if data is not None]
+    reports = waterlinked_client(b"".join(data for _, data in sent))
+    assert len(reports) == len(sent) == count
+    np.testing.assert_allclose(blueos_way_m(reports), TRUTH * (sent[-1][0] - times[0]) / SECOND, rtol=1e-9)
 
 
 def test_the_way_of_mode_velocity_adds_up_over_lost_pings() -> None:

@@ -1,12 +1,15 @@
 """Where the bytes of the ports go: sockets, serial lines, files. A target that is absent is tried again, and shown.
 
-Estimates are of the moment: what cannot be written at once is dropped and counted, never queued for later.
+Estimates are of the moment: what cannot be written at once is dropped and counted. Where a receiver does not keep up,
+a fifth of a second of them waits on this side at most, or two messages.
 """
 
 import asyncio
+import contextlib
 import socket
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
@@ -22,9 +25,54 @@ from bottomlock.live.listening import accept, listen
 from bottomlock.live.sink import Sink
 from bottomlock.ports.address import Address
 
-MOST_WAITING_BYTES = 65_536
 MOST_RECEIVERS = 32
 """Clients of one TCP server."""
+WAITING_S = 0.2
+"""Longest time that a message waits on this side while others are written behind it."""
+_SEND_BUFFER_BYTES = 8192
+"""Of a TCP socket. By default the system holds megabytes that it cannot send: minutes of estimates."""
+
+
+class _Writer:
+    """Writes to a socket or a serial line whatever its receiver takes in time; the rest is not written."""
+
+    def __init__(self, transport: Any) -> None:  # noqa: ANN401 - asyncio's or the serial library's
+        self.transport = transport
+        self._waiting: deque[tuple[float, int]] = deque()
+        """When each message was written that the receiver may not have, and its length."""
+        one = transport.get_extra_info("socket")
+        self._socket = one if one is not None and one.family in {socket.AF_INET, socket.AF_INET6} else None
+        if self._socket is not None:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+            if hasattr(socket, "TCP_NOTSENT_LOWAT"):
+                self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, 1)
+
+    def write(self, data: bytes) -> bool:
+        """Whether the bytes were written."""
+        now = time.monotonic()
+        held = self._bytes()
+        while self._waiting and sum(size for _, size in self._waiting) - self._waiting[0][1] >= held:
+            self._waiting.popleft()
+        late = len(self._waiting) > 1 and now - self._waiting[0][0] > WAITING_S
+        if late or self.transport.get_write_buffer_size():
+            return False
+        self.transport.write(data)
+        self._waiting.append((now, len(data)))
+        return True
+
+    def _bytes(self) -> int:
+        """What has not been sent, and on Linux what has not been acknowledged."""
+        unsent = int(self.transport.get_write_buffer_size())
+        if self._socket is None or sys.platform != "linux":
+            return unsent
+        import fcntl  # noqa: PLC0415 - not on Windows
+        import termios  # noqa: PLC0415 - not on Windows
+
+        # A socket that is being closed has no descriptor.
+        with contextlib.suppress(OSError, ValueError):
+            held = fcntl.ioctl(self._socket.fileno(), termios.TIOCOUTQ, bytes(4))
+            unsent += int.from_bytes(held, sys.byteorder)
+        return unsent
 
 
 class _Udp(Sink):
@@ -60,7 +108,7 @@ class _Stream(Sink):
     def __init__(
         self, address: Address, on_state: Callable[[str], None], answers: Callable[[bytes], bytes]
     ) -> None:
-        self._transport: Any = None
+        self._writer: _Writer | None = None
         self._connection = Connection(
             address,
             on_data=lambda _: False,
@@ -72,7 +120,7 @@ class _Stream(Sink):
         )
 
     def _use(self, transport: Any) -> None:  # noqa: ANN401 - asyncio's or the serial library's
-        self._transport = transport
+        self._writer = None if transport is None else _Writer(transport)
 
     @property
     def state(self) -> str:  # type: ignore[override]
@@ -80,10 +128,8 @@ class _Stream(Sink):
         return self._connection.state
 
     def write(self, data: bytes) -> None:
-        if self._transport is None or self._transport.get_write_buffer_size() > MOST_WAITING_BYTES:
+        if self._writer is None or not self._writer.write(data):
             self.dropped += 1
-        else:
-            self._transport.write(data)
 
     async def run(self) -> None:
         await self._connection.run()
@@ -93,12 +139,12 @@ class _Client(asyncio.Protocol):
     """A receiver of a TCP server; what it sends is not read."""
 
     def __init__(self, changed: Callable[["_Client"], None]) -> None:
-        self.transport: Any = None
+        self.writer: _Writer | None = None
         self.closed = False
         self._changed = changed
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self.transport = transport
+        self.writer = _Writer(transport)
         self._changed(self)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's
@@ -114,13 +160,8 @@ class _Server(Sink):
         self._clients: set[_Client] = set()
 
     def write(self, data: bytes) -> None:
-        for client in self._clients:
-            if client.transport.get_write_buffer_size() > MOST_WAITING_BYTES:
-                self.dropped += 1
-            else:
-                client.transport.write(data)
-        if not self._clients:
-            self.dropped += 1
+        written = [client.writer.write(data) for client in self._clients if client.writer is not None]
+        self.dropped += written.count(False) if written else 1
 
     def _changed(self, client: _Client) -> None:
         (self._clients.discard if client.closed else self._clients.add)(client)
@@ -144,7 +185,8 @@ class _Server(Sink):
             for server in servers:
                 server.close()
             for client in self._clients:
-                client.transport.close()
+                if client.writer is not None:
+                    client.writer.transport.close()
 
 
 class _File(Sink):

@@ -20,6 +20,9 @@ from bottomlock.ports.ros_dvl import altitude_m
 
 Floats = NDArray[np.float64]
 
+MAX_RATE_HZ = 10.0
+"""What readers of a DVL take: the instruments send 4 to 15 reports a second, and a client may read one in 0.1 s."""
+
 
 class _Restored(PortBase):
     """Base: the ping of an estimate."""
@@ -100,7 +103,7 @@ class WaterLinkedJson(_Restored):
     format = "waterlinked-json"
 
     def __init__(
-        self, *, geometry: BeamGeometry, max_fom_mps: float = 0.4, max_rate_hz: float | None = None
+        self, *, geometry: BeamGeometry, max_fom_mps: float = 0.4, max_rate_hz: float | None = MAX_RATE_HZ
     ) -> None:
         super().__init__(geometry=geometry, limit=("max_fom_mps", max_fom_mps), max_rate_hz=max_rate_hz)
 
@@ -134,7 +137,7 @@ class Pd0(_Restored):
     format = "pd0"
 
     def __init__(
-        self, *, geometry: BeamGeometry, receiver_sd_mps: float, max_rate_hz: float | None = None
+        self, *, geometry: BeamGeometry, receiver_sd_mps: float, max_rate_hz: float | None = MAX_RATE_HZ
     ) -> None:
         super().__init__(
             geometry=geometry, limit=("receiver_sd_mps", receiver_sd_mps), max_rate_hz=max_rate_hz

@@ -1,0 +1,112 @@
+"""A TCP client that reads more slowly than it is sent gets recent estimates: the others are dropped and counted."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import fcntl
+import socket
+import struct
+import termios
+from collections.abc import Iterator
+
+import pytest
+
+from bottomlock.live.address import sink_address
+from bottomlock.live.connections import cancel
+from bottomlock.live.sink import Sink
+from bottomlock.live.sinks import WAITING_S, open_sink
+
+SIZE = 800
+"""Bytes of a report, about those of Water Linked's JSON."""
+RECEIVED_BYTES = 16_384
+SENT, PERIOD_S = 200, 0.01
+WAITING = 12
+"""Reports that fit the system's buffer on the sending side."""
+
+
+def report(number: int) -> bytes:
+    return f"{number:9d}\n".rjust(SIZE).encode()
+
+
+def numbers(data: bytes) -> Iterator[int]:
+    assert len(data) % SIZE == 0
+    return (int(data[at : at + SIZE]) for at in range(0, len(data), SIZE))
+
+
+async def connected(kind: str) -> tuple[Sink, asyncio.Task[None], socket.socket]:
+    """A port that listens or connects, and its client with a small buffer of its own."""
+    other = socket.socket()
+    other.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVED_BYTES)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        place = free.getsockname()
+    if kind == "tcp":
+        other.bind(place)
+        other.listen()
+    sink = open_sink(sink_address(f"{kind}:127.0.0.1:{place[1]}"), lambda _: None)
+    task = asyncio.create_task(sink.run())
+    while sink.state == "not opened yet":  # noqa: ASYNC110 - what is waited for has no event
+        await asyncio.sleep(0.005)
+    if kind == "tcp":
+        client, _ = other.accept()
+        other.close()
+    else:
+        other.connect(place)
+        client = other
+        while sink.state != "1 clients":  # noqa: ASYNC110
+            await asyncio.sleep(0.005)
+    client.setblocking(False)
+    return sink, task, client
+
+
+@pytest.mark.parametrize("kind", ["tcpin", "tcp"])
+def test_of_a_client_that_stops_reading_a_fifth_of_a_second_waits_here(kind: str) -> None:
+    """What it finds later is its own buffer and that; the rest is counted, and the next estimate comes."""
+
+    async def flood() -> None:
+        sink, task, client = await connected(kind)
+        for number in range(SENT):
+            sink.write(report(number))
+            await asyncio.sleep(PERIOD_S)
+        (own,) = struct.unpack("i", fcntl.ioctl(client, termios.FIONREAD, bytes(4)))
+        held = bytearray()
+        for _ in range(20):
+            with contextlib.suppress(BlockingIOError):
+                held += client.recv(1 << 20)
+            await asyncio.sleep(0.005)
+        kept = list(numbers(bytes(held)))
+        assert kept == list(range(len(kept)))
+        assert sink.dropped == SENT - len(kept)
+        assert len(held) - own <= (WAITING_S / PERIOD_S + 2) * SIZE
+        sink.write(report(SENT))
+        await asyncio.sleep(0.1)
+        assert list(numbers(client.recv(1 << 20))) == [SENT]
+        client.close()
+        await cancel(task)
+
+    asyncio.run(flood())
+
+
+def test_the_age_of_what_a_slow_client_reads_is_bounded() -> None:
+    """It reads one report for every two that are sent, for long: what it reads is never older than its own buffer."""
+
+    async def read_slowly() -> list[int]:
+        sink, task, client = await connected("tcpin")
+        ages = []
+        for turn in range(2000):
+            for number in (2 * turn, 2 * turn + 1):
+                sink.write(report(number))
+                await asyncio.sleep(0)
+            try:
+                (oldest,) = numbers(client.recv(SIZE))
+            except BlockingIOError:
+                continue
+            ages.append(2 * turn + 1 - oldest)
+        client.close()
+        await cancel(task)
+        assert sink.dropped > 1500
+        return ages
+
+    ages = asyncio.run(read_slowly())
+    # Linux takes twice the option. It takes out one while two come: a full buffer is twice as old as it is long.
+    assert max(ages) <= 2 * (2 * RECEIVED_BYTES / SIZE + WAITING + 1)
