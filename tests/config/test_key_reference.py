@@ -83,12 +83,6 @@ def test_a_page_defines_every_key(kind: Kind) -> None:
             assert f"\n`{key.name}`\n: {key.meaning}\n: {key.type}" in body
 
 
-def test_repeated_headings_have_anchors_of_their_own() -> None:
-    """As a forge and the site count them."""
-    (top, *_), sections = reference("case"), [one for one in reference("case") if one.path == "imu"]
-    assert key_reference.anchors([top, *sections]) == ["the-top-of-the-file", "imu", "imu-1"]
-
-
 @pytest.mark.parametrize("kind", get_args(Kind))
 def test_every_kind_prints(kind: Kind, capsys: pytest.CaptureFixture[str]) -> None:
     """As words and as JSON, which has every key of the words."""

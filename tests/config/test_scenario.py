@@ -65,32 +65,15 @@ def test_packaged_scenarios_load() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("beam_noise_mps = 0.042", ""), "'dvl.beam_noise_mps' is missing"),
-        (
-            ("beam_noise_mps = 0.042", "beam_noise_mps = -1.0"),
-            "'dvl.beam_noise_mps' is -1.0, expected > 0.0 m/s",
-        ),
         (("beam_noise_mps = 0.042", "beam_noise_mps = nan"), "'dvl.beam_noise_mps' is nan"),
-        (("beam_noise_mps = 0.042", 'beam_noise_mps = "loud"'), "'dvl.beam_noise_mps' is 'loud'"),
-        (
-            ("gyro_bias_deg_per_h", "gyro_bias_dph"),
-            "unknown key 'imu.gyro_bias_dph', did you mean 'gyro_bias_deg_per_h'",
-        ),
-        (("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\ntilt_rad = 0.3"), "did you mean 'tilt_deg'"),
-        (
-            ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\ntilt_deg = 95"),
-            "'dvl.tilt_deg' is 95, expected < 90.0 deg",
-        ),
         (
             ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nbeams_lost = [5]"),
             "lost beam 5 does not exist, expected 1 to 4",
         ),
-        (('kind = "straight"', 'kind = "spiral"'), "'trajectory.kind' is 'spiral'"),
         (("[dvl]\nbeam_noise_mps = 0.042", ""), "no [dvl] section"),
         (("name = ", "name == "), "not valid TOML"),
         (("[imu]", '[campaign]\nmethods = ["tc", "tc"]\n[imu]'), "method 'tc' is named twice"),
         (("[imu]", '[campaign]\nmethods = ["tcc"]\n[imu]'), "unknown method 'tcc', did you mean 'tc'"),
-        (("[imu]", '[filter]\ngate = "wide"\n[imu]'), "'filter.gate' is 'wide'"),
         (
             ('kind = "straight"', 'kind = "straight"\nsway_gain_m = 0.6'),
             "'sway_gain_m' belongs to source = \"analytic\"",
@@ -101,19 +84,10 @@ def test_packaged_scenarios_load() -> None:
         ),
         (('kind = "straight"', 'kind = "constant_turn"'), 'source = "analytic" alone'),
         (('kind = "straight"', 'kind = "waypoints"\nsource = "analytic"'), 'source = "vehicle" alone'),
-        (('kind = "straight"', 'kind = "straight"\nfeedback = "hope"'), "'trajectory.feedback' is 'hope'"),
-        (('kind = "straight"', 'kind = "straight"\npilot = "tcc"'), "did you mean 'tc'"),
         (("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nmax_range_m = 50"), "no [seabed] to range to"),
         (
             ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nmin_range_m = 5\nmax_range_m = 3"),
             "expected less than max_range_m",
-        ),
-        (
-            (
-                "beam_noise_mps = 0.042",
-                "beam_noise_mps = 0.042\ndropouts = [{beams = [1], mean_up_s = 0, mean_down_s = 1}]",
-            ),
-            "'dvl.dropouts.0.mean_up_s' is 0, expected > 0.0 s",
         ),
         (
             (
@@ -151,14 +125,6 @@ def test_another_source_drops_what_only_the_old_one_knew() -> None:
     assert exact.with_trajectory(source="vehicle").trajectory.kind == "lawn_mower"
     with pytest.raises(ScenarioError, match="'leg_s' belongs to source"):
         packaged.with_trajectory(leg_s=30.0)
-
-
-def test_unknown_name_suggests(tmp_path: Path) -> None:
-    """A slip of the pen in a packaged name is answered by the nearest name; a directory is no file."""
-    with pytest.raises(ScenarioError, match="did you mean 'straight'"):
-        load_scenario("strait")
-    with pytest.raises(ScenarioError, match="is a folder"):
-        load_scenario(tmp_path)
 
 
 def test_copy_never_overwrites(tmp_path: Path) -> None:

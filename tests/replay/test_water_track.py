@@ -26,7 +26,6 @@ from bottomlock.replay.tune.run import tune_case
 from tests.replay.rov_dive import RovDive, rov_dive, write_csv
 
 CURRENT = np.array([0.25, -0.15, 0.0])
-HIDDEN = (60.0, 200.0)
 CASE = """
 name = "water"
 [origin]

@@ -15,14 +15,14 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
-from bottomlock.kernel.models import Calibration, DvlModel, GpsModel, Model
+from bottomlock.kernel.models import Calibration, DvlModel, Model
 from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
 from bottomlock.truth.truth import Truth, sample_times_ns
 
 Floats = NDArray[np.float64]
 
-SEED, RUNS, KEY = 2017, 100, 18
-"""Of the table, fixed before its first run."""
+SEED, KEY = 2017, 18
+"""Fixed before the first run."""
 MOUNTING_SD_DEG, CLOCK_SD_S = 1.0, 0.1
 DURATION_S, RATE_HZ = 300.0, 50.0
 LEVER_M = np.array([1.0, 0.2, 0.3])
@@ -50,28 +50,11 @@ def _motion(*, surge_mps: float, yaw_rad: float, pitch_rad: float) -> Motion:
     return motion
 
 
-@dataclass(frozen=True)
-class World:
-    """A manoeuvre with its aids."""
-
-    words: str
-    motion: Motion
-    positions: bool
-
-
-_STRAIGHT = _motion(surge_mps=0.0, yaw_rad=0.0, pitch_rad=0.0)
-_SPEED = _motion(surge_mps=0.7, yaw_rad=0.0, pitch_rad=0.0)
-_TURNS = _motion(surge_mps=0.0, yaw_rad=2.0, pitch_rad=0.0)
-_ALL = _motion(surge_mps=0.7, yaw_rad=2.0, pitch_rad=0.15)
 WORLDS = {
-    "straight": World("one heading, one speed", _STRAIGHT, positions=False),
-    "straight_fixes": World("the same with position fixes", _STRAIGHT, positions=True),
-    "speed": World("one heading, speed 1.3–2.7 m/s", _SPEED, positions=False),
-    "turns": World("one speed, turns to ± 115°", _TURNS, positions=False),
-    "turns_fixes": World("the same with position fixes", _TURNS, positions=True),
-    "all": World("speed, turns, pitch ± 9°", _ALL, positions=False),
-    "all_fixes": World("the same with position fixes", _ALL, positions=True),
+    "straight": _motion(surge_mps=0.0, yaw_rad=0.0, pitch_rad=0.0),
+    "all": _motion(surge_mps=0.7, yaw_rad=2.0, pitch_rad=0.15),
 }
+"""One heading at one speed; speed of 1.3 to 2.7 m/s, turns to ± 115°, pitch to ± 9°."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,18 +78,18 @@ class Ensemble:
 
 
 def ensemble(
-    name: str, readings: Callable[..., Floats], *, runs: int = RUNS, method: kernel.Method = "tc"
+    name: str, readings: Callable[..., Floats], *, runs: int, method: kernel.Method = "tc"
 ) -> Ensemble:
     """Flies a manoeuvre `runs` times; `readings` makes the beams as `tests.oracle.calibrated_beams.readings` does."""
-    world, scenario = WORLDS[name], load_scenario("survey")
+    motion, scenario = WORLDS[name], load_scenario("survey")
     geometry = kernel.BeamGeometry.janus(np.deg2rad(30.0), lever_arms_p_m=[LEVER_M] * 4)
     model = scenario.replace({"environment.earth": "tangent_plane"}).kernel_model(GRAVITY_MPS2)
     prior = Calibration(mounting_sd_rad=(np.deg2rad(MOUNTING_SD_DEG),) * 3, clock_sd_s=CLOCK_SD_S)
     without = scenario.kernel_options().replace(imu_sampling="instantaneous", gate="off", robust=None)
-    truth = _truth(world.motion, sample_times_ns(DURATION_S, RATE_HZ))
+    truth = _truth(motion, sample_times_ns(DURATION_S, RATE_HZ))
     out: dict[str, list[Any]] = {field: [] for field in Ensemble.__dataclass_fields__}
     for run in range(runs):
-        log, start, true = _drawn(world, geometry, model, truth, readings, run)
+        log, start, true = _drawn(motion, geometry, model, truth, readings, run)
         for options, key in ((without, "without"), (without.replace(calibration=prior), "with_states")):
             samples_ns = truth.time_ns[:: int(10 * RATE_HZ)][1:]
             result: Any = kernel.replay_log(
@@ -132,7 +115,7 @@ def _truth(motion: Motion, time_ns: NDArray[np.int64]) -> Truth:
 
 
 def _drawn(
-    world: World,
+    motion: Motion,
     geometry: kernel.BeamGeometry,
     model: Model,
     truth: Truth,
@@ -158,7 +141,7 @@ def _drawn(
     beams = readings(
         geometry.directions_p,
         LEVER_M,
-        *_velocities(world.motion, true_ns),
+        *_velocities(motion, true_ns),
         mounting_rad=true[:3],
         scale=scale,
     )
@@ -171,11 +154,6 @@ def _drawn(
         "beam_velocity_mps": beams + drawn["dvl_bias_mps"] + noise,
         "beam_valid": plan["beam_valid"],
     }
-    if world.positions:
-        rows = np.arange(int(10 * RATE_HZ), len(time_ns), int(10 * RATE_HZ))
-        sd = np.array(model.of(GpsModel).position_sd_m)
-        log["gps_time_ns"] = time_ns[rows]
-        log["gps_position_t_m"] = truth.position_t_m[rows] + sd * random.normal(size=(len(rows), 3))
     return log, drawn["initial"], true
 
 
