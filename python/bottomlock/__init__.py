@@ -13,9 +13,7 @@ if TYPE_CHECKING:
 
     from bottomlock import own_method
     from bottomlock.array_functions import replay_log, run_batch, simulate_sensors, solve_velocity
-    from bottomlock.campaign.merge import merge_shards
-    from bottomlock.campaign.partition import Shard
-    from bottomlock.campaign.run import Results, read_results, run_campaign, run_shard
+    from bottomlock.campaign.run import Results, read_results, run_campaign
     from bottomlock.config.instrument_grades import imu, vehicle_water
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
     from bottomlock.errors import (
@@ -121,7 +119,6 @@ __all__ = [
     "Robust",
     "Scenario",
     "ScenarioError",
-    "Shard",
     "Simulation",
     "StartedNavigator",
     "ThrustModel",
@@ -136,7 +133,6 @@ __all__ = [
     "imu",
     "load_scenario",
     "measurement_schedule",
-    "merge_shards",
     "normal_gravity_mps2",
     "open_log",
     "own_method",
@@ -150,7 +146,6 @@ __all__ = [
     "run_batch",
     "run_campaign",
     "run_replay",
-    "run_shard",
     "sensor_streams",
     "simulate_sensors",
     "solve_velocity",
@@ -199,7 +194,6 @@ _LAZY = {
     "Robust": "bottomlock.kernel.models",
     "Scenario": "bottomlock.config.scenario",
     "ScenarioError": "bottomlock.errors",
-    "Shard": "bottomlock.campaign.partition",
     "Simulation": "bottomlock.simulation.build",
     "StartedNavigator": "bottomlock.live.started",
     "ThrustModel": "bottomlock.kernel.models",
@@ -214,7 +208,6 @@ _LAZY = {
     "imu": "bottomlock.config.instrument_grades",
     "load_scenario": "bottomlock.config.scenario",
     "measurement_schedule": "bottomlock.simulation.measurement_schedule",
-    "merge_shards": "bottomlock.campaign.merge",
     "normal_gravity_mps2": "bottomlock.kernel",
     "open_log": "bottomlock.replay.open_log",
     "own_method": "bottomlock.own_method",
@@ -228,7 +221,6 @@ _LAZY = {
     "read_results": "bottomlock.campaign.run",
     "run_campaign": "bottomlock.campaign.run",
     "run_replay": "bottomlock.replay.shown_replay",
-    "run_shard": "bottomlock.campaign.run",
     "sensor_streams": "bottomlock.simulation.sensor_streams",
     "simulate_sensors": "bottomlock.array_functions",
     "solve_velocity": "bottomlock.array_functions",

@@ -23,10 +23,8 @@ from unittest.mock import patch
 import polars as pl
 
 from bottomlock.audit.logs import read_log
-from bottomlock.campaign import partition
-from bottomlock.campaign.merge import merge_shards
-from bottomlock.campaign.partition import Shard
-from bottomlock.campaign.run import Results, run_campaign, run_shard
+from bottomlock.campaign import chunk
+from bottomlock.campaign.run import Results, run_campaign
 from bottomlock.errors import BottomlockError, Note
 from bottomlock.files.records import DIGESTS, OWN_DIGEST
 from bottomlock.io.beam_table import read_beam_table, write_recording
@@ -75,16 +73,6 @@ def _campaign(folder: Path) -> Results:
 
 def _resume(folder: Path) -> str:
     return _results(_campaign(folder), folder)
-
-
-def _shards(folder: Path) -> None:
-    for k in (1, 2):
-        run_shard([short(RUNS)], folder / str(k), Shard(k, 2), threads=1)
-
-
-def _merge(folder: Path) -> str:
-    with tempfile.TemporaryDirectory() as out:
-        return _results(merge_shards(Path(out), [folder / "1", folder / "2"]), Path(out))
 
 
 def _report(folder: Path) -> str:
@@ -143,7 +131,6 @@ def _converted(folder: Path) -> str:
 
 KINDS: Mapping[str, Kind] = {
     "resumed campaign": Kind(_campaign, _resume),
-    "shards to merge": Kind(_shards, _merge),
     "campaign to report": Kind(_campaign, _report),
     "study": Kind(_study, _study),
     "truth cache": Kind(_truth, _truth),
@@ -206,7 +193,7 @@ def _of_copy(
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Chunks of two runs; notes, which are allowed, are not printed."""
-    with patch.object(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS), warnings.catch_warnings():
+    with patch.object(chunk, "CHUNK_STEPS", STEPS_OF_TWO_RUNS), warnings.catch_warnings():
         warnings.simplefilter("ignore", Note)
         yield
 

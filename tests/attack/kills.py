@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from unittest.mock import patch
 
-from bottomlock.campaign import partition
+from bottomlock.campaign import chunk
 from bottomlock.campaign.run import run_campaign
 from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
@@ -30,11 +30,11 @@ COMMAND = f"""
 import sys
 import warnings
 from pathlib import Path
-from bottomlock.campaign import partition
+from bottomlock.campaign import chunk
 from bottomlock.campaign.run import run_campaign
 from bottomlock.errors import Note
 from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, short
-partition.CHUNK_STEPS = STEPS_OF_TWO_RUNS
+chunk.CHUNK_STEPS = STEPS_OF_TWO_RUNS
 warnings.simplefilter("error", Note)
 warnings.filterwarnings("ignore", ".*was left by process", Note)
 run_campaign([short({RUNS})], Path(sys.argv[1]), threads=1)
@@ -53,7 +53,7 @@ def attack(seed: int, count: int) -> list[str]:
     faults: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "whole"
-        with patch.object(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS):
+        with patch.object(chunk, "CHUNK_STEPS", STEPS_OF_TWO_RUNS):
             run_campaign([short(RUNS)], whole, threads=1)
         killed, number = 0, 0
         while killed < count:

@@ -7,7 +7,7 @@ from bottomlock.config.scenario import Scenario, load_scenario
 TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet")
 
 STEPS_OF_TWO_RUNS = 2 * 1501 * 3
-"""As `plan.CHUNK_STEPS`: two runs of `short` a chunk."""
+"""As `chunk.CHUNK_STEPS`: two runs of `short` a chunk."""
 
 
 def short(runs: int = 5, name: str = "straight") -> Scenario:

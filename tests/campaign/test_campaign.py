@@ -7,8 +7,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock.campaign import partition
-from bottomlock.campaign.run import CampaignProgress, run_campaign
+from bottomlock.campaign import chunk as chunks
+from bottomlock.campaign.run import CampaignProgress, read_results, run_campaign
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.files import atomic_write
 from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, RUNS
@@ -19,7 +19,7 @@ from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, TABLES, short
 @pytest.fixture
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
-    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(chunks, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
 
 
 def same_tables(one: Path, two: Path) -> None:
@@ -46,6 +46,22 @@ def test_tables_and_manifest(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("small_chunks")
+def test_a_campaign_in_memory_is_that_of_a_folder(tmp_path: Path) -> None:
+    """Every table and every sample, with runs, seed and methods given to the call; nothing is written."""
+    given = {"runs": 3, "seed": 7, "methods": ["tc", "ins"]}
+    scenarios = [short(), short(name="figure_eight")]
+    memory = run_campaign(scenarios, threads=1, **given)  # type: ignore[arg-type]
+    folder = run_campaign(scenarios, tmp_path / "o", threads=1, **given)  # type: ignore[arg-type]
+    for other in (folder, read_results(tmp_path / "o")):
+        for name in ("runs", "ensemble", "consistency", "choices", "paths", "summary"):
+            assert getattr(memory, name).equals(getattr(other, name)), name
+        assert memory.samples.collect().equals(other.samples.collect())
+    assert memory.folder is None
+    assert memory.samples.collect().height == 2 * 3 * 2 * 10
+    assert memory.manifest["scenarios"]["straight"]["seed"] == 7
+
+
+@pytest.mark.usefixtures("small_chunks")
 def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
     """One thread, two threads, and a campaign broken off after its first chunk and resumed: the same tables."""
     run_campaign([short()], tmp_path / "one", threads=1)
@@ -68,7 +84,7 @@ def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
 def test_chunk_size_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Any cutting gives the same tables."""
     run_campaign([short()], tmp_path / "whole", threads=1)
-    monkeypatch.setattr(partition, "CHUNK_STEPS", 1)
+    monkeypatch.setattr(chunks, "CHUNK_STEPS", 1)
     run_campaign([short()], tmp_path / "single", threads=1)
     same_tables(tmp_path / "whole", tmp_path / "single")
 
@@ -78,6 +94,7 @@ def test_more_runs_extend_fewer(tmp_path: Path) -> None:
     few = run_campaign([short(3)], tmp_path / "o", threads=1)
     more = run_campaign([short(5)], tmp_path / "o", threads=1)
     assert more.runs.filter(pl.col("run") < 3).equals(few.runs)
+    assert more.samples.collect().filter(pl.col("run") < 3).height == 3 * 3 * 10
 
 
 def test_foreign_directories_stay_as_they_are(tmp_path: Path) -> None:
@@ -124,7 +141,7 @@ def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, f
 
 def test_progress_counts_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each chunk is told once, in order."""
-    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(chunks, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
     heard: list[float] = []
     listen: Callable[[CampaignProgress], None] = lambda state: heard.append(state.runs_done)  # noqa: E731
     run_campaign([short()], tmp_path / "o", threads=1, progress=listen)

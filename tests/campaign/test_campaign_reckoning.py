@@ -12,8 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.campaign.build import BuiltScenario, build_scenarios, build_simulations
-from bottomlock.campaign.chunk import ChunkResult, run_chunk
-from bottomlock.campaign.partition import Chunk
+from bottomlock.campaign.chunk import Chunk, ChunkTables, run_chunk
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
@@ -48,7 +47,7 @@ def built(reference: str) -> BuiltScenario:
     return build_scenarios(build_simulations([scenario(**KEYS[reference])]))[0]
 
 
-def chunk(one: BuiltScenario, runs: int, first: int = 0) -> ChunkResult:
+def chunk(one: BuiltScenario, runs: int, first: int = 0) -> ChunkTables:
     return run_chunk(one, Chunk(one.scenario.name, first, runs))
 
 

@@ -1,27 +1,23 @@
 """Engines: a cluster whose workers die gives the bits of one thread, and what is not there is said in a line."""
 
-import json
 import logging
 import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from bottomlock.campaign import engine, partition, run
+from bottomlock.campaign import chunk as chunks
+from bottomlock.campaign import engine, run
 from bottomlock.campaign.build import BuiltScenario
-from bottomlock.campaign.chunk import run_chunk
+from bottomlock.campaign.chunk import Chunk, run_chunk
 from bottomlock.campaign.engine import check_engine
-from bottomlock.campaign.merge import merge_shards
-from bottomlock.campaign.partition import Chunk, Shard
-from bottomlock.campaign.run import CampaignProgress, run_campaign, run_shard
+from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import EngineError, Note
 from bottomlock.kernel import KernelError
@@ -46,7 +42,7 @@ RUNS = 40
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
-    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(chunks, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +50,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The campaign of one thread."""
     out = tmp_path_factory.mktemp("engines") / "whole"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+        patch.setattr(chunks, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
         run_campaign([short(RUNS)], out, threads=1)
     return out
 
@@ -114,7 +110,7 @@ def test_a_worker_that_is_killed_changes_no_bit(tmp_path: Path, processes: Any, 
 @needs_dask
 @pytest.mark.slow
 def test_broken_off_on_a_cluster_and_resumed_without(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401
-    """What a cluster has finished counts on this machine, too, and the other way round; shards can be run by one."""
+    """What a cluster has finished counts on this machine, too."""
     address = processes.scheduler_address
 
     def stop(state: CampaignProgress) -> None:
@@ -127,10 +123,6 @@ def test_broken_off_on_a_cluster_and_resumed_without(tmp_path: Path, processes: 
     assert len(list(out.glob("chunks/*/counts-*"))) == 3
     run_campaign([short(RUNS)], out, threads=2)
     same_bits(whole, out)
-    for k, settings in ((1, {"threads": 1}), (2, {"engine": "dask", "scheduler": address})):
-        run_shard([short(RUNS)], tmp_path / str(k), Shard(k, 2), **settings)
-    merge_shards(tmp_path / "m", [tmp_path / "1", tmp_path / "2"])
-    same_bits(whole, tmp_path / "m")
 
 
 @pytest.mark.long
@@ -144,7 +136,7 @@ def test_vehicles_that_fly_on_estimates_travel_too(
     """Over a seabed: everything that a scenario names goes to the worker with the chunk."""
     packaged = load_scenario("slope").with_overrides(runs=3, methods=["ins", "tc"])
     flight = packaged.with_trajectory(feedback="estimate", duration_s=2.0)
-    monkeypatch.setattr(partition, "CLOSED_LOOP_VEHICLES", 2)
+    monkeypatch.setattr(chunks, "CLOSED_LOOP_VEHICLES", 2)
     run_campaign([flight], tmp_path / "one", threads=1)
     run_campaign([flight], tmp_path / "two", engine="dask", scheduler=processes.scheduler_address)
     same_bits(tmp_path / "one", tmp_path / "two")
@@ -179,7 +171,7 @@ def test_a_fault_on_the_cluster_names_the_chunk(
     from bottomlock.campaign import dask_engine
 
     monkeypatch.setattr(dask_engine, "run_chunk", lambda *_, **__: 1 / 0)
-    words = r"straight, chunk 00000000-00000001.parquet: scheduler .* failed \(ZeroDivisionError: division by zero\)"
+    words = r"straight, run 0 and on: scheduler .* failed \(ZeroDivisionError: division by zero\)"
     with pytest.raises(EngineError, match=words):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
 
@@ -230,7 +222,10 @@ def test_a_cluster_without_workers(tmp_path: Path, threads: Any) -> None:  # noq
         run_campaign(
             [short()], tmp_path / "o", engine="dask", scheduler=threads.scheduler_address, progress=leave
         )
-    with pytest.raises(EngineError, match="no worker in"):
+    with (
+        pytest.warns(Note, match="has no worker: waiting for one, at most"),
+        pytest.raises(EngineError, match="no worker in"),
+    ):
         run_campaign([short()], tmp_path / "p", engine="dask", scheduler=threads.scheduler_address)
     assert not (tmp_path / "p").exists()
 
@@ -245,79 +240,6 @@ def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # no
     with pytest.raises(EngineError, match="the same command resumes"):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address, progress=leave)
     assert run_campaign([short()], tmp_path, threads=1).runs.height == 15
-
-
-@pytest.mark.long
-@needs_dask
-def test_waiting_for_workers_is_said(tmp_path: Path, threads: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
-    """At the start and in mid-campaign, once until one comes; a short wait is not worth a word."""
-    from bottomlock.campaign import dask_engine
-
-    monkeypatch.setattr(dask_engine, "SILENCE_S", 0.1)
-    words = "has no worker: waiting for workers, at most "
-    threads.scale(0)
-    with pytest.warns(Note, match=words) as said, pytest.raises(EngineError, match="no worker in"):
-        run_campaign([short()], tmp_path / "o", engine="dask", scheduler=threads.scheduler_address)
-    assert len(said) == 1
-    there: dict[str, int] = {}
-    workers = dask_engine.Workers(SimpleNamespace(status="running", nthreads=lambda: there), "scheduler a")
-    workers._check_workers()
-    time.sleep(0.2)
-    for _ in range(2):
-        with pytest.warns(Note, match=words):
-            workers._check_workers()
-        # Not again: a warning is an error here.
-        workers._check_workers()
-        there["w"] = 1
-        workers._check_workers()
-        there.clear()
-        time.sleep(0.2)
-    time.sleep(0.4)
-    with pytest.raises(EngineError, match="has had no worker for"):
-        workers._check_workers()
-
-
-@pytest.mark.first_cases(1)
-@needs_dask
-@pytest.mark.slow
-@pytest.mark.parametrize("pause_s", [0.0, 0.5])
-def test_a_scheduler_that_is_killed_before_the_first_chunk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pause_s: float
-) -> None:
-    """What the client then raises depends on the moment: a lost connection, cancelled futures, or that it is closed."""
-    from bottomlock.campaign import dask_engine
-
-    file = tmp_path / "scheduler.json"
-    cli = [sys.executable, "-m"]
-    found = ["--scheduler-file", str(file), "--no-dashboard"]
-    scheduler, worker = (
-        subprocess.Popen([*cli, *words, *found], stderr=subprocess.DEVNULL)
-        for words in (
-            ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"],
-            ["distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny"],
-        )
-    )
-    hold = dask_engine.Workers.hold
-
-    def held(self: Any, value: object) -> Any:  # noqa: ANN401
-        future = hold(self, value)
-        scheduler.kill()
-        time.sleep(pause_s)
-        return future
-
-    monkeypatch.setattr(dask_engine.Workers, "hold", held)
-    try:
-        deadline = time.monotonic() + 60.0
-        while not file.exists() and time.monotonic() < deadline:
-            time.sleep(0.1)
-        address = json.loads(file.read_text(encoding="utf-8"))["address"]
-        with pytest.raises(EngineError, match=r"^scheduler tcp:\S+ is lost; .* the same command resumes$"):
-            run_campaign([short()], tmp_path / "o", engine="dask", scheduler=address)
-    finally:
-        for process in (scheduler, worker):
-            process.kill()
-            process.wait()
-    assert run_campaign([short()], tmp_path / "o", threads=1).runs.height == 15
 
 
 @needs_dask
@@ -371,12 +293,10 @@ def test_an_engine_may_finish_in_any_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: Path
 ) -> None:
     """The tables are those of the runs in order."""
-
-    class Backwards(engine.LocalEngine):
-        def run(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
-            return super().run(list(reversed(chunks)), progress)
-
-    monkeypatch.setattr(engine, "LocalEngine", Backwards)
+    here = engine.run_here
+    monkeypatch.setattr(
+        engine, "run_here", lambda built, threads, chunks, report: here(built, threads, chunks[::-1], report)
+    )
     run_campaign([short(RUNS)], tmp_path / "o", threads=1)
     same_bits(whole, tmp_path / "o")
 
@@ -396,18 +316,18 @@ def test_a_simulation_is_pickled_without_its_beams(name: str) -> None:
 def test_failing_to_write_calls_off_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The engine is closed when a chunk cannot be kept."""
     closed: list[bool] = []
+    here = engine.run_here
 
-    class Watched(engine.LocalEngine):
-        def run(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
-            try:
-                yield from super().run(chunks, progress)
-            finally:
-                closed.append(True)
+    def watched(*given: Any) -> Any:  # noqa: ANN401
+        try:
+            yield from here(*given)
+        finally:
+            closed.append(True)
 
     def refuse(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(engine, "LocalEngine", Watched)
+    monkeypatch.setattr(engine, "run_here", watched)
     monkeypatch.setattr(run, "write_chunk", refuse)
     with pytest.raises(OSError, match="No space left"):
         run_campaign([short()], tmp_path, threads=1)

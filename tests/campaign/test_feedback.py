@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.campaign import partition
+from bottomlock.campaign import chunk
 from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
@@ -59,7 +59,7 @@ def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: py
     whole = run_campaign([flight], tmp_path / "whole", threads=1).runs
     assert whole["cross_track_rms_over_time_m"].null_count() == 0
     assert whole["cross_track_rms_over_time_m"].n_unique() == 6
-    monkeypatch.setattr(partition, "CLOSED_LOOP_VEHICLES", 2)
+    monkeypatch.setattr(chunk, "CLOSED_LOOP_VEHICLES", 2)
     heard: list[float] = []
     cut = run_campaign(
         [flight], tmp_path / "cut", threads=2, progress=lambda state: heard.append(state.runs_done)

@@ -4,13 +4,12 @@ import json
 import shutil
 from pathlib import Path
 
-import polars as pl
 import pytest
 
-from bottomlock.campaign import partition, run
+from bottomlock.campaign import chunk as chunks
+from bottomlock.campaign import run
 from bottomlock.campaign.build import build_simulations
-from bottomlock.campaign.directory import MANIFEST
-from bottomlock.campaign.manifest import identity_of
+from bottomlock.campaign.folder import MANIFEST, identity_of
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import DataError, Note, OutputError
 from bottomlock.files.output_folder import LOCK
@@ -22,7 +21,7 @@ from tests.recorded import edit_record
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
-    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(chunks, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
 
 
 def test_ended_before_the_manifest_was_there(tmp_path: Path) -> None:
@@ -106,30 +105,6 @@ def test_whole_files_in_the_wrong_place(tmp_path: Path) -> None:
         same_bits(tmp_path / "whole", out)
 
 
-def test_a_record_that_is_right_of_tables_that_are_not(tmp_path: Path) -> None:
-    """What a record states is believed only as far as the tables are of its runs and methods."""
-    run_campaign([short()], tmp_path / "o", threads=1)
-    folder = tmp_path / "o" / "chunks" / "straight"
-    record = folder / f"record-{CHUNK}.json"
-    samples = folder / f"samples-{CHUNK}.parquet"
-    whole = pl.read_parquet(samples)
-    swapped = pl.col("method").replace({"lc": "tc", "tc": "lc"})
-    for wrong, words in (
-        (
-            whole.with_columns(swapped),
-            "expected the runs 2 to 3 of straight, each with the methods ins, lc, tc",
-        ),
-        (whole.with_columns(pl.col("run") + 1), "expected the runs 2 to 3"),
-        (whole.head(whole.height - 1), "expected the runs 2 to 3"),
-        (whole.with_columns(pl.col("time_ns").reverse()), "differ in their times"),
-        (whole.drop("trajectory"), "column 'trajectory' is missing"),
-    ):
-        wrong.write_parquet(samples)
-        edit_record(record)
-        with pytest.raises(DataError, match=words):
-            run_campaign([short()], tmp_path / "o", threads=1)
-
-
 def state_versions(out: Path, versions: dict[str, str]) -> None:
     """Makes a manifest state other versions."""
     edit_record(out / MANIFEST, lambda manifest: manifest["versions"].update(versions))
@@ -155,25 +130,19 @@ def test_other_versions_are_named(tmp_path: Path) -> None:
     run_campaign([short()], out, threads=1)
 
 
-@pytest.mark.parametrize("rest", [None, 100, 0])
-def test_a_manifest_that_is_cut_is_recovered_on_demand(tmp_path: Path, rest: int | None) -> None:
-    """The error says how; whole chunks are kept, and another campaign's command recovers nothing."""
+def test_a_manifest_that_is_damaged_or_gone(tmp_path: Path) -> None:
+    """Damaged, it is named with the remedy; removed, the chunks of this campaign are kept."""
     out = tmp_path / "o"
     run_campaign([short()], out, threads=1)
-    before = finished(out)
-    content = (out / MANIFEST).read_bytes()
-    if rest is None:
-        (out / MANIFEST).unlink()
-    else:
-        (out / MANIFEST).write_bytes(content[:rest])
+    before, content = finished(out), (out / MANIFEST).read_bytes()
+    (out / MANIFEST).write_bytes(content[:100])
     for force in (False, True):
-        with pytest.raises(
-            (DataError, OutputError), match=r"manifest.json.*--recover writes it again and keeps"
-        ):
+        with pytest.raises(DataError, match=r"manifest.json.*; remove it, and every chunk that is whole"):
             run_campaign([short()], out, threads=1, force=force)
-    with pytest.raises((DataError, OutputError), match="nothing to recover"):
-        run_campaign([short().with_overrides(seed=7)], out, threads=1, recover=True)
-    run_campaign([short()], out, threads=1, recover=True)
+    (out / MANIFEST).unlink()
+    with pytest.raises(OutputError, match="holds no campaign of ours"):
+        run_campaign([short().with_overrides(seed=7)], out, threads=1, force=True)
+    run_campaign([short()], out, threads=1)
     assert finished(out) == before
     assert json.loads((out / MANIFEST).read_bytes())["digests"] == json.loads(content)["digests"]
 

@@ -63,21 +63,10 @@ def test_a_replay_that_cannot_begin_shows_no_bar(
         (["run", "straight", "--set", "imu.gyro_bais_deg_per_h=1,2"], "did you mean 'gyro_bias_deg_per_h'"),
         (["run", "straight", "--set", "imu.gyro_bias_deg_per_h=1,-2"], "is -2, expected >= 0"),
         (["run", "straight", "--set", "dvl.tilt_deg=20", "--set", "dvl.tilt_deg=30"], "is given twice"),
-        (
-            ["run", "straight", "--set", "dvl.tilt_deg=20", "--shard", "1/2"],
-            "--shard and --set are both given",
-        ),
         (["run", "straight", "--methods", "tcc"], "did you mean 'tc'"),
         (["study", "straight", "--methods", "tcc"], "did you mean 'tc'"),
         (["report", "nowhere", "there"], "nowhere: no such directory"),
-        # Long ones: no estimate of their time comes before the error.
         (["run", "straight", *LONG, "--set", "imu.gyro_bais_deg_per_h=1,2"], "did you mean"),
-        (["run", "straight", *LONG, "--set", "dvl.tilt_deg=20", "--shard", "1/2"], "--shard and --set"),
-        (
-            ["run", "straight", *LONG, "--until", "tc.velocity_rms<2%", "--shard", "1/2"],
-            "--until and --shard",
-        ),
-        (["run", "straight", *LONG, "--until", "tcc.velocity_rms<2%"], "did you mean 'tc'"),
         (["run", "straight", *LONG, "--scheduler", "tcp://a:1"], "only dask has schedulers"),
         (["run", "straight", *LONG, "--engine", "dsk"], "dsk"),
     ],
@@ -97,12 +86,11 @@ def test_campaigns_that_cannot_begin_are_refused_in_a_line(
     "words",
     [
         ("run", "straight"),
-        ("run", "straight", "--shard", "1/2"),
         ("run", "straight", "--set", "dvl.tilt_deg=20,30"),
         ("reproduce",),
     ],
 )
-def test_a_directory_of_something_else_is_refused_before_an_estimate(
+def test_a_directory_of_something_else_is_refused_before_anything_runs(
     tmp_path: Path, words: tuple[str, ...]
 ) -> None:
     """Nothing in it is touched."""

@@ -64,32 +64,6 @@ def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.slow
-def test_shards_merge_to_the_table_of_one_run(tmp_path: Path) -> None:
-    """Two directories, one `merge`, and the very bytes and numbers of the campaign run in one go."""
-    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
-    path = tmp_path / "straight.toml"
-    path.write_text(
-        path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0"), encoding="utf-8"
-    )
-    # Chunks of 333 runs with six methods.
-    call = ["run", "straight.toml", "--runs", "400", "--methods", "lc,tc,vb,nsv,plcf,info", "--out"]
-    whole = command(*call, "whole", cwd=tmp_path)
-    for k in (1, 2):
-        part = command(*call, f"part{k}", "--shard", f"{k}/2", cwd=tmp_path)
-        assert part.returncode == 0, part.stderr
-        assert f"shard {k}/2 in part{k}" in part.stdout
-    early = command("report", "part1", cwd=tmp_path)
-    assert early.returncode == 2
-    merged = command("merge", "joined", "part1", "part2", cwd=tmp_path)
-    assert merged.returncode == 0, merged.stderr
-    assert shown(merged) == shown(whole)
-    for name in ("runs", "ensemble", "consistency"):
-        one, two = (tmp_path / folder / f"{name}.parquet" for folder in ("whole", "joined"))
-        assert one.read_bytes() == two.read_bytes(), name
-
-
-@pytest.mark.long
 def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
     """Processes of their own, no word of theirs on the screen, and the same bytes."""
     pytest.importorskip("distributed", reason="not installed: pip install '.[dask]'")
@@ -184,23 +158,18 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
     [
         (["run", "strait", "--out", "o"], "did you mean 'straight'"),
         (["run", "--out", "o"], "no scenario is named"),
-        (["run", "straight"], "--out"),
         (["run", "straight", "--out", "o", "--methods", "tc,tcc"], "unknown method 'tcc'"),
         (["run", "straight", "--out", "o", "--runs", "0"], "'runs' is 0, expected >= 1"),
         (["run", "straight", "--out", "o", "--runs", "many"], "many"),
         (["run", "straight", "--out", "o", "--threads", "-1"], "--threads is -1"),
         (["run", "straight", "--out", "/proc/nowhere"], "cannot be written"),
         (["run", "straight", "--out", "o", "--runz", "3"], "--runz"),
-        (["run", "straight", "--out", "o", "--shard", "4/3"], "expected k/n with 1 <= k <= n"),
         (["run", "straight", "--out", "o", "--engine", "spark"], "engine 'spark' is not known"),
         (["run", "straight", "--out", "o", "--scheduler", "tcp://a:1"], "only dask has schedulers"),
         (
             ["run", "straight", "--out", "o", "--engine", "dask", "--scheduler", "a"],
             "such as tcp://host:8786",
         ),
-        (["merge", "o"], "no shard is named"),
-        (["merge", "o", "none"], "none: holds no campaign of ours (no manifest.json"),
-        (["merge"], "--out"),
         (["scenarios", "--copy", "bent"], "no packaged scenario"),
         (
             ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.parquet"],

@@ -10,11 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from bottomlock.campaign.estimate import SAMPLE_BYTES, estimate
-from bottomlock.cli import campaign, console
+from bottomlock.cli import console
 from bottomlock.cli.app import COMMANDS, JOBS, app
 from bottomlock.cli.examples import EXAMPLES
-from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import EXIT_INTERRUPTED
 from bottomlock.kernel import METHODS
 from tests.cli.calls import command, process
@@ -130,18 +128,7 @@ def test_json_is_what_the_tables_have(short: tuple[str, ...], tmp_path: Path) ->
         ("straight", "ins"),
         ("straight", "tc"),
     ]
-    assert content["until"] is None
     assert "straight" in json.loads(command("scenarios", "--json").stdout)
-
-
-def test_until_by_the_command(short: tuple[str, ...], tmp_path: Path) -> None:
-    done = command(*short, "--until", "tc.velocity_rms<99%", "-o", tmp_path / "o")
-    assert done.returncode == 0
-    assert "of at most 2 runs" in " ".join(done.stdout.split())
-    for others in (("--set", "imu.gyro_bias_deg_per_h=1,2"), ("--shard", "1/2")):
-        refused = command(*short, "--until", "tc.velocity_rms<9%", *others, "-o", tmp_path / "p")
-        assert refused.returncode == 2
-        assert f"--until and {others[0]} are both given" in refused.stderr
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -179,20 +166,3 @@ def test_the_page_has_every_exit_code(root: Path) -> None:
     codes = {int(code) for code in re.findall(r"^\| (\d+) \|", section, flags=re.MULTILINE)}
     ours = {value for name, value in vars(console).items() if name.startswith("EXIT_")}
     assert codes == {0, *ours, EXIT_INTERRUPTED}
-
-
-def test_a_long_campaign_says_so_beforehand(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Before anything is computed; a short one is silent; threads share the time, not the disk."""
-
-    def stop(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(campaign, "run_campaign", stop)
-    long = command("run", "straight", "-n", "100000", "-j", "2", "-o", tmp_path / "o")
-    assert long.returncode == EXIT_INTERRUPTED
-    assert re.search(r"about [\d.]+ h and \d+\.\d GB on the disk", long.stderr)
-    assert "on the disk" not in command("run", "straight", "-n", "2", "-o", tmp_path / "o").stderr
-    scenario = load_scenario("straight").with_overrides(runs=10, methods=["tc"])
-    one, four = (estimate([scenario], threads=threads) for threads in (1, 4))
-    assert one.seconds == pytest.approx(4.0 * four.seconds)
-    assert one.size_bytes == four.size_bytes == pytest.approx(10 * 251 * SAMPLE_BYTES)

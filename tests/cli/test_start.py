@@ -44,7 +44,7 @@ def test_import_bottomlock_imports_nothing_heavy() -> None:
 def test_the_names_are_said_alike_everywhere() -> None:
     """`dir` has no others, whatever was imported; the three lists, of which two are for type checkers, agree."""
     package = importlib.import_module("bottomlock")
-    importlib.import_module("bottomlock.studies.variants")
+    importlib.import_module("bottomlock.campaign.variants")
     assert [name for name in dir(package) if not name.startswith("__")] == sorted(package.__all__)
     assert {"__doc__", "__file__", "__version__"} < set(dir(package))
     assert len(set(dir(package))) == len(dir(package))

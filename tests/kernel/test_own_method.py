@@ -235,7 +235,7 @@ def test_two_classes_of_one_name_in_a_campaign_are_refused(tmp_path: Path) -> No
 
 
 def test_what_is_in_this_process_alone_runs_here_alone(tmp_path: Path) -> None:
-    """Its runs are resumed with the very class; shards and Dask refuse it before anything is written."""
+    """Its runs are resumed with the very class; Dask refuses it before anything is written."""
     one, other = made_here(1.0), made_here(1.0)
     scenario = short(5.0, runs=1, methods=["tc", one])
     assert scenario.campaign.own_methods == ()
@@ -247,14 +247,10 @@ def test_what_is_in_this_process_alone_runs_here_alone(tmp_path: Path) -> None:
     for refused in (other, Returns("made_as_object", None)):
         alone = short(5.0, runs=1, methods=["tc", refused])
         with pytest.raises(
-            ScenarioError, match=r"straight: method 'made_.*' is in this process alone, where neither"
-        ):
-            bottomlock.run_shard(alone, tmp_path / "shard", "1/2")
-        with pytest.raises(
-            ScenarioError, match="Dask's workers find it: move its class to the top level of a file"
+            ScenarioError,
+            match=r"straight: method 'made_.*' is in this process alone, where Dask's workers do",
         ):
             run_campaign(alone, tmp_path / "dask", engine="dask", threads=1)
-    assert not (tmp_path / "shard").exists()
     assert not (tmp_path / "dask").exists()
 
 

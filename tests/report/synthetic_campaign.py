@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.records import write_record
 from bottomlock.statistics import campaign
 from bottomlock.tables.campaign import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
+from bottomlock.tables.results import chunk_file
 from tests.analytic import analytic
 from tests.recorded import edit_record
 
@@ -51,11 +51,13 @@ def write_campaign(
     tables: dict[str, list[pl.DataFrame]] = {"runs": [], "ensemble": [], "consistency": []}
     for number, name in enumerate(trajectories):
         samples = _samples(name, size, methods, runs, (scatter, own_scatter), number)
-        bounds = np.linspace(0, runs, chunks + 1).astype(int)
-        for first, end in itertools.pairwise(bounds):
-            path = folder / "chunks" / name / f"samples-{first:08d}-{end - 1:08d}.parquet"
-            part = samples.filter(pl.col("run").is_between(int(first), int(end) - 1))
-            record = path.with_name(f"record-{first:08d}-{end - 1:08d}.json")
+        per_chunk = -(-runs // chunks)
+        for first in range(0, runs, per_chunk):
+            part = samples.filter(pl.col("run").is_between(first, first + per_chunk - 1))
+            path, record = (
+                chunk_file(folder, name, kind, first, part["run"].n_unique())
+                for kind in ("samples", "record")
+            )
             write_record(record, {}, {path.name: write_parquet(path, part)})
         norms = campaign.error_norms(samples)
         tables["runs"].append(campaign.runs_table(norms, _counts(name, methods, runs)))
@@ -73,6 +75,7 @@ def write_campaign(
             name: {
                 "seed": 1,
                 "runs": runs,
+                "runs_per_chunk": -(-runs // chunks),
                 "methods": list(methods),
                 "configuration": analytic(name).model_dump(mode="json"),
             }

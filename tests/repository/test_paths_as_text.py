@@ -16,11 +16,10 @@ from tests.analytic import batch_along
 from tests.campaign.small_campaign import same_bits, short
 
 ENTRY_POINTS = {
-    "bottomlock.campaign.until": ["run_until"],
     "bottomlock.studies.reproduce": ["reproduce"],
     "bottomlock.studies.study": ["study"],
     "bottomlock.studies.sweep": ["run_sweep"],
-    "bottomlock.studies.variants": ["run_variants"],
+    "bottomlock.campaign.variants": ["run_variants"],
     "bottomlock.studies.without_cause": ["run_without_causes"],
     "bottomlock.report.compare": ["compare"],
     "bottomlock.report.page": ["make_report"],
@@ -48,14 +47,11 @@ def test_no_entry_point_asks_for_a_path_object(call: Any) -> None:  # noqa: ANN4
 
 
 def test_a_campaign_by_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whole and by shards, in folders named by text: the same files as by paths."""
+    """In folders named by text: the same files as by paths."""
     monkeypatch.chdir(tmp_path)
     bottomlock.run_campaign([short(2)], "whole", threads=1)
-    bottomlock.run_shard([short(2)], "one", bottomlock.Shard(1, 1), threads=1)
-    bottomlock.merge_shards("merged", ["one"])
     bottomlock.run_campaign([short(2)], Path("by_path"), threads=1)
     same_bits(Path("whole"), Path("by_path"))
-    same_bits(Path("whole"), Path("merged"))
 
 
 def test_a_scenario_by_name_and_by_file(tmp_path: Path) -> None:
@@ -85,10 +81,7 @@ def test_a_scenario_by_name_and_by_file(tmp_path: Path) -> None:
     ]
     bottomlock.run_campaign(loaded, tmp_path / "one", threads=1)
     bottomlock.run_campaign([loaded], tmp_path / "list", threads=1)
-    bottomlock.run_shard(loaded, tmp_path / "shard", "1/1", threads=1)
-    bottomlock.merge_shards(tmp_path / "merged", [tmp_path / "shard"])
     same_bits(tmp_path / "one", tmp_path / "list")
-    same_bits(tmp_path / "one", tmp_path / "merged")
 
 
 @pytest.mark.parametrize(
@@ -108,12 +101,6 @@ def test_what_is_no_scenario(given: Any, message: str, tmp_path: Path) -> None: 
     with pytest.raises(ScenarioError, match=message):
         bottomlock.run_campaign(given, tmp_path / "o")
     assert not (tmp_path / "o").exists()
-
-
-@pytest.mark.parametrize("wrong", ["1of2", "3/2", 3, None])
-def test_what_is_no_shard(wrong: Any, tmp_path: Path) -> None:  # noqa: ANN401 - a wrong one
-    with pytest.raises(ScenarioError, match=f"shard '{wrong}': expected k/n with 1 <= k <= n"):
-        bottomlock.run_shard(short(2), tmp_path / "o", wrong)
 
 
 def test_a_dvl_by_name_and_by_file(root: Path, tmp_path: Path) -> None:

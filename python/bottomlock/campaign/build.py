@@ -54,18 +54,20 @@ AnyScenarios = Scenario | str | Path | Iterable[Scenario | str | Path]
 """Scenarios as users name them: one or several, each as `load_scenario` takes it."""
 
 
-def scenarios_of(given: AnyScenarios) -> list[Scenario]:
-    """The scenarios of a campaign.
+def scenarios_of(given: AnyScenarios, **overrides: Any) -> list[Scenario]:  # noqa: ANN401 - as `with_overrides`
+    """The scenarios of a campaign, with other runs, seed or methods where they are given.
 
     Raises:
         ScenarioError: for what is no scenario and no list of them, and as `load_scenario`.
     """
     if isinstance(given, Scenario | str | Path):
-        return [load_scenario(given)]
+        given = [given]
     several: Any = given  # a caller without a type checker may give anything
     if isinstance(several, Mapping | bytes) or not isinstance(several, Iterable):
         raise ScenarioError(f"scenarios is {several!r:.60}, expected a list such as ['straight', 'own.toml']")
-    return [load_scenario(one) for one in several]
+    changed = {key: value for key, value in overrides.items() if value is not None}
+    scenarios = [load_scenario(one) for one in several]
+    return [one.with_overrides(**changed) for one in scenarios] if changed else scenarios
 
 
 def build_simulations(scenarios: Sequence[Scenario]) -> list[Simulation]:
@@ -103,7 +105,7 @@ def _check_own_methods(scenarios: Sequence[Scenario]) -> None:
 
 
 def check_found_elsewhere(scenarios: Sequence[Scenario]) -> None:
-    """Rejects methods of one's own that other processes, of Dask or of other shards, do not find.
+    """Rejects methods of one's own that the processes of Dask do not find.
 
     Raises:
         ScenarioError: naming scenario and method.
@@ -111,8 +113,8 @@ def check_found_elsewhere(scenarios: Sequence[Scenario]) -> None:
     for scenario in scenarios:
         for name in in_this_process_alone(scenario.campaign.methods):
             raise ScenarioError(
-                f"scenario {scenario.name}: method '{name}' is in this process alone, where neither other shards nor "
-                "Dask's workers find it: move its class to the top level of a file, and import it or name FILE.py:CLASS"
+                f"scenario {scenario.name}: method '{name}' is in this process alone, where Dask's workers do not "
+                "find it: move its class to the top level of a file, and import it or name FILE.py:CLASS"
             )
 
 

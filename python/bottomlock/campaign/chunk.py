@@ -1,9 +1,7 @@
 """One chunk: runs of one scenario to tables. It needs only the built scenario and can run anywhere."""
 
-import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from threading import Event
 from typing import Any
 
@@ -13,41 +11,79 @@ import polars as pl
 from bottomlock import kernel, own_method
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.closed_loop import run_closed_loop
-from bottomlock.campaign.partition import Chunk
 from bottomlock.campaign.reckoned import with_reckoning
 from bottomlock.campaign.selector_counts import choice_counts
+from bottomlock.config.scenario import Scenario
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.simulation.build import trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics.rms import rms
 from bottomlock.tables.campaign import BIASES, OUTCOMES, SAMPLES
 
+CHUNK_STEPS = 12_000_000
+"""Filter steps of one kernel call: a second or two of one core, so that progress and interruption stay responsive."""
+
+EVEN_RUNS = 16
+"""Larger chunks hold a multiple of this number of runs, which fills the SIMD lanes and shares the threads evenly."""
+
+CLOSED_LOOP_VEHICLES = 512
+"""Vehicles simulated side by side in closed loop. More of them cost less each; an unfinished chunk loses more."""
+
 NEES = ("nees", "nees_velocity_attitude")
 FIXES = ("fixes_accepted", "fixes_rejected", "fixes_beyond_linear_range")
 
 
 @dataclass(frozen=True)
-class ChunkResult:
+class Chunk:
+    """Runs of one scenario that are computed and written together."""
+
+    scenario: str
+    first_run: int
+    runs: int
+
+
+@dataclass(frozen=True)
+class ChunkTables:
     """The tables of a chunk.
 
     Attributes:
-        samples: `tables.campaign.SAMPLES`, a row per run, method and second.
+        samples: `tables.campaign.SAMPLES`, a row per run, method and second, in this order.
         choices: `tables.campaign.CHOICES`, the choices of the selectors.
         counts: `tables.campaign.OUTCOMES`, a row per run and method.
-        kernel_s: seconds in the kernel; zero for a chunk that was read.
-        work_s: seconds in all; zero for a chunk that was read.
-        directory: the campaign directory that holds its files; None for a chunk that was computed.
     """
 
     samples: pl.DataFrame
     choices: pl.DataFrame
     counts: pl.DataFrame
-    kernel_s: float = 0.0
-    work_s: float = 0.0
-    directory: Path | None = None
 
 
-ChunkResults = Generator[tuple[Chunk, ChunkResult], None, None]
+ChunkResults = Generator[tuple[Chunk, ChunkTables], None, None]
+
+RunChunks = Callable[[Sequence[Chunk], Callable[[Chunk, float], None]], ChunkResults]
+"""Yields every chunk with its tables, in any order; closing the generator cancels what is under way.
+
+The second argument may be called with a chunk under way and the fraction done, 0 to 1."""
+
+
+def runs_per_chunk(scenario: Scenario) -> int:
+    """Size of the chunks, which depends on the scenario alone: not on runs, threads or engine.
+
+    >>> from bottomlock.config.scenario import load_scenario
+    >>> runs_per_chunk(load_scenario("straight").with_overrides(methods=["tc"]))
+    304
+    """
+    trajectory, methods = scenario.trajectory, len(scenario.campaign.methods)
+    steps = round(trajectory.duration_s * scenario.imu.rate_hz) + 1
+    size = CHUNK_STEPS // (steps * methods)
+    if trajectory.feedback == "estimate":
+        size = CLOSED_LOOP_VEHICLES // (methods if trajectory.pilot == "own" else 1)
+    return max(1, size if size < EVEN_RUNS else size - size % EVEN_RUNS)
+
+
+def chunks_of(scenario: Scenario) -> list[Chunk]:
+    """The chunks of a scenario, in the order of their runs."""
+    runs, size = scenario.campaign.runs, runs_per_chunk(scenario)
+    return [Chunk(scenario.name, first, min(size, runs - first)) for first in range(0, runs, size)]
 
 
 def run_chunk(
@@ -57,7 +93,7 @@ def run_chunk(
     threads: int = 1,
     progress: Callable[[float], None] = lambda _: None,
     stop: Event | None = None,
-) -> ChunkResult:
+) -> ChunkTables:
     """Runs a chunk with every method of its scenario; run again, it gives the same bits.
 
     Args:
@@ -70,29 +106,30 @@ def run_chunk(
     Raises:
         KernelError: for input that the kernel rejects, naming run and method.
     """
-    for place in built.scenario.campaign.own_methods:
+    scenario = built.scenario
+    for place in scenario.campaign.own_methods:
         # In a worker process nothing has read the scenario's text.
         own_method.load(place)
-    started = time.perf_counter()
-    result = (
-        _closed_loop(built, chunk, threads, progress)
-        if built.closed_loop
-        else _on_truth(built, chunk, threads, stop)
-    )
-    kernel_s = time.perf_counter() - started
-    methods = built.scenario.campaign.methods
+    methods = scenario.campaign.methods
+    if built.closed_loop:
+        result = run_closed_loop(
+            built.simulation, methods, pilot=scenario.trajectory.pilot, trajectory_key=trajectory_key(scenario.name),
+            first_run=chunk.first_run, runs=chunk.runs, threads=threads, progress=progress,
+        )  # fmt: skip
+    else:
+        result = _on_truth(built, chunk, threads, stop)
     keys = pl.DataFrame(
         {
             "run": np.repeat(np.arange(chunk.first_run, chunk.first_run + chunk.runs), len(methods)),
             "method": list(methods) * chunk.runs,
         }
     ).with_columns(pl.lit(chunk.scenario).alias("trajectory"))
-    samples = _of_filters(_samples(result, keys), NEES)
-    counts = _of_filters(_outcomes(result, keys), FIXES)
     choices = choice_counts(
         result["choice"], trajectory=chunk.scenario, methods=methods, dvl_time_ns=result["dvl_time_ns"]
     )
-    return ChunkResult(samples, choices, counts, kernel_s, time.perf_counter() - started)
+    return ChunkTables(
+        _of_filters(_samples(result, keys), NEES), choices, _of_filters(_outcomes(result, keys), FIXES)
+    )
 
 
 def _of_filters(table: pl.DataFrame, columns: tuple[str, ...]) -> pl.DataFrame:
@@ -119,33 +156,12 @@ def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int, stop: Event | No
         threads=threads, stop=stop,
     )  # fmt: skip
     if filters != methods:
-        result = with_reckoning(result, built, chunk, schedule, model, options)
+        result = with_reckoning(result, built, chunk.first_run, chunk.runs, schedule, model, options)
     offset = built.cross_track_m
     if offset is not None:
         offset = np.broadcast_to(offset, (chunk.runs, len(methods), len(offset)))
-    return {
-        **result,
-        "cross_track_m": offset,
-        "sample_time_ns": schedule["sample_time_ns"],
-        "dvl_time_ns": schedule["dvl_time_ns"],
-    }
-
-
-def _closed_loop(
-    built: BuiltScenario, chunk: Chunk, threads: int, progress: Callable[[float], None]
-) -> dict[str, Any]:
-    """Runs whose vehicles are guided on an estimate."""
-    scenario = built.scenario
-    return run_closed_loop(
-        built.simulation,
-        scenario.campaign.methods,
-        pilot=scenario.trajectory.pilot,
-        trajectory_key=trajectory_key(scenario.name),
-        first_run=chunk.first_run,
-        runs=chunk.runs,
-        threads=threads,
-        progress=progress,
-    )
+    times = {name: schedule[name] for name in ("sample_time_ns", "dvl_time_ns")}
+    return {**result, "cross_track_m": offset, **times}
 
 
 def _outcomes(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
@@ -158,9 +174,7 @@ def _outcomes(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
         cross_track = np.stack(extremes).reshape(2, -1)
     return keys.with_columns(
         pl.Series("nis_mean_over_fixes", result["nis_mean"].reshape(-1)).fill_nan(None),
-        pl.Series("fixes_accepted", result["fixes_accepted"].reshape(-1)),
-        pl.Series("fixes_rejected", result["fixes_rejected"].reshape(-1)),
-        pl.Series("fixes_beyond_linear_range", result["fixes_beyond_linear_range"].reshape(-1)),
+        *(pl.Series(name, result[name].reshape(-1)) for name in FIXES),
         pl.Series("cross_track_rms_over_time_m", cross_track[0]).fill_nan(None),
         pl.Series("cross_track_max_m", cross_track[1]).fill_nan(None),
         *(

@@ -8,12 +8,11 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from importlib.util import find_spec
 from threading import Event
-from typing import Literal, Protocol, get_args
+from typing import Literal, get_args
 from urllib.parse import urlsplit
 
 from bottomlock.campaign.build import BuiltScenario
-from bottomlock.campaign.chunk import ChunkResult, ChunkResults, run_chunk
-from bottomlock.campaign.partition import Chunk
+from bottomlock.campaign.chunk import Chunk, ChunkResults, ChunkTables, RunChunks, run_chunk
 from bottomlock.errors import EngineError
 from bottomlock.support.extras import install
 from bottomlock.support.nearest import did_you_mean
@@ -22,52 +21,36 @@ Engine = Literal["local", "dask"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 
-class ChunkSource(Protocol):
-    """Where the results of chunks come from: an engine that computes them, or the directories of shards."""
-
-    def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:
-        """Yields every chunk with its tables, in any order.
-
-        `progress` may be called with a chunk under way and the fraction done, 0 to 1. Closing the generator cancels
-        what is under way.
-        """
-
-
-class LocalEngine:
-    """Chunks in this process, two at a time on half of the threads each.
+def run_here(
+    scenarios: Sequence[BuiltScenario],
+    threads: int,
+    chunks: Sequence[Chunk],
+    progress: Callable[[Chunk, float], None],
+) -> ChunkResults:
+    """Runs chunks in this process, in order, two at a time on half of the threads each.
 
     While the tables of one chunk are made, which takes the interpreter, the other is in the kernel.
     """
-
-    def __init__(self, scenarios: Sequence[BuiltScenario], threads: int) -> None:
-        """`threads`: 0 for as many as there are cores."""
-        self._scenarios = {built.scenario.name: built for built in scenarios}
-        self._threads = threads
-
-    def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:
-        """Yields the chunks in order."""
-        at_once, threads = halves(self._threads)
-        pool, stop = ThreadPoolExecutor(max_workers=at_once), Event()
-        ahead: deque[tuple[Chunk, Future[ChunkResult]]] = deque()
-        try:
-            for chunk in chunks:
-                built = self._scenarios[chunk.scenario]
-                if built.closed_loop:
-                    # Long, and much of it in Python: it stays in this thread, where an interruption reaches it.
-                    yield from _finished(ahead, 0)
-                    yield (
-                        chunk,
-                        run_chunk(built, chunk, threads=self._threads, progress=partial(progress, chunk)),
-                    )
-                    continue
-                ahead.append((chunk, pool.submit(run_chunk, built, chunk, threads=threads, stop=stop)))
-                # One waits, for the worker that is free while the caller writes.
-                yield from _finished(ahead, at_once)
-            yield from _finished(ahead, 0)
-        finally:
-            # An interruption reaches this thread alone; nothing waits for the results any more.
-            stop.set()
-            pool.shutdown(cancel_futures=True)
+    of = {built.scenario.name: built for built in scenarios}
+    at_once, threads_each = halves(threads)
+    pool, stop = ThreadPoolExecutor(max_workers=at_once), Event()
+    ahead: deque[tuple[Chunk, Future[ChunkTables]]] = deque()
+    try:
+        for chunk in chunks:
+            built = of[chunk.scenario]
+            if built.closed_loop:
+                # Long, and much of it in Python: it stays in this thread, where an interruption reaches it.
+                yield from _finished(ahead, 0)
+                yield chunk, run_chunk(built, chunk, threads=threads, progress=partial(progress, chunk))
+                continue
+            ahead.append((chunk, pool.submit(run_chunk, built, chunk, threads=threads_each, stop=stop)))
+            # One waits, for the worker that is free while the caller writes.
+            yield from _finished(ahead, at_once)
+        yield from _finished(ahead, 0)
+    finally:
+        # An interruption reaches this thread alone; nothing waits for the results any more.
+        stop.set()
+        pool.shutdown(cancel_futures=True)
 
 
 def halves(threads: int) -> tuple[int, int]:
@@ -81,7 +64,7 @@ def halves(threads: int) -> tuple[int, int]:
     return at_once, -(-threads // at_once)
 
 
-def _finished(ahead: deque[tuple[Chunk, Future[ChunkResult]]], but: int) -> ChunkResults:
+def _finished(ahead: deque[tuple[Chunk, Future[ChunkTables]]], but: int) -> ChunkResults:
     """Waits for the chunks at the head of the queue, all but the last `but`."""
     while len(ahead) > but:
         chunk, result = ahead.popleft()
@@ -118,8 +101,8 @@ def _is_address(text: str) -> bool:
 
 def open_engine(
     name: str, scenarios: Sequence[BuiltScenario], *, threads: int = 0, scheduler: str | None = None
-) -> AbstractContextManager[ChunkSource]:
-    """An engine for the chunks of some scenarios, as a context manager.
+) -> AbstractContextManager[RunChunks]:
+    """What runs the chunks of some scenarios, as a context manager.
 
     Args:
         name: "local", or "dask" for a cluster of processes or machines.
@@ -128,11 +111,10 @@ def open_engine(
         scheduler: dask: address of a scheduler whose workers run the chunks, such as "tcp://10.0.0.5:8786".
 
     Raises:
-        EngineError: for what `check_engine` rejects, and a cluster that is not there or breaks down.
+        EngineError: for a cluster that is not there or breaks down.
     """
-    check_engine(name, threads=threads, scheduler=scheduler)
     if name == "local":
-        return nullcontext(LocalEngine(scenarios, threads))
+        return nullcontext(partial(run_here, scenarios, threads))
     from bottomlock.campaign.dask_engine import open_cluster  # noqa: PLC0415 - an extra, imported only on request
 
     return open_cluster(scheduler, scenarios, workers=threads)

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
 from bottomlock.campaign.build import BuiltScenario
-from bottomlock.campaign.partition import Chunk
 from bottomlock.dead_reckoning.sensors import Sensors, reckon
 from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.own_method import DEAD_RECKONING
@@ -26,16 +25,15 @@ NOT_ESTIMATED = ("nees", "nees_velocity_attitude", "nis_mean", "final_bias_error
 def with_reckoning(
     result: dict[str, Any],
     built: BuiltScenario,
-    chunk: Chunk,
+    first_run: int,
+    runs: int,
     schedule: Mapping[str, Any],
     model: Model,
     options: Options,
 ) -> dict[str, Any]:
     """The batch of the filters with dead reckoning in its place among the campaign's methods."""
     place = built.scenario.campaign.methods.index(DEAD_RECKONING)
-    found = [
-        _run(built, chunk.first_run + k, _of_run(schedule, k), model, options) for k in range(chunk.runs)
-    ]
+    found = [_run(built, first_run + k, _of_run(schedule, k), model, options) for k in range(runs)]
     own: dict[str, Any] = dict(
         zip(("error", "sd"), (np.stack(part) for part in zip(*found, strict=True)), strict=True)
     )

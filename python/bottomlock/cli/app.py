@@ -45,7 +45,6 @@ JOBS = {
             "simulate",
             "Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure.",
         ),
-        "merge": ("campaign", "Join the shards of a campaign and print its table."),
         "report": (
             "report",
             "Write the report of a campaign or a replay, or lay several campaigns side by side.",
@@ -80,9 +79,8 @@ JOBS = {
 """By job, in the order of the help: module of `bottomlock.cli` and help line of each command."""
 COMMANDS = {name: words for commands in JOBS.values() for name, words in commands.items()}
 USAGE = {
-    "run": "--out PATH [OPTIONS] SCENARIO...",
+    "run": "[OPTIONS] SCENARIO...",
     "report": "[OPTIONS] DIRECTORY...",
-    "merge": "[OPTIONS] OUT SHARDS...",
     "fly": "[OPTIONS] SCENARIO...",
     "keys": "[OPTIONS] KIND [WORD]",
     "study": "--out PATH [OPTIONS] [SCENARIO...]",

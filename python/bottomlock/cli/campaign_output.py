@@ -1,9 +1,8 @@
 """Terminal output of campaigns: a progress bar, then tables of RMS errors."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 from rich.progress import (
@@ -19,13 +18,10 @@ from rich.table import Table
 from rich.text import Text
 
 from bottomlock import own_method
-from bottomlock.campaign.estimate import Cost, estimate
 from bottomlock.campaign.run import CampaignProgress, Results
 from bottomlock.cli.console import bars_are_off, console, errors, narrow_table
-from bottomlock.config.scenario import Scenario
 from bottomlock.files.atomic_write import json_text
 from bottomlock.pages.numbers import plain
-from bottomlock.statistics.campaign import summary_table
 
 
 class _Rate(ProgressColumn):
@@ -38,8 +34,7 @@ class _Rate(ProgressColumn):
 def result_tables(results: Results) -> list[Table]:
     """A table per trajectory, narrow enough for 80 columns."""
     tables = []
-    summary = summary_table(results.ensemble, results.runs)
-    for (trajectory,), rows in summary.group_by("trajectory", maintain_order=True):
+    for (trajectory,), rows in results.summary.group_by("trajectory", maintain_order=True):
         settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
         closed_loop = settings.get("feedback") == "estimate"
         last = ("xtrack m", "cross_track_rms_over_runs_and_time_m", 1)
@@ -66,27 +61,11 @@ def result_tables(results: Results) -> list[Table]:
     return tables
 
 
-def say_cost(scenarios: Sequence[Scenario], *, threads: int, parts: int = 1) -> None:
-    """Prints how long a long campaign will take and how large it will be, before it begins.
-
-    Args:
-        scenarios: of the campaign.
-        threads: as for `run_campaign`.
-        parts: shards, of which one is run.
-    """
-    cost = estimate(scenarios, threads=threads)
-    cost = Cost(cost.seconds / parts, cost.size_bytes / parts)
-    if cost.is_worth_saying and not console.quiet:
-        errors.print(f"bottomlock: {cost}")
-
-
 def print_results(results: Results, out: Path, *, as_json: bool = False) -> None:
     """Prints the tables, and the settings that they belong to; or a row per trajectory and method as JSON."""
     if as_json:
-        rows = summary_table(results.ensemble, results.runs).fill_nan(None).to_dicts()
-        console.file.write(
-            json_text({"out": str(out), "until": results.manifest.get("until"), "results": rows})
-        )
+        rows = results.summary.fill_nan(None).to_dicts()
+        console.file.write(json_text({"out": str(out), "results": rows}))
         return
     for table in result_tables(results):
         console.print(table)
@@ -96,7 +75,7 @@ def print_results(results: Results, out: Path, *, as_json: bool = False) -> None
         console.print(
             "Guidance used the estimate; xtrack is the true cross-track error, RMS over time and runs."
         )
-    first = manifest["order"][0]
+    first = results.trajectories[0]
     options = scenarios[first]["options"]
     console.print(
         f"NEES of a consistent filter is {manifest['nees_degrees'][first]}, NIS the number of fused rows. "
@@ -104,20 +83,7 @@ def print_results(results: Results, out: Path, *, as_json: bool = False) -> None
         f"gate {options['gate']}."
     )
     print_costs()
-    if "until" in manifest:
-        _print_until(manifest)
     console.print(f"{manifest['wall_time_s']:.1f} s; tables in {out}")
-
-
-def _print_until(manifest: dict[str, Any]) -> None:
-    """Prints how many runs the condition took on each trajectory, and whether it was reached."""
-    for name, one in manifest["until"]["scenarios"].items():
-        width = "no" if one["half_width_percent"] is None else f"{one['half_width_percent']:.2f} %"
-        end = "" if one["reached"] else ", not reached"
-        console.print(
-            f"{name}: {manifest['scenarios'][name]['runs']} of at most {one['runs_at_most']} runs, half width {width} "
-            f"for {manifest['until']['condition']}{end}"
-        )
 
 
 def print_costs() -> None:

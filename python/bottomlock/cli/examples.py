@@ -6,10 +6,8 @@ EXAMPLES = {
     "run": (
         "run straight -o out/first",
         "run straight lawn_mower -o out/pair -n 500 -m tc,nsv,consistent",
-        "run straight -o out/narrow -n 5000 --until 'tc.velocity_rms<2%'",
         "run straight -o out/gyros --set imu.gyro_bias_deg_per_h=0.01,3,50",
     ),
-    "merge": ("merge out/whole out/part1 out/part2",),
     "fly": ("fly straight -o out/path",),
     "simulate-dvl": ("simulate-dvl survey --dvl tcpin:127.0.0.1:16171",),
     "keys": ("keys scenario gyro", "keys case --json", "keys scenario --schema"),

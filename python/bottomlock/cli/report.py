@@ -6,11 +6,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.campaign.run import check_campaign
-from bottomlock.cli.campaign_output import progress_bar, say_cost
+from bottomlock.cli.campaign_output import progress_bar
 from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.force import Force, ForceStudy
-from bottomlock.cli.parameters import Recover, Seed, StudyOut, Threads, check_threads
+from bottomlock.cli.parameters import Seed, StudyOut, Threads, check_threads
 from bottomlock.errors import DataError
 from bottomlock.replay.report import is_replay, make_replay_report
 from bottomlock.report.compare import compare
@@ -26,13 +26,11 @@ def reproduce(
     seed: Seed = None,
     threads: Threads = 0,
     force: ForceStudy = False,
-    recover: Recover = False,
 ) -> None:
     """Reproduce the 2017 paper: run its study, test its claims, write the report."""
     check_threads(threads)
     scenarios = whole_study.study_scenarios(runs, seed)
-    check_campaign(scenarios, out, force=force, recover=recover)
-    say_cost(scenarios, threads=threads)
+    check_campaign(scenarios, out, force=force)
     try:
         with progress_bar(whole_study.study_runs(runs)) as progress:
             made = whole_study.reproduce(
@@ -41,7 +39,6 @@ def reproduce(
                 seed=seed,
                 threads=threads,
                 force=force,
-                recover=recover,
                 progress=progress,
             )
     except KeyboardInterrupt:

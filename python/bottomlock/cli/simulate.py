@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from cyclopts import Parameter
 
-from bottomlock.campaign.manifest import identity_of
+from bottomlock.campaign.folder import identity_of
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
 from bottomlock.config.scenario import Scenario, load_scenario

@@ -59,11 +59,6 @@ def _source_digest() -> str:
     return digest.hexdigest()
 
 
-def is_stored(key: str) -> bool:
-    """Whether the cache has a history, whole or not."""
-    return (cache_folder() / f"{key}.npz").exists()
-
-
 def load_history(key: str) -> StateHistory | None:
     """The cached history; None where there is none, and, with a note, where it has changed since it was written."""
     path = cache_folder() / f"{key}.npz"

@@ -14,7 +14,6 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_validity
 from bottomlock.own_method import in_this_process_alone, source_of
 from bottomlock.plant import AnyVehicle, Flight, Mission, fly, load_vehicle
-from bottomlock.plant.cache import history_key
 from bottomlock.plant.current import Current
 from bottomlock.plant.seabed import GridSeabed, Seabed
 from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
@@ -117,13 +116,6 @@ class Simulation:
             imu_rate_hz=self.scenario.imu.rate_hz,
         )
         return replace(flight, truth=self._on_the_earth(flight.truth))
-
-    def flight_key(self) -> str | None:
-        """The key of the flight's history in the cache; None without a vehicle."""
-        if self.vehicle is None or self.mission is None:
-            return None
-        rate_hz = self.scenario.imu.rate_hz
-        return history_key(self.vehicle, self.mission, gravity_mps2=self.gravity_mps2, imu_rate_hz=rate_hz)
 
     def _on_the_earth(self, truth: Truth) -> Truth:
         """A motion over a plane as the scenario's model of the Earth has it."""

@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.statistics.rms import INTERVAL_PERCENT, bootstrap_weights, combined_rms
-from bottomlock.tables.results import CampaignTables
+from bottomlock.tables.results import CampaignResults
 from bottomlock.tables.variants import COMPARISON
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ INDEPENDENT_KEY = 1
 """Key of the resamples of a campaign that is not paired with the reference."""
 
 
-def comparison_table(campaigns: Mapping[str, CampaignTables], reference: str) -> pl.DataFrame:
+def comparison_table(campaigns: Mapping[str, CampaignResults], reference: str) -> pl.DataFrame:
     """A row per campaign, trajectory, method and quantity (`tables.variants.COMPARISON`)."""
     rows: list[tuple[Any, ...]] = []
     base = campaigns[reference]
@@ -85,13 +85,13 @@ def _over_runs(values: Array, weights: Array | None, *, is_rms: bool) -> Array:
     return np.asarray(np.mean(values) if weights is None else weights @ values)
 
 
-def _runs(campaign: CampaignTables, trajectory: str, method: str) -> pl.DataFrame:
+def _runs(campaign: CampaignResults, trajectory: str, method: str) -> pl.DataFrame:
     return campaign.runs.filter((pl.col("trajectory") == trajectory) & (pl.col("method") == method)).sort(
         "run"
     )
 
 
-def why_unpaired(one: CampaignTables, other: CampaignTables, trajectory: str) -> str:
+def why_unpaired(one: CampaignResults, other: CampaignResults, trajectory: str) -> str:
     """Why run k of one campaign is not paired with run k of the other on a trajectory; "" where it is."""
     if trajectory not in one.trajectories or trajectory not in other.trajectories:
         return "only one of them has this trajectory"
@@ -110,11 +110,11 @@ def why_unpaired(one: CampaignTables, other: CampaignTables, trajectory: str) ->
     return ""
 
 
-def _path(campaign: CampaignTables, trajectory: str) -> pl.DataFrame | None:
+def _path(campaign: CampaignResults, trajectory: str) -> pl.DataFrame | None:
     return None if campaign.paths is None else campaign.paths.filter(pl.col("trajectory") == trajectory)
 
 
-def differing_settings(campaigns: Mapping[str, CampaignTables]) -> list[tuple[str, list[str]]]:
+def differing_settings(campaigns: Mapping[str, CampaignResults]) -> list[tuple[str, list[str]]]:
     """Every setting that is not the same in all campaigns, with its value in each; of their first trajectories."""
     flat = [_flat(one.configuration(one.trajectories[0])) for one in campaigns.values()]
     keys = dict.fromkeys(key for settings in flat for key in settings if key not in {"name", "description"})

@@ -4,14 +4,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from bottomlock.campaign.flights_ahead import flights_ahead
-from bottomlock.campaign.run import CampaignProgress, campaign_directory, run_campaign
+from bottomlock.campaign.run import CampaignProgress, check_campaign, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.files.output_folder import locked
 from bottomlock.files.records import write_recorded_table
 from bottomlock.report.page import Report, make_report
-from bottomlock.simulation.build import build_simulation
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
-from bottomlock.studies.sweep import run_sweep, sweep_cells, swept_missions
+from bottomlock.studies.sweep import run_sweep, sweep_cells
 from bottomlock.studies.without_cause import run_without_causes, variants
 
 RUNS = 500
@@ -34,7 +33,6 @@ def reproduce(
     methods: Sequence[str] | None = None,
     threads: int = 0,
     force: bool = False,
-    recover: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> Report:
     """Flies the three trajectories with every method, sweeps what the paper leaves open, and writes the report.
@@ -48,7 +46,6 @@ def reproduce(
         methods: methods; the scenarios' own by default.
         threads: 0 for as many as there are cores.
         force: start over in a directory of another study.
-        recover: go on where a manifest is damaged, as for `run_campaign`.
         progress: called with the progress of the campaign, of the runs without a cause, then of the sweep.
 
     Raises:
@@ -56,14 +53,10 @@ def reproduce(
     """
     out = Path(out)
     scenarios = study_scenarios(runs, seed, methods)
-    settings: Any = {"threads": threads, "force": force, "recover": recover, "progress": progress}
-    changed = [one for cause in variants(scenarios).values() for one in cause]
-    simulated = [build_simulation(one) for one in (*scenarios, *changed, *swept_missions(scenarios))]
+    settings: Any = {"threads": threads, "force": force, "progress": progress}
+    check_campaign(scenarios, out, force=force)
     # Held from the first campaign to the report.
-    with (
-        campaign_directory(scenarios, out, force=force, recover=recover),
-        flights_ahead(simulated, threads=threads),
-    ):
+    with locked(out):
         manifest = run_campaign(scenarios, out, **settings).manifest
         run_without_causes(scenarios, out, **settings)
         sweep = run_sweep(scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, progress=progress)

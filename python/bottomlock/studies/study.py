@@ -1,16 +1,14 @@
 """One study: methods under sets of returning beams and sets of sensors, on the same runs, with one verdict each."""
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import polars as pl
 
 from bottomlock.campaign.run import CampaignProgress, Results, run_campaign
 from bottomlock.config.scenario import Scenario
-from bottomlock.statistics.campaign import judge, summary_table
+from bottomlock.statistics.campaign import judge
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 from bottomlock.studies import cases
 from bottomlock.tables.campaign import CONSISTENCY_MEANS
@@ -111,26 +109,24 @@ def study(
     for cell in cells:
         together.setdefault((cell.scenario.name, cell.beams_text, cell.sensors_text), []).append(cell)
     errors, means = [], []
-    with ExitStack() as opened:
-        base = Path(opened.enter_context(TemporaryDirectory()) if folder is None else folder)
-        for number, (place, group) in enumerate(together.items()):
-            flown = (
-                group[0].flown().with_overrides(runs=runs, seed=seed, methods=[cell.method for cell in group])
-            )
+    for number, (place, group) in enumerate(together.items()):
 
-            def report(state: CampaignProgress, place: Sequence[str] = place, number: int = number) -> None:
-                progress(" ".join(place), (number + state.runs_done / state.runs_total) / len(together))
+        def report(state: CampaignProgress, place: Sequence[str] = place, number: int = number) -> None:
+            progress(" ".join(place), (number + state.runs_done / state.runs_total) / len(together))
 
-            results = run_campaign(
-                [flown],
-                base / "-".join(place).replace(" ", "_"),
-                threads=threads,
-                force=force,
-                progress=report,
-            )
-            where = [pl.lit(text).alias(name) for name, text in zip(_PLACE, place, strict=False)]
-            errors.append(_errors(results).with_columns(*where))
-            means.append(results.consistency.select(list(CONSISTENCY_MEANS)).with_columns(*where))
+        results = run_campaign(
+            group[0].flown(),
+            None if folder is None else Path(folder) / "-".join(place).replace(" ", "_"),
+            runs=runs,
+            seed=seed,
+            methods=[cell.method for cell in group],
+            threads=threads,
+            force=force,
+            progress=report,
+        )
+        where = [pl.lit(text).alias(name) for name, text in zip(_PLACE, place, strict=False)]
+        errors.append(_errors(results).with_columns(*where))
+        means.append(results.consistency.select(list(CONSISTENCY_MEANS)).with_columns(*where))
     return _with_verdicts(pl.concat(errors), judge(pl.concat(means)))
 
 
@@ -140,7 +136,7 @@ def _errors(results: Results) -> pl.DataFrame:
         pl.len().cast(pl.Int64).alias("runs"),
         pl.col("velocity_final_mps").max().alias("velocity_greatest_mps"),
     )
-    table = summary_table(results.ensemble, results.runs).join(runs, on="method", maintain_order="left")
+    table = results.summary.join(runs, on="method", maintain_order="left")
     return table.with_columns(pl.col("rejected_fraction").fill_nan(None)).rename(
         {"nis_mean_over_runs_and_fixes": "nis"}
     )

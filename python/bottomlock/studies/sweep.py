@@ -8,14 +8,12 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.campaign.aggregate import Tables
 from bottomlock.campaign.build import build_simulations
 from bottomlock.campaign.engine import halves
-from bottomlock.campaign.manifest import identity_of
-from bottomlock.campaign.run import CampaignProgress, run_in_memory
+from bottomlock.campaign.folder import identity_of
+from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.files.atomic_write import make_folder
-from bottomlock.statistics.campaign import summary_table
 from bottomlock.studies.study_folder import configuration_hash, finished_part
 from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 
@@ -99,14 +97,13 @@ def run_sweep(
             for scenario in scenarios
         ]
         report = _of_part(f"sweep {name}", progress)
-        simulations = build_simulations(changed)
-        identity = [identity_of(simulations)["configuration_hash"], runs]
+        identity = [identity_of(build_simulations(changed))["configuration_hash"], runs]
         flown = []
 
         def fly() -> pl.DataFrame:
-            tables = run_in_memory(simulations, out, threads=threads_each, progress=report)
+            summary = run_campaign(changed, threads=threads_each, progress=report).summary
             flown.append(name)
-            return _rows(setting.parameter, value, tables)
+            return _rows(setting.parameter, value, summary)
 
         rows = finished_part(out / f"{name}.parquet", configuration_hash(identity), fly)
         if not flown:
@@ -124,36 +121,17 @@ def run_sweep(
         pool.shutdown(cancel_futures=True)
 
 
-def _rows(parameter: str, value: float | str, tables: Tables) -> pl.DataFrame:
+def _rows(parameter: str, value: float | str, summary: pl.DataFrame) -> pl.DataFrame:
     label = value if isinstance(value, str) else f"{value:g}"
-    return (
-        summary_table(tables.ensemble, tables.runs)
-        .with_columns(
-            pl.lit(parameter).alias("parameter"),
-            pl.lit(label).alias("value"),
-            pl.col("rejected_fraction").fill_nan(None),
-        )
-        .select(list(SWEEP))
-    )
+    return summary.with_columns(
+        pl.lit(parameter).alias("parameter"),
+        pl.lit(label).alias("value"),
+        pl.col("rejected_fraction").fill_nan(None),
+    ).select(list(SWEEP))
 
 
 def _of_part(name: str, progress: Callable[[CampaignProgress], None]) -> Callable[[CampaignProgress], None]:
     return lambda state: progress(replace(state, trajectory=f"{name} {state.trajectory}"))
-
-
-def swept_missions(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """The scenarios with every value that changes their mission, in the order of the sweep.
-
-    >>> from bottomlock.config.scenario import load_scenario
-    >>> [one.mission["current"]["speed_mps"] for one in swept_missions([load_scenario("straight")])]
-    [0.0, 0.1, 0.3]
-    """
-    changed = (
-        (setting.change(scenario, value), scenario)
-        for _, setting, value in _cells()
-        for scenario in scenarios
-    )
-    return [one for one, scenario in changed if one.mission != scenario.mission]
 
 
 def sweep_cells() -> int:

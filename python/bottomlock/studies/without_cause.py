@@ -50,7 +50,6 @@ def run_without_causes(
     *,
     threads: int = 0,
     force: bool = False,
-    recover: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> None:
     """Runs the variants, a campaign `without_CAUSE` in `out` for each cause; finished ones are kept.
@@ -65,7 +64,6 @@ def run_without_causes(
             out / f"without_{cause}",
             threads=threads,
             force=force,
-            recover=recover,
             progress=lambda state, cause=cause: progress(  # type: ignore[misc]
                 replace(state, trajectory=f"{state.trajectory} without {cause}")
             ),

@@ -3,7 +3,6 @@
 import contextlib
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -32,15 +31,3 @@ def other_process(serve: Callable[[], None]) -> Iterator[subprocess.Popen[bytes]
             process.kill()
             with contextlib.suppress(BrokenPipeError):
                 process.stdin.close()
-
-
-def send_all(process: subprocess.Popen[bytes], data: bytes) -> None:
-    """Sends all that a process will read, while the caller goes on; a process that has ended gets none of it."""
-
-    def send() -> None:
-        assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError, ValueError):
-            process.stdin.write(data)
-            process.stdin.close()
-
-    threading.Thread(target=send, daemon=True).start()

@@ -18,17 +18,15 @@ AGAIN = "the same command that made the campaign writes it again"
 
 
 @dataclass(frozen=True)
-class CampaignTables:
-    """The tables of a finished campaign; paths, sweep and choices are None where the directory has none."""
+class CampaignResults:
+    """The tables of a campaign; choices and paths are None where a folder has none."""
 
-    folder: Path
     manifest: dict[str, Any]
     runs: pl.DataFrame
     ensemble: pl.DataFrame
     consistency: pl.DataFrame
-    paths: pl.DataFrame | None
-    sweep: pl.DataFrame | None
     choices: pl.DataFrame | None
+    paths: pl.DataFrame | None
 
     @property
     def trajectories(self) -> list[str]:
@@ -43,6 +41,14 @@ class CampaignTables:
     def configuration(self, trajectory: str) -> dict[str, Any]:
         """The scenario of a trajectory, as the manifest records it."""
         return dict(self.manifest["scenarios"][trajectory]["configuration"])
+
+
+@dataclass(frozen=True)
+class CampaignTables(CampaignResults):
+    """The tables in the folder of a finished campaign; the sweep is None where it has none."""
+
+    folder: Path
+    sweep: pl.DataFrame | None
 
 
 def read_campaign_tables(folder: Path) -> CampaignTables:
@@ -82,9 +88,27 @@ def read_samples(campaign: CampaignTables, trajectory: str) -> Iterator[tuple[pl
     Raises:
         DataError: for a chunk that is missing, incomplete, or has changed since it was written.
     """
-    methods, runs = campaign.methods(trajectory), int(campaign.manifest["scenarios"][trajectory]["runs"])
-    for path, first, last in _tiling(campaign.folder / "chunks" / trajectory, runs):
-        yield _chunk(path, methods, last - first + 1), last - first + 1
+    methods = campaign.methods(trajectory)
+    for path, runs in sample_files(campaign.folder, campaign.manifest, trajectory):
+        yield _chunk(path, methods, runs), runs
+
+
+def sample_files(folder: Path, manifest: Mapping[str, Any], trajectory: str) -> list[tuple[Path, int]]:
+    """The samples of one trajectory, a file a chunk, each with its number of runs."""
+    stated = manifest["scenarios"][trajectory]
+    runs, size = int(stated["runs"]), int(stated["runs_per_chunk"])
+    chunks = [(first, min(size, runs - first)) for first in range(0, runs, size)]
+    return [(chunk_file(folder, trajectory, "samples", first, count), count) for first, count in chunks]
+
+
+def chunk_file(folder: Path, trajectory: str, kind: str, first_run: int, runs: int) -> Path:
+    """A file of a chunk: `samples`, `choices`, `counts`, or its `record`.
+
+    >>> chunk_file(Path("out"), "straight", "samples", 304, 196).as_posix()
+    'out/chunks/straight/samples-00000304-00000499.parquet'
+    """
+    ending = "json" if kind == "record" else "parquet"
+    return folder / "chunks" / trajectory / f"{kind}-{first_run:08d}-{first_run + runs - 1:08d}.{ending}"
 
 
 def _manifest(folder: Path) -> dict[str, Any]:
@@ -104,7 +128,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
             f"the same `bottomlock run` resumes it"
         )
     for name, scenario in manifest["scenarios"].items():
-        for key in ("runs", "seed", "methods", "configuration"):
+        for key in ("runs", "runs_per_chunk", "seed", "methods", "configuration"):
             if not isinstance(scenario, dict) or key not in scenario:
                 raise DataError(f"{path}: scenario '{name}' lacks '{key}'")
     return manifest
@@ -147,26 +171,6 @@ def _agree(path: Path, table: pl.DataFrame, manifest: dict[str, Any]) -> None:
     strange = set(table["trajectory"].unique().to_list()) - set(manifest["scenarios"])
     if strange:
         raise DataError(f"{path}: trajectory '{min(strange)}' is not in the manifest")
-
-
-def _tiling(folder: Path, runs: int) -> list[tuple[Path, int, int]]:
-    """Chunks that hold each run once; a campaign that grew leaves shorter ones beside them."""
-    found: dict[int, list[int]] = {}
-    for path in folder.glob("samples-*-*.parquet"):
-        numbers = path.stem.split("-")[1:]
-        if len(numbers) == 2 and all(part.isdigit() for part in numbers) and int(numbers[1]) < runs:
-            found.setdefault(int(numbers[0]), []).append(int(numbers[1]))
-    chain, run = [], 0
-    while run < runs:
-        if run not in found:
-            raise DataError(
-                f"{folder}: the chunk that begins with run {run} is missing, {runs} runs are expected; "
-                f"the same `bottomlock run` computes it again"
-            )
-        last = max(found[run])
-        chain.append((folder / f"samples-{run:08d}-{last:08d}.parquet", run, last))
-        run = last + 1
-    return chain
 
 
 def _chunk(path: Path, methods: Sequence[str], runs: int) -> pl.DataFrame:

@@ -8,17 +8,14 @@ import itertools
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bottomlock.campaign.engine import Engine
-from bottomlock.campaign.run import CampaignProgress, Results, campaign_directory, run_campaign
+from bottomlock.campaign.run import CampaignProgress, Results, check_campaign, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.toml_value import toml_value
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.files.atomic_write import make_folder
 from bottomlock.files.output_folder import is_occupied, locked
 from bottomlock.files.records import read_record, write_record
 from bottomlock.tables.variants import KIND, VARIANTS
@@ -38,48 +35,37 @@ class Variant:
     values: dict[str, Any]
     scenarios: tuple[Scenario, ...]
 
+    @property
+    def runs(self) -> int:
+        """Runs of all its scenarios."""
+        return sum(scenario.campaign.runs for scenario in self.scenarios)
+
 
 def parse_set(text: str) -> tuple[str, list[Any]]:
-    """Key and values of `KEY=VALUE,VALUE,...`; a value is one of TOML, or a bare word.
+    """Key and values of `KEY=VALUE,VALUE,...`: values of TOML, or bare words.
 
     Raises:
         ScenarioError: for a text without key or value.
 
     Examples:
-        >>> parse_set("imu.gyro_bias_deg_per_h=0.01,3")
-        ('imu.gyro_bias_deg_per_h', [0.01, 3])
         >>> parse_set("dvl.beams_lost=[3,4],[]")
         ('dvl.beams_lost', [[3, 4], []])
         >>> parse_set("filter.gate=joint,off")
         ('filter.gate', ['joint', 'off'])
     """
-    key, separator, values = text.partition("=")
-    parts = [part.strip() for part in _split(values)]
-    if not separator or not key.strip() or not all(parts):
+    key, _, listed = text.partition("=")
+    values = _toml(f"[{listed}]")
+    if not isinstance(values, list):
+        values = [_toml(part.strip()) for part in listed.split(",")]
+    if not key.strip() or not values or "" in values:
         raise ScenarioError(
             f"--set {text}: expected a key and its values, such as --set imu.gyro_bias_deg_per_h=0.01,3,50"
         )
-    return key.strip(), [_value(part) for part in parts]
+    return key.strip(), values
 
 
-def _split(values: str) -> list[str]:
-    """The text at the commas that are in no brackets and in no quotes."""
-    parts, depth, quote = [""], 0, ""
-    for letter in values:
-        if quote:
-            quote = "" if letter == quote else quote
-        elif letter in "\"'":
-            quote = letter
-        else:
-            depth += (letter in "[{") - (letter in "]}")
-        if letter == "," and not depth and not quote:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return parts
-
-
-def _value(text: str) -> Any:  # noqa: ANN401 - a value of any key
+def _toml(text: str) -> Any:  # noqa: ANN401 - a value of any key
+    """A value of TOML; the text itself where it is none."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except ValueError:
@@ -104,8 +90,8 @@ def make_variants(scenarios: Sequence[Scenario], sets: Mapping[str, Sequence[Any
     if len(combinations) > MOST_VARIANTS:
         raise ScenarioError(f"{len(combinations)} variants are asked for, expected {MOST_VARIANTS} at most")
     variants = [
-        Variant(_folder(one), one, tuple(scenario.replace(one) for scenario in scenarios))
-        for one in combinations
+        Variant(_folder(values), values, tuple(scenario.replace(values) for scenario in scenarios))
+        for values in combinations
     ]
     names = [variant.folder for variant in variants]
     if len(set(names)) != len(names):
@@ -121,66 +107,62 @@ def _folder(values: Mapping[str, Any]) -> str:
     """
     ends = [key.rsplit(".", 1)[-1] for key in values]
     parts = []
-    for key, value in values.items():
-        end = key.rsplit(".", 1)[-1]
-        word = (
-            value
-            if isinstance(value, str)
-            else toml_value(value)
-            if not isinstance(value, float)
-            else f"{value:.10g}"
-        )
+    for (key, value), end in zip(values.items(), ends, strict=True):
+        word = f"{value:.10g}" if isinstance(value, float) else toml_value(value)
         plain = re.sub(r"[^A-Za-z0-9.+\-]+", "_", word).strip("_") or "none"
         parts.append(f"{key if ends.count(end) > 1 else end}={plain}")
     return ",".join(parts)
 
 
-def variant_runs(variants: Sequence[Variant]) -> int:
-    """Runs of all variants together."""
-    return sum(scenario.campaign.runs for variant in variants for scenario in variant.scenarios)
+def check_variants(variants: Sequence[Variant], out: Path, *, force: bool = False) -> dict[str, Any]:
+    """Rejects what `run_variants` would reject, and changes nothing.
+
+    Returns:
+        The values of the variants that the directory holds, by folder.
+
+    Raises:
+        As `run_variants`.
+    """
+    known: dict[str, Any] = {}
+    if is_occupied(out):
+        record = read_record(out / VARIANTS) if out.is_dir() else None
+        if record is None or record.get("kind") != KIND:
+            raise OutputError(f"{out}: is not empty and holds no variants; choose another directory")
+        known = dict(record["variants"])
+    for variant in variants:
+        check_campaign(variant.scenarios, out / variant.folder, force=force)
+    return known
 
 
 def run_variants(
     variants: Sequence[Variant],
     out: str | Path,
     *,
-    threads: int = 0,
-    engine: Engine = "local",
-    scheduler: str | None = None,
     force: bool = False,
-    recover: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
+    **settings: Any,  # noqa: ANN401 - as `run_campaign` takes them
 ) -> list[Results]:
     """Runs or resumes each variant in its folder under `out`; `variants.json` there names them.
 
-    Every scenario is built and every folder is held before the first run, so that nothing is refused later. A folder
-    of variants may be added to by other values.
+    Every scenario and every folder is checked before the first run. A folder of variants may be added to by other
+    values.
 
     Raises:
         OutputError: for a directory that holds something else.
         As `run_campaign`.
     """
     out = Path(out)
-    known = known_variants(out)
-    with ExitStack() as held:
-        held.enter_context(locked(out))
-        for variant in variants:
-            held.enter_context(
-                campaign_directory(variant.scenarios, out / variant.folder, force=force, recover=recover)
-            )
-        make_folder(out)
+    known = check_variants(variants, out, force=force)
+    with locked(out):
         known |= {variant.folder: variant.values for variant in variants}
         write_record(out / VARIANTS, {"kind": KIND, "variants": known}, {})
         return [
             run_campaign(
                 variant.scenarios,
                 out / variant.folder,
-                threads=threads,
-                engine=engine,
-                scheduler=scheduler,
                 force=force,
-                recover=recover,
                 progress=_numbered(progress, f"{number}/{len(variants)}"),
+                **settings,
             )
             for number, variant in enumerate(variants, start=1)
         ]
@@ -191,13 +173,3 @@ def _numbered(
 ) -> Callable[[CampaignProgress], None]:
     """The progress of a variant under its number."""
     return lambda state: progress(replace(state, trajectory=f"{number} {state.trajectory}"))
-
-
-def known_variants(out: Path) -> dict[str, Any]:
-    """The variants that a directory holds."""
-    if not is_occupied(out):
-        return {}
-    record = read_record(out / VARIANTS) if out.is_dir() else None
-    if record is None or record.get("kind") != KIND:
-        raise OutputError(f"{out}: is not empty and holds no variants; choose another directory")
-    return dict(record["variants"])

@@ -1,6 +1,7 @@
-"""What a terminal and a notebook show of the results of a campaign, and its plots."""
+"""The results of a campaign, what a terminal and a notebook show of them, and their plots."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -10,23 +11,37 @@ from bottomlock.errors import DataError
 from bottomlock.pages.notebook import notebook_table
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Table
+from bottomlock.statistics.campaign import summary_table
 from bottomlock.statistics.compare import QUANTITIES, comparison_table
 from bottomlock.support.nearest import did_you_mean
-from bottomlock.tables.results import CampaignTables
+from bottomlock.tables.results import CampaignResults, read_campaign_tables, sample_files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class ShownResults:
-    """A line, a table and plots of the tables of a campaign."""
+@dataclass(frozen=True, repr=False)
+class Results(CampaignResults):
+    """The tables of a finished campaign, see `bottomlock.tables.campaign` for their columns.
 
-    runs: pl.DataFrame
-    ensemble: pl.DataFrame
-    consistency: pl.DataFrame
-    manifest: dict[str, Any]
-    folder: Path
-    paths: pl.DataFrame | None
+    Attributes:
+        manifest: what decided the numbers, as `manifest.json` has it.
+        runs: a row per trajectory, run and method: errors over time and at the end, NEES, NIS, counts of fixes.
+        ensemble: a row per trajectory, method and second: RMS over runs with intervals.
+        consistency: mean NEES with its band.
+        choices: what the selectors chose at each ping.
+        paths: the true paths.
+        samples: a row per trajectory, run, method and second: error and its standard deviation.
+        folder: where all of it is; None for a campaign in memory.
+    """
+
+    samples: pl.LazyFrame
+    folder: Path | None
+
+    @property
+    def summary(self) -> pl.DataFrame:
+        """A row per trajectory and method: RMS over runs at the end with intervals, NEES, NIS, rejected fixes."""
+        return summary_table(self.ensemble, self.runs)
 
     def __repr__(self) -> str:
         """Trajectories, runs and methods in a line."""
@@ -54,7 +69,7 @@ class ShownResults:
         Raises:
             DataError: for what is no results, without a common trajectory, and for labels that are the same.
         """
-        if not isinstance(other, ShownResults):
+        if not isinstance(other, Results):
             raise DataError(
                 f"compare is given a {type(other).__name__}, expected Results, such as read_results(FOLDER) returns"
             )
@@ -65,17 +80,11 @@ class ShownResults:
                 f"the results have no trajectory in common: {', '.join(self.trajectories)} and "
                 f"{', '.join(other.trajectories)}; scenarios of one name are compared"
             )
-        return comparison_table({labels[0]: self._tables(), labels[1]: other._tables()}, labels[1])
-
-    def _tables(self) -> CampaignTables:
-        return CampaignTables(
-            folder=self.folder, manifest=self.manifest, runs=self.runs, ensemble=self.ensemble,
-            consistency=self.consistency, paths=self.paths, sweep=None, choices=None,
-        )  # fmt: skip
+        return comparison_table({labels[0]: self, labels[1]: other}, labels[1])
 
     def _table(self, trajectory: str) -> Table:
         """A row for each method: what it errs by at the end and over time with 95 % intervals, and its NEES."""
-        here = comparison_table({"": self._tables()}, "").filter(pl.col("trajectory") == trajectory)
+        here = comparison_table({"": self}, "").filter(pl.col("trajectory") == trajectory)
         columns = [name if unit == "1" else f"{name}, {unit}" for name, (_, unit, _) in QUANTITIES.items()]
         rows = []
         for (method,), part in here.group_by("method", maintain_order=True):
@@ -83,11 +92,6 @@ class ShownResults:
             rows.append([f"`{method}`", *(_with_interval(of.get(name)) for name in QUANTITIES)])
         caption = f"{trajectory}: RMS over {self._runs_of(trajectory)} runs, mean NEES, with 95 % intervals"
         return Table(["method", *columns], rows, caption)
-
-    @property
-    def trajectories(self) -> list[str]:
-        """Trajectories in the order of the campaign."""
-        return self.ensemble["trajectory"].unique(maintain_order=True).to_list()
 
     def plot_velocity_error(self, trajectory: str | None = None, *, axes: "Axes | None" = None) -> "Axes":
         """RMS over runs of the velocity error against time, 95 % intervals shaded.
@@ -136,6 +140,26 @@ class ShownResults:
 
     def _runs_of(self, trajectory: str) -> int:
         return self.runs.filter(pl.col("trajectory") == trajectory)["run"].n_unique()
+
+
+def read_results(folder: str | Path) -> Results:
+    """The results of a campaign that `run_campaign` or `bottomlock run` has finished in a folder.
+
+    Raises:
+        DataError: for a folder without a finished campaign of this version, and for a table that is missing or has
+            changed since it was written.
+    """
+    tables = read_campaign_tables(Path(folder))
+    return Results(
+        tables.manifest, tables.runs, tables.ensemble, tables.consistency, tables.choices, tables.paths,
+        scan_samples(tables.folder, tables.manifest, tables.trajectories), tables.folder,
+    )  # fmt: skip
+
+
+def scan_samples(folder: Path, manifest: Mapping[str, Any], trajectories: Sequence[str]) -> pl.LazyFrame:
+    """The samples of every chunk in order; nothing is read before `collect`."""
+    files = [path for name in trajectories for path, _ in sample_files(folder, manifest, name)]
+    return pl.scan_parquet(files)
 
 
 def _with_interval(row: Mapping[str, Any] | None) -> str:

@@ -7,9 +7,9 @@ import polars as pl
 import pytest
 
 from bottomlock.campaign.run import CampaignProgress
+from bottomlock.campaign.variants import make_variants, parse_set, run_variants
 from bottomlock.errors import DataError, OutputError, ScenarioError
 from bottomlock.report.compare import compare
-from bottomlock.studies.variants import make_variants, parse_set, run_variants, variant_runs
 from bottomlock.tables.variants import campaign_folders
 from tests.campaign.small_campaign import same_bits, short
 
@@ -55,7 +55,7 @@ def test_variants_are_the_product_and_keep_name_and_seed() -> None:
     assert (last.imu.gyro_bias_deg_per_h, last.dvl.tilt_deg) == (50.0, 30.0)
     assert (last.name, last.campaign) == (base.name, base.campaign)
     assert last.replace({GYRO: 3.0, "dvl.tilt_deg": 20.0}).content_hash() == base.content_hash()
-    assert variant_runs(made) == 20
+    assert sum(variant.runs for variant in made) == 20
 
 
 @pytest.mark.parametrize(
