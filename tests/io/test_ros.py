@@ -93,7 +93,7 @@ def test_a_lost_beam_of_the_makers_driver_is_no_velocity_of_zero(
     """
     beams = np.array(bags.UNIT @ bags.VELOCITY, dtype=np.float32)
     beams[lost] = 0.0
-    changed = {
+    changed: dict[str, Any] = {
         "beam_velocity": beams, "range": np.array(ranges), "num_good_beams": count,
         "beam_velocity_covar": np.zeros(4, dtype=np.float32),
     }  # fmt: skip

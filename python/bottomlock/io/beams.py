@@ -347,7 +347,7 @@ def beam_flags(
     if account is not None:
         account.flag_where(
             "velocity is a code for no reading",
-            lost.any(axis=1),
+            np.asarray(lost.any(axis=1)),
             np.arange(len(lost)),
             lambda k: f"{velocity_mps[k][lost[k]][0]:g} m/s",
         )

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from bottomlock.figures.by_category import category_figure
 from bottomlock.pages.featured import featured
 from bottomlock.pages.numbers import plain
-from bottomlock.pages.page import Page, Part, Picture, Table, folded, listed
+from bottomlock.pages.page import Block, Page, Part, Picture, Table, folded, listed
 from bottomlock.statistics.chi_squared import (
     CONSERVATIVE,
     CONSISTENT,
@@ -97,7 +97,7 @@ def _place(table: pl.DataFrame) -> pl.DataFrame:
     return table.with_columns(place=pl.concat_str(beams, "sensors", separator=" ") if varied else beams)
 
 
-def _tables(table: pl.DataFrame) -> Iterator[object]:
+def _tables(table: pl.DataFrame) -> Iterator[Block]:
     methods = table["method"].unique(maintain_order=True).to_list()
     for (trajectory,), rows in _place(table).group_by("trajectory", maintain_order=True):
         shown = []
