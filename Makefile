@@ -87,11 +87,11 @@ test-deep: $(VENV)/.tools $(VENV)/.installed
 
 test-all: test test-long test-deep
 
-# What needs libraries that nothing else does: Zenoh between two processes, Cyclone DDS, MHKiT as another reader. Recordings are read
+# What needs libraries that nothing else does: Cyclone DDS, MHKiT as another reader. Recordings are read
 # from BOTTOMLOCK_RECORDINGS.
 test-others: $(VENV)/.tools $(VENV)/.installed
 	$(locked) --group others
-	$(pytest) -rs tests/live/test_zenoh.py tests/ros tests/io/test_logs.py
+	$(pytest) -rs tests/ros tests/io/test_logs.py
 
 lint: lint-rust lint-python
 

@@ -10,7 +10,6 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.io import ros as ros_reader
 from bottomlock.io.ros_messages import DEFINITIONS, LATER_DVL, decode
-from bottomlock.live.rmw_zenoh import HASHES
 
 rosbags = pytest.importorskip("rosbags.typesys", reason="needs rosbags (extra ros)")
 
@@ -127,12 +126,6 @@ def test_the_later_version_of_a_message() -> None:
         message = drawn(store, "dvl_msgs/msg/DVL", random)
         data = bytes(store.serialize_cdr(message, "dvl_msgs/msg/DVL"))
         assert equal(decode(data, "dvl_msgs/DVL", LATER_DVL), message)
-
-
-@pytest.mark.parametrize("name", list(HASHES))
-def test_hashes_of_the_types(name: str) -> None:
-    """As the library computes them from its definitions, and from those that it lacks."""
-    assert store_of().hash_rihs01(full_name(name)) == f"RIHS01_{HASHES[name]}"
 
 
 @pytest.mark.parametrize(

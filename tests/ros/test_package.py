@@ -17,6 +17,7 @@ from bottomlock.live.config import load_config
 from bottomlock.live.ros_diagnostics import ROS_TYPE
 from bottomlock.live.sections import ROS_TYPES
 from bottomlock.ports.registry import PORTS
+from tests.cli.calls import command
 
 # Messages that only some drivers send: their packages come with the drivers.
 OF_DRIVERS = {"marine_acoustic_msgs", "dvl_msgs"}
@@ -98,8 +99,10 @@ def test_the_launch_file(package: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_the_example_is_one_of_bottomlock_live(package: Path) -> None:
-    """The file that the package ships is taken by `bottomlock live` as it is."""
+    """The file that the package ships is taken as it is; a process without ROS says that it opens no topic."""
     config = load_config(package / "config" / "rov.toml")
     assert [one.port for one in config.port] == ["ros_odometry", "ros_tf", "ros_twist"]
+    done = command("live", package / "config" / "rov.toml")
+    assert (done.returncode, "'ros:/dvl/data' is a topic of ROS 2" in done.stderr) == (2, True)
     text = (package / "config" / "bottomlock.yaml").read_text()
     assert text.split("\n")[2:4] == ["bottomlock:", "  ros__parameters:"]

@@ -245,7 +245,7 @@ SOURCE = '[[source]]\nname = "more"\naddress = "{}"\nformat = "{}"\nrate_hz = 1\
             SOURCE.format("ros:/imu", "imu-csv"),
             "is a topic of ROS 2 with format 'imu-csv', expected one of ros-dvl",
         ),
-        (SOURCE.format("ros:/a//b", "ros-imu"), "expected ros:/TOPIC or ros:/TOPIC@tcp/HOST:PORT"),
+        (SOURCE.format("ros:/a//b", "ros-imu"), "expected ros:/TOPIC"),
         (SOURCE.format("ros:/2b", "ros-imu"), "expected ros:/TOPIC"),
         (SOURCE.format("ros:/imu@", "ros-imu"), "expected ros:/TOPIC"),
         ("[depth]\n" + SOURCE.format("ros:/d", "ros-depth"), 'clock = "instrument", expected "arrival"'),

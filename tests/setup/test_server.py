@@ -216,7 +216,7 @@ def test_other_pages_change_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "address",
     [
-        "file:/etc/passwd", "stdin", "stdout", "zenoh:a/b", "ros:/imu", "serial:/etc/passwd",
+        "file:/etc/passwd", "stdin", "stdout", "ros:/imu", "serial:/etc/passwd",
         "serial:/dev/../etc/passwd", "tcp:8.8.8.8:80", "tcp:example.org:80", "udpin:8.8.8.8:80", "udpout:8.8.8.8:80",
     ],
 )  # fmt: skip

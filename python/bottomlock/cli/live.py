@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.cli.force import Force
-from bottomlock.errors import BottomlockError, DataError, ScenarioError
+from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.live.cautions import cautions
@@ -21,7 +21,6 @@ from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import Replayed, replay_log
-from bottomlock.live.ros_diagnostics import send_diagnostics
 from bottomlock.live.runner import Live, Say, begin, host_clock
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
 from bottomlock.ports.mavlink import begin_dry_run
@@ -75,12 +74,25 @@ def live(
         return
     if not settings.port and not dry_run:
         raise ScenarioError(f"{config}: there is no [[port]], so nothing would be sent; --dry-run needs none")
+    _check_without_ros(config, settings)
     for caution in cautions(settings):
         _say(caution)
     clock = host_clock()
     engine, log = begin(settings, config.read_bytes(), say=_say, clock=clock, logged=not dry_run)
     send = _shown(settings, engine) if dry_run else None
     _run(Live(settings, engine, say=_say, log=log, send=send, clock=clock))
+
+
+def _check_without_ros(config: Path, settings: LiveConfig) -> None:
+    """Raises for what only the ROS 2 node can open."""
+    named = [one.address for one in settings.source] + [one.to for one in settings.port]
+    named += [] if settings.diagnostics is None else [settings.diagnostics.to]
+    topic = next((address for address in named if address.startswith("ros:")), None)
+    if topic is not None:
+        raise ScenarioError(
+            f"{config}: '{topic}' is a topic of ROS 2, expected an address that a process without ROS can open; run "
+            "the node ros/bottomlock_ros with this file (docs/howto/ros2.md)"
+        )
 
 
 def _files(config: Path, settings: LiveConfig) -> tuple[list[Path], list[Path]]:
@@ -126,8 +138,6 @@ def _run(running: Live) -> None:
             with contextlib.suppress(NotImplementedError):
                 loop.add_signal_handler(name, task.cancel)
         others = [asyncio.create_task(serve_page(running, _say))]
-        if running.sinks and running.config.diagnostics is not None:
-            others.append(asyncio.create_task(_diagnostics(running)))
         if sys.stderr.isatty() and running.sinks:
             from bottomlock.cli.live_view import show  # noqa: PLC0415 - a restart without a terminal is sooner there
 
@@ -144,14 +154,6 @@ def _run(running: Live) -> None:
     for one in running.engine.ports:
         last = f"; last silent because {one.silent_because}" if one.silent_because else ""
         _say(f"port {one.name}: {one.sent} messages{last}")
-
-
-async def _diagnostics(running: Live) -> None:
-    """Sends diagnostics; navigation goes on where that is not possible."""
-    try:
-        await send_diagnostics(running, _say)
-    except BottomlockError as error:
-        _say(f"no diagnostics: {error}")
 
 
 async def serve_page(running: Live, say: Say) -> None:

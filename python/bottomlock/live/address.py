@@ -6,8 +6,8 @@ from pydantic import AfterValidator
 
 from bottomlock.ports.address import Address, Kind, parse_address
 
-SOURCES: tuple[Kind, ...] = ("tcp", "tcpin", "udpin", "serial", "file", "stdin", "zenoh", "ros")
-SINKS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial", "file", "stdout", "zenoh", "ros")
+SOURCES: tuple[Kind, ...] = ("tcp", "tcpin", "udpin", "serial", "file", "stdin", "ros")
+SINKS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial", "file", "stdout", "ros")
 
 
 def source_address(text: str) -> Address:

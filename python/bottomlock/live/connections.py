@@ -147,7 +147,6 @@ class Connection:
         silence_s: longest time without a byte before a connection is made anew.
         on_transport: is given the transport of a stream at each connection, and None at its end.
         answers: what to send back on bytes of a socket or serial line.
-        ros_type: type of the messages of a topic of ROS 2.
 
     Attributes:
         state: what the connection does now, in words.
@@ -166,9 +165,8 @@ class Connection:
         silence_s: float,
         on_transport: Callable[[Any], None] = lambda _: None,
         answers: Answers = no_answer,
-        ros_type: str = "",
     ) -> None:
-        self._answers, self._ros_type = answers, ros_type
+        self._answers = answers
         self._on_transport = on_transport
         self.address = address
         self.state = "not opened yet"
@@ -247,8 +245,6 @@ class Connection:
             return await self._datagrams()
         if kind == "tcpin":
             return await self._server()
-        if kind in {"zenoh", "ros"}:
-            return await self._messages()
         if kind == "stdin" or (kind == "file" and not _is_regular(self.address.path)):
             return await self._pipe()
         if kind == "file":
@@ -301,21 +297,6 @@ class Connection:
             await asyncio.Event().wait()
         finally:
             transport.close()
-        return "closed"
-
-    async def _messages(self) -> str:
-        from bottomlock.live.zenoh_source import receive  # noqa: PLC0415 - an extra, imported only on request
-
-        def dropped() -> None:
-            self.dropped += 1
-
-        await receive(
-            self.address,
-            self._ros_type,
-            on_data=self._take_datagram,
-            on_opened=lambda: self._opened("listening"),
-            on_dropped=dropped,
-        )
         return "closed"
 
     async def _server(self) -> str:

@@ -1,16 +1,12 @@
 """`diagnostic_msgs/DiagnosticArray`, as CDR: the state, each source and each port, also while nothing may be used."""
 
-import asyncio
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from bottomlock.live.address import sink_address
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.connections import cancel
 from bottomlock.live.health import status
-from bottomlock.live.runner import Live, Say
-from bottomlock.live.sinks import open_sink
+from bottomlock.live.runner import Live
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import State
 
@@ -109,27 +105,3 @@ def diagnostics(live: Live) -> bytes:
     for one in found:
         one.put(writer, shown["name"])
     return bytes(writer)
-
-
-async def send_diagnostics(live: Live, say: Say) -> None:
-    """Sends them as `[diagnostics]` has it, until it is cancelled.
-
-    Raises:
-        DataError: where a library of the target is not installed.
-    """
-    section = live.config.diagnostics
-    if section is None:
-        return
-    sink = open_sink(
-        sink_address(section.to),
-        lambda words: say(f"diagnostics: {words}"),
-        ros_type=ROS_TYPE,
-        clock=live.clock,
-    )
-    running = asyncio.create_task(sink.run())
-    try:
-        while True:
-            sink.write(diagnostics(live))
-            await asyncio.sleep(section.every_s)
-    finally:
-        await cancel(running)

@@ -18,7 +18,6 @@ from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.garbage import collected_between_readings
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.readings import MavlinkReader
-from bottomlock.live.sections import ROS_TYPES
 from bottomlock.live.sink import Sink
 from bottomlock.live.sinks import open_sink
 from bottomlock.ports.mavlink import MavlinkPort, Timesync
@@ -79,7 +78,6 @@ class Live:
             on_state=lambda words: self._say(f"source {section.name}: {words}"),
             silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
             answers=self._answers_of_source(place),
-            ros_type=ROS_TYPES.get(section.format, ""),
         )
 
     def _answers_of_source(self, place: int) -> Answers:
@@ -100,8 +98,6 @@ class Live:
                 sink_address(section.to),
                 lambda state, words=words: self._say(words + state),  # type: ignore[misc]
                 answers,
-                ros_type=one.port.ros_type,
-                clock=self.clock,
             )
 
     def _timesync(self) -> Answers:

@@ -40,7 +40,6 @@ ROS_TYPES = {
     "ros-pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
 }
 """Type of the messages of each format of ROS 2."""
-_MESSAGE_ADDRESSES = ("ros:", "zenoh:")
 
 if TYPE_CHECKING:
     SourceFormat = str
@@ -252,10 +251,10 @@ class SourceSection(Section):
                 f"source '{self.name}' is a topic of ROS 2 with format '{self.format}', expected one of "
                 f"{', '.join(ROS_TYPES)}"
             )
-        if self.format in ROS_TYPES and not self.address.startswith(_MESSAGE_ADDRESSES):
+        if self.format in ROS_TYPES and not self.address.startswith("ros:"):
             raise ValueError(
                 f"source '{self.name}' has format '{self.format}', which are messages, and address "
-                f"'{self.address}', expected ros:/TOPIC or zenoh:KEY, which keep them apart"
+                f"'{self.address}', expected ros:/TOPIC"
             )
         if self.format == "ros-depth" and self.clock != "arrival":
             raise ValueError(

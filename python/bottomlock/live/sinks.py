@@ -223,9 +223,6 @@ def open_sink(
     address: Address,
     on_state: Callable[[str], None],
     answers: Answers = no_answer,
-    *,
-    ros_type: str = "",
-    clock: Callable[[], int] = time.time_ns,
 ) -> Sink:
     """The sink of an address.
 
@@ -233,12 +230,9 @@ def open_sink(
         address: where to.
         on_state: is told what a connection does.
         answers: what to send back on bytes that come back, over UDP, TCP that connects, and serial lines.
-        ros_type: type of the messages of a topic of ROS 2.
-        clock: host's clock, ns since 1970, for their stamps.
 
     Raises:
         OutputError: for a file that cannot be opened.
-        DataError: for a library that is not installed.
     """
     if address.kind == "udpout":
         return _Udp(address, answers)
@@ -246,8 +240,4 @@ def open_sink(
         return _Server(address)
     if address.kind in {"file", "stdout"}:
         return _File(address)
-    if address.kind in {"zenoh", "ros"}:
-        from bottomlock.live.zenoh_sink import ZenohSink  # noqa: PLC0415 - an extra, imported only on request
-
-        return ZenohSink(address, ros_type, clock)
     return _Stream(address, on_state, answers)

@@ -10,7 +10,7 @@ from typing import Literal
 
 from bottomlock.support.nearest import nearest
 
-Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "zenoh", "ros"]
+Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "ros"]
 FORMS: dict[Kind, str] = {
     "tcp": "tcp:HOST:PORT (connects)",
     "tcpin": "tcpin:HOST:PORT (listens)",
@@ -21,8 +21,7 @@ FORMS: dict[Kind, str] = {
     "file": "file:PATH",
     "stdin": "stdin",
     "stdout": "stdout",
-    "zenoh": "zenoh:KEY or zenoh:KEY@tcp/HOST:PORT",
-    "ros": "ros:/TOPIC or ros:/TOPIC@tcp/HOST:PORT",
+    "ros": "ros:/TOPIC (of the ROS 2 node)",
 }
 BAUD = 115_200
 """Where none is given: Water Linked's, and the common one of the others."""
@@ -46,11 +45,9 @@ class Address:
 
     Attributes:
         kind: one of `FORMS`.
-        host: of a network address: where to connect or send to, or where to listen. Of a zenoh key or a topic of ROS 2,
-            the endpoint to connect to, "tcp/HOST:PORT", or "" for whoever is found, or rmw_zenoh's router.
+        host: of a network address: where to connect or send to, or where to listen.
         port: 0 lets the system choose one for `tcpin`.
-        path: of a file, a serial device, or the link to a pty, "" for a pty without a link; the key of zenoh,
-            or the topic.
+        path: of a file, a serial device, or the link to a pty, "" for a pty without a link; the topic.
         baud: of a serial device; 0 elsewhere.
     """
 
@@ -99,17 +96,10 @@ def parse_address(text: str, kinds: tuple[Kind, ...], *, what: str, any_port: bo
         if not rest and kind != "pty":
             raise ValueError(malformed)
         return _path(kind, rest)
-    if kind == "zenoh":
-        key, at, endpoint = rest.partition("@")
-        # As zenoh has it: parts between slashes, none of them empty, and no wildcards in what is sent.
-        if not all(key.split("/")) or set(key) & set("*$?#") or bool(at) != bool(endpoint):
-            raise ValueError(malformed)
-        return Address(kind, host=endpoint, path=key)
     if kind == "ros":
-        topic, at, endpoint = rest.partition("@")
-        if not _TOPIC.fullmatch(topic) or bool(at) != bool(endpoint):
+        if not _TOPIC.fullmatch(rest):
             raise ValueError(malformed)
-        return Address(kind, host=endpoint, path=topic)
+        return Address(kind, path=rest)
     host, _, number = rest.rpartition(":")
     if not number.isdigit() or (":" in host.strip("[]") and not host.startswith("[")):
         raise ValueError(malformed)

@@ -244,7 +244,7 @@ def _topics(config: LiveConfig) -> dict[str, str]:
     targets = [(f"port {one.port}", one.to) for one in config.port]
     targets += [] if config.diagnostics is None else [("[diagnostics]", config.diagnostics.to)]
     for what, address in [*((f"source '{one.name}'", one.address) for one in config.source), *targets]:
-        if not address.startswith("ros:") or "@" in address:
+        if not address.startswith("ros:"):
             raise ScenarioError(
                 f"{what} has address '{address}', expected ros:/TOPIC: the node knows topics alone, "
                 "`bottomlock live` the other addresses"
