@@ -1,0 +1,73 @@
+"""A share of `tools.first_line`: the answers that a navigator is given first, beside the truth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests import dive as dives
+from tools.first_line import is_right, run
+from tools.first_line_rows import rows
+
+ROWS = {row.name: row for row in rows()}
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict"),
+    [
+        ("right: velocity, dive 3", "yes"),
+        ("right: beams of json, dive 4", "yes"),
+        ("mistake: deg/s named rad/s", "yes"),
+        ("mistake: DVL clock 1.5 s late", "yes"),
+        ("mistake: gyro z reversed", "no"),
+        ("mistake: DVL turned by 30 deg", "no"),
+        ("mistake: beams 2 and 3 exchanged", "no"),
+        ("mistake: pressure named depth", "no"),
+    ],
+)
+def test_answers(name: str, verdict: str) -> None:
+    """Right logs are trusted, units and clocks are put right, what cannot be put right is called wrong."""
+    found = run(ROWS[name])
+    assert (found["verdict"], found["outcome"]) == (verdict, "right")
+    if verdict == "yes":
+        assert found["error_m"] < 0.01 * found["distance_m"]
+
+
+def test_rows_are_all_there() -> None:
+    """Names are unique; every kind of `shared/cases`, 18 mistakes and more; each fault can be put into a dive."""
+    assert len(ROWS) == len(rows())
+    cases = {name.split()[1] for name in ROWS if name.startswith("case: ")}
+    kinds = (1, 2, 4, 5, 6, 7, 8, 9, 10, 13, 14, 15, 16, 17, 18, 20, 22, 23, 29)
+    assert cases == {f"{kind:02d}" for kind in kinds}
+    assert sum(row.kind == "mistake" for row in ROWS.values()) >= 18
+    held = dives.tables(dives.dive(1, seconds=20.0))
+    for spoil in dives.FAULTS.values():
+        assert spoil(held)["imu"].height
+
+
+@pytest.mark.parametrize(
+    ("change", "right"),
+    [
+        ({}, True),
+        ({"error_m": 2.6}, False),
+        ({"rms_m": 1.3}, False),
+        ({"rms_m": 1.3, "distance_m": 300.0}, True),
+        ({"sd_m": 101.0}, False),
+        ({"down_m": -1.0}, False),
+        ({"covered": 0.8}, False),
+    ],
+)
+def test_the_rule(change: dict[str, Any], right: bool) -> None:
+    """A track of 100 m with 1 m of sigma, beside a dead reckoning of 1 m RMS."""
+    errors = {
+        "error_m": 2.4, "rms_m": 1.2, "sd_m": 1.0, "distance_m": 100.0, "down_m": 0.1, "down_sd_m": 0.1, "covered": 1.0,
+    }  # fmt: skip
+    assert is_right(errors | change, 1.0, 0.0) == right
+
+
+def test_without_dead_reckoning() -> None:
+    """The distance alone allows an RMS error."""
+    errors = {"error_m": 1.0, "rms_m": 0.6, "sd_m": 1.0, "distance_m": 100.0, "down_m": None, "covered": 1.0}
+    assert not is_right(errors, None, 0.0)
+    assert is_right(errors | {"rms_m": 0.4}, None, 0.0)
