@@ -32,7 +32,6 @@ from bottomlock.io.formats import read_recording
 from bottomlock.plant import fly, load_vehicle, straight
 from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import KIND, TABLES, ReplayResult, write_replay
-from bottomlock.studies import study_folder
 from bottomlock.tables.results import read_campaign_tables, read_samples
 from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, short
 
@@ -87,12 +86,6 @@ def _part() -> pl.DataFrame:
     return pl.DataFrame({"run": range(20), "error_m": [0.1 * k for k in range(20)]})
 
 
-def _study(folder: Path) -> str:
-    """A study with one part; the part is run again where it has changed."""
-    with study_folder.claimed(folder, "masks", "a" * 64, parts=("cells", study_folder.MANIFEST)):
-        return _digest(study_folder.finished_part(folder / "cells" / "one.parquet", "a" * 64, _part))
-
-
 def _truth(folder: Path) -> str:
     with patch.dict(os.environ, {"BOTTOMLOCK_CACHE": str(folder)}):
         flight = fly(load_vehicle("tauv"), straight(duration_s=1.0), latitude_rad=0.57, gravity_mps2=9.795)
@@ -132,7 +125,6 @@ def _converted(folder: Path) -> str:
 KINDS: Mapping[str, Kind] = {
     "resumed campaign": Kind(_campaign, _resume),
     "campaign to report": Kind(_campaign, _report),
-    "study": Kind(_study, _study),
     "truth cache": Kind(_truth, _truth),
     "replay": Kind(_write_replay, _replay),
     "converted log": Kind(_convert, _converted),

@@ -11,7 +11,6 @@ import sys
 import threading
 from pathlib import Path
 
-import polars as pl
 import pytest
 
 from bottomlock.campaign.run import run_campaign
@@ -20,7 +19,6 @@ from bottomlock.files import atomic_write
 from bottomlock.files.output_folder import LOCK, is_occupied, locked
 from bottomlock.files.overwriting import Result, remove_named
 from bottomlock.files.records import read_record, write_record
-from bottomlock.studies import study_folder
 from tests.campaign.small_campaign import short
 
 HOLD = """
@@ -192,23 +190,6 @@ def test_a_temporary_name_cannot_be_foreseen(tmp_path: Path, monkeypatch: pytest
         atomic_write.write_bytes(tmp_path / "table", b"ours")
     assert len(names) == 2
     assert not any(str(os.getpid()) in name.split(".") for name in names)
-
-
-def test_a_study_starts_over_without_the_user_s_files(tmp_path: Path) -> None:
-    """Its parts and their records go, in folders and beside; what no record names stays, and keeps its folder."""
-    parts = ("cells", "other", "table.md", study_folder.MANIFEST)
-    with study_folder.claimed(tmp_path, "kind", "a", parts=parts):
-        for folder in ("cells", "other/deeper"):
-            path = tmp_path / folder / "part.parquet"
-            study_folder.finished_part(path, "a", lambda: pl.DataFrame({"x": [1]}))
-        (tmp_path / "table.md").touch()
-        own = [tmp_path / name for name in ("notes.txt", "cells/notes.txt", "cells/part.json")]
-        for path in own:
-            path.write_text("{}", encoding="utf-8")
-    with study_folder.claimed(tmp_path, "kind", "b", parts=parts, force=True):
-        left = [path for path in tmp_path.rglob("*") if path.is_file() and path.name != LOCK]
-    assert sorted(left) == sorted([*own, tmp_path / study_folder.MANIFEST])
-    assert not (tmp_path / "other").exists()
 
 
 def test_a_result_whose_record_is_of_others(tmp_path: Path) -> None:

@@ -9,8 +9,6 @@ claimed 1.6 times too small; what it guards against were factors of a thousand.
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import polars as pl
@@ -40,8 +38,7 @@ RUNS, RESAMPLES = 40, 1000
 def flown(mask: tuple[int, ...], sensors: tuple[str, ...]) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Runs and consistency of the methods."""
     scenario = Cell(load_scenario("straight"), mask, sensors, "tc").flown()
-    with TemporaryDirectory() as folder:
-        results = run_campaign([scenario.with_overrides(runs=RUNS, methods=METHODS)], folder, threads=1)
+    results = run_campaign(scenario, runs=RUNS, methods=METHODS, threads=1)
     return results.runs, results.consistency
 
 
@@ -109,12 +106,10 @@ def test_depth_does_not_touch_what_it_cannot_judge() -> None:
 
 
 @pytest.mark.long
-def test_no_run_runs_away_with_depth_beside_acoustics(tmp_path: Path) -> None:
+def test_no_run_runs_away_with_depth_beside_acoustics() -> None:
     """The run of seed 90210 that a depth once drove to 16 m/s beside acoustic fixes, and its neighbours."""
     scenario = Cell(load_scenario("straight"), (2, 4), ("depth", "acoustic"), "tc").flown()
-    results = run_campaign(
-        [scenario.with_overrides(runs=85, seed=90210, methods=["tc"])], tmp_path, threads=1
-    )
+    results = run_campaign(scenario, runs=85, seed=90210, methods=["tc"], threads=1)
     assert results.runs["velocity_final_mps"].to_numpy().max() < 1.0
     assert set(results.consistency["verdict"]) == {"consistent"}
 

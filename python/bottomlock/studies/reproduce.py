@@ -37,7 +37,7 @@ def reproduce(
 ) -> Report:
     """Flies the three trajectories with every method, sweeps what the paper leaves open, and writes the report.
 
-    An interrupted study resumes; the numbers do not depend on interruptions or threads.
+    An interrupted study resumes, its sweep from the start; the numbers do not depend on interruptions or threads.
 
     Args:
         out: directory; new, empty, or of the same study.
@@ -59,7 +59,7 @@ def reproduce(
     with locked(out):
         manifest = run_campaign(scenarios, out, **settings).manifest
         run_without_causes(scenarios, out, **settings)
-        sweep = run_sweep(scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, progress=progress)
+        sweep = run_sweep(scenarios, runs=sweep_runs(runs), threads=threads, progress=progress)
         identity = {"configuration_hash": manifest["configuration_hash"]}
         write_recorded_table(out / "sweep.parquet", sweep, identity)
         return make_report(out, force=force)

@@ -3,18 +3,13 @@
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from bottomlock.campaign.build import build_simulations
 from bottomlock.campaign.engine import halves
-from bottomlock.campaign.folder import identity_of
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
-from bottomlock.files.atomic_write import make_folder
-from bottomlock.studies.study_folder import configuration_hash, finished_part
 from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 
 
@@ -71,7 +66,6 @@ SETTINGS = (
 
 def run_sweep(
     scenarios: Sequence[Scenario],
-    out: str | Path,
     *,
     runs: int,
     threads: int = 0,
@@ -79,39 +73,26 @@ def run_sweep(
 ) -> pl.DataFrame:
     """Runs every value of every setting on scenarios with a vehicle, with the same sensor errors for all.
 
-    The rows of each value are a part in `out`; finished parts are kept and not run again. Their samples are not kept.
-
     Returns:
         `tables.studies.SWEEP`: RMS over runs at the end, mean NEES, rejected fraction of the fixes.
 
     Raises:
         As `run_campaign`.
     """
-    out = Path(out)
     # A value of one chunk a trajectory leaves cores idle while its tables are made.
     at_once, threads_each = halves(threads)
 
     def part(name: str, setting: Setting, value: float | str) -> pl.DataFrame:
-        changed = [
-            setting.change(scenario.with_overrides(runs=runs, methods=setting.methods), value)
-            for scenario in scenarios
-        ]
-        report = _of_part(f"sweep {name}", progress)
-        identity = [identity_of(build_simulations(changed))["configuration_hash"], runs]
-        flown = []
+        changed = [setting.change(scenario, value) for scenario in scenarios]
+        results = run_campaign(
+            changed,
+            runs=runs,
+            methods=setting.methods,
+            threads=threads_each,
+            progress=lambda state: progress(replace(state, trajectory=f"sweep {name} {state.trajectory}")),
+        )
+        return _rows(setting.parameter, value, results.summary)
 
-        def fly() -> pl.DataFrame:
-            summary = run_campaign(changed, threads=threads_each, progress=report).summary
-            flown.append(name)
-            return _rows(setting.parameter, value, summary)
-
-        rows = finished_part(out / f"{name}.parquet", configuration_hash(identity), fly)
-        if not flown:
-            for scenario in changed:
-                report(CampaignProgress(scenario.name, runs, runs, runs * len(changed), found=True))
-        return rows
-
-    make_folder(out)
     pool = ThreadPoolExecutor(max_workers=at_once)
     try:
         parts = [pool.submit(part, *cell) for cell in _cells()]
@@ -128,10 +109,6 @@ def _rows(parameter: str, value: float | str, summary: pl.DataFrame) -> pl.DataF
         pl.lit(label).alias("value"),
         pl.col("rejected_fraction").fill_nan(None),
     ).select(list(SWEEP))
-
-
-def _of_part(name: str, progress: Callable[[CampaignProgress], None]) -> Callable[[CampaignProgress], None]:
-    return lambda state: progress(replace(state, trajectory=f"{name} {state.trajectory}"))
 
 
 def sweep_cells() -> int:
