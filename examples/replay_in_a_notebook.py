@@ -16,8 +16,8 @@ from bottomlock.replay.case import load_case
 
 here = Path.cwd()
 sources = next(folder for folder in (here, *here.parents) if (folder / "data" / "logs").is_dir())
-case = load_case(sources / "data" / "logs" / "survey_dive" / "case.toml").with_overrides(
-    methods=["ins", "tc", "sway_current"]
+case = load_case(sources / "data" / "logs" / "survey_dive" / "case.toml").with_methods(
+    ["ins", "tc", "sway_current"]
 )
 with TemporaryDirectory() as folder:
     replay = bottomlock.run_replay(case, Path(folder) / "dive")

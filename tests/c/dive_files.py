@@ -22,7 +22,7 @@ EVENT = np.dtype([("kind", "<i8"), ("time_ns", "<i8"), ("numbers", "<f8", 12)])
 def write_dive(root: Path, folder: Path, method: Any) -> tuple[Path, Path]:  # noqa: ANN401 - a name
     """Writes the navigator at the start and the events of `data/logs/robosub`."""
     case = load_case(root / "data" / "logs" / "robosub" / "case.toml")
-    prepared = rerun.prepare(case, read_streams(case), 0)
+    prepared = rerun.prepare(case, read_streams(case))
     log: Any = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
     model = prepared.model
     start = rerun.kernel_start(prepared.alignment)

@@ -72,7 +72,7 @@ def same(ours: CNavigator, theirs: Navigator) -> None:
 def test_a_recorded_dive(c: CLibrary, root: Path, method: Any, late_s: float) -> None:  # noqa: ANN401 - a name
     """The dive that ships, with every key of its model and options; also with its DVL half a second late."""
     case = load_case(root / "data" / "logs" / "robosub" / "case.toml")
-    prepared = rerun.prepare(case, read_streams(case), 0)
+    prepared = rerun.prepare(case, read_streams(case))
     log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
     geometry, start = prepared.streams.instrument.geometry, rerun.kernel_start(prepared.alignment)
     theirs = Navigator(geometry, prepared.model, prepared.options, start, method=method)

@@ -324,7 +324,7 @@ def flown_and_replayed(entries: Arrivals, config: LiveConfig, case: str, folder:
     first_ns = min(time_ns for time_ns, one in parsed(entries, config) if isinstance(one, ImuReading))
     (folder / "case.toml").write_text(case.replace("AT", repr((begun - first_ns) * 1e-9), 1))
     read = load_case(folder / "case.toml")
-    prepared = rerun.prepare(read, read_streams(read), 0)
+    prepared = rerun.prepare(read, read_streams(read))
     result = rerun.run_methods(read, prepared, None).result
     assert prepared.alignment.time_ns == begun
     navigator = navigator_of(engine)

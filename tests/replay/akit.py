@@ -60,7 +60,6 @@ accel_bias_mg = 0.05
 gyro_bias_deg_per_h = 0.1
 accel_noise_mps_per_rt_h = 0.005
 gyro_noise_deg_per_rt_h = 0.005
-{degrade}
 [dvl]
 source = "velocity"
 file = "{folder}/dvl_{section:02d}.csv"
@@ -68,7 +67,6 @@ clock = {{ rate_hz = 1.0, offset_s = 1.03 }}
 velocity = ["DVL X [m/s]", "DVL Y [m/s]", "DVL Z [m/s]"]
 velocity_scale = 1.002
 geometry = "{geometry}"
-{noise}
 [dvl.errors]
 beam_bias_mps = 0.002
 scale_factor_percent = 0.4
@@ -94,35 +92,14 @@ heading = "reference"
 position = "reference"
 velocity = "reference"
 position_sd_m = [0.0, 0.0, 0.0]
-{start}
+level_sd_deg = 0.02
+heading_sd_deg = 0.1
+velocity_sd_mps = [0.02, 0.02, 0.02]
 [replay]
 {replay}
 {what_if}
 """
 
-START = """
-level_sd_deg = 0.02
-heading_sd_deg = 0.1
-velocity_sd_mps = [0.02, 0.02, 0.02]
-"""
-TABLE_2_START = """
-level_sd_deg = 0.573
-heading_sd_deg = 1.146
-velocity_sd_mps = [0.05, 0.05, 0.05]
-"""
-TABLE_2_IMU = """
-[imu.degrade]
-accel_bias_mg = 0.5
-gyro_bias_deg_per_h = 3.0
-accel_noise_mps_per_rt_h = 0.072
-gyro_noise_deg_per_rt_h = 0.34
-accel_bias_walk_mps2_per_rt_s = 1e-5
-gyro_bias_walk_deg_per_s_per_rt_s = 2.8e-5
-"""
-NOISE = """
-noise = {{ kind = "closure", of = {{ file = "{caves}", geometry = "linkquest_caves" }} }}
-beam_noise_mps = 0.0224  # the closure's robust sigma of a beam, 20 mm/s, and the velocity's own 10 mm/s
-"""
 WHAT_IF = {"lost_34": "beams_lost = [3, 4]"}
 
 
@@ -131,9 +108,6 @@ def akit_case(
     scratch: Path,
     section: int,
     *,
-    noisy: bool = False,
-    degraded: bool = False,
-    drawn: bool = False,
     asks: Sequence[str] = (),
     depth: bool = True,
     replay: str = "",
@@ -144,23 +118,21 @@ def akit_case(
         data: folder of the recordings.
         scratch: folder that the geometry file may be written to.
         section: its number.
-        noisy: beam noise drawn from the caves' closure residuals is added.
-        degraded: errors of the paper's Table 2 are added to the IMU, and the start is as uncertain as there.
-        drawn: the start is displaced by errors drawn from its standard deviations.
         asks: what-if cases of `WHAT_IF` beside the beams as recorded.
         depth: with the altitude of the reference as a depth sensor.
         replay: lines for the section [replay].
     """
     geometry = scratch / "akit_dvl.toml"
     write_text(geometry, GEOMETRY)
-    folder, caves = data / "akit_snapir", data / "caves_girona_linkquest" / "dvl_linkquest.csv"
-    common = {"folder": folder, "section": section, "lag": LAG_S[section], "lever": list(REFERENCE_LEVER_M)}
+    common = {
+        "folder": data / "akit_snapir",
+        "section": section,
+        "lag": LAG_S[section],
+        "lever": list(REFERENCE_LEVER_M),
+    }
     text = CASE.format(
         **common,
         geometry=geometry,
-        degrade=TABLE_2_IMU if degraded else "",
-        start=(TABLE_2_START if degraded else START) + f"draw = {str(drawn).lower()}\n",
-        noise=NOISE.format(caves=caves) if noisy else "",
         depth=DEPTH.format(**common) if depth else "",
         what_if="".join(f'[[what_if]]\nname = "{name}"\n{WHAT_IF[name]}\n' for name in asks),
         replay=replay,

@@ -28,8 +28,7 @@ def dive_tables(seconds: float = 60.0, rate_hz: float = 5.0) -> ReplayTables:
     samples = pl.concat([_samples(method, t, time_ns) for method in METHODS])
     pings, innovations = _pings(t, time_ns), _innovations(t, time_ns)
     runs = pl.concat([_runs(method) for method in METHODS])
-    ensemble = pl.DataFrame(schema={"what_if": pl.String(), "method": pl.String(), "pass": pl.String()})
-    return ReplayTables(manifest(), runs, ensemble, samples, innovations, pings, None, None)
+    return ReplayTables(manifest(), runs, samples, innovations, pings, None, None)
 
 
 def manifest() -> dict[str, Any]:
@@ -37,8 +36,6 @@ def manifest() -> dict[str, Any]:
         "case": "lawn_mower",
         "description": "made by hand",
         "version": "0",
-        "runs": 1,
-        "configuration": {"replay": {"seed": 1}},
         "configuration_hash": "0" * 64,
         "semi_synthetic": [],
         "reference_note": "",
@@ -67,7 +64,7 @@ def _samples(method: str, t: np.ndarray[Any, Any], time_ns: np.ndarray[Any, Any]
     off = 4500.0 * (t / t[-1]) ** 2 if method == "ins" else 0.01 * t * (method == DEAD_RECKONING)
     yaw = np.where(leg % 2 == 0, 0.0, 180.0) + rng.standard_normal(len(t))
     columns: dict[str, Any] = {name: np.full(len(t), None) for name in REPLAY_SAMPLES} | {
-        "case": ["lawn_mower"] * len(t), "what_if": ["recorded"] * len(t), "run": np.zeros(len(t), dtype=np.int64),
+        "case": ["lawn_mower"] * len(t), "what_if": ["recorded"] * len(t),
         "method": [method] * len(t), "pass": ["forward"] * len(t), "time_ns": time_ns,
         "north_m": 10.0 * np.abs((t / 10.0 + 1.0) % 2.0 - 1.0) + off, "east_m": 2.0 * leg + off,
         "down_m": 20.0 + 0.01 * t,
@@ -89,7 +86,7 @@ def _samples(method: str, t: np.ndarray[Any, Any], time_ns: np.ndarray[Any, Any]
 def _pings(t: np.ndarray[Any, Any], time_ns: np.ndarray[Any, Any]) -> pl.DataFrame:
     lost = (t >= LOST_S[0]) & (t < LOST_S[1])
     columns: dict[str, Any] = {"case": ["lawn_mower"] * len(t), "what_if": ["recorded"] * len(t)}
-    columns |= {"run": np.zeros(len(t), dtype=np.int64), "time_ns": time_ns}
+    columns |= {"time_ns": time_ns}
     for k in range(4):
         columns[f"beam{k + 1}_mps"] = np.full(len(t), 0.3)
         columns[f"beam{k + 1}_valid"] = ~lost if k in {1, 2} else np.ones(len(t), dtype=bool)
@@ -100,7 +97,7 @@ def _pings(t: np.ndarray[Any, Any], time_ns: np.ndarray[Any, Any]) -> pl.DataFra
 def _innovations(t: np.ndarray[Any, Any], time_ns: np.ndarray[Any, Any]) -> pl.DataFrame:
     rng = np.random.default_rng(9)
     columns: dict[str, Any] = {
-        "case": ["lawn_mower"] * len(t), "what_if": ["recorded"] * len(t), "run": np.zeros(len(t), dtype=np.int64),
+        "case": ["lawn_mower"] * len(t), "what_if": ["recorded"] * len(t),
         "method": ["tc"] * len(t), "time_ns": time_ns, "status": ["fix"] * len(t), "nis": rng.chisquare(4, len(t)),
         "degrees": np.full(len(t), 4),
     }  # fmt: skip
@@ -113,7 +110,7 @@ def _innovations(t: np.ndarray[Any, Any], time_ns: np.ndarray[Any, Any]) -> pl.D
 
 def _runs(method: str) -> pl.DataFrame:
     row: dict[str, Any] = dict.fromkeys(REPLAY_RUNS) | {
-        "case": "lawn_mower", "what_if": "recorded", "run": 0, "method": method, "pass": "forward",
+        "case": "lawn_mower", "what_if": "recorded", "method": method, "pass": "forward",
         "beams_mean_over_pings": 3.5, "fixes_accepted": 0, "fixes_in_part": 0, "fixes_rejected": 0,
     }  # fmt: skip
     return pl.DataFrame([row], schema=dict(REPLAY_RUNS))

@@ -227,7 +227,7 @@ transceiver_m = [10.0, 0.0, 0.0]
         text = start + section + ('sd = ["sn", "se", "sd"]\n' if columns else "")
         case = parse_case(text, place="case", folder=tmp_path)
         assert case.files()["acoustic_position"] == tmp_path / "usbl.csv"
-        prepared = rerun.prepare(case, read_streams(case), 0)
+        prepared = rerun.prepare(case, read_streams(case))
         log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
         assert (log["acoustic_position_time_ns"] / 1e9).tolist() == [0.5, 1.5, 2.5]
         assert log["acoustic_position_t_m"].tolist() == [[1.0, 0.0, 5.0], [2.0, 0.1, 5.0], [3.0, 0.2, 5.1]]

@@ -33,9 +33,8 @@ DRIFT_M = (10.0, 282.0)
 
 @pytest.fixture(scope="module")
 def data(recordings: Path) -> Path:
-    for folder in ("akit_snapir", "caves_girona_linkquest"):
-        if not (recordings / folder).is_dir():
-            pytest.skip(f"no recording {recordings / folder}")
+    if not (recordings / "akit_snapir").is_dir():
+        pytest.skip(f"no recording {recordings / 'akit_snapir'}")
     return recordings
 
 
@@ -98,23 +97,6 @@ def test_tight_coupling_is_information_form_is_exact_virtual_beam(
         np.testing.assert_allclose(other, tc, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("exact", [True, False])
-def test_smoothed_attitude_depends_on_the_start(data: Path, scratch: Path, exact: bool) -> None:
-    """From a start with the errors it claims, the smoother's attitude is the better one.
-
-    From the reference itself, without any error, the filter's heading is right at first and then becomes its own
-    estimate. The smoother has that estimate throughout, and on most sections the greater error.
-    """
-    lines = 'methods = ["lc"]\nruns = 4'
-    runs = pl.concat(
-        replay_case(akit_case(data, scratch, section, drawn=not exact, replay=lines)).runs
-        for section in SECTIONS
-    )
-    square = dict(runs.group_by("pass").agg((pl.col("attitude_rms_over_time_deg") ** 2).mean()).iter_rows())
-    assert (square["smoothed"] > square["forward"]) == exact
-
-
 def test_rounding_does_not_move_a_row(data: Path, scratch: Path) -> None:
     """Readings changed in the twelfth digit move no end by more than 1e-7: other processors give the same page."""
     methods = ("ins", "tc", "vb", "nsv", "elc")
@@ -122,8 +104,6 @@ def test_rounding_does_not_move_a_row(data: Path, scratch: Path) -> None:
         data,
         scratch,
         7,
-        degraded=True,
-        drawn=True,
         asks=("lost_34",),
         replay=f"smooth = false\nmethods = {list(methods)}",
     )
@@ -132,7 +112,7 @@ def test_rounding_does_not_move_a_row(data: Path, scratch: Path) -> None:
     moved = replace(streams.inertial, force_p_mps2=streams.inertial.force_p_mps2 * change)
     ends = []
     for inertial in (streams.inertial, moved):
-        prepared = rerun.prepare(case, replace(streams, inertial=inertial), 0)
+        prepared = rerun.prepare(case, replace(streams, inertial=inertial))
         result = rerun.run_methods(case, prepared, case.what_if[0]).result
         ends.append(np.linalg.norm(result["position_t_m"][:, -1], axis=1))
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-7)
@@ -140,17 +120,14 @@ def test_rounding_does_not_move_a_row(data: Path, scratch: Path) -> None:
 
 
 @pytest.mark.long
-def test_limits_over_ten_draws(data: Path, scratch: Path) -> None:
-    """Beam noise with heavy tails, start with its claimed errors, 10 draws of each section, fibre-optic IMU.
+def test_limits_of_two_beams(data: Path, scratch: Path) -> None:
+    """With every beam each trusted method ends within 1 % of the distance travelled.
 
-    LC and TC end within 1 % of the distance travelled with every beam. With two beams every trusted method is within
-    1.1 % in 90 % of the runs, and none is lost.
+    With two beams it is within 1.1 % on nine sections of ten, and none is lost.
     """
-    lines = f"smooth = false\nruns = 10\nmethods = {list(TRUSTED)}"
+    lines = f"smooth = false\nmethods = {list(TRUSTED)}"
     runs = pl.concat(
-        replay_case(
-            akit_case(data, scratch, section, noisy=True, drawn=True, asks=("lost_34",), replay=lines)
-        ).runs
+        replay_case(akit_case(data, scratch, section, asks=("lost_34",), replay=lines)).runs
         for section in SECTIONS
     )
     for method in TRUSTED:
@@ -169,7 +146,7 @@ def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path)
         asks=("lost_34",),
         replay='smooth = false\nmethods = ["tc", "sway_current"]\nduration_s = 60.0',
     )
-    prepared = rerun.prepare(case, read_streams(case), 0)
+    prepared = rerun.prepare(case, read_streams(case))
     rerun_result = rerun.run_methods(case, prepared, case.what_if[0])
     start = {
         "time_ns": prepared.alignment.time_ns,

@@ -31,11 +31,7 @@ def made(folder: Path, *files: Path, without: tuple[str, ...] = ()) -> tuple[Cas
 
 def end_m(case: Case) -> tuple[float, dict[str, Any]]:
     """Error at the end against the reference, and the row of the method."""
-    row = (
-        replay_case(case.with_overrides(methods=["tc"]))
-        .runs.filter(pl.col("pass") == "forward")
-        .row(0, named=True)
-    )
+    row = replay_case(case.with_methods(["tc"])).runs.filter(pl.col("pass") == "forward").row(0, named=True)
     return float(row["position_final_m"]), row
 
 

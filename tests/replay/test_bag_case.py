@@ -119,11 +119,7 @@ def test_a_bag_makes_a_case_that_runs(dive: RovDive, tmp_path: Path, beams: bool
     case = load_case(tmp_path / "case.toml")
     assert case.readings.axes == ("x", "-y", "-z")
     assert case.dvl.source == ("beams" if beams else "velocity")
-    row = (
-        replay_case(case.with_overrides(methods=["tc"]))
-        .runs.filter(pl.col("pass") == "forward")
-        .row(0, named=True)
-    )
+    row = replay_case(case.with_methods(["tc"])).runs.filter(pl.col("pass") == "forward").row(0, named=True)
     assert row["fixes_rejected"] == 0
     # No attitude was recorded: the heading is found from the positions alone, if at all.
     assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0

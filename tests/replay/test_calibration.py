@@ -31,7 +31,7 @@ SHORT = "smooth = false\nduration_s = 20.0\n"
 def case_of(extra: str = "") -> Case:
     text = CASE.read_text(encoding="utf-8").split("[[what_if]]")[0] + SHORT + extra
     case = parse_case(text, place="case", folder=CASE.parent)
-    return case.with_overrides(methods=["tc", "lc"])
+    return case.with_methods(["tc", "lc"])
 
 
 @pytest.fixture(scope="module")
@@ -74,12 +74,10 @@ def test_written_and_taken_as_the_prior(replayed: ReplayResult, tmp_path: Path) 
     late_s = (streams.beams.time_ns - read_streams(case).beams.time_ns) * 1e-9
     np.testing.assert_allclose(late_s, value[3], atol=1e-4)
     assert any("added to the stamps" in note for note in streams.notes)
-    prior = prepare(again, streams, 0).options.calibration
+    prior = prepare(again, streams).options.calibration
     np.testing.assert_allclose(np.rad2deg(prior.mounting_sd_rad), sd[:3], rtol=1e-3)
     assert prior.clock_sd_s == pytest.approx(sd[3], rel=1e-3)
-    assert prepare(again, streams, 0).model.of(DvlModel).scale_factor_sd == pytest.approx(
-        sd[4] / 100, rel=1e-3
-    )
+    assert prepare(again, streams).model.of(DvlModel).scale_factor_sd == pytest.approx(sd[4] / 100, rel=1e-3)
     turned = (
         streams.instrument.geometry.directions_p @ read_geometry(case.dvl.geometry).geometry.directions_p.T
     )
@@ -97,7 +95,7 @@ def test_a_mounting_is_turned_in_the_platform_axes(tmp_path: Path) -> None:
     case = case_of(OWN)
     table = pl.DataFrame(
         {
-            "what_if": "recorded", "run": 0, "method": "tc", "value": [2.0, 0.0, 0.0, 0.1, 1.0],
+            "what_if": "recorded", "method": "tc", "value": [2.0, 0.0, 0.0, 0.1, 1.0],
             "sd": [0.1, 0.2, 0.3, 0.01, 0.2], "prior_sd": [1.0, 1.0, 1.0, 0.1, 0.7],
         }
     )  # fmt: skip

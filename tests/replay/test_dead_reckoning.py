@@ -172,7 +172,7 @@ def replayed(dive: RovDive, tmp_path_factory: pytest.TempPathFactory) -> ReplayR
 
 def test_it_stands_in_every_table_without_being_named(replayed: ReplayResult) -> None:
     assert replayed.manifest["methods"] == ["lc", "tc", METHOD]
-    for table in (replayed.samples, replayed.ensemble, replayed.runs):
+    for table in (replayed.samples, replayed.runs):
         rows = table.filter(pl.col("method") == METHOD)
         assert set(rows["what_if"]) == {"recorded", "dark"}
         assert set(rows["pass"]) == {"forward"}

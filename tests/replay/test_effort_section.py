@@ -139,7 +139,7 @@ def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
     assert streams.forces is not None
     np.testing.assert_allclose(streams.forces.force_p_n, force_n, atol=1e-8)
     np.testing.assert_allclose(streams.forces.time_ns * 1e-9, seconds + 2.5, atol=1e-9)
-    prepared = prepare(case, streams, 0)
+    prepared = prepare(case, streams)
     log = kernel_log(case, prepared, streams.beams.valid[prepared.pings])
     end = int(np.searchsorted(streams.forces.time_ns, log["imu_time_ns"][-1] + 1))
     np.testing.assert_array_equal(log["effort_time_ns"], streams.forces.time_ns[:end])

@@ -13,6 +13,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.figures import nis_table
 from bottomlock.replay.report import PAGE, Drawing, ReplayTables, dive_of, drawings, read_replay
 from bottomlock.replay.run_and_report import run_and_report
+from bottomlock.statistics.replay import error_norms
 from tests.drawn_points import held, points
 
 CASE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
@@ -24,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """More methods than the first figures show, so that some are folded."""
     out = tmp_path_factory.mktemp("files") / "dive"
     methods = ["ins", "lc", "tc", "info", "weak_sway", "sway_current"]
-    run_and_report(load_case(CASE).with_overrides(methods=methods), out)
+    run_and_report(load_case(CASE).with_methods(methods), out)
     return out
 
 
@@ -88,14 +89,16 @@ def test_nis_and_errors_draw_points_of_the_tables(
     assert held(points(axes), (nis["time_ns"] - start_ns) * 1e-9, nis["nis_ratio"]) == 1.0
     (low,), (high,) = (nis[name].unique().round(12).to_list()[-1:] for name in ("band_lo", "band_hi"))
     assert low < 1.0 < high
-    errors = tables.ensemble.filter(what_if="lost_34", **{"pass": "forward"})
+    errors = error_norms(tables.samples.filter(what_if="lost_34", **{"pass": "forward"}))
+    errors = errors.with_columns(time_s=(pl.col("time_ns") - start_ns) * 1e-9)
     for axes, (quantity, unit) in zip(
         drawn[f"errors_forward_lost_34{end}"].figure.axes,
         (("position", "m"), ("velocity", "mps"), ("attitude", "deg")),
         strict=True,
     ):
         both = pl.concat(
-            errors.select("time_s", value=f"{quantity}_{kind}_over_runs_{unit}") for kind in ("rms", "sd_rms")
+            errors.select("time_s", value=column)
+            for column in (f"{quantity}_{unit}", f"{quantity}_sd_{unit}")
         )
         assert held(points(axes), both["time_s"], both["value"]) == 1.0
 

@@ -43,7 +43,7 @@ def made(folder: Path, *files: Path) -> Case:
 
 
 def tc_row(case: Case) -> dict[str, Any]:
-    runs = replay_case(case.with_overrides(methods=["tc"])).runs
+    runs = replay_case(case.with_methods(["tc"])).runs
     return runs.filter(pl.col("pass") == "forward").row(0, named=True)
 
 
@@ -287,7 +287,7 @@ def test_a_heading_that_nothing_tells_is_unknown(dive: RovDive, tmp_path: Path, 
     case = made(tmp_path, write_a50(dive, tmp_path / "dvl.json"), write_csv(tmp_path / "imu.csv", columns))
     assert (case.start.heading_deg, case.start.heading_sd_deg) == (0.0, 180.0)
     start = case.start.model_copy(update={"heading_deg": given_deg})
-    result = replay_case(case.model_copy(update={"start": start}).with_overrides(methods=["tc"]))
+    result = replay_case(case.model_copy(update={"start": start}).with_methods(["tc"]))
     rows = result.samples.filter(pl.col("pass") == "forward").sort("time_ns")
     assert np.rad2deg(rows["sd_misalignment_down_rad"].to_numpy()).min() > 170.0
     true = np.interp(

@@ -73,7 +73,7 @@ def test_an_imu_without_names_is_known_by_gravity(dive: RovDive, tmp_path: Path)
     case = load_case(tmp_path / "case.toml")
     assert case.readings.force == ("force_x", "force_y", "force_z")
     assert case.depth is not None
-    assert replay_case(case.with_overrides(methods=["tc"])).manifest["findings"][0]["severity"] == "note"
+    assert replay_case(case.with_methods(["tc"])).manifest["findings"][0]["severity"] == "note"
 
 
 def blind(dive: RovDive) -> RovDive:

@@ -209,7 +209,7 @@ def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) 
     assert errors.gyro_bias_deg_per_h == pytest.approx(2400.0, rel=0.1)
     assert errors.gyro_noise_deg_per_rt_h == pytest.approx(np.rad2deg(0.002) * 60.0, rel=0.33)
     assert errors.accel_noise_mps_per_rt_h == pytest.approx(0.08 * 60.0, rel=0.33)
-    runs = replay_case(case.with_overrides(methods=["tc", "dead_reckoning"])).runs
+    runs = replay_case(case.with_methods(["tc", "dead_reckoning"])).runs
     rows = runs.filter(pl.col("pass") == "forward")
     tc = rows.filter(pl.col("method") == "tc").row(0, named=True)
     assert tc["position_final_percent"] < 2.0
@@ -228,7 +228,7 @@ def test_imu_and_ahrs_turned_by_a_quarter_are_turned_back(
     assert case.readings.axes == expected
     assert case.attitude is not None
     assert np.cos(np.deg2rad(case.attitude.mounting_yaw_deg - 90.0 * quarter)) == pytest.approx(1.0)
-    row = replay_case(case.with_overrides(methods=["tc"])).runs.row(0, named=True)
+    row = replay_case(case.with_methods(["tc"])).runs.row(0, named=True)
     assert row["position_final_percent"] < 2.0
 
 
@@ -246,7 +246,7 @@ def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> N
     mounting = read_instrument_file(case.dvl.geometry).mounting_yaw_deg
     assert mounting == pytest.approx(33.0, abs=2.0)
     assert "by its track against the recorded positions" in text
-    row = replay_case(case.with_overrides(methods=["tc"])).runs.row(0, named=True)
+    row = replay_case(case.with_methods(["tc"])).runs.row(0, named=True)
     assert row["position_final_percent"] < 2.0
 
 
@@ -330,9 +330,7 @@ def test_a_recorded_dive_untouched_ends_near_dgps(
     assert case.dvl.beam_noise_mps == pytest.approx(0.065, rel=0.1)
     two_beams = WhatIf(name="two_beams", beams_lost=(3,))
     case = case.model_copy(update={"what_if": (two_beams, WhatIf(name="one_beam", beams_lost=(2, 3)))})
-    rows = replay_case(case.with_overrides(methods=["tc", "dead_reckoning"])).runs.filter(
-        pl.col("pass") == "forward"
-    )
+    rows = replay_case(case.with_methods(["tc", "dead_reckoning"])).runs.filter(pl.col("pass") == "forward")
     errors = rows.rows_by_key(("what_if", "method"), named=True, unique=True)
     tc, floor = (errors["recorded", method] for method in ("tc", "dead_reckoning"))
     assert tc["position_final_m"] < 4.3
@@ -383,7 +381,7 @@ def test_declination_turns_a_magnetic_yaw_alone(
     assert ("declination of 2023.9" in text) == (offset_deg != 0.0)
     assert ("is the yaw true?" in text) == (offset_deg == 0.0)
     assert asked[0] == pytest.approx((np.deg2rad(45.0), 0.1, 2023.87), abs=0.01)
-    row = replay_case(case.with_overrides(methods=["tc"])).runs.row(0, named=True)
+    row = replay_case(case.with_methods(["tc"])).runs.row(0, named=True)
     assert row["position_final_percent"] < 2.0
 
 

@@ -308,7 +308,7 @@ def test_the_alignment_leaves_a_bad_reading_out(tmp_path: Path) -> None:
         path = write(tmp_path / folder)
         synthetic_dive.replace(path, 'level = "reference"', 'level = "levelling"\nat_s = 35.0')
         case = load_case(path)
-        levels.append(rerun.prepare(case, read_streams(case), 0).alignment.attitude)
+        levels.append(rerun.prepare(case, read_streams(case)).alignment.attitude)
     assert np.rad2deg((levels[0] * levels[1].inv()).magnitude()) < 0.01
 
 

@@ -159,7 +159,7 @@ def test_the_page_says_what_was_made(replayed: ReplayResult) -> None:
 def test_hidden_beams_are_not_held(case: Case) -> None:
     """The force of a what-if case is that of the pings it leaves: the last of them is held through the outage."""
     streams = read_streams(case)
-    prepared = rerun.prepare(case, streams, 0)
+    prepared = rerun.prepare(case, streams)
     valid = prepared.streams.beams.valid.copy()
     hidden = streams.beams.time_ns > 60_000_000_000
     valid[hidden] = False
@@ -210,7 +210,7 @@ def test_the_motion_is_the_prior_of_the_filter(case: Case) -> None:
     streams = read_streams(case)
     motion = streams.vehicle_motion
     assert motion is not None
-    prepared = rerun.prepare(case, streams, 0)
+    prepared = rerun.prepare(case, streams)
     prior = prepared.options.motion
     assert prior.change_sd_mps == tuple(motion.fluctuation_sd_mps)
     assert 0.4 < prior.mean_sd_mps[0] == prior.mean_sd_mps[2] < 0.8
@@ -225,7 +225,7 @@ def test_a_stated_motion_counts(tmp_path: Path) -> None:
     case = load_case(path)
     streams = read_streams(case)
     assert streams.vehicle_motion is None
-    prepared = rerun.prepare(case, streams, 0)
+    prepared = rerun.prepare(case, streams)
     assert prepared.options.motion.change_sd_mps == (0.0, 0.0, 0.0)
     assert prepared.model.imu.accel_noise_mps_rts == pytest.approx(0.1)
 

@@ -102,13 +102,4 @@ def test_hash_is_of_what_decides_the_numbers() -> None:
         LEAST.replace('name = "dive"', 'name = "dive"\ndescription = "other words"'), place="case"
     )
     assert worded.content_hash() == case.content_hash()
-    assert case.with_overrides(seed=5).content_hash() != case.content_hash()
-
-
-def test_what_is_semi_synthetic_is_said() -> None:
-    case = parse_case(LEAST, place="case")
-    assert case.semi_synthetic == ()
-    assert not case.has_random_errors
-    poorer = LEAST.replace("[dvl]", "[imu.degrade]\naccel_bias_mg = 1.0\ngyro_bias_deg_per_h = 1.0\n"
-                           "accel_noise_mps_per_rt_h = 0.1\ngyro_noise_deg_per_rt_h = 0.1\n[dvl]")  # fmt: skip
-    assert parse_case(poorer, place="case").semi_synthetic == ("errors of a lower-grade IMU added",)
+    assert case.with_methods(["tc"]).content_hash() != case.content_hash()

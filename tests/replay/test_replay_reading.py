@@ -203,7 +203,7 @@ aids = "heading"
         case = parse_case(
             changed(('aids = "heading"', f'aids = "{aids}"'), extra=extra), place="case", folder=tmp_path
         )
-        prepared = rerun.prepare(case, read_streams(case), 0)
+        prepared = rerun.prepare(case, read_streams(case))
         log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
         np.testing.assert_allclose(log["gps_position_t_m"], [[0, -5, 0], [10, -5, 0], [20, -5, 0]], atol=1e-6)
         assert prepared.options.gps_lever_p_m == (0.0, 0.0, -1.0)

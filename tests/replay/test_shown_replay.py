@@ -27,7 +27,7 @@ CASE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
 
 
 def dive(methods: list[str]) -> Case:
-    return load_case(CASE).with_overrides(methods=methods)
+    return load_case(CASE).with_methods(methods)
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +151,7 @@ def test_it_shows_itself(replay: Replay) -> None:
 
 
 def test_its_tables_are_its_files(replay: Replay) -> None:
-    for name in ("runs", "samples", "innovations", "pings", "ensemble", "reference"):
+    for name in ("runs", "samples", "innovations", "pings", "reference"):
         assert getattr(replay, name).equals(pl.read_parquet(replay.folder / f"{name}.parquet"))
     assert bottomlock.Replay(str(replay.folder)).runs.equals(replay.runs)
     assert replay.currents is None

@@ -93,7 +93,7 @@ def test_positions_on_the_earth(replayed: ReplayResult) -> None:
 
 def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
     """Every method as if its log were pushed through `Navigator` reading by reading."""
-    prepared = rerun.prepare(case, read_streams(case), 0)
+    prepared = rerun.prepare(case, read_streams(case))
     for asked in (None, *case.what_if):
         rerun_result = rerun.run_methods(case, prepared, asked, threads=2)
         log = rerun.kernel_log(case, prepared, rerun_result.valid)
@@ -122,7 +122,7 @@ def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
 @pytest.mark.parametrize("threads", [1, 2])
 def test_repeats_bit_for_bit(case: Case, replayed: ReplayResult, threads: int) -> None:
     again = replay_case(case, threads=threads)
-    for name in ("runs", "ensemble", "samples", "innovations", "pings"):
+    for name in ("runs", "samples", "innovations", "pings"):
         assert getattr(again, name).equals(getattr(replayed, name)), name
 
 
@@ -147,7 +147,7 @@ def test_without_a_height_positions_are_compared_on_the_level(case: Case) -> Non
     without = case.model_copy(
         update={"reference": case.reference.model_copy(update={"height": None}), "what_if": ()}
     )
-    level = replay_case(without.with_overrides(methods=["tc"]))
+    level = replay_case(without.with_methods(["tc"]))
     assert level.samples["err_position_down_m"].null_count() == level.samples.height
     own = synthetic_dive.rows_of(level.samples, **{"pass": "forward"})
     last = own.row(-1, named=True)
@@ -193,29 +193,5 @@ def test_output_says_semi_synthetic_everywhere(replayed: ReplayResult, tmp_path:
     captions = page.count("<figcaption>")
     assert captions >= 13
     assert page.count("semi-synthetic") >= captions
-    for name in ("runs", "ensemble", "samples", "innovations", "pings", "reference"):
+    for name in ("runs", "samples", "innovations", "pings", "reference"):
         assert (tmp_path / f"{name}.parquet").is_file()
-
-
-def test_draws_are_keyed(tmp_path: Path) -> None:
-    """Noise, chains and starts are those of the seed and the draw, whatever is asked beside them."""
-    extra = """
-[replay]
-methods = ["tc"]
-runs = 2
-smooth = false
-[[what_if]]
-name = "chain"
-dropouts = [{ beams = [1, 2], mean_up_s = 5.0, mean_down_s = 5.0 }]
-"""
-    path = synthetic_dive.write(tmp_path, extra)
-    synthetic_dive.replace(
-        path, 'geometry = "dvl.toml"\n', 'geometry = "dvl.toml"\nnoise = { kind = "white", sd_mps = 0.01 }\n'
-    )
-    both = replay_case(load_case(path))
-    alone = replay_case(load_case(synthetic_dive.replace(path, "runs = 2", "runs = 1")))
-    first = both.pings.filter(pl.col("run") == 0)
-    assert alone.pings.equals(first)
-    assert not first["beam1_mps"].equals(both.pings.filter(pl.col("run") == 1)["beam1_mps"])
-    other = replay_case(load_case(path).with_overrides(seed=1))
-    assert not other.pings.equals(first)

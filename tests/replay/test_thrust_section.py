@@ -154,7 +154,7 @@ def test_the_revolutions_given_are_those_of_the_section(case_file: Path, unit: s
     assert streams.revolutions is not None
     np.testing.assert_allclose(streams.revolutions.revolutions_hz, turns[::2], atol=1e-8)
     np.testing.assert_allclose(streams.revolutions.time_ns * 1e-9, seconds[::2] + 2.5, atol=1e-9)
-    prepared = prepare(case, streams, 0)
+    prepared = prepare(case, streams)
     log = kernel_log(case, prepared, streams.beams.valid[prepared.pings])
     end = int(np.searchsorted(streams.revolutions.time_ns, log["imu_time_ns"][-1] + 1))
     assert end < len(seconds[::2])
@@ -169,7 +169,7 @@ def test_model_and_option_are_those_of_the_section(case_file: Path) -> None:
     )
     path.write_text(CASE.replace(SECTION, SECTION + keys), encoding="utf-8")
     case = load_case(path)
-    prepared = prepare(case, read_streams(case), 0)
+    prepared = prepare(case, read_streams(case))
     assert prepared.model.thrust == ThrustModel(
         advance_m=0.1, advance_sd_m=0.1 * 0.05, slip_sd_mps=0.03, slip_time_s=8.0, noise_sd_mps=0.04
     )

@@ -180,7 +180,7 @@ def test_the_beams_given_are_those_of_the_section(case_file: Path) -> None:
     assert streams.water_counts is not None
     assert streams.water_counts.closure > 0
     assert streams.clocks["water_track"].kept == len(streams.water.time_ns)
-    prepared = prepare(load_case(path), streams, 0)
+    prepared = prepare(load_case(path), streams)
     log = kernel_log(load_case(path), prepared, streams.beams.valid[prepared.pings])
     given = slice(
         *np.searchsorted(streams.water.time_ns, [log["imu_time_ns"][0], log["imu_time_ns"][-1] + 1])

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock import InitialState, Scenario, Truth, build_simulation, read_geometry, sensor_streams
 from bottomlock.io import pd0
 from bottomlock.kernel import models
-from bottomlock.recordings.closure import closure_residuals
+from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.streams import Inertial
 from tests.statistical.missions import Mission, Pings, Scalars
 
@@ -153,7 +153,9 @@ def noise(world: World, shape: tuple[int, int], draw: np.random.Generator) -> Fl
     if world.noise == "gaussian":
         return np.asarray(sd_mps * draw.standard_normal(shape))
     beams = pd0.read(LOG.read_bytes(), LOG.name).table
-    residuals = closure_residuals(read_geometry("teledyne_20").geometry, beams.velocity_mps, beams.valid)
+    rows = closure_rows(read_geometry("teledyne_20").geometry.directions_p)
+    residuals = (beams.velocity_mps[beams.valid.all(axis=1)] @ rows.T).ravel()
+    residuals -= np.median(residuals)
     relative = np.round(residuals / np.quantile(np.abs(residuals), 0.683), 4)
     return np.asarray(sd_mps * draw.choice(relative, shape))
 

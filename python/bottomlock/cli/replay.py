@@ -25,7 +25,7 @@ from bottomlock.replay.init.make import make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import PAGE
-from bottomlock.replay.run import ReplayResult, run_count
+from bottomlock.replay.run import ReplayResult
 from bottomlock.replay.run_and_report import run_and_report
 
 
@@ -56,12 +56,6 @@ def replay(
             help="Aiding methods, separated by commas; the case's own by default. "
             "Of a folder: methods to export."
         ),
-    ] = None,
-    runs: Annotated[
-        int | None, Parameter(help="Number of draws of noise and dropouts; the case's own by default.")
-    ] = None,
-    seed: Annotated[
-        int | None, Parameter(help="Seed of the random numbers; the case's own by default.")
     ] = None,
     threads: Threads = 0,
     force: Annotated[
@@ -96,14 +90,16 @@ def replay(
     case, formats = _only(files), split(export)
     if case.is_dir() and formats is not None:
         check_beside(out, case)
-        check_none_given(case, {"--runs": runs, "--seed": seed, "--write-calibration": write_calibration})
+        check_none_given(case, {"--write-calibration": write_calibration})
         _export(case, formats, split(methods), force=force)
         return
     _check_case(case)
     if out is None:
         raise OutputError("--out is missing, expected a directory for tables and report")
     check_threads(threads)
-    loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
+    loaded, chosen = load_case(case), split(methods)
+    if chosen is not None:
+        loaded = loaded.with_methods(chosen)
     if formats is not None:
         check_formats(formats, has_origin=has_origin(loaded))
     inputs = (case, Path(loaded.dvl.geometry), *loaded.files().values())
@@ -111,7 +107,7 @@ def replay(
         require_toml(write_calibration)
         check_free(write_calibration, inputs=inputs, force=force)
         writing_method(loaded, read_geometry(loaded.dvl.geometry))
-    reruns = run_count(loaded) * (1 + len(loaded.what_if))
+    reruns = 1 + len(loaded.what_if)
     columns = (
         TextColumn("replaying"),
         BarColumn(),

@@ -25,7 +25,7 @@ REFERENCE = "reference"
 
 
 def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None) -> Export:
-    """The first run: forward and smoothed, in every what-if case, then the reference where there is one.
+    """Forward and smoothed, in every what-if case, then the reference where there is one.
 
     Fixes are those of the forward pass.
 
@@ -57,16 +57,16 @@ def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None)
         raise DataError("the replay has no position to export: its start has none")
     groups = list(dict.fromkeys(track.group for track in tracks if track.group))
     fixes = {
-        f"{group}_{method}": _first_run(tables.innovations, group).filter(pl.col("method") == method)
+        f"{group}_{method}": _of_case(tables.innovations, group).filter(pl.col("method") == method)
         for group in groups
         for method in dict.fromkeys(track.method for track in tracks if track.group == group)
     }
-    pings = {group: _first_run(tables.pings, group) for group in groups}
+    pings = {group: _of_case(tables.pings, group) for group in groups}
     return Export(manifest["case"], tracks, pings, fixes)
 
 
-def _first_run(table: pl.DataFrame, what_if: str) -> pl.DataFrame:
-    return table.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
+def _of_case(table: pl.DataFrame, what_if: str) -> pl.DataFrame:
+    return table.filter(pl.col("what_if") == what_if)
 
 
 def _reference(
@@ -113,9 +113,7 @@ def _estimates(
 ) -> Iterator[ExportTrack]:
     """The passes of a method in a what-if case."""
     manifest = tables.manifest
-    samples = tables.samples.filter(
-        (pl.col("what_if") == what_if) & (pl.col("method") == method) & (pl.col("run") == pl.col("run").min())
-    )
+    samples = _of_case(tables.samples, what_if).filter(pl.col("method") == method)
     answer = manifest.get("answer", {})
     for (which,), every in samples.group_by(["pass"], maintain_order=True):
         rows = _placed(every)

@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bottomlock.kernel import BeamGeometry
-
 SMALLEST = 1e-9
 """Of the largest singular value: below it, a direction is none."""
 
@@ -18,6 +16,7 @@ def closure_rows(directions_p: ArrayLike) -> NDArray[np.float64]:
         The four beams of a Janus have one, with alternating signs and unit length, so that its value scatters as one
         beam:
 
+        >>> from bottomlock.kernel import BeamGeometry
         >>> closure_rows(BeamGeometry.janus(0.35).directions_p).round(3).tolist()
         [[0.5, -0.5, 0.5, -0.5]]
     """
@@ -29,12 +28,3 @@ def closure_rows(directions_p: ArrayLike) -> NDArray[np.float64]:
     # The sign of a singular vector is arbitrary.
     signs = np.where(null[:, :1] < 0.0, -1.0, 1.0)
     return np.ascontiguousarray(null * signs)
-
-
-def closure_residuals(
-    geometry: BeamGeometry, velocity_mps: NDArray[np.float64], valid: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """(m,) closures, m/s, of pings with all beams valid, about their median; each scatters as one beam."""
-    whole = valid.all(axis=1)
-    residuals = velocity_mps[whole] @ closure_rows(geometry.directions_p).T
-    return np.asarray((residuals - np.median(residuals, axis=0)).ravel())

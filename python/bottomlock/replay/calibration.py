@@ -33,13 +33,13 @@ two of a velocity that the beams leave open."""
 
 def calibration_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     """A row per method and parameter, from the whole log (`tables.replay.CALIBRATION`); empty without the states."""
-    result, prepared = rerun.result, rerun.prepared
+    result = rerun.result
     parts = []
     for index, method in enumerate(case.replay.filters if "calibration" in result else ()):
         value = np.append(result["calibration"][index, -1], result["dvl_scale"][index, -1])
         # The scale factor is the last of the error states.
         sd = np.append(result["calibration_sd"][index, -1], result["sd"][index, -1, STATES - 1])
-        keys = {"case": case.name, "what_if": what_if, "run": prepared.run, "method": method}
+        keys = {"case": case.name, "what_if": what_if, "method": method}
         columns: dict[str, Any] = {key: [word] * len(PARAMETERS) for key, word in keys.items()}
         columns |= {"parameter": PARAMETERS, "unit": UNITS}
         columns |= {"value": value * _TO_UNITS, "sd": sd * _TO_UNITS, "prior_sd": _prior(rerun) * _TO_UNITS}
@@ -59,9 +59,7 @@ def calibration_words(table: pl.DataFrame, methods: Sequence[str]) -> list[str]:
     """The estimates of each method in the recording as it is, a line each, with what was known beforehand."""
     lines = []
     for method in methods:
-        rows = table.filter(
-            (pl.col("what_if") == RECORDED) & (pl.col("run") == 0) & (pl.col("method") == method)
-        )
+        rows = table.filter((pl.col("what_if") == RECORDED) & (pl.col("method") == method))
         parts = [
             f"{row['parameter'].replace('_', ' ')} {row['value']:+.3g} ± {row['sd']:.2g} {row['unit']} "
             f"(before: ± {row['prior_sd']:.2g}{_contradiction(row)})"
@@ -103,7 +101,7 @@ def found(instrument: Instrument, table: pl.DataFrame, case: Case) -> Calibrated
         ScenarioError: as `writing_method`.
     """
     method = writing_method(case, instrument)
-    rows = table.filter((pl.col("what_if") == RECORDED) & (pl.col("run") == 0) & (pl.col("method") == method))
+    rows = table.filter((pl.col("what_if") == RECORDED) & (pl.col("method") == method))
     value, sd, prior = (rows[name].to_numpy() / _TO_UNITS for name in ("value", "sd", "prior_sd"))
     stated = instrument.stated
     mounting = Rotation.from_rotvec(value[:3]) * from_angles(*instrument.mounting_rpy_rad)

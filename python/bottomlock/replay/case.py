@@ -71,8 +71,7 @@ class Start(Section):
 
     A standard deviation that is left out is computed by the alignment. `at_s` counts from the first inertial reading;
     without it the navigation starts there, or at the first row of the reference where a part comes from it. `window_s`
-    is the averaging time of the alignment. With `draw` every run adds initial errors drawn with these standard
-    deviations.
+    is the averaging time of the alignment.
     """
 
     at_s: NonNegative | None = None
@@ -90,7 +89,6 @@ class Start(Section):
     velocity: Literal["given", "reference", "beams"] = "given"
     velocity_mps: Vector = (0.0, 0.0, 0.0)
     velocity_sd_mps: tuple[Positive, Positive, Positive] = (0.05, 0.05, 0.05)
-    draw: bool = False
 
     @property
     def from_reference(self) -> bool:
@@ -121,14 +119,12 @@ class Start(Section):
 
 
 class Settings(OwnMethods, Section):
-    """Methods, seed, number of runs (draws of the random errors), and the output interval without a reference.
+    """Methods, smoothing, and the output interval without a reference.
 
     Dead reckoning runs beside the methods wherever the case has an attitude, named or not.
     """
 
     methods: Annotated[tuple[str, ...], BeforeValidator(known_methods)] = METHODS
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
-    runs: Annotated[int, Field(ge=1, le=10_000)] = 1
     smooth: bool = True
     sample_s: Positive = 1.0
     duration_s: Positive | None = None
@@ -229,18 +225,13 @@ class Case(Section):
             if getattr(self.start, key) == FROM_REFERENCE and not there:
                 raise ValueError(f'start.{key} = "reference", but [reference] has no columns for it')
 
-    def with_overrides(
-        self, *, methods: Iterable[str] | None = None, runs: int | None = None, seed: int | None = None
-    ) -> Self:
-        """The same case with other methods, number of runs or seed.
+    def with_methods(self, methods: Iterable[str]) -> Self:
+        """The same case with other methods.
 
         Raises:
-            ScenarioError: for a number out of range, or an unknown or repeated method.
+            ScenarioError: for an unknown or repeated method.
         """
-        change = {"methods": None if methods is None else tuple(methods), "runs": runs, "seed": seed}
-        content = self.replay.model_dump() | {
-            key: value for key, value in change.items() if value is not None
-        }
+        content = self.replay.model_dump() | {"methods": tuple(methods)}
         try:
             return self.model_copy(update={"replay": Settings.model_validate(content)})
         except ValidationError as error:
@@ -269,29 +260,8 @@ class Case(Section):
 
     @property
     def semi_synthetic(self) -> tuple[str, ...]:
-        """What was added to or derived from the measurements, a phrase each; empty for a recording as it is."""
-        notes = []
-        if self.dvl.source == "velocity":
-            notes.append("beams projected from the instrument's velocity")
-            if self.dvl.noise.kind == "white":
-                notes.append(f"white beam noise of {self.dvl.noise.sd_mps:g} m/s added")
-            elif self.dvl.noise.kind == "closure":
-                notes.append("beam noise added, drawn from the closure residuals of another recording")
-        if isinstance(self.imu, ImuStream) and self.imu.degrade is not None:
-            notes.append("errors of a lower-grade IMU added")
-        if self.start.draw:
-            notes.append("initial errors drawn")
-        return tuple(notes)
-
-    @property
-    def has_random_errors(self) -> bool:
-        """Whether any number depends on the seed."""
-        return bool(
-            self.start.draw
-            or (isinstance(self.imu, ImuStream) and self.imu.degrade)
-            or self.dvl.noise.kind != "none"
-            or any(what_if.random for what_if in self.what_if)
-        )
+        """What was derived from the measurements, a phrase each; empty for a recording as it is."""
+        return ("beams projected from the instrument's velocity",) if self.dvl.source == "velocity" else ()
 
     def files(self) -> dict[str, Path]:
         """Every file that the case reads, by its section."""
@@ -302,11 +272,6 @@ class Case(Section):
                 named[key] = stream.file
         if self.water_file is not None:
             named["water_track"] = self.water_file
-        if self.dvl.noise.of is not None:
-            named["dvl.noise"] = self.dvl.noise.of.file
-        for what_if in self.what_if:
-            if what_if.validity_of is not None:
-                named[f"what_if.{what_if.name}"] = what_if.validity_of.file
         return named
 
     def content_hash(self) -> str:

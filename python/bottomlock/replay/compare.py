@@ -49,7 +49,7 @@ def samples_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     parts = []
     prepared = rerun.prepared
     for name, method, states in filter_passes(case, rerun):
-        columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {
+        columns = _keys(case, what_if, len(prepared.sample_time_ns)) | {
             "method": method,
             "pass": name,
         }
@@ -59,8 +59,8 @@ def samples_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def _keys(case: Case, what_if: str, prepared: PreparedRun, count: int) -> dict[str, Any]:
-    return {"case": [case.name] * count, "what_if": what_if, "run": prepared.run}
+def _keys(case: Case, what_if: str, count: int) -> dict[str, Any]:
+    return {"case": [case.name] * count, "what_if": what_if}
 
 
 def _estimate(states: Mapping[str, Floats], prepared: PreparedRun) -> dict[str, Floats]:
@@ -139,7 +139,7 @@ def innovations_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     schema = innovations_schema(beams)
     parts = []
     for index, method in enumerate(case.replay.filters):
-        columns = _keys(case, what_if, prepared, len(times)) | {
+        columns = _keys(case, what_if, len(times)) | {
             "method": method,
             "time_ns": times,
             "status": [FIX_STATUS[code] for code in result["fix_status"][index]],
@@ -158,7 +158,7 @@ def pings_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     prepared = rerun.prepared
     beams = prepared.streams.beams
     times, velocity = beams.time_ns[prepared.pings], beams.velocity_mps[prepared.pings]
-    columns = _keys(case, what_if, prepared, len(times)) | {"time_ns": times}
+    columns = _keys(case, what_if, len(times)) | {"time_ns": times}
     for k in range(velocity.shape[1]):
         columns[f"beam{k + 1}_mps"] = velocity[:, k]
         columns[f"beam{k + 1}_valid"] = rerun.valid[:, k]
@@ -170,7 +170,7 @@ def pings_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
 def imu_faults_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     """One row: inertial readings rejected, and gaps between them inflated (`tables.replay.IMU_FAULTS`)."""
     counts = rerun.result["imu_faults"]
-    columns = _keys(case, what_if, rerun.prepared, 1) | {
+    columns = _keys(case, what_if, 1) | {
         "imu_rejected": counts["out_of_range"] + counts["clipped"] + counts["stuck"],
         "imu_gaps_inflated": counts["inflated_gaps"],
     }

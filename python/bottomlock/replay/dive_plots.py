@@ -35,11 +35,11 @@ def taken(manifest: Mapping[str, Any]) -> str:
 
 
 def tracks_of(samples: pl.DataFrame, methods: Sequence[str], which: str = FORWARD) -> dict[str, Track]:
-    """The way of each method in one what-if case and its first run."""
-    first = samples.filter((pl.col("run") == pl.col("run").min()) & (pl.col("pass") == which))
+    """The way of each method in one what-if case."""
+    of_pass = samples.filter(pl.col("pass") == which)
     made = {}
     for method in methods:
-        rows = first.filter(pl.col("method") == method)
+        rows = of_pass.filter(pl.col("method") == method)
         if rows.height:
             made[method] = Track(
                 method,
@@ -144,7 +144,7 @@ def plots_of(
     views: dict[tuple[str, ...], View] = {}
     for case in cases:
         own = {
-            name: _first(table.filter(pl.col("what_if") == case))
+            name: table.filter(pl.col("what_if") == case)
             for name, table in (
                 ("samples", samples),
                 ("innovations", innovations),
@@ -208,7 +208,7 @@ def _place(origin: Mapping[str, float] | None) -> tuple[float, float, float, flo
 
 
 def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
-    """Velocity with ±σ, σ of the position, depth and attitude of a method in one case and run, over dead reckoning."""
+    """Velocity with ±σ, σ of the position, depth and attitude of a method in one case, over dead reckoning."""
     shown = (samples, method, which)
     return [
         *velocity_panels(*shown),
@@ -285,7 +285,7 @@ def _over_reckoning(samples: pl.DataFrame, method: str, which: str, name: str, s
 
 
 def beams_panel(pings: pl.DataFrame) -> Panel:
-    """When each beam was valid, in one case and run."""
+    """When each beam was valid, in one case."""
     beams = sum(name.endswith("_valid") for name in pings.columns)
     curves = [
         held_curve(
@@ -367,10 +367,6 @@ def _unwrapped(curves: Sequence[Curve]) -> list[Curve]:
 
 def _norm(rows: pl.DataFrame, name: str) -> Floats:
     return np.hypot(_floats(rows, f"{name}_north_m"), _floats(rows, f"{name}_east_m"))
-
-
-def _first(table: pl.DataFrame) -> pl.DataFrame:
-    return table.filter(pl.col("run") == pl.col("run").min())
 
 
 def _times(rows: pl.DataFrame) -> Times:

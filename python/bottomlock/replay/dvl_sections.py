@@ -1,4 +1,4 @@
-"""Sections of a case file about the beams: source, added noise, and what-if beam losses."""
+"""Sections of a case file about the beams: source, and what-if beam losses."""
 
 import math
 from pathlib import Path
@@ -7,42 +7,11 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from bottomlock.config.dvl_errors import DvlErrors
-from bottomlock.config.scenario_sections import AltitudeLoss, Dropout, NonNegative, Outage, Positive, Section
+from bottomlock.config.scenario_sections import Outage, Positive, Section
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.replay.stream_sections import Clock, ColumnTriple, ReorderedStream
 
 Beam = Annotated[int, Field(ge=1, le=8)]
-
-
-class BeamRecording(Section):
-    """Another recording of beams: its file, and the geometry file with its column map."""
-
-    file: Path
-    geometry: str = "x_janus_20"
-
-
-class BeamNoise(Section):
-    """Noise added to projected beams, drawn from the case's seed: white, or from recorded closure residuals.
-
-    "closure" draws, with replacement, from the closure residuals of the pings of `of` with all beams valid: the unit
-    combination of beams that no velocity contributes to, which scatters as a single beam does. `scale` multiplies
-    either noise.
-    """
-
-    kind: Literal["none", "white", "closure"] = "none"
-    sd_mps: Positive | None = None
-    of: BeamRecording | None = None
-    scale: Positive = 1.0
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        if (self.kind == "white") != (self.sd_mps is not None):
-            raise ValueError("kind = \"white\" needs 'sd_mps', and no other kind takes it")
-        if (self.kind == "closure") != (self.of is not None):
-            raise ValueError(
-                "kind = \"closure\" needs 'of' (a recording of beams), and no other kind takes it"
-            )
-        return self
 
 
 class DvlStream(ReorderedStream):
@@ -64,7 +33,6 @@ class DvlStream(ReorderedStream):
     velocity_unit: Literal["m/s", "cm/s", "mm/s"] = "m/s"
     velocity_scale: Positive = 1.0
     valid: str | None = None
-    noise: BeamNoise = BeamNoise()
     beam_noise_mps: Positive | None = None
     beam_noise_from: Literal["geometry", "recording"] = "geometry"
     errors: DvlErrors = DvlErrors()
@@ -85,7 +53,7 @@ class DvlStream(ReorderedStream):
                 'source = "velocity" needs \'velocity\' (three columns), and source = "beams" takes none'
             )
         if self.source == "beams":
-            for key in ("axes", "velocity_scale", "valid", "velocity_unit", "noise"):
+            for key in ("axes", "velocity_scale", "valid", "velocity_unit"):
                 if key in self.model_fields_set:
                     raise ValueError(
                         f"'{key}' applies to source = \"velocity\" only; recorded beams are used as they are"
@@ -116,51 +84,32 @@ class WaterTrackStream(WaterCells):
 
 
 class WhatIf(Section):
-    """A what-if case: the beams that are taken to be lost. A beam is valid where every rule leaves it valid.
+    """A what-if case: the beams that are taken to be lost, throughout or in outages.
 
-    Times are seconds from the start of the navigation. `validity_of` takes the validity of another recording from
-    `validity_from_s` on, repeated end to end; `dropouts` and `altitude_loss` are Markov chains drawn from the case's
-    seed.
+    Times are seconds from the start of the navigation.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     beams_lost: tuple[Beam, ...] = ()
     outages: tuple[Outage, ...] = ()
-    dropouts: tuple[Dropout, ...] = ()
-    altitude_loss: AltitudeLoss | None = None
-    validity_of: BeamRecording | None = None
-    validity_from_s: NonNegative = 0.0
 
     @model_validator(mode="after")
     def _loses_a_beam(self) -> Self:
         if self.name == "recorded":
             raise ValueError("the name 'recorded' is reserved for the recording without beam losses")
-        if not (self.beams_lost or self.outages or self.dropouts or self.altitude_loss or self.validity_of):
-            raise ValueError(
-                f"what_if '{self.name}' loses no beam, expected beams_lost, outages, dropouts, altitude_loss or "
-                "validity_of"
-            )
+        if not (self.beams_lost or self.outages):
+            raise ValueError(f"what_if '{self.name}' loses no beam, expected beams_lost or outages")
         for outage in self.outages:
             if not outage.to_s > outage.from_s:
                 raise ValueError(
                     f"an outage from {outage.from_s} s to {outage.to_s} s, expected it to end later"
                 )
-        dropping = [beam for dropout in self.dropouts for beam in dropout.beams]
-        for beam in dropping:
-            if dropping.count(beam) > 1:
-                raise ValueError(f"beam {beam} is in two dropouts, expected one at most")
         return self
-
-    @property
-    def random(self) -> bool:
-        """Whether the losses depend on the seed."""
-        return bool(self.dropouts) or self.altitude_loss is not None
 
     @property
     def beams_named(self) -> tuple[int, ...]:
         """Every beam that a rule names, from 1."""
-        lists = (self.beams_lost, *(o.beams for o in self.outages), *(d.beams for d in self.dropouts))
-        return tuple(beam for beams in lists for beam in beams)
+        return tuple(beam for beams in (self.beams_lost, *(o.beams for o in self.outages)) for beam in beams)
 
     def text(self) -> str:
         """The beam losses in one line, for reports."""
@@ -168,15 +117,6 @@ class WhatIf(Section):
         for outage in self.outages:
             end = "the end" if math.isinf(outage.to_s) else f"{outage.to_s:g} s"
             parts.append(f"beams {_join(outage.beams)} lost from {outage.from_s:g} s to {end}")
-        parts += [
-            f"beams {_join(d.beams)} up {d.mean_up_s:g} s and down {d.mean_down_s:g} s on average"
-            for d in self.dropouts
-        ]
-        if self.altitude_loss is not None:
-            up, down = self.altitude_loss.mean_up_s, self.altitude_loss.mean_down_s
-            parts.append(f"all beams up {up:g} s and down {down:g} s on average")
-        if self.validity_of is not None:
-            parts.append(f"validity of {self.validity_of.file.name} from {self.validity_from_s:g} s on")
         return "; ".join(parts)
 
 

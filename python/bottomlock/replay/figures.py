@@ -25,6 +25,7 @@ from bottomlock.figures.palette import (
     stroke,
 )
 from bottomlock.figures.series import scattered_rows, thinned_rows
+from bottomlock.statistics.replay import error_norms
 from bottomlock.tables.replay import FORWARD
 
 Floats = NDArray[np.float64]
@@ -54,19 +55,21 @@ def _left_title(figure: Figure, title: str) -> None:
 
 
 def error_figure(
-    ensemble: pl.DataFrame, *, methods: Sequence[str], title: str, which: str = FORWARD
+    samples: pl.DataFrame, *, methods: Sequence[str], title: str, which: str = FORWARD
 ) -> Figure:
-    """Errors against the reference, norms over axes and RMS over runs; dotted the standard deviation of each filter.
+    """Errors against the reference, norms over axes; dotted the standard deviation of each filter.
 
     Args:
-        ensemble: `tables.replay.REPLAY_ENSEMBLE` of one what-if case.
+        samples: `tables.replay.REPLAY_SAMPLES` of one what-if case.
         methods: which to draw.
         title: text above the figure.
         which: pass.
     """
-    rows = ensemble.filter((pl.col("pass") == which) & pl.col("method").is_in(list(methods)))
+    since_s = (pl.col("time_ns") - pl.col("time_ns").min()) * 1e-9
+    rows = error_norms(samples).with_columns(time_s=since_s)
+    rows = rows.filter((pl.col("pass") == which) & pl.col("method").is_in(list(methods)))
     methods = [method for method in methods if method in set(rows["method"])]
-    shown = [q for q in _QUANTITIES if rows[f"{q[0]}_rms_over_runs_{q[1]}"].is_not_null().any()]
+    shown = [q for q in _QUANTITIES if rows[f"{q[0]}_{q[1]}"].is_not_null().any()]
     with mpl.rc_context(STYLE):
         height = 0.75 + 2.05 * len(shown)
         figure = new_figure(height_in=height)
@@ -89,8 +92,8 @@ def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str
     for method in draw_order(list(methods)):
         one = rows.filter(pl.col("method") == method)
         time_s = one["time_s"].to_numpy()
-        rms[method] = one[f"{name}_rms_over_runs_{unit}"].fill_null(np.nan).to_numpy()
-        sd[method] = one[f"{name}_sd_rms_over_runs_{unit}"].fill_null(np.nan).to_numpy()
+        rms[method] = one[f"{name}_{unit}"].fill_null(np.nan).to_numpy()
+        sd[method] = one[f"{name}_sd_{unit}"].fill_null(np.nan).to_numpy()
     axes.set_yscale("log")
     every = np.concatenate([*rms.values(), *sd.values()])
     every = every[np.isfinite(every) & (every > 0.0)]
@@ -111,7 +114,7 @@ def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str
 
 
 def current_figure(currents: pl.DataFrame, start_ns: int, *, methods: Sequence[str], title: str) -> Figure:
-    """Current north and east against time as methods estimate it (first run), shaded ±1 sigma.
+    """Current north and east against time as methods estimate it, shaded ±1 sigma.
 
     Args:
         currents: `tables.replay.CURRENTS` of one what-if case.
@@ -119,8 +122,7 @@ def current_figure(currents: pl.DataFrame, start_ns: int, *, methods: Sequence[s
         methods: which to draw, of those that have a current.
         title: text above the figure.
     """
-    first = currents.filter(pl.col("run") == currents["run"].min())
-    there = set(first["method"])
+    there = set(currents["method"])
     with mpl.rc_context(STYLE):
         height = 4.4
         figure = new_figure(height_in=height)
@@ -130,7 +132,7 @@ def current_figure(currents: pl.DataFrame, start_ns: int, *, methods: Sequence[s
             sds: dict[str, Floats] = {}
             time_s = np.zeros(0)
             for method in draw_order([one for one in methods if one in there]):
-                rows = first.filter(pl.col("method") == method)
+                rows = currents.filter(pl.col("method") == method)
                 time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
                 lines[method] = rows[f"{axis}_mps"].to_numpy()
                 sds[method] = rows[f"sd_{axis}_mps"].to_numpy()
@@ -163,8 +165,8 @@ _RING: Any = {
 
 
 def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, title: str) -> Figure:
-    """Innovations of the beams of one method (first run) with their ±2 sigma; rejected pings are hollow."""
-    rows = innovations.filter((pl.col("method") == method) & (pl.col("run") == innovations["run"].min()))
+    """Innovations of the beams of one method with their ±2 sigma; rejected pings are hollow."""
+    rows = innovations.filter(pl.col("method") == method)
     beams = sum(name.endswith("_innovation_mps") for name in rows.columns)
     times_ns = rows["time_ns"].to_numpy()
     time_s = (times_ns - start_ns) * 1e-9
@@ -233,10 +235,9 @@ def nis_band(fixes: pl.DataFrame, least_ratio: float) -> tuple[float, float]:
 
 def nis_table(innovations: pl.DataFrame, methods: Sequence[str], least_ratio: float) -> pl.DataFrame:
     """What `draw_nis` draws: `method`, `time_ns`, `nis_ratio` and the method's band of it, `band_lo` and `band_hi`."""
-    first = innovations.filter(pl.col("run") == innovations["run"].min())
     parts = [pl.DataFrame(schema=NIS_TABLE)]
     for method in draw_order(list(methods)):
-        rows = first.filter(
+        rows = innovations.filter(
             (pl.col("method") == method) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0)
         )
         ratios = nis_ratios(rows)
@@ -284,7 +285,7 @@ def draw_nis(
     methods: Sequence[str],
     least_ratio: float = 1.0,
 ) -> None:
-    """NIS over its degrees of freedom, sliding mean over pings (first run), with the 95 % band of that mean.
+    """NIS over its degrees of freedom, sliding mean over pings, with the 95 % band of that mean.
 
     Args:
         axes: to draw on.
@@ -349,21 +350,20 @@ def validity_layout(pings: pl.DataFrame) -> tuple[tuple[float, float], tuple[flo
 
 
 def draw_validity(axes: Axes, pings: pl.DataFrame, start_ns: int) -> None:
-    """Valid beams against time, a strip for each beam and what-if case (first run).
+    """Valid beams against time, a strip for each beam and what-if case.
 
     Args:
         axes: to draw on.
         pings: `tables.replay.pings_schema`.
         start_ns: start of the navigation.
     """
-    first = pings.filter(pl.col("run") == pings["run"].min())
-    cases = first["what_if"].unique(maintain_order=True).to_list()
-    beams = sum(name.endswith("_valid") for name in first.columns)
+    cases = pings["what_if"].unique(maintain_order=True).to_list()
+    beams = sum(name.endswith("_valid") for name in pings.columns)
     with mpl.rc_context(STYLE):
         ticks, labels = [], []
         end = 1.0
         for index, what_if in enumerate(cases):
-            rows = first.filter(pl.col("what_if") == what_if)
+            rows = pings.filter(pl.col("what_if") == what_if)
             time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
             steps = np.append(np.diff(time_s), np.median(np.diff(time_s)) if len(time_s) > 1 else 1.0)
             end = max(end, float(time_s[-1] + steps[-1]))

@@ -23,7 +23,7 @@ BEYOND_PRIOR = 5.0
 
 
 def imu_model(case: Case, streams: Streams | None = None) -> ImuModel:
-    """IMU errors that the filter assumes; with `degrade`, the root sum of squares of both sets of errors.
+    """IMU errors that the filter assumes.
 
     Args:
         case: the case.
@@ -31,11 +31,7 @@ def imu_model(case: Case, streams: Streams | None = None) -> ImuModel:
     """
     if isinstance(case.imu, ImuFromAttitude):
         return _motion_model(case.imu, case, streams)
-    own = case.imu.errors.kernel_model()
-    if case.imu.degrade is None:
-        return own
-    added = case.imu.degrade.kernel_model().as_dict()
-    return ImuModel(**{name: float(np.hypot(value, added[name])) for name, value in own.as_dict().items()})
+    return case.imu.errors.kernel_model()
 
 
 def _motion_model(imu: ImuFromAttitude, case: Case, streams: Streams | None) -> ImuModel:

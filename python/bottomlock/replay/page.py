@@ -124,9 +124,7 @@ def featured_in(manifest: Mapping[str, Any], summary: pl.DataFrame, what_if: str
 
 
 def _about(manifest: Mapping[str, Any]) -> str:
-    draws = f"{manifest['runs']} {'draw' if manifest['runs'] == 1 else 'draws'}"
-    seed, made_by = manifest["configuration"]["replay"]["seed"], f"bottomlock {manifest['version']}"
-    made_of = f"{draws}, seed {seed}; {made_by}, configuration `{manifest['configuration_hash'][:12]}`"
+    made_of = f"bottomlock {manifest['version']}, configuration `{manifest['configuration_hash'][:12]}`"
     paragraphs = [manifest["description"], made_of]
     if manifest["semi_synthetic"]:
         conditions = "; ".join(manifest["semi_synthetic"])
@@ -210,14 +208,13 @@ def _case(
     of_case = [one for one in figures if one.what_if == what_if]
     first_map = f"map_{manifest['what_if'][0][0]}"
     beams = f"{number(rows[0]['beams_mean_over_pings'])} of {manifest['beams']} beams a ping."
-    several = f" Medians over {manifest['runs']} draws." if manifest["runs"] > 1 else ""
     blocks: list[Block] = [
-        f"{words[:1].upper()}{words[1:]}. {beams}{several}",
+        f"{words[:1].upper()}{words[1:]}. {beams}",
         *(one.picture for one in of_case if not one.folded and one.name != first_map),
     ]
     blocks += [
         _results_of(rows, tracks_of),
-        _detail_of(rows, tracks_of, several=manifest["runs"] > 1),
+        _detail_of(rows, tracks_of),
     ]
     folded = [one.picture for one in of_case if one.folded]
     if folded:
@@ -258,9 +255,7 @@ def _results_of(rows: Sequence[Mapping[str, Any]], tracks: Iterable[Mapping[str,
     return Table(columns, cells, _RESULTS_WORDS, left=2)
 
 
-def _detail_of(
-    rows: Sequence[Mapping[str, Any]], tracks: Iterable[Mapping[str, Any]], *, several: bool
-) -> Table:
+def _detail_of(rows: Sequence[Mapping[str, Any]], tracks: Iterable[Mapping[str, Any]]) -> Table:
     """A row per method and pass: error over claim, where the track ends, its way and speed."""
     ratios = _known(_RATIOS, rows)
     cells = []
@@ -271,7 +266,7 @@ def _detail_of(
         way = [number(track[key]) for key in ("way_m", "speed_mps")]
         cells.append([f"`{row['method']}`", row["pass"], *against, *ends, sd, *way])
     columns = ["Method", "Pass", *ratios, "North, m", "East, m", "σ north, east, m", "Way, m", "Speed, m/s"]
-    return Table(columns, cells, _DETAIL_WORDS + (" First draw." if several else ""), left=2)
+    return Table(columns, cells, _DETAIL_WORDS, left=2)
 
 
 def _known(columns: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
@@ -304,18 +299,18 @@ def _fixes(manifest: Mapping[str, Any], section: str, readings: str, caption: st
     fixes = manifest[section]["fixes"]
     rows = [[title_of(name), *row] for name, _ in manifest["what_if"] for row in fixes[name]]
     columns = ["What-if", "Method", readings, "Beyond the gate", "NIS", "of"]
-    return Table(columns, rows, f"{caption}: first draw; NIS and its degrees of freedom, means.", left=2)
+    return Table(columns, rows, f"{caption}: NIS and its degrees of freedom, means.", left=2)
 
 
 def _calibration(table: pl.DataFrame) -> Part:
     cells = [
         [
-            row["what_if"], f"`{row['method']}`", row["parameter"].replace("_", " "), row["unit"], str(row["run"]),
+            row["what_if"], f"`{row['method']}`", row["parameter"].replace("_", " "), row["unit"],
             *(number(row[key]) for key in ("value", "sd", "prior_sd")),
         ]
         for row in table.filter(pl.col("prior_sd") > 0.0).iter_rows(named=True)
     ]  # fmt: skip
-    columns = ["What-if", "Method", "Parameter", "Unit", "Draw", "Value", "σ", "σ before"]
+    columns = ["What-if", "Method", "Parameter", "Unit", "Value", "σ", "σ before"]
     caption = "Parameters of the DVL as each method estimates them."
     return Part(
         "calibration", "Calibration of the DVL", [_CALIBRATION_WORDS, Table(columns, cells, caption, left=4)]

@@ -53,7 +53,6 @@ class ReplayTables:
 
     manifest: dict[str, Any]
     runs: pl.DataFrame
-    ensemble: pl.DataFrame
     samples: pl.DataFrame
     innovations: pl.DataFrame
     pings: pl.DataFrame
@@ -109,7 +108,6 @@ def read_replay(folder: str | Path) -> ReplayTables:
     return ReplayTables(
         manifest=manifest,
         runs=table("runs"),
-        ensemble=table("ensemble"),
         samples=table("samples"),
         innovations=table("innovations"),
         pings=table("pings"),
@@ -244,9 +242,8 @@ def _of_methods(
     """Map, errors of each pass and NIS of some methods in one what-if case."""
     manifest, found = tables.manifest, []
     start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
-    samples, innovations, ensemble = (
-        table.filter(pl.col("what_if") == what_if)
-        for table in (tables.samples, tables.innovations, tables.ensemble)
+    samples, innovations = (
+        table.filter(pl.col("what_if") == what_if) for table in (tables.samples, tables.innovations)
     )
     title, end = f"{_title(tables, what_if)}{tail}", "_all_methods" if folded else ""
 
@@ -263,8 +260,8 @@ def _of_methods(
     caption += _cut_words(shown.tracks, [one for one, way in shown.tracks.items() if not holds(frame, way)])
     add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in (FORWARD, SMOOTHED):
-        if manifest["has_reference"] and (ensemble["pass"] == name).any():
-            drawn = error_figure(ensemble, methods=methods, title=f"{title}, {name}", which=name)
+        if manifest["has_reference"] and (samples["pass"] == name).any():
+            drawn = error_figure(samples, methods=methods, title=f"{title}, {name}", which=name)
             caption = (
                 f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
             )
@@ -284,7 +281,7 @@ def map_of(tables: ReplayTables, what_if: str, methods: Sequence[str]) -> Map:
     first = taken(manifest)
     wanted = [*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])]
     tracks, reference = tracks_of(samples, list(dict.fromkeys(wanted))), reference_track(tables.path, samples)
-    pings = tables.pings.filter((pl.col("what_if") == what_if) & (pl.col("run") == pl.col("run").min()))
+    pings = tables.pings.filter(pl.col("what_if") == what_if)
     return Map(
         tracks,
         tracks_of(samples, methods, SMOOTHED),

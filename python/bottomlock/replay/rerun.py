@@ -1,29 +1,25 @@
-"""One run along a recording: random errors drawn, initial alignment, beams removed, every method run."""
+"""One pass along a recording: initial alignment, beams removed, every method run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
-from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.kernel.models import ImuModel, InitialModel, InitialState, Model, Options
 from bottomlock.recordings.axes import quaternions
-from bottomlock.recordings.closure import closure_residuals
 from bottomlock.recordings.streams import Flags, Floats, Inertial, Times
-from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.attitude_inertial import with_persistence
 from bottomlock.replay.case import Case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.sensors import SENSORS
-from bottomlock.replay.stream_sections import ImuFromAttitude, ImuStream
+from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
-from bottomlock.replay.what_if import beams_returned, read_beam_recording
+from bottomlock.replay.what_if import beams_returned
 
 UNSMOOTHED = ("consistent",)
 """Methods that select between filters; they have no smoother."""
@@ -33,11 +29,10 @@ FEW = 0.01
 
 @dataclass(frozen=True, eq=False)
 class PreparedRun:
-    """A recording with the random errors of one run, and its initial alignment.
+    """A recording up to its end as replayed, and its initial alignment.
 
     Attributes:
-        run: number of the run.
-        streams: the recording with this run's random errors.
+        streams: the recording.
         readings: its inertial readings without the few that the limits reject, for what compares them with other
             instruments; all of them where more than `FEW` are rejected, as they are in a wrong unit.
         alignment: initial state given to the filter.
@@ -46,7 +41,6 @@ class PreparedRun:
         rows: (T,) rows of the reference to compare with; empty without a reference.
     """
 
-    run: int
     streams: Streams
     readings: Inertial
     alignment: Alignment
@@ -64,10 +58,10 @@ class PreparedRun:
 
 @dataclass(frozen=True, eq=False)
 class Rerun:
-    """Results of every method for one what-if case in one run.
+    """Results of every method for one what-if case.
 
     Attributes:
-        prepared: the run.
+        prepared: the recording.
         valid: (E, B) validity of the beams given to the filters.
         result: the kernel's dict of the forward pass of every method.
         smoothed_methods: methods with a smoothed pass.
@@ -83,20 +77,17 @@ class Rerun:
     reckoned: Mapping[str, Floats] | None = None
 
 
-def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = None) -> PreparedRun:
-    """Adds the random errors of a run to a recording and aligns it.
+def prepare(case: Case, streams: Streams) -> PreparedRun:
+    """Aligns a recording.
 
     Args:
         case: the case.
         streams: its recording as read.
-        run: number of the run.
-        residuals: closure residuals to draw beam noise from, of `noise_residuals`.
 
     Raises:
         DataError: as `align`, and where the reference has no row between start and end.
     """
-    key, seed = random_errors.case_key(case.name), case.replay.seed
-    streams = _up_to_duration(case, _with_random_errors(case, streams, run, residuals))
+    streams = _up_to_duration(case, streams)
     imu, gravity = imu_model(case, streams), gravity_mps2(case, streams)
     good = _with_good_readings(case, streams, imu)
     alignment = align(case, good, imu, gravity)
@@ -105,19 +96,8 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
         attitude_sd_rad=alignment.attitude_sd_rad,
         velocity_sd_mps=alignment.velocity_sd_mps,
     )
-    if case.start.draw:
-        errors = random_errors.start_errors(
-            np.concatenate(list(initial.as_dict().values())), seed=seed, key=key, run=run
-        )
-        alignment = replace(
-            alignment,
-            position_t_m=alignment.position_t_m + errors[:3],
-            attitude=Rotation.from_rotvec(errors[3:6]) * alignment.attitude,
-            velocity_p_mps=alignment.velocity_p_mps + errors[6:],
-        )
     samples, rows = _sample_times(case, streams, alignment.time_ns)
     return PreparedRun(
-        run=run,
         streams=streams,
         readings=(
             good if len(good.inertial.time_ns) >= (1.0 - FEW) * len(streams.inertial.time_ns) else streams
@@ -128,47 +108,6 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
         sample_time_ns=samples,
         rows=rows,
     )
-
-
-def noise_residuals(case: Case) -> Floats | None:
-    """(m,) closure residuals that the case draws beam noise from; None where it draws none.
-
-    Raises:
-        DataError: for a recording that cannot be read, or one without pings of all beams or without redundant beams.
-    """
-    of = case.dvl.noise.of
-    if of is None:
-        return None
-    geometry = read_geometry(of.geometry).geometry
-    _, velocity, valid = read_beam_recording(of)
-    if geometry.beams <= geometry.rank or not valid.all(axis=1).any():
-        raise DataError(
-            f"{of.file}: has no ping with all beams valid, or no redundant beams, expected both: there is "
-            "no closure residual to draw noise from"
-        )
-    return closure_residuals(geometry, velocity, valid) * case.dvl.noise.scale
-
-
-def _with_random_errors(case: Case, streams: Streams, run: int, residuals: Floats | None) -> Streams:
-    keys: dict[str, int] = {"seed": case.replay.seed, "key": random_errors.case_key(case.name), "run": run}
-    noise = case.dvl.noise
-    shape = streams.beams.velocity_mps.shape
-    if noise.kind == "white":
-        assert noise.sd_mps is not None  # validated in BeamNoise
-        added = random_errors.white_beam_noise(shape, noise.sd_mps * noise.scale, **keys)
-        streams = replace(
-            streams, beams=replace(streams.beams, velocity_mps=streams.beams.velocity_mps + added)
-        )
-    elif residuals is not None:
-        added = random_errors.resampled_beam_noise(shape, residuals, **keys)
-        streams = replace(
-            streams, beams=replace(streams.beams, velocity_mps=streams.beams.velocity_mps + added)
-        )
-    if isinstance(case.imu, ImuStream) and case.imu.degrade is not None:
-        streams = replace(
-            streams, inertial=random_errors.degraded_imu(streams.inertial, case.imu.degrade, **keys)
-        )
-    return streams
 
 
 def _up_to_duration(case: Case, streams: Streams) -> Streams:
@@ -272,11 +211,11 @@ def kernel_start(alignment: Alignment) -> InitialState:
     )
 
 
-def returned(case: Case, prepared: PreparedRun, what_if: WhatIf) -> Flags:
+def returned(prepared: PreparedRun, what_if: WhatIf) -> Flags:
     """(E, B) which beams a what-if case lets through.
 
     Raises:
-        DataError: for a what-if case that names a beam or recording that does not exist.
+        DataError: for a what-if case that names a beam that does not exist.
     """
     beams = prepared.streams.beams
     return beams_returned(
@@ -284,9 +223,6 @@ def returned(case: Case, prepared: PreparedRun, what_if: WhatIf) -> Flags:
         beams.time_ns[prepared.pings],
         beams.valid.shape[1],
         start_ns=prepared.alignment.time_ns,
-        name=case.name,
-        seed=case.replay.seed,
-        run=prepared.run,
     )
 
 
@@ -300,13 +236,13 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
         threads: number of threads, 0 for one per core; the results do not depend on it.
 
     Raises:
-        DataError: for a what-if case that names a beam or recording that does not exist.
+        DataError: for a what-if case that names a beam that does not exist.
         KernelError: naming field, row and time.
     """
     beams = prepared.streams.beams
     valid = beams.valid[prepared.pings]
     if what_if is not None:
-        valid = valid & returned(case, prepared, what_if)
+        valid = valid & returned(prepared, what_if)
     start = kernel_start(prepared.alignment)
     log = kernel_log(case, prepared, valid)
 

@@ -1,4 +1,4 @@
-"""Replays a case: every what-if case and run, tables and manifest; a repeat gives the same bits."""
+"""Replays a case: every what-if case, tables and manifest; a repeat gives the same bits."""
 
 import hashlib
 import time
@@ -33,12 +33,12 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.reckon import measured, reckon
 from bottomlock.replay.streams import Streams
 from bottomlock.replay.through_water import currents_table, fix_words
-from bottomlock.statistics.replay import ensemble_table, runs_table
+from bottomlock.statistics.replay import runs_table
 from bottomlock.tables.replay import RECORDED
 from bottomlock.tables.versions import library_versions
 
 MANIFEST = "manifest.json"
-TABLES = ("runs", "ensemble", "samples", "innovations", "pings")
+TABLES = ("runs", "samples", "innovations", "pings")
 PARTS = ("samples", "innovations", "pings")
 """Tables that are made of a part for each rerun."""
 CALIBRATION = "calibration"
@@ -55,7 +55,6 @@ class ReplayResult:
     """Tables and manifest of a replay."""
 
     runs: pl.DataFrame
-    ensemble: pl.DataFrame
     samples: pl.DataFrame
     innovations: pl.DataFrame
     pings: pl.DataFrame
@@ -65,11 +64,6 @@ class ReplayResult:
     currents: pl.DataFrame = field(default_factory=pl.DataFrame)
 
 
-def run_count(case: Case) -> int:
-    """Number of runs of a case: one where no random error is drawn."""
-    return case.replay.runs if case.has_random_errors else 1
-
-
 def replay_case(
     case: Case,
     *,
@@ -77,7 +71,7 @@ def replay_case(
     progress: Callable[[int], None] = lambda _: None,
     streams: Streams | None = None,
 ) -> ReplayResult:
-    """Runs every method of a case for every what-if case and run, and makes the tables.
+    """Runs every method of a case for every what-if case, and makes the tables.
 
     Args:
         case: the case.
@@ -94,40 +88,32 @@ def replay_case(
     if streams is None:
         check_files(case)
         streams = read_streams(case)
-    residuals = rerun.noise_residuals(case)
-    check_what_ifs(case, streams, residuals)
+    check_what_ifs(case, streams)
     progress(0)
     parts: dict[str, list[pl.DataFrame]] = {
         name: [] for name in (*PARTS, CALIBRATION, CURRENTS, "imu_faults")
     }
-    alignments: list[dict[str, str]] = []
-    start_ns, done = 0, 0
     imu_faults: list[str] = []
     fixes: dict[str, dict[str, list[list[str]]]] = {section: {} for section in streams.through_water}
-    for run in range(run_count(case)):
-        prepared = rerun.prepare(case, streams, run, residuals)
-        alignments.append(prepared.alignment.sources)
-        log = measured(prepared)
-        start_ns = prepared.alignment.time_ns
-        for name, what_if in [(RECORDED, None), *((what_if.name, what_if) for what_if in case.what_if)]:
-            result = _flown(case, prepared, what_if, threads)
-            result = replace(result, reckoned=reckon(case, result.prepared, result.valid, log))
-            parts["samples"].append(compare.samples_table(case, name, result))
-            parts["innovations"].append(compare.innovations_table(case, name, result))
-            parts["pings"].append(compare.pings_table(case, name, result))
-            parts[CALIBRATION].append(calibration_table(case, name, result))
-            parts[CURRENTS].append(currents_table(case, name, result))
-            parts["imu_faults"].append(compare.imu_faults_table(case, name, result))
-            imu_faults = imu_faults or fault_words(result)
-            if run == 0:
-                for section, rows in fixes.items():
-                    rows[name] = fix_words(case, result, section)
-            done += 1
-            progress(done)
+    prepared = rerun.prepare(case, streams)
+    log = measured(prepared)
+    cases = [(RECORDED, None), *((what_if.name, what_if) for what_if in case.what_if)]
+    for done, (name, what_if) in enumerate(cases, 1):
+        result = _flown(case, prepared, what_if, threads)
+        result = replace(result, reckoned=reckon(case, result.prepared, result.valid, log))
+        parts["samples"].append(compare.samples_table(case, name, result))
+        parts["innovations"].append(compare.innovations_table(case, name, result))
+        parts["pings"].append(compare.pings_table(case, name, result))
+        parts[CALIBRATION].append(calibration_table(case, name, result))
+        parts[CURRENTS].append(currents_table(case, name, result))
+        parts["imu_faults"].append(compare.imu_faults_table(case, name, result))
+        imu_faults = imu_faults or fault_words(result)
+        for section, rows in fixes.items():
+            rows[name] = fix_words(case, result, section)
+        progress(done)
     tables = {name: pl.concat(parts[name]) for name in PARTS}
     path = compare.path_table(streams)
     first = _first(tables)
-    prepared = rerun.prepare(case, streams, 0, residuals)
     diagnosis = diagnose(case, prepared, first["samples"], first["innovations"])
     return ReplayResult(
         runs=runs_table(
@@ -136,14 +122,18 @@ def replay_case(
             tables["pings"],
             pl.concat(parts["imu_faults"]),
             path,
-            start_ns,
+            prepared.alignment.time_ns,
         ),
-        ensemble=ensemble_table(tables["samples"], start_ns),
         path=path,
         calibration=pl.concat(parts[CALIBRATION]),
         currents=pl.concat(parts[CURRENTS]),
         manifest=manifest_of(
-            case, streams, alignments, imu_faults, threads=threads, wall_s=time.perf_counter() - started
+            case,
+            streams,
+            prepared.alignment.sources,
+            imu_faults,
+            threads=threads,
+            wall_s=time.perf_counter() - started,
         )
         | {"methods": _methods(case, first["samples"])}
         | _through_water(streams, fixes)
@@ -193,9 +183,8 @@ def _methods(case: Case, samples: pl.DataFrame) -> list[str]:
 
 
 def _first(tables: dict[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """The tables of the recording as it is, in its first run."""
-    first = (pl.col("what_if") == RECORDED) & (pl.col("run") == 0)
-    return {name: table.filter(first) for name, table in tables.items()}
+    """The tables of the recording as it is."""
+    return {name: table.filter(pl.col("what_if") == RECORDED) for name, table in tables.items()}
 
 
 def fault_words(result: rerun.Rerun) -> list[str]:
@@ -220,13 +209,13 @@ def fault_words(result: rerun.Rerun) -> list[str]:
 def manifest_of(
     case: Case,
     streams: Streams,
-    alignments: list[dict[str, str]],
+    alignment: dict[str, str],
     imu_faults: list[str],
     *,
     threads: int,
     wall_s: float,
 ) -> dict[str, Any]:
-    """The manifest: versions, hashes of every file read, settings, clocks, alignment, semi-synthetic parts."""
+    """The manifest: versions, hashes of every file read, settings, clocks, alignment, what is semi-synthetic."""
     return {
         "kind": KIND,
         "status": "complete",
@@ -240,7 +229,6 @@ def manifest_of(
         "files": file_digests(case),
         "threads": threads,
         "wall_time_s": round(wall_s, 3),
-        "runs": run_count(case),
         "what_if": [
             [RECORDED, "beams as recorded"],
             *([what_if.name, what_if.text()] for what_if in case.what_if),
@@ -249,7 +237,7 @@ def manifest_of(
         "reference_note": "" if case.reference is None else case.reference.note,
         "has_reference": streams.reference is not None,
         "origin": None if streams.origin is None else asdict(streams.origin),
-        "alignment": alignments[0],
+        "alignment": alignment,
         "clocks": {name: _clock(report) for name, report in streams.clocks.items()},
         "notes": list(streams.notes),
         "imu_faults": imu_faults,

@@ -65,7 +65,7 @@ class Replay:
 
     @property
     def runs(self) -> pl.DataFrame:
-        """A row per what-if case, draw, method and pass (`tables.replay.REPLAY_RUNS`)."""
+        """A row per what-if case, method and pass (`tables.replay.REPLAY_RUNS`)."""
         return self.tables.runs
 
     @property
@@ -82,11 +82,6 @@ class Replay:
     def pings(self) -> pl.DataFrame:
         """The beams as the filters received them (`tables.replay.pings_schema`)."""
         return self.tables.pings
-
-    @property
-    def ensemble(self) -> pl.DataFrame:
-        """RMS over the draws per second (`tables.replay.REPLAY_ENSEMBLE`)."""
-        return self.tables.ensemble
 
     @property
     def reference(self) -> pl.DataFrame | None:
@@ -290,10 +285,9 @@ class Replay:
         return [_known("methods", one, self.methods) for one in methods]
 
     def _states(self, method: str | None, what_if: str | None, which: str) -> tuple[pl.DataFrame, str, str]:
-        """The samples of a what-if case in its first draw, the method, and the pass."""
+        """The samples of a what-if case, the method, and the pass."""
         method = self.method if method is None else _known("method", method, self.methods)
-        of_case = pl.col("what_if") == self._case(what_if)
-        samples = self.samples.filter(of_case & (pl.col("run") == pl.col("run").min()))
+        samples = self.samples.filter(pl.col("what_if") == self._case(what_if))
         there = samples.filter(pl.col("method") == method)["pass"].unique()
         _known("which", which, [one for one in (FORWARD, SMOOTHED) if one in there])
         return samples, method, which

@@ -102,7 +102,6 @@ class ImuStream(MountedStream):
     result is the mean over the step that ends at the row, and the filter uses it as such. A gap longer than
     `bridge_gaps_s` is an error unless `limits.gap` is "inflate"; a shorter one is bridged by linear interpolation
     between its ends, and reported. `limits` are those of the readings.
-    `degrade` adds the errors of a lower-grade IMU, drawn from the case's seed.
     """
 
     source: Literal["readings"] = "readings"
@@ -115,7 +114,6 @@ class ImuStream(MountedStream):
     bridge_gaps_s: NonNegative = 0.0
     limits: ImuLimits = ImuLimits()
     errors: ImuErrors
-    degrade: ImuErrors | None = None
 
     @property
     def increments(self) -> tuple[bool, bool]:

@@ -26,7 +26,7 @@ def currents_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
             continue
         current = rerun.result["current_t_mps"][index]
         sd = np.sqrt(np.diagonal(rerun.result["current_covariance"][index], axis1=1, axis2=2))
-        keys = {"case": case.name, "what_if": what_if, "run": rerun.prepared.run, "method": method}
+        keys = {"case": case.name, "what_if": what_if, "method": method}
         columns: dict[str, Any] = {key: [word] * len(times) for key, word in keys.items()}
         columns |= {"time_ns": times, "north_mps": current[:, 0], "east_mps": current[:, 1]}
         columns |= {"sd_north_mps": sd[:, 0], "sd_east_mps": sd[:, 1]}

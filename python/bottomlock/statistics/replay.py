@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import polars as pl
 
 from bottomlock.statistics.rms import rms_column, root_mean
-from bottomlock.tables.replay import FORWARD, REPLAY_COMPARISON, REPLAY_ENSEMBLE, REPLAY_RUNS, SIGMAS
+from bottomlock.tables.replay import FORWARD, REPLAY_COMPARISON, REPLAY_RUNS, SIGMAS
 from bottomlock.units import DEGREES_PER_RADIAN
 
-_KEYS = ["case", "what_if", "run", "method", "pass"]
+_KEYS = ["case", "what_if", "method", "pass"]
 _NAMED = (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
 
 
@@ -76,7 +76,7 @@ def runs_table(
     path: pl.DataFrame | None,
     start_ns: int,
 ) -> pl.DataFrame:
-    """A row per what-if case, run, method and pass (`tables.replay.REPLAY_RUNS`); distance from `start_ns` on.
+    """A row per what-if case, method and pass (`tables.replay.REPLAY_RUNS`); distance from `start_ns` on.
 
     The counts of `imu_faults` (`tables.replay.IMU_FAULTS`) are those of every method.
     """
@@ -101,7 +101,7 @@ def runs_table(
             for k in SIGMAS
         ),
     )
-    gate = innovations.group_by("case", "what_if", "run", "method", maintain_order=True).agg(
+    gate = innovations.group_by("case", "what_if", "method", maintain_order=True).agg(
         pl.col("nis").mean().alias("nis_mean_over_fixes"),
         pl.col("degrees").filter(pl.col("nis").is_not_null()).mean().alias("nis_degrees_mean_over_fixes"),
         *(
@@ -114,13 +114,13 @@ def runs_table(
         ),
     )
     beams = pings.with_columns(pl.sum_horizontal(pl.col("^beam[0-9]+_valid$").cast(pl.Int64)).alias("beams"))
-    returning = beams.group_by("case", "what_if", "run", maintain_order=True).agg(
+    returning = beams.group_by("case", "what_if", maintain_order=True).agg(
         pl.col("beams").mean().alias("beams_mean_over_pings")
     )
-    joined = table.join(
-        gate, on=["case", "what_if", "run", "method"], how="left", maintain_order="left"
-    ).join(returning, on=["case", "what_if", "run"], how="left", maintain_order="left")
-    joined = joined.join(imu_faults, on=["case", "what_if", "run"], how="left", maintain_order="left")
+    joined = table.join(gate, on=["case", "what_if", "method"], how="left", maintain_order="left").join(
+        returning, on=["case", "what_if"], how="left", maintain_order="left"
+    )
+    joined = joined.join(imu_faults, on=["case", "what_if"], how="left", maintain_order="left")
     joined = joined.with_columns(pl.lit(distance, dtype=pl.Float64).alias("distance_m"))
     percent = (100.0 * pl.col("position_final_m") / pl.col("distance_m")).alias("position_final_percent")
     return joined.with_columns(percent).select(list(REPLAY_RUNS))
@@ -132,32 +132,13 @@ def _distance(path: pl.DataFrame) -> float:
     return float(path.select(pl.sum_horizontal(steps).sqrt().sum()).item())
 
 
-def ensemble_table(samples: pl.DataFrame, start_ns: int) -> pl.DataFrame:
-    """A row per what-if case, method, pass and time (`tables.replay.REPLAY_ENSEMBLE`): RMS over the runs."""
-    norms = error_norms(samples)
-    table = norms.group_by("case", "what_if", "method", "pass", "time_ns", maintain_order=True).agg(
-        pl.len().cast(pl.Int64).alias("runs"),
-        *(rms_column(f"{name}_{unit}").alias(f"{name}_rms_over_runs_{unit}") for name, unit in _NAMED),
-        *(rms_column(f"{name}_sd_{unit}").alias(f"{name}_sd_rms_over_runs_{unit}") for name, unit in _NAMED),
-    )
-    seconds = ((pl.col("time_ns") - start_ns) * 1e-9).alias("time_s")
-    return table.with_columns(seconds).select(list(REPLAY_ENSEMBLE))
-
-
 _FATES = ("accepted", "in_part", "rejected")
 
 
 def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
-    """A row per what-if case, method and pass: medians over the runs, and fixes; for a terminal and a report."""
-    return runs.group_by("case", "what_if", "method", "pass", maintain_order=True).agg(
-        pl.len().alias("runs"),
-        *(pl.col(name).median() for name in REPLAY_RUNS if REPLAY_RUNS[name] == pl.Float64()),
-        sum((pl.col(f"fixes_{name}") for name in _FATES), pl.lit(0)).median().cast(pl.Int64).alias("fixes"),
-        (
-            pl.col("fixes_rejected").sum()
-            / (pl.col("fixes_accepted") + pl.col("fixes_in_part") + pl.col("fixes_rejected")).sum()
-        ).alias("rejected_fraction"),
-    )
+    """A row per what-if case, method and pass: the numbers of the runs, and fixes; for a terminal and a report."""
+    fixes = sum((pl.col(f"fixes_{name}") for name in _FATES), pl.lit(0))
+    return runs.with_columns(fixes=fixes, rejected_fraction=pl.col("fixes_rejected") / fixes)
 
 
 def forward(frame: pl.DataFrame) -> pl.DataFrame:
@@ -166,15 +147,14 @@ def forward(frame: pl.DataFrame) -> pl.DataFrame:
 
 
 def track_table(samples: pl.DataFrame) -> pl.DataFrame:
-    """A row per what-if case, method and pass of the first run: where its track ends, σ there, its way and mean speed.
+    """A row per what-if case, method and pass: where its track ends, σ there, its way and mean speed.
 
     The way is that of the horizontal positions at the times of the samples.
     """
-    first = samples.filter(pl.col("run") == samples["run"].min())
     step = (pl.col("north_m").diff() ** 2 + pl.col("east_m").diff() ** 2).sqrt()
     seconds = (pl.col("time_ns").last() - pl.col("time_ns").first()) * 1e-9
     keys = ["what_if", "method", "pass"]
-    table = first.group_by(keys, maintain_order=True).agg(
+    table = samples.group_by(keys, maintain_order=True).agg(
         *(pl.col(f"{axis}_m").last() for axis in ("north", "east", "down")),
         *(pl.col(f"sd_position_{axis}_m").last() for axis in ("north", "east", "down")),
         step.sum().alias("way_m"),

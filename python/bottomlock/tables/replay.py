@@ -14,7 +14,6 @@ SIGMAS = (1, 2, 3)
 KEYS: Mapping[str, pl.DataType] = {
     "case": pl.String(),
     "what_if": pl.String(),
-    "run": pl.Int64(),
     "method": pl.String(),
 }
 
@@ -46,7 +45,7 @@ REPLAY_RUNS: Mapping[str, pl.DataType] = {
     "imu_rejected": pl.Int64(),
     "imu_gaps_inflated": pl.Int64(),
 }
-"""A row per what-if case, run, method and pass (forward or smoothed): norms of the errors against the reference,
+"""A row per what-if case, method and pass (forward or smoothed): norms of the errors against the reference,
 null without one. `position_final_percent` is in percent of the distance travelled (% DT), `*_normalised_*` the RMS
 over time and axes of error/σ, 1 for a consistent filter, `*_covered_*` the fraction of times and axes whose error is
 within so many claimed σ: 0.683, 0.954 and 0.997 for a consistent filter. NIS and counts are those of the forward
@@ -61,7 +60,7 @@ CALIBRATION: Mapping[str, pl.DataType] = {
     "sd": pl.Float64(),
     "prior_sd": pl.Float64(),
 }
-"""A row per what-if case, run, method and parameter of the DVL, from the whole log: rotation from the stated mounting
+"""A row per what-if case, method and parameter of the DVL, from the whole log: rotation from the stated mounting
 about the platform's forward, right and down axes (deg), time to add to the stamps (s), scale (%). A parameter that the
 motion does not show keeps `prior_sd`."""
 
@@ -73,14 +72,14 @@ CURRENTS: Mapping[str, pl.DataType] = {
     "sd_north_mps": pl.Float64(),
     "sd_east_mps": pl.Float64(),
 }
-"""A row per what-if case, run, method that estimates it and time: the current, and its claimed 1 sigma."""
+"""A row per what-if case, method that estimates it and time: the current, and its claimed 1 sigma."""
 
 IMU_FAULTS: Mapping[str, pl.DataType] = {
     **{name: dtype for name, dtype in KEYS.items() if name != "method"},
     "imu_rejected": pl.Int64(),
     "imu_gaps_inflated": pl.Int64(),
 }
-"""A row per what-if case and run."""
+"""A row per what-if case."""
 
 REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
     **KEYS,
@@ -101,29 +100,9 @@ REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
     **{f"sd_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
     **{f"sd_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
 }
-"""A row per what-if case, run, method, pass and time: the estimate, its error (reference minus estimate, null
+"""A row per what-if case, method, pass and time: the estimate, its error (reference minus estimate, null
 without a reference) and its claimed standard deviation. Latitude, longitude and height are null without an origin on
 the Earth."""
-
-REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
-    "case": pl.String(),
-    "what_if": pl.String(),
-    "method": pl.String(),
-    "pass": pl.String(),
-    "time_s": pl.Float64(),
-    "runs": pl.Int64(),
-    **{
-        f"{name}_rms_over_runs_{unit}": pl.Float64()
-        for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
-    },
-    **{
-        f"{name}_sd_rms_over_runs_{unit}": pl.Float64()
-        for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
-    },
-}
-"""A row per what-if case, method, pass and second from the start: norms of the errors and of the claimed standard
-deviations, RMS over runs."""
-
 
 REPLAY_COMPARISON: Mapping[str, pl.DataType] = {
     "what_if": pl.String(),
@@ -135,12 +114,12 @@ REPLAY_COMPARISON: Mapping[str, pl.DataType] = {
     "other": pl.Float64(),
     "difference": pl.Float64(),
 }
-"""A row per what-if case, method, pass and quantity that two replays of one dive both have: medians over the draws,
-of the first draw where the track ends, and the difference of the first replay to the other."""
+"""A row per what-if case, method, pass and quantity that two replays of one dive both have, and the difference of
+the first replay to the other."""
 
 
 def innovations_schema(beams: int) -> dict[str, pl.DataType]:
-    """A row per what-if case, run, method and ping: its outcome, NIS, and the innovation of each beam that is used."""
+    """A row per what-if case, method and ping: its outcome, NIS, and the innovation of each beam that is used."""
     return {
         **KEYS,
         "time_ns": pl.Int64(),
@@ -153,7 +132,7 @@ def innovations_schema(beams: int) -> dict[str, pl.DataType]:
 
 
 def pings_schema(beams: int) -> dict[str, pl.DataType]:
-    """A row per what-if case, run and ping: the beams as the filters receive them."""
+    """A row per what-if case and ping: the beams as the filters receive them."""
     return {
         **{name: dtype for name, dtype in KEYS.items() if name != "method"},
         "time_ns": pl.Int64(),

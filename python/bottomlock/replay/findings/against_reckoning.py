@@ -116,7 +116,7 @@ def agreements(samples: pl.DataFrame, methods: Sequence[str], reference_sd_m: fl
     """Every trusted method against dead reckoning; none where it was not possible.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording, first run.
+        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
         methods: of the tables.
         reference_sd_m: 1 sigma of the reference along an axis.
     """

@@ -20,8 +20,8 @@ def answers(prepared: PreparedRun, samples: pl.DataFrame, taken: str) -> list[st
     """A sentence each: end and way, heading at the start, closure, velocity without a beam, distance between methods.
 
     Args:
-        prepared: the first run.
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording, first run.
+        prepared: the recording and its start.
+        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
         taken: method whose track is told beside dead reckoning's.
     """
     return [

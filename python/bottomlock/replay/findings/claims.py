@@ -35,7 +35,7 @@ def claims_findings(samples: pl.DataFrame, methods: Sequence[str]) -> list[Findi
     the start itself, whose deviations are given.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording, first run.
+        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
         methods: of the case.
     """
     used = [m for m in (*PREFERRED, *methods) if m in methods and m != "ins"]

@@ -59,8 +59,8 @@ def diagnose(
 
     Args:
         case: the case.
-        prepared: its first run.
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording, first run.
+        prepared: its start and settings.
+        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
         innovations: the same, `tables.replay.innovations_schema`.
     """
     methods = case.replay.filters

@@ -68,7 +68,7 @@ def measured_sway(case: Case, prepared: PreparedRun, time_ns: Times, yaw_rad: Fl
 
     Args:
         case: the case.
-        prepared: its first run.
+        prepared: its start and settings.
         time_ns, yaw_rad: (T,) heading, recorded or of a method.
     """
     full = prepared.streams.beams.valid[prepared.pings]

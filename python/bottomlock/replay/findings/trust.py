@@ -245,7 +245,7 @@ def reference_words(samples: pl.DataFrame, method: str) -> str:
     """Error of a method's position against the reference over its σ; "" without positions.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording, first run.
+        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
         method: whose.
     """
     rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == method)).slice(1)

@@ -59,7 +59,7 @@ class Recording:
 
     Attributes:
         case: as it was read.
-        prepared: streams, start and settings of its first run.
+        prepared: streams, start and settings.
         log: from the start on, as the kernel takes it; the beams that are outliers count as lost.
         instrument: settings of the DVL's own file.
         noise, constants, sway: what may be tuned, together each.
@@ -163,7 +163,7 @@ def read_recording(case: Case) -> Recording:
     """
     check_files(case)
     streams = read_streams(case)
-    prepared = rerun.prepare(case, streams, 0, rerun.noise_residuals(case))
+    prepared = rerun.prepare(case, streams)
     beams = prepared.streams.beams
     log = rerun.kernel_log(case, prepared, beams.valid[prepared.pings])
     instrument = read_instrument_file(case.dvl.geometry)
