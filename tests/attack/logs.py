@@ -173,7 +173,7 @@ def nucleus(numbers: Numbers) -> Log:
 
 
 def pd6(numbers: Numbers) -> Log:
-    """A logger's CSV of `:BI` sentences, for the instrument's own velocity."""
+    """A logger's CSV of `:BI` sentences, which is refused."""
     lines = [b"Timestamp(s),SensorID,RawLine,CmdOrNote\r\n"]
     for j in range(PINGS):
         v = ",".join(f"{numbers.whole(100, 9000):+6d}" for _ in range(4))

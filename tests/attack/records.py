@@ -32,7 +32,6 @@ TABLES = ("table-csv", "table-parquet")
 """The plain tables, read from a file."""
 NAMES = (*logs.BUILDERS, *TABLES)
 _FORMS = {form.name: form for form in BYTES}
-_NO_BEAMS = frozenset({"pd6"})
 
 
 @dataclass
@@ -111,7 +110,7 @@ def clean(name: str, seed: int) -> tuple[logs.Log, Recording | None, Owners]:
 
 def read(name: str, data: bytes) -> Recording:
     """Reads a file of a format from its bytes."""
-    return _FORMS[name].read(data, "attack", Options(instrument_only=name in _NO_BEAMS))
+    return _FORMS[name].read(data, "attack", Options())
 
 
 def mixed(recording: Recording, whole: Recording, owners: Owners, *, checksum: bool = True) -> str | None:

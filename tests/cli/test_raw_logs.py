@@ -63,14 +63,6 @@ def test_a_log_without_one_valid_beam_is_no_success(tmp_path: Path, kept: int) -
     assert ("none of its 3 pings has a valid beam" in done.stderr) == (not kept)
 
 
-def test_a_table_of_velocities_without_a_valid_one_is_no_success(tmp_path: Path) -> None:
-    log, to = tmp_path / "log.csv", tmp_path / "beams.parquet"
-    log.write_bytes(seeds.PD6_LOGGED)
-    done = bottomlock("convert", log, "--to", to, "--instrument-only")
-    assert done.returncode == 1
-    assert "none of its 1 pings has a valid velocity" in done.stderr
-
-
 def test_convert_offers_both_clocks(tmp_path: Path) -> None:
     log, to = tmp_path / "log.txt", tmp_path / "beams.parquet"
     log.write_bytes(seeds.a50_report(0) + seeds.a50_report(1) * 9)

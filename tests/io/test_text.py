@@ -266,37 +266,12 @@ def test_two_linkquest_lines_in_one_are_no_ping() -> None:
     assert recording.table.rows == 1
 
 
-@pytest.mark.parametrize(
-    ("name", "rows"), [(b"DVL", 2), (b"dvl_1000", 2), (b"17624219VL", 1), (b"1762421.5(DVL", 1)]
-)
-def test_a_pd6_line_with_two_times_is_no_ping(name: bytes, rows: int) -> None:
-    """Where a time stands in the place of the instrument's name, the line is the rest of another."""
-    lines = seeds.PD6_LOGGED.splitlines()
-    other = lines[1].replace(b"1762421966.54,DVL", b"1762421967.54," + name)
-    options = Options(instrument_only=True)
-    recording = pd6.read(b"\n".join([*lines, other]), "log", options)
-    assert recording.table.rows == rows
-    assert ("merged line" in recording.account.skipped) == (rows == 1)
-
-
-def test_pd6_is_refused_with_advice() -> None:
-    """No beams in PD6: the message counts what is there and says what to change."""
-    with pytest.raises(
-        DataError, match=r"PD6 holds no beam velocities \(1 velocities :BI, 1 of them valid\); set the instr"
-    ):
-        pd6.read(seeds.PD6, "log")
-    recording = pd6.read(seeds.PD6_LOGGED, "log", Options(instrument_only=True))
-    np.testing.assert_allclose(recording.table.instrument_mps, [[-0.032, 0.022, np.nan]])
-    assert recording.table.instrument_valid.tolist() == [0]
-    assert recording.table.time_ns.tolist() == [1_762_421_966_540_000_000]
-
-
-def test_pd4_is_refused_with_advice() -> None:
-    """Binary records without beams are counted too."""
-    with pytest.raises(
-        DataError, match=r"hold no beam velocities \(2 PD4 or PD5 records\); set the instrument to PD0"
-    ):
-        pd6.read_binary(seeds.pd4() + b"\x7d" + seeds.pd4(), "log")
+def test_records_without_beams_are_refused_with_what_to_set() -> None:
+    for read, log in ((pd6.read, seeds.PD6), (pd6.read, seeds.PD6_LOGGED), (pd6.read_binary, seeds.pd4())):
+        with pytest.raises(DataError, match="no beam velocities; set the instrument to PD0"):
+            read(log, "log")
+    assert pd6.sniff_binary(seeds.pd4())
+    assert not pd6.sniff_binary(seeds.pd4()[:-1] + b"\x00")
 
 
 def test_json_transducer_given_twice() -> None:

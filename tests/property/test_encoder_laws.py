@@ -13,8 +13,8 @@ from bottomlock import BeamGeometry
 from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import FORMATS, Encoder, Format, encoder
 from bottomlock.errors import DataError
-from bottomlock.io import formats, pd6
-from bottomlock.io.beam_table import Account, Recording
+from bottomlock.io import formats
+from bottomlock.io.beam_table import Recording
 from bottomlock.io.rows import Options
 from tests.oracle.rotations import Array
 from tests.property import strategies as sea
@@ -121,18 +121,21 @@ def test_pings_read_back(one: Format, data: st.DataObject) -> None:
 
 @given(data=st.data())
 def test_pd6_reads_back_without_beams(data: st.DataObject) -> None:
-    """The instrument's own velocity to 1 mm/s, starboard, forward, up; the reader rejects it for beams."""
+    """The instrument's own velocity to 1 mm/s, starboard, forward, up, by the guide; the reader refuses it."""
     (one,) = (found for found in FORMATS if found.name == "pd6")
     sent = data.draw(pings(4, fastest=15.0))
     encode = instrument(one).encode
-    found = pd6.velocities(b"".join(encode(ping) for ping in sent), Account(unit="line"))
-    assert found.valid.tolist() == [ping.velocity_p_mps is not None for ping in sent]
-    for velocity, ping in zip(found.velocity_mps, sent, strict=True):
+    text = b"".join(encode(ping) for ping in sent)
+    found = [
+        line[4:].decode().replace(" ", "").split(",") for line in text.splitlines() if line[:4] == b":BI,"
+    ]
+    assert [flag == "A" for *_, flag in found] == [ping.velocity_p_mps is not None for ping in sent]
+    for values, ping in zip(found, sent, strict=True):
         if ping.velocity_p_mps is not None:
             x, y, z = ping.velocity_p_mps
-            near(velocity, np.array([y, x, -z]), 1e-3, 0.0)
+            near(1e-3 * np.array(values[:3], dtype=float), np.array([y, x, -z]), 1e-3, 0.0)
     with pytest.raises(DataError, match="PD6 holds no beam velocities"):
-        read(one, b"".join(encode(ping) for ping in sent))
+        read(one, text)
 
 
 def plain(beams: int, **changed: Any) -> Ping:  # noqa: ANN401 - any field

@@ -75,10 +75,10 @@ BYTES = (
     _format(cerulean, "Cerulean Tracker 650 $DVKFC"),
     _format(waterlinked_json, "Water Linked TCP, JSON v1 to v3"),
     _format(waterlinked_serial, "Water Linked serial, wrz, wru"),
-    _format(pd6, "Teledyne PD6 text (no beams: rejected with advice)"),
+    _format(pd6, "Teledyne PD6 text (no beams: refused)"),
     Format(
         pd6.NAME_BINARY,
-        "Teledyne PD3, PD4, PD5 (no beams: rejected)",
+        "Teledyne PD3, PD4, PD5 (no beams: refused)",
         pd6.sniff_binary,
         pd6.read_binary,
     ),
