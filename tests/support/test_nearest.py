@@ -66,7 +66,6 @@ def _navigator(method: Any) -> object:  # noqa: ANN401 - a wrong one
         (lambda: format_named("nucleos"), "nucleus"),
         (lambda: bottomlock.read_recording("x", format="pd-0"), "pd0"),
         (lambda: aided_by(bottomlock.load_scenario("straight"), ("dept",)), "depth"),
-        (lambda: bottomlock.truth_from_path("x.csv", rate_hz=10.0, gravity_mps2=9.8, smoth_s=1.0), "smooth_s"),
     ],
 )  # fmt: skip
 def test_every_kind_of_name(call: Callable[[], object], proposed: str) -> None:

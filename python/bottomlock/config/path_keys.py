@@ -10,7 +10,7 @@ _KEYS = {
         "heading_deg", "yaw_rate_deg_per_s", "dive_angle_deg", "dive_s", "leg_s", "turn_s", "sway_gain_m",
     ),
     "vehicle": ("vehicle", "feedback", "pilot"),
-    "file": ("file", "columns", "smooth_s", "turn_radius_m", "max_gap_s", "limits"),
+    "file": ("file", "columns", "max_gap_s", "limits"),
 }  # fmt: skip
 
 _Above = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -31,14 +31,11 @@ class PathLimits(BaseModel):
 class PathKeys(BaseModel):
     """A path of one's own (docs/own_trajectory.md).
 
-    `file` is CSV, Parquet, KML or GeoJSON; `columns` gives the file's names of columns; `smooth_s` fits noisy rows on
-    knots so far apart; `turn_radius_m` makes the rows waypoints.
+    `file` is CSV or Parquet, samples of a smooth motion; `columns` gives the file's names of columns.
     """
 
     file: str | None = None
     columns: dict[str, str] = Field(default_factory=dict)
-    smooth_s: _Above | None = None
-    turn_radius_m: _Above | None = None
     max_gap_s: _Above | None = None
     limits: PathLimits = PathLimits()
 

@@ -1,4 +1,4 @@
-"""A user's own trajectory as rows: times, positions, attitude, from CSV, Parquet, KML or GeoJSON.
+"""A user's own trajectory as rows: times, positions, attitude, from CSV or Parquet.
 
 Columns carry their unit in the name. Time: `time_ns`, `time_us`, `time_ms`, `time_s`, or `time` as ISO 8601. Position:
 `north_m` and `east_m`, or `latitude_deg` and `longitude_deg` (or `_rad`); `depth_m` or `down_m`, positive down.
@@ -18,13 +18,12 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows
-from bottomlock.io.track_points import Points, read_geojson, read_kml
 from bottomlock.support.later import pl
 from bottomlock.support.nearest import did_you_mean
 
 Floats = NDArray[np.float64]
 
-SUFFIXES = (".csv", ".parquet", ".pq", ".kml", ".geojson", ".json")
+SUFFIXES = (".csv", ".parquet", ".pq")
 COLUMNS = (
     "time_ns", "time_us", "time_ms", "time_s", "time",
     "north_m", "east_m", "latitude_deg", "longitude_deg", "latitude_rad", "longitude_rad",
@@ -44,7 +43,7 @@ class Track:
 
     Attributes:
         place: the file, for messages.
-        time_s: (n,) seconds since the first row; None for a track without times.
+        time_s: (n,) seconds since the first row.
         position_t_m: (n, 3) north, east, down.
         has_depth: whether the file has depths; without them the third column is zero.
         latitude_rad: of the first row, the origin of north and east; None for a file in metres.
@@ -54,7 +53,7 @@ class Track:
     """
 
     place: str
-    time_s: Floats | None
+    time_s: Floats
     position_t_m: Floats
     has_depth: bool
     latitude_rad: float | None
@@ -67,7 +66,7 @@ def read_track(path: Path, columns: Mapping[str, str] | None = None) -> Track:
     """A trajectory file.
 
     Args:
-        path: CSV, Parquet, KML or GeoJSON.
+        path: CSV or Parquet.
         columns: for a table with other names: by one of `COLUMNS`, the name that the file has.
 
     Raises:
@@ -76,14 +75,9 @@ def read_track(path: Path, columns: Mapping[str, str] | None = None) -> Track:
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        hint = "; unpack the .kml that is inside" if suffix == ".kmz" else ""
         raise DataError(
-            f"{path}: '{path.suffix}' is no trajectory, expected one of {', '.join(SUFFIXES)}{hint}"
+            f"{path}: '{path.suffix}' is no trajectory, expected a table with times, one of {', '.join(SUFFIXES)}"
         )
-    if suffix == ".kml":
-        return _of_points(read_kml(path), str(path))
-    if suffix in {".geojson", ".json"}:
-        return _of_points(read_geojson(path), str(path))
     return _of_table(_named(read_rows(path), columns or {}, str(path)), str(path))
 
 
@@ -146,7 +140,7 @@ def _position(table: pl.DataFrame, place: str) -> tuple[Floats, tuple[float | No
     )
 
 
-def _check_geodetic(latitude: Floats, longitude: Floats, unit: str, place: str, word: str = "row") -> None:
+def _check_geodetic(latitude: Floats, longitude: Floats, unit: str, place: str) -> None:
     """Rejects what is no latitude or longitude, and where north and east are not defined.
 
     Raises:
@@ -164,12 +158,12 @@ def _check_geodetic(latitude: Floats, longitude: Floats, unit: str, place: str, 
                 else "are latitude and longitude exchanged, or is it a projected coordinate in metres?"
             )  # fmt: skip
             raise DataError(
-                f"{place}: {word} {bad[0]}: {name} {shown:g} {unit}, expected at most {np.rad2deg(bound):g} deg; "
+                f"{place}: row {bad[0]}: {name} {shown:g} {unit}, expected at most {np.rad2deg(bound):g} deg; "
                 f"{likely}"
             )
 
 
-def _flat(latitude: Floats, longitude: Floats, place: str, word: str = "row") -> Floats:
+def _flat(latitude: Floats, longitude: Floats, place: str) -> Floats:
     """(n, 3) north, east, zero: arcs of the WGS 84 ellipsoid at the first row. Depth stays depth, and level is level.
 
     Raises:
@@ -184,14 +178,18 @@ def _flat(latitude: Floats, longitude: Floats, place: str, word: str = "row") ->
     if far.size:
         distance_km = np.hypot(north, east)[far[0]] / 1000.0
         raise DataError(
-            f"{place}: {word} {far[0]} is {distance_km:.0f} km from the first one, expected at most "
+            f"{place}: row {far[0]} is {distance_km:.0f} km from the first one, expected at most "
             f"{FARTHEST_M / 1000:g} km; is a row at latitude 0, longitude 0 a position that was missing?"
         )
     return np.stack([north, east, np.zeros_like(north)], axis=1)
 
 
-def _time_s(table: pl.DataFrame, place: str) -> tuple[Floats | None, list[str]]:
-    """(n,) seconds since the first row, None without a column of times; and the column."""
+def _time_s(table: pl.DataFrame, place: str) -> tuple[Floats, list[str]]:
+    """(n,) seconds since the first row; and the column.
+
+    Raises:
+        DataError: without a column of times.
+    """
     for unit, scale in NS_OF.items():
         name = f"time_{unit}"
         if name not in table.columns:
@@ -202,17 +200,20 @@ def _time_s(table: pl.DataFrame, place: str) -> tuple[Floats | None, list[str]]:
         values = _full(table, name, place)
         return (values - values[0]) * (scale * 1e-9), [name]
     if "time" not in table.columns:
-        return None, []
-    return iso_seconds(table["time"].cast(pl.String).to_list(), place, "row"), ["time"]
+        raise DataError(
+            f"{place}: has no times, expected a column time_s (there are {column_names(table)}); "
+            'waypoints are flown with trajectory.kind = "waypoints"'
+        )
+    return iso_seconds(table["time"].cast(pl.String).to_list(), place), ["time"]
 
 
-def iso_seconds(texts: list[str | None], place: str, word: str) -> Floats:
+def iso_seconds(texts: list[str | None], place: str) -> Floats:
     """(n,) seconds since the first of ISO 8601 times; without a zone they are UTC.
 
     Raises:
         DataError: naming the row.
 
-    >>> iso_seconds(["2026-05-01T10:00:00Z", "2026-05-01 10:00:01.5"], "here", "row").tolist()
+    >>> iso_seconds(["2026-05-01T10:00:00Z", "2026-05-01 10:00:01.5"], "here").tolist()
     [0.0, 1.5]
     """
     series = pl.Series(texts, dtype=pl.String).str.strip_chars().str.replace(" ", "T")
@@ -226,7 +227,7 @@ def iso_seconds(texts: list[str | None], place: str, word: str) -> Floats:
     bad = parsed.is_null().arg_true()
     if len(bad):
         raise DataError(
-            f"{place}: {word} {bad[0]}: time '{texts[int(bad[0])]}' is no ISO 8601 time such as 2026-05-01T10:00:00Z; "
+            f"{place}: row {bad[0]}: time '{texts[int(bad[0])]}' is no ISO 8601 time such as 2026-05-01T10:00:00Z; "
             "call a column of numbers time_s, time_ms, time_us or time_ns"
         )
     stamps = parsed.dt.timestamp("ns").to_numpy()
@@ -276,23 +277,3 @@ def _check_tilts(found: Mapping[str, Floats], used: list[str], place: str) -> No
                 f"at most {np.rad2deg(bound):g} deg"
                 + (f"; if these are degrees, call the column {angle}_deg" if name.endswith("_rad") else "")
             )
-
-
-def _of_points(points: Points, place: str) -> Track:
-    """A track of a KML or GeoJSON file; heights are above the sea, so a depth is a negative height."""
-    latitude, longitude = np.deg2rad(points.latitude_deg), np.deg2rad(points.longitude_deg)
-    _check_geodetic(latitude, longitude, "deg", place, "point")
-    position = _flat(latitude, longitude, place, "point")
-    has_depth = points.height_m is not None
-    if points.height_m is not None:
-        position[:, 2] = -points.height_m
-    time_s = None if points.times is None else iso_seconds(list(points.times), place, "point")
-    return Track(
-        place=place, time_s=time_s, position_t_m=position, has_depth=has_depth,
-        latitude_rad=float(latitude[0]), longitude_rad=float(longitude[0]), angles_rad={},
-        columns=tuple(
-            name for name, there in (
-                ("time", time_s is not None), ("longitude", True), ("latitude", True), ("height", has_depth),
-            ) if there
-        ),
-    )  # fmt: skip

@@ -9,7 +9,6 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.track import read_track
 from bottomlock.truth.path import Path
 from bottomlock.truth.path_check import Limits
-from bottomlock.truth.path_spline import PathOptions
 
 _LATITUDE_TOLERANCE_DEG = 0.1
 """Of a latitude that the scenario states as well: gravity and Earth rate differ by some 1e-5 and 1e-3 of themselves."""
@@ -19,21 +18,22 @@ def own_path(scenario: Scenario) -> Path:
     """The path of a scenario with `trajectory.file`.
 
     Raises:
-        ScenarioError: for a file that cannot be read or is no path; names scenario, file, row and likely mistake.
+        ScenarioError: for a file that cannot be read or is no path, naming scenario, file, row and likely mistake; and
+            for a speed beside it.
     """
     settings = scenario.trajectory
     assert settings.file is not None
-    given = settings.model_fields_set
-    options = PathOptions(
-        speed_mps=settings.speed_mps if "speed_mps" in given else None,
-        smooth_s=settings.smooth_s,
-        turn_radius_m=settings.turn_radius_m,
-        max_gap_s=settings.max_gap_s,
-        limits=Limits(**settings.limits.model_dump()),
-    )
+    if "speed_mps" in settings.model_fields_set:
+        raise ScenarioError(
+            f"scenario {scenario.name}: trajectory.speed_mps is given, but the times of {settings.file} state the "
+            "speed; leave it out"
+        )
     try:
         return Path(
-            read_track(File(settings.file), settings.columns), options, depth_m=scenario.environment.depth_m
+            read_track(File(settings.file), settings.columns),
+            Limits(**settings.limits.model_dump()),
+            max_gap_s=settings.max_gap_s,
+            depth_m=scenario.environment.depth_m,
         )
     except DataError as error:
         raise ScenarioError(f"scenario {scenario.name}: trajectory.file: {error}") from error

@@ -1,29 +1,21 @@
 """The truth along a user's own path: splines through its rows, with exact derivatives.
 
-Position is a spline of degree 5 in time, so acceleration and jerk are continuous; so are roll, pitch and yaw where the
-file has them. Otherwise heading is the direction of the track, pitch its slope, and roll is zero. Specific force and
-angular rate follow from the splines' own derivatives (`truth.analytic`). There are three ways through the rows:
-
-- as samples of a smooth motion, through every row;
-- with `smooth_s`, as noisy samples: least squares on knots so far apart;
-- with `turn_radius_m`, or without times, as waypoints: straight legs whose corners are rounded by a B-spline.
+Position is a spline of degree 5 in time through every row, so acceleration and jerk are continuous; so are roll, pitch
+and yaw where the file has them. Otherwise heading is the direction of the track, pitch its slope, and roll is zero.
+Specific force and angular rate follow from the splines' own derivatives (`truth.analytic`).
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.interpolate import BSpline, make_interp_spline
 
 from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import DataError
 from bottomlock.io.track import Track, read_track
-from bottomlock.support.nearest import did_you_mean
 from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings, rate_tp, rotation_t_p
-from bottomlock.truth.path_check import Peak, check_angles, check_rows, check_smooth, row_at
-from bottomlock.truth.path_spline import PathOptions, check_options, row_times, spline_through
+from bottomlock.truth.path_check import DEGREE, Limits, Peak, check_angles, check_rows, check_smooth, row_at
 from bottomlock.truth.path_summary import PathSummary
 from bottomlock.truth.truth import Array, Truth, sample_times_ns
 
@@ -40,40 +32,41 @@ class Path:
         >>> t = np.arange(0.0, 10.0, 0.5)
         >>> rows = np.stack([2.0 * t, np.zeros_like(t), np.full_like(t, 5.0)], axis=1)
         >>> track = Track("line", t, rows, True, None, None, {}, ())
-        >>> path = Path(track, PathOptions())
+        >>> path = Path(track)
         >>> path.attitudes(np.array([3.0])).velocity_p_mps.round(9).tolist()
         [[2.0, 0.0, 0.0]]
     """
 
-    def __init__(self, track: Track, options: PathOptions, *, depth_m: float = 0.0) -> None:
-        """Checks the rows and lays the splines; `depth_m` is the depth of a file without one.
+    def __init__(
+        self,
+        track: Track,
+        limits: Limits | None = None,
+        *,
+        max_gap_s: float | None = None,
+        depth_m: float = 0.0,
+    ) -> None:
+        """Checks the rows and lays the splines.
+
+        Args:
+            track: the rows, samples of a smooth motion.
+            limits: what is plausible; those of an underwater vehicle by default.
+            max_gap_s: longest time between two rows; None for ten times the median, and a second at least.
+            depth_m: of a file without depths.
 
         Raises:
-            DataError: for rows that are no path, each with row and likely mistake; for options that do not fit them.
+            DataError: for rows that are no path, each with row and likely mistake.
         """
         self.track = track
-        check_options(track, options)
-        self.waypoints = options.waypoints(track)
-        self.way = options.words(track)
-        self.limits = options.limits
-        self.time_s = row_times(track, options)
-        self._rows = track.position_t_m.copy()
+        self.limits = limits or Limits()
+        self.time_s = track.time_s
+        rows = track.position_t_m.copy()
         if not track.has_depth:
-            self._rows[:, 2] = depth_m
-        check_rows(
-            track,
-            self.time_s,
-            options.limits,
-            max_gap_s=None if self.waypoints else options.gap_s(self.time_s),
-        )
+            rows[:, 2] = depth_m
+        check_rows(track, self.limits, max_gap_s=max_gap_s)
         check_angles(track, self.time_s)
-        self._position = spline_through(
-            track.place, self.time_s, self._rows, options, waypoints=self.waypoints
-        )
-        self._angles = {
-            name: spline_through(
-                track.place, self.time_s, np.unwrap(values)[:, None], options, waypoints=False
-            )
+        self._position: BSpline = make_interp_spline(self.time_s, rows, k=DEGREE)
+        self._angles: dict[str, BSpline] = {
+            name: make_interp_spline(self.time_s, np.unwrap(values)[:, None], k=DEGREE)
             for name, values in track.angles_rad.items()
         }
 
@@ -135,15 +128,6 @@ class Path:
         omega = rate_tp(roll, pitch, roll_rate, pitch_rate, yaw_rate)
         accel_p = to_platform.apply(accel) - np.cross(omega, velocity_p)
         return Attitudes(roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate, velocity_p, accel_p)
-
-    def off_rows_m(self) -> tuple[float, float]:
-        """RMS and greatest distance of the rows from the path: of a fit at their times, of waypoints from the track."""
-        if self.waypoints:
-            dense = self.position_t_m(np.linspace(0.0, self.duration_s, 20 * len(self.time_s) + 2000))
-            distance = np.asarray(cKDTree(dense).query(self._rows)[0])
-        else:
-            distance = np.linalg.norm(self.position_t_m(self.time_s) - self._rows, axis=1)
-        return float(np.sqrt(np.mean(distance**2))), float(distance.max())
 
     def _at(self, time_s: float) -> str:
         return f"{self.track.place}: row {row_at(self.time_s, time_s)}, {time_s:.2f} s"
@@ -221,29 +205,25 @@ def truth_from_path(
     depth_m: float = 0.0,
     columns: Mapping[str, str] | None = None,
     earth_rate_radps: float = EARTH_RATE_RADPS,
-    **way: Any,  # noqa: ANN401 - the fields of PathOptions have their types
+    max_gap_s: float | None = None,
+    limits: Limits | None = None,
 ) -> Truth:
     """The truth along a path from a file, as `[trajectory] file` flies it (docs/own_trajectory.md).
 
     Args:
-        file: CSV, Parquet, KML or GeoJSON (`io.track`).
+        file: CSV or Parquet (`io.track`).
         rate_hz: rate of the samples.
         gravity_mps2: local gravity.
         latitude_rad: where the file has none; otherwise the file's.
         depth_m: of a file without depths.
         columns: the file's names of columns.
         earth_rate_radps: 0 for an Earth that stands still.
-        way: `speed_mps`, `smooth_s`, `turn_radius_m`, `max_gap_s`, `limits` (`truth.path_spline.PathOptions`).
+        max_gap_s, limits: as of `Path`.
 
     Raises:
-        DataError: for rows that are no path, a motion that is not plausible, an unknown key, and a latitude that
-            neither file nor caller gives.
+        DataError: for rows that are no path, a motion that is not plausible, and a latitude that is nowhere.
     """
-    known = [field.name for field in fields(PathOptions)]
-    unknown = set(way) - set(known)
-    if unknown:
-        raise DataError(f"truth_from_path has no key '{min(unknown)}'{did_you_mean(min(unknown), known)}")
-    path = Path(read_track(FilePath(file), columns), PathOptions(**way), depth_m=depth_m)
+    path = Path(read_track(FilePath(file), columns), limits, max_gap_s=max_gap_s, depth_m=depth_m)
     latitude = path.track.latitude_rad if latitude_rad is None else latitude_rad
     if latitude is None:
         raise DataError(f"{file}: has no latitude, expected latitude_rad, for the rate of the Earth")
@@ -272,7 +252,6 @@ def summarised(path: Path, time_s: Array, state: Attitudes) -> PathSummary:
     for name, values in measured.items():
         at = int(np.argmax(values))
         peaks[name] = Peak(float(values[at]), float(time_s[at]), row_at(path.time_s, float(time_s[at])))
-    rms_m, greatest_m = path.off_rows_m()
     return PathSummary(
         place=path.track.place,
         columns=path.track.columns,
@@ -282,7 +261,5 @@ def summarised(path: Path, time_s: Array, state: Attitudes) -> PathSummary:
         speed_mps=(float(speed.min()), float(speed.mean()), float(speed.max())),
         depth_m=(float(depth.min()), float(depth.max())),
         attitude=path.attitude_words,
-        way=path.way,
-        off_rows_m=(rms_m, greatest_m),
         peaks=peaks,
     )

@@ -39,6 +39,9 @@ def row_at(time_s: Array, at_s: float) -> int:
     return int(np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, len(time_s) - 1))
 
 
+WAYPOINTS = 'waypoints are flown with trajectory.kind = "waypoints"'
+"""What a file of waypoints is refused with."""
+
 _UNITS = (
     (1e-3, "is the time in ms (time_ms)? are positions in mm?"),
     (1e-6, "is the time in us (time_us)?"),
@@ -48,12 +51,27 @@ _UNITS = (
 """By what the speed would be multiplied if a unit were another one, and which."""
 
 
-def check_rows(track: Track, time_s: Array, limits: Limits, *, max_gap_s: float | None) -> None:
-    """Checks the mean speed, the steps from row to row and the gaps between them.
+DEGREE = 5
+"""Of the splines through the rows."""
+_GAP = 10.0
+"""Times the median interval between rows: a longer one is a gap."""
+
+
+def check_rows(track: Track, limits: Limits, *, max_gap_s: float | None) -> None:
+    """Checks number, order, mean speed, the steps from row to row and the gaps between them.
+
+    Args:
+        track: the rows.
+        limits: what is plausible.
+        max_gap_s: longest time between two rows; None for ten times the median, and a second at least.
 
     Raises:
         DataError: naming the row and the likely mistake.
     """
+    time_s = track.time_s
+    if len(time_s) <= DEGREE:
+        raise DataError(f"{track.place}: {len(time_s)} rows, expected at least {DEGREE + 1}; {WAYPOINTS}")
+    _check_rising(time_s, track.place)
     steps_m, steps_s = np.linalg.norm(np.diff(track.position_t_m, axis=0), axis=1), np.diff(time_s)
     _check_units(track, steps_m, steps_s, limits)
     speed = steps_m / steps_s
@@ -65,13 +83,28 @@ def check_rows(track: Track, time_s: Array, limits: Limits, *, max_gap_s: float 
             f"({speed[row - 1]:.3g} m/s), expected at most {limits.speed_mps:g} m/s: a jump in the file; take the row "
             "out, or cut the file there (trajectory.limits.speed_mps)"
         )
-    gaps = np.flatnonzero(steps_s > (np.inf if max_gap_s is None else max_gap_s))
+    longest_s = max_gap_s or max(1.0, _GAP * float(np.median(steps_s)))
+    gaps = np.flatnonzero(steps_s > longest_s)
     if gaps.size:
         row = int(gaps[0]) + 1
         raise DataError(
             f"{track.place}: row {row} is {steps_s[row - 1]:.3g} s after row {row - 1}, expected at most "
-            f"{max_gap_s:.3g} s: a gap; cut the file there, set trajectory.max_gap_s, or trajectory.turn_radius_m if "
-            "the rows are waypoints"
+            f"{longest_s:.3g} s: a gap; cut the file there, or set trajectory.max_gap_s; {WAYPOINTS}"
+        )
+
+
+def _check_rising(time_s: Array, place: str) -> None:
+    bad = np.flatnonzero(np.diff(time_s) <= 0.0)
+    if bad.size:
+        row = int(bad[0]) + 1
+        step = float(time_s[row] - time_s[row - 1])
+        likely = (
+            "the row is there twice, or the times are rounded"
+            if step == 0.0
+            else "rows out of order, or two files joined"
+        )
+        raise DataError(
+            f"{place}: row {row}: time is {step:g} s after that of row {row - 1}, expected it to rise; {likely}"
         )
 
 
@@ -155,6 +188,6 @@ def check_smooth(place: str, peaks: Mapping[str, Peak], limits: Limits) -> None:
         if peak.value * scale > bound:
             raise DataError(
                 f"{place}: row {peak.row}, {peak.time_s:.2f} s: {name} {peak.value * scale:.3g} {unit}, expected "
-                f"at most {bound:g}: a jump in the file, noise of a log (set trajectory.smooth_s), or rows that are "
-                f"waypoints (set trajectory.turn_radius_m); trajectory.limits.{key} allows more"
+                f"at most {bound:g}: a jump in the file, or noise of a log, expected samples of a smooth motion; "
+                f"{WAYPOINTS}; trajectory.limits.{key} allows more"
             )

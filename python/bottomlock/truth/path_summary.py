@@ -23,8 +23,6 @@ class PathSummary:
         speed_mps: least, mean, greatest.
         depth_m: least and greatest.
         attitude: where it comes from.
-        way: how the path goes through the rows.
-        off_rows_m: RMS and greatest distance of the rows from it.
         peaks: greatest "speed" (m/s), "acceleration" (m/s²), "jerk" (m/s³) and "turn rate" (rad/s).
     """
 
@@ -36,8 +34,6 @@ class PathSummary:
     speed_mps: tuple[float, float, float]
     depth_m: tuple[float, float]
     attitude: str
-    way: str
-    off_rows_m: tuple[float, float]
     peaks: Mapping[str, Peak]
 
     def lines(self) -> list[str]:
@@ -48,14 +44,12 @@ class PathSummary:
             peak = self.peaks[name]
             return f"{name} {peak.value * scale:.3g} {unit} (row {peak.row}, {peak.time_s:.1f} s)"
 
-        rms_m, greatest_m = self.off_rows_m
         extent = (
             f"{self.duration_s:.1f} s, {self.length_m:.1f} m, {low:.2f} to {high:.2f} m/s (mean {mean:.2f})"
         )
         return [
             f"{self.place}: {self.rows} rows of {', '.join(self.columns)}",
             f"{extent}, depth {self.depth_m[0]:.1f} to {self.depth_m[1]:.1f} m",
-            f"{self.way}; rows {rms_m:.2g} m RMS from the path, at most {greatest_m:.2g} m",
             f"attitude: {self.attitude}",
             f"greatest {at('acceleration', 'm/s²')}, {at('jerk', 'm/s³')}, {at('turn rate', 'deg/s', _DEG)}",
         ]
