@@ -16,11 +16,11 @@ TITLES: dict[Kind, str] = {
     "live": "Live configuration",
 }
 COMMANDS: dict[Kind, str] = {
-    "scenario": "`bottomlock run FILE`; packaged ones are copied by `bottomlock scenarios --copy NAME`",
+    "scenario": "`bottomlock run FILE`; packaged ones are copied by `bottomlock list scenarios --copy NAME`",
     "case": "`bottomlock replay FILE`; written from logs by `bottomlock replay --init LOG...`; see "
     "[replay](../replay.md)",
     "geometry": "`geometry` of a case or a live configuration, `--geometry` of audit, fix and score; the packaged ones "
-    "are listed by `bottomlock geometries`. `[columns]` is a column map",
+    "are listed by `bottomlock list geometries`. `[columns]` is a column map",
     "vehicle": "`trajectory.vehicle` of a scenario, `bottomlock fly --vehicle FILE`; see [the vehicle](../plant.md)",
     "hovering_vehicle": "the same keys; a file with `[thrusters]` is one of these",
     "columns": "`bottomlock convert --columns FILE`, and `[columns]` of a geometry; written by `bottomlock convert "

@@ -160,7 +160,7 @@ def sending(folder: Path) -> Iterator[str]:
     places = {"dvl": free_port(), "page": free_port(), "free": free_port()}
     configuration = folder / "ports.toml"
     configuration.write_text(PORTS.format(**places), encoding="utf-8")
-    run(folder, "scenarios", "--copy", "straight", "--out", "two_beams.toml")
+    run(folder, "list", "scenarios", "--copy", "straight", "--out", "two_beams.toml")
     scenario = (folder / "two_beams.toml").read_text(encoding="utf-8")
     lost = "[[dvl.outages]]\nbeams = [3, 4]\nfrom_s = 5.0\nto_s = 250.0\n"
     (folder / "two_beams.toml").write_text(

@@ -105,13 +105,29 @@ def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
 
 def test_scenarios_lists_and_copies(tmp_path: Path) -> None:
     """A copied scenario runs as it is."""
-    listed = command("scenarios")
+    listed = command("list", "scenarios")
     assert all(name in listed.stdout for name in ("straight", "figure_eight", "lawn_mower"))
-    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
+    assert command("list", "scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     assert (tmp_path / "straight.toml").is_file()
-    again = command("scenarios", "--copy", "straight", cwd=tmp_path)
+    again = command("list", "scenarios", "--copy", "straight", cwd=tmp_path)
     assert again.returncode == 2
     assert "is there already; choose another name, or use --force" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("kind", "known"),
+    [
+        ("scenarios", "slope"), ("vehicles", "tauv"), ("geometries", "waterlinked_a50"), ("grades", "imu/mti"),
+        ("methods", "dead_reckoning"), ("formats", "pd0"),
+    ],
+)  # fmt: skip
+def test_what_ships_is_listed(tmp_path: Path, kind: str, known: str) -> None:
+    """By name, for a reader and as JSON; of these, files can be copied."""
+    assert known in json.loads(command("list", kind, "--json").stdout)
+    assert known.rpartition("/")[2] in command("list", kind).stdout
+    copied = command("list", kind, "--copy", known, cwd=tmp_path)
+    assert (copied.returncode == 0) == (kind in {"scenarios", "vehicles", "geometries"}), copied.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ([] if copied.returncode else [f"{known}.toml"])
 
 
 def test_fix_turns_pings_into_velocities(tmp_path: Path) -> None:
@@ -138,7 +154,7 @@ def test_fix_turns_pings_into_velocities(tmp_path: Path) -> None:
 
 def test_fly_swims_a_scenario(tmp_path: Path) -> None:
     """Truth, telemetry and a figure; and the campaign uses the vehicle if the scenario says so."""
-    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
+    assert command("list", "scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     path = tmp_path / "straight.toml"
     text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0")
     path.write_text(text, encoding="utf-8")
@@ -170,7 +186,7 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
             ["run", "straight", "--out", "o", "--engine", "dask", "--scheduler", "a"],
             "such as tcp://host:8786",
         ),
-        (["scenarios", "--copy", "bent"], "no packaged scenario"),
+        (["list", "scenarios", "--copy", "bent"], "not among the packaged scenarios"),
         (
             ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.parquet"],
             "no such file",
@@ -323,7 +339,7 @@ def test_observe_tells_masks_directions_and_manoeuvres(
 ) -> None:
     """The scenario's own mask is marked, what it hides is named, and tables and a figure are on disk."""
     monkeypatch.setenv("COLUMNS", "80")
-    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
+    assert command("list", "scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     path = tmp_path / "straight.toml"
     text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 40.0")
     path.write_text(text, encoding="utf-8")

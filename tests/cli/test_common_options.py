@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -23,7 +22,7 @@ SHORT = ("run", "straight", "-n", "2", "-s", "3", "-j", "1", "-m", "ins,tc")
 @pytest.fixture
 def short(tmp_path: Path) -> tuple[str, ...]:
     """A campaign of a second, by short options."""
-    text = command("scenarios", "--copy", "straight", "--to", tmp_path / "s.toml")
+    text = command("list", "scenarios", "--copy", "straight", "--to", tmp_path / "s.toml")
     assert text.returncode == 0
     own = tmp_path / "s.toml"
     own.write_text(own.read_text().replace("duration_s = 250.0", "duration_s = 10.0"))
@@ -101,7 +100,7 @@ def test_quiet_prints_errors_alone(short: tuple[str, ...], tmp_path: Path) -> No
     failed = command("run", "nowhere.toml", "--quiet", "-o", tmp_path / "p")
     assert failed.returncode == 2
     assert "nowhere.toml" in failed.stderr
-    assert command("scenarios").stdout
+    assert command("list", "scenarios").stdout
 
 
 def test_no_progress_leaves_the_tables(short: tuple[str, ...], tmp_path: Path) -> None:
@@ -113,7 +112,7 @@ def test_no_progress_leaves_the_tables(short: tuple[str, ...], tmp_path: Path) -
 
 
 def test_verbose_says_the_time_and_where_an_error_is_from(tmp_path: Path) -> None:
-    assert re.search(r"[\d.]+ s, \d+ MB at most", command("scenarios", "-v").stderr)
+    assert re.search(r"[\d.]+ s, \d+ MB at most", command("list", "scenarios", "-v").stderr)
     failed = command("run", "nowhere.toml", "-v", "-o", tmp_path / "p")
     assert failed.returncode == 2
     assert "Traceback" in failed.stderr
@@ -128,27 +127,7 @@ def test_json_is_what_the_tables_have(short: tuple[str, ...], tmp_path: Path) ->
         ("straight", "ins"),
         ("straight", "tc"),
     ]
-    assert "straight" in json.loads(command("scenarios", "--json").stdout)
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_knows_the_commands(shell: str) -> None:
-    script = command("completion", shell).stdout
-    assert all(name in script for name in COMMANDS)
-
-
-def test_completion_is_a_script_of_bash(tmp_path: Path) -> None:
-    script = tmp_path / "completion.bash"
-    script.write_text(command("completion", "bash").stdout)
-    lines = (
-        f"source {shlex.quote(str(script))}",
-        "COMP_WORDS=(bottomlock stu)",
-        "COMP_CWORD=1",
-        "_bottomlock",
-        'echo "${COMPREPLY[@]}"',
-    )
-    done = subprocess.run(["bash", "-c", "\n".join(lines)], capture_output=True, text=True, check=False)
-    assert done.stdout.split() == ["study"], done.stderr
+    assert "straight" in json.loads(command("list", "scenarios", "--json").stdout)
 
 
 def test_no_color_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:

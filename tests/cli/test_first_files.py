@@ -42,7 +42,7 @@ def test_a_column_map(root: Path, tmp_path: Path) -> None:
 
 
 def test_geometries() -> None:
-    done = command("geometries")
+    done = command("list", "geometries")
     assert done.returncode == 0, done.stderr
     assert "waterlinked_a50: Water Linked A50" in done.stdout
 

@@ -99,9 +99,9 @@ def test_a_file_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
     """A long line goes into a pipe as it is; COLUMNS asks for another width."""
     line = "  tilts 22.0, 22.0, 22.0, 22.0 deg; azimuths 0, 90, 180, -90 deg to starboard; noise 20 mm/s"
     monkeypatch.delenv("COLUMNS", raising=False)
-    assert line in process("geometries").stdout.splitlines()
+    assert line in process("list", "geometries").stdout.splitlines()
     monkeypatch.setenv("COLUMNS", "60")
-    assert line not in process("geometries").stdout.splitlines()
+    assert line not in process("list", "geometries").stdout.splitlines()
 
 
 def test_a_wide_table_goes_into_a_file_whole(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -174,7 +174,7 @@ AUDIT = ("--geometry", "x_janus_20", "--out", "o")
 )
 def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: tuple[str, ...]) -> None:
     """The same again is the same; another one, or one that was changed, needs --force; what is not of ours stays."""
-    assert command("scenarios", "--copy", "straight", "--to", "short.toml", cwd=here).returncode == 0
+    assert command("list", "scenarios", "--copy", "straight", "--to", "short.toml", cwd=here).returncode == 0
     text = (
         (here / "short.toml").read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0")
     )
@@ -296,7 +296,7 @@ def test_a_comparison_follows_its_campaigns(tmp_path: Path) -> None:
     done = command(*variants, "dvl.tilt_deg=30", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert pl.read_parquet(out / "compare.parquet")["campaign"].n_unique() == 3
-    assert command("scenarios", "--copy", "straight", "--to", "s.toml", cwd=tmp_path).returncode == 0
+    assert command("list", "scenarios", "--copy", "straight", "--to", "s.toml", cwd=tmp_path).returncode == 0
     text = (tmp_path / "s.toml").read_text(encoding="utf-8")
     assert "tilt_deg = 20.0" in text
     one = next(path for path in out.iterdir() if path.name.startswith("tilt_deg=20"))

@@ -9,7 +9,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock.config.scenario import Scenario, copy_scenario, load_scenario
+from bottomlock.config.scenario import Scenario, copy_packaged, load_scenario
 from bottomlock.io.beams import InstrumentFile, read_geometry
 from bottomlock.replay.case import Case
 from bottomlock.simulation.build import geometry_of
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 def dive(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The example of docs/replay.md, of half a minute."""
     folder = tmp_path_factory.mktemp("dive")
-    path = copy_scenario("survey", folder / "survey.toml")
+    path = copy_packaged("scenarios", "survey", folder / "survey.toml")
     text = re.sub(r"(?m)^duration_s = \S+", "duration_s = 30.0", path.read_text(encoding="utf-8"))
     path.write_text(text, encoding="utf-8")
     done = command("fly", path, "--sensors", "0", "--out", folder / "out")

@@ -89,7 +89,7 @@ def test_a_scenario_changes_its_grade() -> None:
 def test_an_unknown_grade_names_those_known() -> None:
     with pytest.raises(
         ScenarioError,
-        match=r"'mtx', did you mean 'mti'\? expected one of phone, autopilot, mti.*bottomlock grades",
+        match=r"'mtx', did you mean 'mti'\? expected one of phone, autopilot, mti.*bottomlock list grades",
     ):
         load_scenario("straight").replace({"imu.grade": "mtx"})
     with pytest.raises(ScenarioError, match="expected one of"):

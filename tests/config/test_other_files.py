@@ -10,7 +10,7 @@ import pytest
 
 import bottomlock
 from bottomlock.config import toml_file
-from bottomlock.config.scenario import copy_scenario, packaged_scenarios
+from bottomlock.config.scenario import copy_packaged, packaged_scenarios
 from bottomlock.errors import BottomlockError, Note, ScenarioError
 from bottomlock.live.config import load_config
 from bottomlock.live.templates import template
@@ -35,7 +35,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     live = folder / "live.toml"
     live.write_text(template("a50", "text"), encoding="utf-8")
     return {
-        "scenario": copy_scenario("survey", folder / "mine.toml"),
+        "scenario": copy_packaged("scenarios", "survey", folder / "mine.toml"),
         "replay case": CASE,
         "live configuration": live,
         "DVL geometry": PACKAGED / "geometries" / "teledyne_20.toml",

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.config.scenario import copy_scenario, load_scenario, packaged_scenarios, parse_scenario
+from bottomlock.config.scenario import copy_packaged, load_scenario, packaged_scenarios, parse_scenario
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.kernel.models import DepthModel, DvlModel
 
@@ -129,16 +129,16 @@ def test_another_source_drops_what_only_the_old_one_knew() -> None:
 
 def test_copy_never_overwrites(tmp_path: Path) -> None:
     """An edited scenario is the user's work."""
-    path = copy_scenario("straight", tmp_path / "mine.toml")
+    path = copy_packaged("scenarios", "straight", tmp_path / "mine.toml")
     assert load_scenario(path) == load_scenario("straight")
     path.write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="is there already"):
-        copy_scenario("straight", path)
+        copy_packaged("scenarios", "straight", path)
     assert path.read_text(encoding="utf-8") == "mine"
     with pytest.raises(OutputError, match="cannot be written"):
-        copy_scenario("straight", path / "place.toml")
-    with pytest.raises(ScenarioError, match="no packaged scenario"):
-        copy_scenario("bent", tmp_path / "x.toml")
+        copy_packaged("scenarios", "straight", path / "place.toml")
+    with pytest.raises(ScenarioError, match="not among the packaged scenarios"):
+        copy_packaged("scenarios", "bent", tmp_path / "x.toml")
 
 
 def test_content_hash_follows_the_numbers_only() -> None:
@@ -233,6 +233,6 @@ def test_changes_are_keys_with_values(wrong: object) -> None:
 
 def test_a_byte_order_mark_is_no_key(tmp_path: Path) -> None:
     """Editors on Windows put one before the text."""
-    path = copy_scenario("straight", tmp_path / "straight.toml")
+    path = copy_packaged("scenarios", "straight", tmp_path / "straight.toml")
     path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
     assert load_scenario(path) == load_scenario("straight")

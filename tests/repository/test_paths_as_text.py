@@ -29,7 +29,7 @@ ENTRY_POINTS = {
     "bottomlock.replay.tune.run": ["tune_case"],
     "bottomlock.observability.report": ["observe_scenario", "observe_paper"],
     "bottomlock.live.config": ["load_config"],
-    "bottomlock.config.scenario": ["copy_scenario"],
+    "bottomlock.config.scenario": ["copy_packaged"],
 }
 PUBLIC = [getattr(bottomlock, name) for name in bottomlock.__all__] + [
     getattr(importlib.import_module(module), name) for module, names in ENTRY_POINTS.items() for name in names

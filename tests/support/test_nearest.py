@@ -11,7 +11,7 @@ import pytest
 import bottomlock
 from bottomlock.campaign.engine import check_engine
 from bottomlock.config.instrument_grades import grade_of
-from bottomlock.config.scenario import copy_scenario
+from bottomlock.config.scenario import copy_packaged
 from bottomlock.encoders.registry import format_named
 from bottomlock.errors import BottomlockError
 from bottomlock.plant import load_vehicle
@@ -52,7 +52,7 @@ def _navigator(method: Any) -> object:  # noqa: ANN401 - a wrong one
     ("call", "proposed"),
     [
         (lambda: bottomlock.load_scenario("Strait"), "straight"),
-        (lambda: copy_scenario("strait", Path("x.toml")), "straight"),
+        (lambda: copy_packaged("scenarios", "strait", Path("x.toml")), "straight"),
         (lambda: bottomlock.read_geometry("waterlinked_a5"), "waterlinked_a50"),
         (lambda: load_vehicle("remus_100"), "remus100"),
         (lambda: grade_of("imu", "autopilt"), "autopilot"),

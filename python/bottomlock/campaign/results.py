@@ -1,6 +1,6 @@
 """The results of a campaign, what a terminal and a notebook show of them, and their plots."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -31,12 +31,25 @@ class Results(CampaignResults):
         consistency: mean NEES with its band.
         choices: what the selectors chose at each ping.
         paths: the true paths.
-        samples: a row per trajectory, run, method and second: error and its standard deviation.
         folder: where all of it is; None for a campaign in memory.
+        samples_in_memory: `samples`; None for a campaign in a folder.
     """
 
-    samples: pl.LazyFrame
     folder: Path | None
+    samples_in_memory: pl.DataFrame | None = None
+
+    @property
+    def samples(self) -> pl.LazyFrame:
+        """A row per trajectory, run, method and second: error and its standard deviation (`tables.campaign.SAMPLES`).
+
+        Of a campaign in a folder nothing is read before `collect`, and then what the query needs.
+        """
+        if self.folder is None:
+            return (pl.DataFrame() if self.samples_in_memory is None else self.samples_in_memory).lazy()
+        files = [
+            path for name in self.trajectories for path, _ in sample_files(self.folder, self.manifest, name)
+        ]
+        return pl.scan_parquet(files, glob=False)
 
     @property
     def summary(self) -> pl.DataFrame:
@@ -152,14 +165,8 @@ def read_results(folder: str | Path) -> Results:
     tables = read_campaign_tables(Path(folder))
     return Results(
         tables.manifest, tables.runs, tables.ensemble, tables.consistency, tables.choices, tables.paths,
-        scan_samples(tables.folder, tables.manifest, tables.trajectories), tables.folder,
+        tables.folder,
     )  # fmt: skip
-
-
-def scan_samples(folder: Path, manifest: Mapping[str, Any], trajectories: Sequence[str]) -> pl.LazyFrame:
-    """The samples of every chunk in order; nothing is read before `collect`."""
-    files = [path for name in trajectories for path, _ in sample_files(folder, manifest, name)]
-    return pl.scan_parquet(files)
 
 
 def _with_interval(row: Mapping[str, Any] | None) -> str:

@@ -35,7 +35,7 @@ from bottomlock.campaign.folder import (
     write_chunk,
     write_tables,
 )
-from bottomlock.campaign.results import Results, read_results, scan_samples
+from bottomlock.campaign.results import Results, read_results
 from bottomlock.config.scenario import Scenario
 from bottomlock.files.output_folder import locked
 from bottomlock.files.overwriting import check_apart, remove_outdated
@@ -133,15 +133,13 @@ def run_campaign(
                     counter.finish(chunk)
         done = aggregate.tables()
         manifest["wall_time_s"] = round(time.perf_counter() - started, 3)
-        if out is None:
-            of_runs = pl.concat([samples[chunk] for chunk in chunks], rechunk=False).lazy()
-        else:
+        if out is not None:
             write_tables(out, [*done, paths], manifest)
-            of_runs = scan_samples(out, manifest, [one.name for one in wanted])
             # A report of this campaign, and a page that compares it with its neighbours.
             for one in (out, out.parent):
                 remove_outdated(one)
-    return Results(manifest, done.runs, done.ensemble, done.consistency, done.choices, paths, of_runs, out)
+    in_memory = pl.concat([samples[chunk] for chunk in chunks], rechunk=False) if out is None else None
+    return Results(manifest, done.runs, done.ensemble, done.consistency, done.choices, paths, out, in_memory)
 
 
 def check_campaign(scenarios: Sequence[Scenario], folder: Path, *, force: bool = False) -> None:

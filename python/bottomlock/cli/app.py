@@ -63,26 +63,24 @@ JOBS = {
         ),
     },
     "Look up": {
-        "completion": ("completion", "Print the completion of the command for a shell."),
-        "geometries": ("geometries", "List the packaged DVL geometries, with a picture of the beams."),
-        "grades": (
-            "grades",
-            "List the packaged grades of IMUs and attitude references and the motion of vehicles, with their sources.",
-        ),
         "keys": (
             "keys",
             "Print every key of a scenario, case, geometry, vehicle, column map or live file, or its JSON schema.",
         ),
-        "scenarios": ("scenarios", "List the packaged scenarios, or copy one."),
+        "list": (
+            "listing:list_",
+            "List scenarios, vehicles, geometries, grades, methods or formats of the package, or copy one.",
+        ),
     },
 }
-"""By job, in the order of the help: module of `bottomlock.cli` and help line of each command."""
+"""By job, in the order of the help: module of `bottomlock.cli`, or MODULE:FUNCTION, and help line of each command."""
 COMMANDS = {name: words for commands in JOBS.values() for name, words in commands.items()}
 USAGE = {
     "run": "[OPTIONS] SCENARIO...",
     "report": "[OPTIONS] DIRECTORY...",
     "fly": "[OPTIONS] SCENARIO...",
     "keys": "[OPTIONS] KIND [WORD]",
+    "list": "[OPTIONS] KIND",
     "study": "--out PATH [OPTIONS] [SCENARIO...]",
     "replay": "[OPTIONS] FILES...",
     "observe": "--out PATH [OPTIONS] [CASE]",
@@ -112,7 +110,7 @@ for _job, _commands in JOBS.items():
     _group = Group.create_ordered(_job)
     for _name, (_module, _help) in _commands.items():
         app.command(
-            f"bottomlock.cli.{_module}:{_name.replace('-', '_')}",
+            f"bottomlock.cli.{_module}" + ("" if ":" in _module else f":{_name.replace('-', '_')}"),
             name=_name,
             group=_group,
             help=_help,

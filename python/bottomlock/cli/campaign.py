@@ -44,7 +44,7 @@ def run(
     Parameters
     ----------
     scenario
-        Packaged scenarios (see `bottomlock scenarios`) or TOML files, one or more.
+        Packaged scenarios (see `bottomlock list scenarios`) or TOML files, one or more.
     """
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
     # Beside the first file, named as the scenarios; of packaged scenarios in this directory.

@@ -11,7 +11,7 @@ EXAMPLES = {
     "fly": ("fly straight -o out/path",),
     "simulate-dvl": ("simulate-dvl survey --dvl tcpin:127.0.0.1:16171",),
     "keys": ("keys scenario gyro", "keys case --json", "keys scenario --schema"),
-    "scenarios": ("scenarios", "scenarios --copy straight --out mine.toml"),
+    "list": ("list geometries", "list scenarios --copy straight --out mine.toml"),
     "fix": (
         "fix beams.parquet --geometry waterlinked_a50 --method lc -o fixes.parquet",
         "fix beams.parquet --geometry waterlinked_a50 --leave-out 1",
@@ -27,10 +27,7 @@ EXAMPLES = {
     "audit": ("audit beams.parquet -o out/audit --geometry waterlinked_a50",),
     "observe": ("observe straight -o out/states", "observe --paper -o out/paper_states"),
     "convert": ("convert dive.pd0 --out beams.parquet",),
-    "geometries": ("geometries",),
-    "grades": ("grades",),
     "live": ("live live.toml", "live live.toml --replay logs/LOG.mcap --export mcap,csv"),
-    "completion": ("completion bash",),
     "live-demo": ("live-demo",),
     "live-setup": ("live-setup vehicle", "live-setup vehicle --host 0.0.0.0"),
 }

@@ -29,7 +29,7 @@ def observe(
     Parameters
     ----------
     case
-        Packaged scenario (see `bottomlock scenarios`) or TOML file.
+        Packaged scenario (see `bottomlock list scenarios`) or TOML file.
     """
     if paper == (case is not None):
         raise ScenarioError("expected either a scenario or --paper")

@@ -117,7 +117,7 @@ def load_scenarios(
             `in_world` reject.
     """
     if not names:
-        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists the packaged ones")
+        raise ScenarioError("no scenario is named; `bottomlock list scenarios` lists the packaged ones")
     check_threads(threads)
     loaded = [
         resolved(load_scenario(name).with_overrides(runs=runs, seed=seed, methods=split(methods)))

@@ -50,10 +50,10 @@ def fly(
     Parameters
     ----------
     scenario
-        Packaged scenarios (see `bottomlock scenarios`) or TOML files, one or more.
+        Packaged scenarios (see `bottomlock list scenarios`) or TOML files, one or more.
     """
     if not scenario:
-        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists the packaged ones")
+        raise ScenarioError("no scenario is named; `bottomlock list scenarios` lists the packaged ones")
     if sensors is not None and sensors < 0:
         raise ScenarioError(f"--sensors is {sensors}, expected a run number, 0 or more")
     if out is None and not dry_run:

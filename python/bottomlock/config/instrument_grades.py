@@ -72,7 +72,7 @@ def grade_of(kind: Kind, name: str) -> Grade:
         what = "vehicle" if kind == "water" else "grade"
         raise ScenarioError(
             f"{what} is '{name}'{did_you_mean(name, known) or ','} expected one of {', '.join(known)}; "
-            "bottomlock grades lists them"
+            "bottomlock list grades lists them"
         )
     return known[name]
 

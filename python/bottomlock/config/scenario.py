@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
@@ -38,6 +38,8 @@ from bottomlock.support.nearest import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
+PackagedKind = Literal["scenarios", "vehicles", "geometries"]
+"""Folders of packaged files that `copy_packaged` copies."""
 
 
 class Scenario(Section):
@@ -347,19 +349,19 @@ def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
     return scenario
 
 
-def copy_scenario(name: str, destination: str | Path, *, force: bool = False) -> Path:
-    """Writes a packaged scenario out to edit; an existing file is replaced with `force` alone.
+def copy_packaged(kind: PackagedKind, name: str, destination: str | Path, *, force: bool = False) -> Path:
+    """Writes a packaged scenario, vehicle or geometry out to edit; an existing file is replaced with `force` alone.
 
     Raises:
         ScenarioError: for a name that is not packaged.
         OutputError: where the destination is there without `force`, or cannot be written.
     """
     destination = Path(destination)
-    text = _packaged_text(name)
-    if text is None:
-        names = packaged_scenarios()
-        hint = did_you_mean(name, names, f" (packaged: {', '.join(names)})")
-        raise ScenarioError(f"no packaged scenario is called '{name}'{hint}")
+    folder = resources.files("bottomlock.config") / kind
+    texts = {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir()}
+    if name not in texts:
+        hint = did_you_mean(name, texts, f" (packaged: {', '.join(sorted(texts))})")
+        raise ScenarioError(f"'{name}' is not among the packaged {kind}{hint}")
     check_free(destination, force=force)
-    write_text(destination, text)
+    write_text(destination, texts[name].read_text(encoding="utf-8"))
     return destination

@@ -297,7 +297,7 @@ def _imu(imu: object) -> Mapping[str, Any]:
         return dict.fromkeys(_IMU_ERRORS, 0.0)
     if not isinstance(imu, str | Mapping):
         raise ScenarioError(
-            f"{PLACE}: imu is {_kind(imu)}, expected a grade's name (bottomlock grades lists them), the keys of [imu], "
+            f"{PLACE}: imu is {_kind(imu)}, expected a grade's name (see bottomlock list grades), the keys of [imu], "
             "or an ImuModel"
         )
     return imu if isinstance(imu, Mapping) else {"grade": imu}

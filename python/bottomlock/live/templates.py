@@ -148,7 +148,7 @@ mounting_yaw_deg = 0.0
 # A compass or AHRS aids, its slow errors found (docs/live.md): also a source attitude-csv, or MAVLink's ATTITUDE.
 # [attitude]
 # aids = "heading"        # or "attitude"
-# grade = "magnetic"      # `bottomlock grades` lists them
+# grade = "magnetic"      # `bottomlock list grades` lists them
 # yaw_offset_deg = 0.0    # declination of a magnetic yaw
 
 [start]

@@ -26,7 +26,7 @@ SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60
 STARTING_NOISE_MPS = 0.01
 FOUR_BEAMS = (
-    ("x_janus_20", "nothing says which instrument this is: see `bottomlock geometries`"),
+    ("x_janus_20", "nothing says which instrument this is: see `bottomlock list geometries`"),
     (
         "teledyne_30",
         "the beams close with 1 and 2 opposite, as Teledyne RDI's; 30 deg, or 20 as teledyne_20? Nothing says it",
@@ -35,7 +35,9 @@ FOUR_BEAMS = (
 """Geometries of beams whose instrument is not known, the first that closes is taken; others of their order differ in
 tilt and yaw, which no closure shows."""
 THREE_BEAMS = "sontek_argonaut"
-THREE_BEAMS_WHY = "three beams; nothing says their tilt and which looks forward: see `bottomlock geometries`"
+THREE_BEAMS_WHY = (
+    "three beams; nothing says their tilt and which looks forward: see `bottomlock list geometries`"
+)
 NOISY = 1.25
 """Measured over claimed noise from which that of the recording is used."""
 ENOUGH_PINGS = 20
