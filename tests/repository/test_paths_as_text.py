@@ -46,40 +46,21 @@ def test_no_entry_point_asks_for_a_path_object(call: Any) -> None:  # noqa: ANN4
         assert "Path" not in words or "str" in words, name
 
 
-def test_a_campaign_by_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In folders named by text: the same files as by paths."""
+def test_a_scenario_by_name_and_by_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One or several, loaded or named, in folders named by text or by path: the same campaign."""
     monkeypatch.chdir(tmp_path)
-    bottomlock.run_campaign([short(2)], "whole", threads=1)
-    bottomlock.run_campaign([short(2)], Path("by_path"), threads=1)
-    same_bits(Path("whole"), Path("by_path"))
-
-
-def test_a_scenario_by_name_and_by_file(tmp_path: Path) -> None:
-    """One or several, loaded or named: the same campaign."""
-    loaded = short(2)
-    file = tmp_path / "short.toml"
+    loaded, file = short(2), tmp_path / "short.toml"
     text = (Path(bottomlock.__file__).parent / "config" / "scenarios" / "straight.toml").read_text("utf-8")
     file.write_text(
         text.replace("duration_s = 250.0", f"duration_s = {loaded.trajectory.duration_s}"), "utf-8"
     )
     ours = bottomlock.load_scenario(file).with_overrides(runs=2, methods=["tc"])
     assert bottomlock.load_scenario(ours) is ours
-    assert (
-        bottomlock.build_simulation(str(file)).fingerprint()
-        == bottomlock.build_simulation(ours).fingerprint()
-    )
-    truth = bottomlock.analytic_truth("straight", 9.8)
-    assert np.array_equal(
-        truth.position_t_m, bottomlock.analytic_truth(bottomlock.load_scenario("straight"), 9.8).position_t_m
-    )
     given = (ours, [ours], (ours,), iter([ours]))
     assert [scenarios_of(one) for one in given] == [[ours]] * 4
-    assert [one.name for one in scenarios_of(["slope", file, Path(file)])] == [
-        "slope",
-        "straight",
-        "straight",
-    ]
-    bottomlock.run_campaign(loaded, tmp_path / "one", threads=1)
+    names = [one.name for one in scenarios_of(["slope", file, str(file)])]
+    assert names == ["slope", "straight", "straight"]
+    bottomlock.run_campaign(loaded, "one", threads=1)
     bottomlock.run_campaign([loaded], tmp_path / "list", threads=1)
     same_bits(tmp_path / "one", tmp_path / "list")
 
@@ -89,10 +70,8 @@ def test_a_scenario_by_name_and_by_file(tmp_path: Path) -> None:
     [
         ("strait", "'strait' is neither a file nor a packaged scenario, did you mean 'straight'"),
         (["straight", "lawnmower"], "did you mean 'lawn_mower'"),
-        (Path("none.toml"), "neither a file nor"),
         ([3], "the scenario is 3, expected a Scenario, a packaged name or a path"),
         (7, "scenarios is 7, expected a list such as"),
-        ({"straight": 1}, "scenarios is {'straight': 1}, expected a list such as"),
         ([], "expected scenarios of different names"),
     ],
 )
@@ -120,14 +99,6 @@ def test_a_dvl_by_name_and_by_file(root: Path, tmp_path: Path) -> None:
     theirs = kernel.run_batch(**(batch | {"geometry": read.geometry}), methods=["tc"], runs=1, threads=1)
     ours = bottomlock.run_batch(**(batch | {"geometry": own}), methods=["tc"], runs=1, threads=1)
     assert np.array_equal(ours["error"], theirs["error"])
-    with pytest.raises(
-        ScenarioError, match=r"geometry 'waterlinked_a5' is neither .* did you mean 'waterlinked_a50'"
-    ):
-        bottomlock.run_batch(**(batch | {"geometry": "waterlinked_a5"}), methods=["tc"], runs=1, threads=1)
-    with pytest.raises(
-        TypeError, match="geometry is of type int, expected a BeamGeometry, or the name or file"
-    ):
-        bottomlock.solve_velocity(3, beams, [[True] * 4], method="lc", beam_sd_mps=0.02)  # type: ignore[arg-type]
     log = tmp_path / "log.csv"
     log.write_text("t,beam1_mps,beam2_mps,beam3_mps,beam4_mps\n1,0.1,0.2,0.3,\n2,0.1,0.2,0.3,0.4\n", "utf-8")
     mapped = tmp_path / "mapped.toml"

@@ -35,15 +35,6 @@ def test_every_table_is_documented() -> None:
     assert page.count("| Column | Type |") > 15
 
 
-def test_an_example_links_its_script(root: Path) -> None:
-    script = root / "examples" / "slope.py"
-    text = script.read_text(encoding="utf-8")
-    page = build_site.with_downloads(script, text)
-    assert "](../plant.md)" in page
-    assert "../docs/" not in page
-    assert "_downloads/slope.py" in page
-
-
 def test_every_example_is_on_a_page(root: Path) -> None:
     """In the gallery or among the explanations, in the list and in the tree."""
     pages = [
