@@ -11,7 +11,6 @@ import io
 import json
 import os
 import secrets
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ def write_bytes(path: Path, content: bytes | memoryview) -> str:
     Raises:
         OutputError: where the directory cannot be written or the disk is full; the old file, if any, stays.
     """
-    _replace(path, lambda temporary: _write(temporary, content))
+    _replace(path, content)
     return hashlib.sha256(content).hexdigest()
 
 
@@ -65,30 +64,12 @@ def write_text(path: Path, text: str) -> str:
     return write_bytes(path, text.encode())
 
 
-def link_or_copy(old: Path, new: Path) -> None:
-    """A second name for a file of ours, or a copy on another file system, whole or not at all.
-
-    Files of ours are replaced, never changed in place, so two names for one file do no harm.
-
-    Raises:
-        OutputError: as `write_bytes`.
-    """
-
-    def take(temporary: Path) -> None:
-        try:
-            temporary.hardlink_to(old.resolve())
-        except OSError:
-            _write(temporary, old.read_bytes())
-
-    _replace(new, take)
-
-
-def _replace(path: Path, write: Callable[[Path], None]) -> None:
+def _replace(path: Path, content: bytes | memoryview) -> None:
     """Writes under a temporary name that nobody can foresee, then renames."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
     try:
         make_folder(path.parent)
-        write(temporary)
+        _write(temporary, content)
         temporary.replace(path)
         _sync_folder(path.parent)
     except OSError as error:
@@ -96,7 +77,6 @@ def _replace(path: Path, write: Callable[[Path], None]) -> None:
             f"{path}: cannot be written ({error.strerror or error}); nothing was changed"
         ) from error
     finally:
-        # Renaming one link of a file over another does nothing, and leaves both.
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
 
