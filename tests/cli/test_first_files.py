@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,17 +12,40 @@ from tests.cli.calls import command
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 
-def test_two_commands_from_a_shipped_log_to_a_report(root: Path, tmp_path: Path) -> None:
+def test_one_command_from_a_shipped_log_to_a_page(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`look` writes a case beside the log, replays it and opens the page; nothing is tuned."""
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda uri: not opened.append(uri))
     log = root / "data" / "logs" / "robosub"
-    files = [log / f"night2_{name}.csv" for name in ("imu", "dvl", "ahrs", "depth")]
-    done = command("replay", "--init", *files, "--out", tmp_path / "case.toml")
+    files = [shutil.copy(log / f"night2_{name}.csv", tmp_path) for name in ("imu", "dvl", "ahrs", "depth")]
+    done = command("look", *files)
     assert done.returncode == 0, done.stderr
+    folder = tmp_path / "night2_imu_look"
+    assert opened == [(folder / "replay" / "report.html").as_uri()]
     assert "questions (# ?)" in done.stdout
-    assert [path.name for path in tmp_path.glob("*.toml")] == ["case.toml"]
-    done = command("replay", tmp_path / "case.toml", "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert "Method tc: " in done.stdout
-    assert 'id="findings"' in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert sorted(path.name for path in folder.iterdir()) == ["case.toml", "replay"]
+    again = command("look", *files, "--no-open")
+    assert (again.returncode, len(opened)) == (2, 1)
+    assert f"{folder / 'case.toml'}: is there already" in again.stderr
+
+
+def test_results_go_beside_the_log_by_default(root: Path, tmp_path: Path) -> None:
+    """The geometry is the one that `convert` noted."""
+    log = Path(shutil.copy(root / "data" / "logs" / "survey_dive" / "dvl.pd0", tmp_path))
+    assert command("convert", log).returncode == 0
+    beams = tmp_path / "dvl_beams.parquet"
+    for words, out in ((("fix", beams), "dvl_beams_fixes.parquet"), (("audit", beams), "dvl_beams_audit")):
+        done = command(*words)
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / out).exists()
+        assert out in done.stdout
+        assert "geometry: teledyne_30" in done.stdout
+    beams.with_suffix(".json").unlink()
+    done = command("fix", beams)
+    assert done.returncode == 2
+    assert "--geometry is missing" in done.stderr
 
 
 def test_a_column_map(root: Path, tmp_path: Path) -> None:

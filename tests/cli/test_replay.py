@@ -181,8 +181,6 @@ def test_score_with_and_without_measured_noise(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ((), "expected --method, or --leave-out"),
-        (("--method", "lc"), "expected --out, or --leave-out"),
         (("--method", "lc", "--leave-out", "1"), "--method and --leave-out: every method is scored"),
         (("--leave-out", "1", "--closure-gate", "nan"), "--closure-gate is nan, expected 0 or more"),
         (

@@ -22,6 +22,7 @@ JOBS = {
             "fix",
             "Solve recorded pings for velocity fixes with covariance, or score the methods on them.",
         ),
+        "look": ("look", "Look at logs of a dive: write a case from them, replay it, open its page."),
         "replay": ("replay", "Navigate a recorded dive again, also with fewer beams."),
         "tune": ("tune", "Find the noise of a recorded dive from the recording itself, without a reference."),
     },
@@ -82,8 +83,9 @@ USAGE = {
     "keys": "[OPTIONS] KIND [WORD]",
     "list": "[OPTIONS] KIND",
     "study": "--out PATH [OPTIONS] [SCENARIO...]",
+    "look": "[OPTIONS] FILES...",
     "replay": "[OPTIONS] FILES...",
-    "observe": "--out PATH [OPTIONS] [CASE]",
+    "observe": "[OPTIONS] [CASE]",
 }
 """Usage of the commands whose positional arguments may be several or be left out: they are named."""
 

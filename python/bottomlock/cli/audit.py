@@ -12,6 +12,7 @@ from bottomlock.audit.run import audit_file, numbers_of
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
 from bottomlock.cli.page_output import print_part
+from bottomlock.cli.parameters import beside, geometry_of
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import Result, check_free
 from bottomlock.io.beam_table import sha256_of
@@ -24,11 +25,17 @@ def audit(
     log: Path,
     *,
     out: Annotated[
-        Path, Parameter(alias="-o", help="Directory for audit.json, tables, figures and audit.html.")
-    ],
+        Path | None,
+        Parameter(
+            alias="-o", help="Directory for audit.json, tables, figures and audit.html; LOG_audit by default."
+        ),
+    ] = None,
     geometry: Annotated[
         str | None,
-        Parameter(help="Geometry to compare with: a packaged one or a TOML file, whose column map is used."),
+        Parameter(
+            help="Geometry to compare with: a packaged one or a TOML file, whose column map is used. By default what "
+            "`convert` noted beside the table."
+        ),
     ] = None,
     attitude: Annotated[
         Path | None,
@@ -58,6 +65,7 @@ def audit(
     log
         A beam table (`bottomlock convert` writes one), or a CSV or Parquet file whose columns the geometry maps.
     """
+    out, geometry = out or beside(log, "audit"), geometry_of(log, geometry)
     read = {"log": log, "attitude": attitude, "imu": imu, "depth": depth}
     if geometry is not None:
         read["geometry"] = Path(geometry)

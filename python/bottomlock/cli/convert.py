@@ -20,6 +20,7 @@ from rich.table import Table
 
 from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, errors
 from bottomlock.cli.force import Force
+from bottomlock.cli.parameters import beside
 from bottomlock.errors import OutputError
 from bottomlock.files.overwriting import check_free
 from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, sidecar, write_recording
@@ -37,13 +38,13 @@ def convert(
     file: Path,
     *,
     out: Annotated[
-        Path,
+        Path | None,
         Parameter(
             alias=("-o", "--to"),
-            help="Parquet file for the beam table; an account of the conversion goes beside it as JSON. With --init "
-            "the column map to write.",
+            help="Parquet file for the beam table, FILE_beams.parquet by default; an account of the conversion goes "
+            "beside it as JSON. With --init the column map to write, FILE_map.toml by default.",
         ),
-    ],
+    ] = None,
     init: Annotated[
         bool, Parameter(negative="", help="Write a commented column map (TOML) of a CSV or Parquet table.")
     ] = False,
@@ -96,6 +97,7 @@ def convert(
     file
         The log: a file, or the folder of a ROS 2 bag.
     """
+    out = out or beside(file, "map.toml" if init else "beams.parquet")
     if init:
         write_map(file, out, force=force)
         console.print(

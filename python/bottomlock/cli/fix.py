@@ -14,7 +14,7 @@ from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
 from bottomlock.cli.left_out import score
-from bottomlock.cli.parameters import Robust
+from bottomlock.cli.parameters import Robust, beside, geometry_of
 from bottomlock.errors import DataError, OutputError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.overwriting import check_free
@@ -24,18 +24,29 @@ from bottomlock.kernel import FIX_METHODS, FixMethod, fix_method, solve_velocity
 from bottomlock.replay.leave_out import VelocityWalk
 from bottomlock.replay.robust_fix import RobustFixes, solve_robust
 
+METHOD = "lc"
+"""Assumes nothing of the vehicle."""
+
 
 def fix(
     log: Path,
     *,
-    geometry: Annotated[str, Parameter(help="Packaged geometry or TOML file of the DVL.")],
+    geometry: Annotated[
+        str | None,
+        Parameter(
+            help="Packaged geometry or TOML file of the DVL. By default what `convert` noted beside the table."
+        ),
+    ] = None,
     method: Annotated[
-        str | None, Parameter(help=f"Method: {', '.join(FIX_METHODS)}. With --leave-out each.")
+        str | None,
+        Parameter(help=f"Method: {', '.join(FIX_METHODS)}; {METHOD} by default. With --leave-out each."),
     ] = None,
     out: Annotated[
         Path | None,
         Parameter(
-            alias="-o", help="Parquet file for the fixes. With --leave-out for the errors, per set of beams."
+            alias="-o",
+            help="Parquet file for the fixes; LOG_fixes.parquet by default. With --leave-out for the errors of each "
+            "set of beams.",
         ),
     ] = None,
     robust: Robust = True,
@@ -66,6 +77,13 @@ def fix(
         Beam table of `bottomlock convert`, or CSV or Parquet with the columns time_ns, beam1_mps ..., beam1_valid ...;
         the geometry file may map other names.
     """
+    geometry = geometry_of(log, geometry)
+    if geometry is None:
+        raise ScenarioError(
+            f"{log}: --geometry is missing, and no account of `bottomlock convert` names one beside it"
+        )
+    if out is None and leave_out is None:
+        out = beside(log, "fixes.parquet")
     if out is not None:
         if out.suffix.lower() != ".parquet":
             raise OutputError(f"{out}: expected a name that ends in .parquet")
@@ -88,11 +106,9 @@ def fix(
             out=out,
         )
         return
-    if method is None or out is None:
-        missing = "--out" if method else "--method"
-        raise ScenarioError(f"expected {missing}, or --leave-out for the errors of every method")
+    assert out is not None  # without --leave-out it has a default
     _require_lock(pings, str(log))
-    _fix(log, instrument, pings, fix_method(method), out, robust=robust)
+    _fix(log, instrument, pings, fix_method(method or METHOD), out, robust=robust)
 
 
 def _fix(

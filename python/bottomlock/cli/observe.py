@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from bottomlock.cli.console import console
 from bottomlock.cli.force import Force
+from bottomlock.cli.parameters import beside
 from bottomlock.errors import ScenarioError
 from bottomlock.observability.console import console_lines
 from bottomlock.observability.report import observe_paper, observe_scenario
@@ -15,7 +16,12 @@ from bottomlock.observability.report import observe_paper, observe_scenario
 def observe(
     case: str | None = None,
     *,
-    out: Annotated[Path, Parameter(alias="-o", help="Directory for tables and figures.")],
+    out: Annotated[
+        Path | None,
+        Parameter(
+            alias="-o", help="Directory for tables and figures; CASE_states or paper_states by default."
+        ),
+    ] = None,
     paper: Annotated[
         bool,
         Parameter(negative="", help="Analyse the six cases of Klein & Diamant 2015 in place of a scenario."),
@@ -33,6 +39,7 @@ def observe(
     """
     if paper == (case is not None):
         raise ScenarioError("expected either a scenario or --paper")
+    out = out or beside(Path(case or "paper"), "states")
     made = observe_paper(out, force=force) if case is None else observe_scenario(case, out, force=force)
     for part in console_lines(made):
         console.print(part, highlight=False)

@@ -6,8 +6,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from bottomlock.cli.console import console
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.io.beam_table import geometry_beside
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.simulation.own_path import resolved
@@ -130,3 +132,22 @@ def load_scenarios(
     if len(set(found)) != len(found):
         raise ScenarioError(f"expected scenarios of different names, got {found}")
     return loaded
+
+
+def beside(path: Path, what: str) -> Path:
+    """Where results go by default: beside the input, under its name.
+
+    >>> beside(Path("logs/dive.pd0"), "beams.parquet").as_posix()
+    'logs/dive_beams.parquet'
+    """
+    return path.with_name(f"{path.stem}_{what}")
+
+
+def geometry_of(log: Path, stated: str | None) -> str | None:
+    """The geometry that is stated, or that `bottomlock convert` noted beside a table; None without either."""
+    if stated is not None:
+        return stated
+    noted = geometry_beside(log)
+    if noted:
+        console.print(f"geometry: {noted}, as noted beside {log.name}", highlight=False, soft_wrap=True)
+    return noted or None

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bottomlock.cli.console import console, errors, late_bar
 from bottomlock.cli.page_output import print_blocks, print_headline, print_part
-from bottomlock.cli.parameters import Threads, check_beside, check_none_given, check_threads, split
+from bottomlock.cli.parameters import Threads, beside, check_beside, check_none_given, check_threads, split
 from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats
 from bottomlock.export.replay import export_replay
@@ -35,7 +35,8 @@ def replay(
         Path | None,
         Parameter(
             alias="-o",
-            help="Directory for tables and report: new, or of the same case. With --init the case to write.",
+            help="Directory for tables and report: new, or of the same case; CASE_replay by default. With --init the "
+            "case to write, case.toml beside the first FILE by default.",
         ),
     ] = None,
     init: Annotated[
@@ -85,7 +86,7 @@ def replay(
         With --init: the log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
     """
     if init:
-        _init(files, Path("case.toml") if out is None else out, force=force, without=without or ())
+        init_case(files, out or first_of(files).with_name("case.toml"), force=force, without=without or ())
         return
     case, formats = _only(files), split(export)
     if case.is_dir() and formats is not None:
@@ -94,8 +95,7 @@ def replay(
         _export(case, formats, split(methods), force=force)
         return
     _check_case(case)
-    if out is None:
-        raise OutputError("--out is missing, expected a directory for tables and report")
+    out = out or beside(case, "replay")
     check_threads(threads)
     loaded, chosen = load_case(case), split(methods)
     if chosen is not None:
@@ -139,6 +139,13 @@ def replay(
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}")
 
 
+def first_of(files: Sequence[Path]) -> Path:
+    """The first file that is named, beside which a case is written."""
+    if not files:
+        raise ScenarioError("no file is named, expected logs of a DVL, tables, bags or logs of autopilots")
+    return files[0]
+
+
 def _only(files: Sequence[Path]) -> Path:
     """The one file that is named."""
     if len(files) != 1:
@@ -172,7 +179,7 @@ def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None,
         console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
-def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:
+def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:
     """Writes a first case and says what it is made of."""
     if out.suffix.lower() != ".toml":
         raise OutputError(f"{out}: expected a name that ends in .toml, the case to write")
@@ -185,7 +192,7 @@ def _init(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[st
         highlight=False,
         soft_wrap=True,
     )
-    console.print(f"now: bottomlock replay {out} --out {out.stem}_replay", highlight=False, soft_wrap=True)
+    console.print(f"now: bottomlock replay {out}", highlight=False, soft_wrap=True)
 
 
 def print_results(replayed: ReplayResult) -> None:

@@ -281,3 +281,13 @@ def read_account(path: str | Path) -> dict[str, Any]:
         DataError: for a file that is not a JSON object.
     """
     return read_json(sidecar(Path(path))) or {}
+
+
+def geometry_beside(path: str | Path) -> str:
+    """Packaged geometry that the account of `bottomlock convert` beside a table names; "" where there is none.
+
+    Raises:
+        DataError: as `read_account`.
+    """
+    account = read_account(path) if Path(path).suffix.lower() == ".parquet" else {}
+    return str(account.get("geometry", ""))
