@@ -55,31 +55,6 @@ def xor_of(text: bytes) -> int:
     return value
 
 
-def _crc8_table() -> bytes:
-    table = []
-    for start in range(256):
-        value = start
-        for _ in range(8):
-            value = (value << 1) ^ 0x107 if value & 0x80 else value << 1
-        table.append(value & 0xFF)
-    return bytes(table)
-
-
-_CRC8_07 = _crc8_table()
-
-
-def crc8_07(text: bytes) -> int:
-    """CRC-8, polynomial 0x07, start 0, as Water Linked computes it.
-
-    >>> hex(crc8_07(b"wru,0,0.070,1.10,-40,-95"))
-    '0x9c'
-    """
-    value = 0
-    for byte in text:
-        value = _CRC8_07[value ^ byte]
-    return value
-
-
 def hexadecimal(text: bytes) -> int | None:
     """Hexadecimal digits to a number, or None; without sign, blanks or underscores.
 

@@ -1,6 +1,5 @@
 """Clock offset and axes of a velocity against inertial readings, without a first guess of either."""
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,21 +18,6 @@ LOOSE = {
 GRID_S = 0.25
 """Step of the search of clock offsets: body motion lasts longer."""
 MOST_LAGS = 4000
-
-
-def signed_permutations() -> list[Floats]:
-    """The 48 ways in which three axes may be named: 24 right-handed first.
-
-    >>> len(signed_permutations()), signed_permutations()[0].tolist()
-    (48, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    """
-    found = []
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            matrix = np.zeros((3, 3))
-            matrix[range(3), order] = signs
-            found.append(matrix)
-    return sorted(found, key=lambda m: -round(float(np.linalg.det(m))))
 
 
 @dataclass(frozen=True, eq=False)
