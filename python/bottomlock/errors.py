@@ -9,9 +9,43 @@ EXIT_INTERRUPTED = 130
 
 
 class BottomlockError(Exception):
-    """Base of every error that the package raises on input."""
+    """Base of every error that the package raises on input.
+
+    Its text is `PLACE: KEY FOUND, expected EXPECTED; HINT`, without what is not given.
+
+    Args:
+        found: what was found there.
+        place: file, folder, row or section; "" for none.
+        key: the key, column or option; "" for none.
+        expected: what was expected in its place; "" where that is plain.
+        hint: what to do, or the likely mistake; "" for none.
+
+    Attributes:
+        place, key, expected, hint: as given, as text; a key without its quotes.
+
+    Examples:
+        >>> error = DataError("is empty", place="imu.csv: row 3", key="column 'time_s'", expected="a number")
+        >>> str(error), error.place, error.expected
+        ("imu.csv: row 3: column 'time_s' is empty, expected a number", 'imu.csv: row 3', 'a number')
+    """
 
     exit_code = 2
+
+    def __init__(
+        self,
+        found: object = "",
+        *,
+        place: object = "",
+        key: str = "",
+        expected: object = "",
+        hint: object = "",
+    ) -> None:
+        self.place, self.expected, self.hint = str(place), str(expected), str(hint)
+        self.key = key.strip("'")
+        text = " ".join(part for part in (key, str(found)) if part)
+        text = ", ".join(part for part in (text, f"expected {expected}" if self.expected else "") if part)
+        text = ": ".join(part for part in (self.place, text) if part)
+        super().__init__("; ".join(part for part in (text, self.hint) if part))
 
 
 class ScenarioError(BottomlockError):
