@@ -284,8 +284,8 @@ def _over_reckoning(samples: pl.DataFrame, method: str, which: str, name: str, s
     return [*under, _curve(rows, method, name, sd)]
 
 
-def beams_panel(pings: pl.DataFrame) -> Panel:
-    """When each beam was valid, in one case."""
+def beams_panel(pings: pl.DataFrame, case: str = "") -> Panel:
+    """When each beam was valid, in one case; `case` is named where several panels stand together."""
     beams = sum(name.endswith("_valid") for name in pings.columns)
     curves = [
         held_curve(
@@ -297,7 +297,8 @@ def beams_panel(pings: pl.DataFrame) -> Panel:
         )
         for k in range(beams)
     ]
-    return Panel("beams valid", curves, decimals=0, names=[f"{k + 1}" for k in range(beams)])
+    title = f"beams valid, {_plain(case)}" if case else "beams valid"
+    return Panel(title, curves, decimals=0, names=[f"{k + 1}" for k in range(beams)])
 
 
 def nis_panels(innovations: pl.DataFrame, method: str, least_ratio: float) -> list[Panel]:
@@ -336,7 +337,7 @@ def current_panels(currents: pl.DataFrame | None, method: str) -> list[Panel]:
         Curve(axis, colour, _times(rows), _floats(rows, f"{axis}_mps"), _floats(rows, f"sd_{axis}_mps"), dash)
         for axis, (colour, dash) in looks.items()
     ]
-    return [Panel("current, m/s", curves, decimals=3)]
+    return [Panel(f"current, {_plain(method)}, m/s", curves, decimals=3)]
 
 
 def _curve(rows: pl.DataFrame, method: str, name: str, sd: str = "") -> Curve:

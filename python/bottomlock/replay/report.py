@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
 from bottomlock.figures.images import image_process
-from bottomlock.figures.series import Track
+from bottomlock.figures.series import Panel, Track
 from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
@@ -21,6 +21,8 @@ from bottomlock.pages.explained import explained
 from bottomlock.pages.page import Picture, html
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.dive_plots import (
+    beams_panel,
+    current_panels,
     framed,
     holds,
     lost_beams,
@@ -30,11 +32,9 @@ from bottomlock.replay.dive_plots import (
     tracks_of,
 )
 from bottomlock.replay.figures import (
-    current_figure,
     error_figure,
     innovation_figure,
     nis_figure,
-    validity_figure,
 )
 from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.replay.map_figure import Map, map_figure, scale_words, shown_frame
@@ -192,11 +192,7 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
     start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     found = [
         _timeline(manifest, plots, tail),
-        Drawing(
-            VALIDITY,
-            f"Beams given to the filters: coloured where a beam is valid{tail}.",
-            validity_figure(tables.pings, start_ns, title=f"valid beams, from beam 1 down{tail}"),
-        ),
+        _validity(tables, plots, tail),
     ]
     for what_if, _ in manifest["what_if"]:
         shown = featured_in(manifest, summary_table(tables.runs), what_if)
@@ -212,10 +208,11 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
             found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
         if tables.currents is not None:
             rows = tables.currents.filter(pl.col("what_if") == what_if)
-            title = f"{_title(tables, what_if)}{tail}"
-            drawn = current_figure(rows, start_ns, methods=shown, title=title)
-            caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
-            found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
+            panels = [panel for method in shown for panel in current_panels(rows, method)]
+            if panels:
+                drawn = _stacked(panels, plots, f"{_title(tables, what_if)}{tail}")
+                caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
+                found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
         if len(shown) < len(manifest["methods"]):
             found += _of_methods(tables, what_if, manifest["methods"], tail, folded=True)
     return found
@@ -225,11 +222,24 @@ def _timeline(manifest: dict[str, Any], plots: Plots, tail: str) -> Drawing:
     """The curves that are shown first."""
     shown = tuple(choice.first for choice in plots.choices)
     title = f"{manifest['case'].replace('_', ' ')}, {', '.join(shown)}{tail}"
-    panels = plots.views[shown].panels
-    figure = timeline_figure(panels, plots.start_ns, utc=plots.is_utc, title=title)
+    figure = _stacked(plots.views[shown].panels, plots, title)
     caption = f"Estimates of {shown[-1]} against time{tail}; shaded: ±σ as claimed"
     caption += ", of NIS the 95 % band of a consistent filter; dashed: dead reckoning."
     return Drawing(TIMELINE, caption, figure)
+
+
+def _validity(tables: ReplayTables, plots: Plots, tail: str) -> Drawing:
+    """Which beams were valid, a panel for each what-if case."""
+    panels = [
+        beams_panel(tables.pings.filter(pl.col("what_if") == case), case)
+        for case, _ in tables.manifest["what_if"]
+    ]
+    caption = f"Beams given to the filters: a line where a beam is valid{tail}."
+    return Drawing(VALIDITY, caption, _stacked(panels, plots, tables.manifest["case"].replace("_", " ")))
+
+
+def _stacked(panels: Sequence[Panel], plots: Plots, title: str) -> Figure:
+    return timeline_figure(panels, plots.start_ns, utc=plots.is_utc, title=title)
 
 
 def _title(tables: ReplayTables, what_if: str) -> str:

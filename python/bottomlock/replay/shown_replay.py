@@ -19,12 +19,13 @@ from bottomlock.pages.plots import is_utc
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dive_plots import (
     attitude_panels,
+    beams_panel,
     depth_panel,
     position_sd_panel,
     taken,
     velocity_panels,
 )
-from bottomlock.replay.figures import NIS_HEIGHT_IN, NIS_PLACE, draw_nis, draw_validity, validity_layout
+from bottomlock.replay.figures import NIS_HEIGHT_IN, NIS_PLACE, draw_nis
 from bottomlock.replay.map_figure import MAP_HEIGHT_IN, MAP_PLACE, draw_map
 from bottomlock.replay.page import featured_in, results_table
 from bottomlock.replay.report import ReplayTables, least_ratio_of, map_of, read_replay
@@ -258,12 +259,11 @@ class Replay:
         draw_nis(axes, rows, self._start_ns, methods=drawn, least_ratio=least_ratio_of(self.manifest))
         return axes
 
-    def plot_beams(self, *, axes: "Axes | None" = None) -> "Axes":
-        """Which beams were valid against time, a strip for each beam and what-if case; as `plot_map`."""
-        size, place = validity_layout(self.pings)
-        axes = shown_axes(place, size_in=size) if axes is None else axes
-        draw_validity(axes, self.pings, self._start_ns)
-        return axes
+    def plot_beams(self, what_if: str | None = None, *, axes: "Axes | None" = None) -> "Axes":
+        """Which beams were valid against time in a what-if case; as `plot_map`."""
+        case = self._case(what_if)
+        rows = self.pings.filter(pl.col("what_if") == case)
+        return self._panel(beams_panel(rows, case), axes)
 
     @cached_property
     def _start_ns(self) -> int:
