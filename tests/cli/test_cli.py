@@ -42,27 +42,6 @@ def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_report_is_made_from_the_directory(tmp_path: Path) -> None:
-    """A small real campaign to a page; the same again over it."""
-    assert command(*RUN, "--out", str(tmp_path / "o")).returncode == 0
-    done = command("report", "o", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "the paper's claims: " in done.stdout
-    assert "straight" in (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
-    first = (tmp_path / "o" / "report.html").read_bytes()
-    assert command("report", "o", cwd=tmp_path).returncode == 0
-    assert (tmp_path / "o" / "report.html").read_bytes() == first
-
-
-def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
-    (tmp_path / "note.txt").write_text("mine", encoding="utf-8")
-    done = command("report", tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("bottomlock: ")
-    assert "holds no campaign of ours (no manifest.json" in done.stderr
-
-
 @pytest.mark.long
 def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
     """Processes of their own, no word of theirs on the screen, and the same bytes."""
@@ -216,35 +195,6 @@ def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str,
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("a = " + 100_000 * "[", "not valid TOML: brackets are nested too deeply"),
-        ("a = " + 5000 * "9", "not valid TOML: "),
-        ("\x00", "not valid TOML: "),
-        ("[dvl]\n[trajectory]\nspeed_mps = 1e300", "'trajectory.speed_mps' is 1e+300, expected <= 50.0 m/s"),
-    ],
-)
-def test_absurd_settings(tmp_path: Path, text: str, words: str) -> None:
-    """A line for each fault, exit code 2, and nothing is written."""
-    (tmp_path / "s.toml").write_text(text, encoding="utf-8")
-    done = command("run", "s.toml", "--out", "o", cwd=tmp_path)
-    assert done.returncode == 2
-    assert any(line.startswith("bottomlock: s.toml: ") and words in line for line in done.stderr.splitlines())
-    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
-
-
-@pytest.mark.parametrize("name", ["o[/red]x", "o[bold]", ":smile:", "o\udcff"])
-def test_a_path_is_printed_as_it_is(tmp_path: Path, name: str) -> None:
-    """Brackets are no markup, and a name that is no text does no harm."""
-    done = command(*RUN, "--out", name, cwd=tmp_path)
-    assert done.returncode == 0
-    assert f"tables in {name}" in " ".join(done.stdout.split())
-    done = command(*RUN, "--seed", "7", "--out", name, cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"bottomlock: {name}: holds a campaign of another configuration")
-
-
-@pytest.mark.parametrize(
     ("name", "shown"),
     [
         ("o\x1b[2J\x1b]0;root\x07", r"o\x1b[2J\x1b]0;root\x07"),
@@ -285,15 +235,6 @@ def test_a_table_with_control_characters_is_aligned() -> None:
     assert "\x1b[31m" not in text
 
 
-@pytest.mark.long
-def test_a_name_that_is_no_text_in_a_terminal(tmp_path: Path) -> None:
-    """The character that a terminal cannot show is printed as its code, after the tables are written."""
-    done = process(*RUN, "--out", "o\udcff", cwd=tmp_path)
-    assert done.returncode == 0
-    assert "Traceback" not in done.stderr
-    assert r"o\udcff" in done.stdout
-
-
 def test_a_file_that_has_changed_is_told_on_one_line(tmp_path: Path) -> None:
     """The report refuses it; the same run puts it right, says so, and the report is made."""
     assert command(*RUN, "--out", "o", cwd=tmp_path).returncode == 0
@@ -308,29 +249,6 @@ def test_a_file_that_has_changed_is_told_on_one_line(tmp_path: Path) -> None:
     assert done.returncode == 0
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("bottomlock: note: ")]
     assert re.search(r"samples-\S+: has changed since it was written .*; the chunk is run again", line)
-
-
-def test_a_method_without_its_prior_says_so(tmp_path: Path) -> None:
-    """Virtual beams need the velocity that the INS expects."""
-    columns = {
-        "time_ns": [1],
-        **{f"beam{k}_mps": [0.1] for k in range(1, 5)},
-        **{f"beam{k}_valid": [int(k < 3)] for k in range(1, 5)},
-    }
-    pl.DataFrame(columns).write_csv(tmp_path / "log.csv")
-    done = command(
-        "fix", "log.csv", "--geometry", "x_janus_20", "--method", "vb", "--out", "f.parquet", cwd=tmp_path
-    )
-    assert done.returncode == 2
-    assert "needs the columns prior_surge_mps" in done.stderr
-    assert not (tmp_path / "f.parquet").exists()
-
-
-def test_importing_the_package_stays_light() -> None:
-    """A vehicle's computer may want the kernel alone: no polars, no matplotlib, no pydantic."""
-    code = "import sys, bottomlock; print(sorted({'polars', 'matplotlib', 'pydantic', 'scipy'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.long
@@ -351,18 +269,3 @@ def test_observe_tells_masks_directions_and_manoeuvres(
     found = pl.read_parquet(tmp_path / "o" / "observability.parquet")
     assert found.height == 15
     assert (tmp_path / "o" / "deviations.png").is_file()
-
-
-@pytest.mark.long
-def test_observe_the_papers_cases(tmp_path: Path) -> None:
-    done = command("observe", "--paper", "--out", str(tmp_path / "o"))
-    assert done.returncode == 0, done.stderr
-    assert "DVL, turn at 10 m/s" in done.stdout
-    assert pl.read_parquet(tmp_path / "o" / "observability.parquet").height == 15
-
-
-def test_observe_wants_one_thing(tmp_path: Path) -> None:
-    for arguments in ((), ("straight", "--paper")):
-        done = command("observe", *arguments, "--out", str(tmp_path / "o"))
-        assert done.returncode == 2
-        assert "expected either a scenario or --paper" in done.stderr

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bottomlock.cli import console
-from bottomlock.cli.app import COMMANDS, JOBS, app
+from bottomlock.cli.app import COMMANDS, app
 from bottomlock.cli.examples import EXAMPLES
 from bottomlock.errors import EXIT_INTERRUPTED
 from bottomlock.kernel import METHODS
@@ -47,38 +47,6 @@ def test_every_help_has_examples_that_are_right(name: str) -> None:
         assert not ignored
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_help_names_its_arguments(name: str) -> None:
-    """The usage has the names of the panel below it; a default that is empty is not shown."""
-    shown = command(name, "--help").stdout
-    usage = shown.splitlines()[0]
-    assert "ARGS" not in usage
-    assert "[default: ()]" not in shown
-    assert '[default: ""]' not in shown
-    arguments = re.findall(r"^│ (?:\* )? *([A-Z]+) ", shown, re.MULTILINE)
-    assert [name for name in arguments if name not in usage] == []
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_where_a_result_goes_is_named_alike(name: str) -> None:
-    """--out has its short form wherever it stands, and nothing else names a place to write to."""
-    shown = command(name, "--help").stdout
-    named = re.findall(r"^│ (?:\* )? *(?:[A-Z]+ )?(--(?:out|to)\b.*)", shown, re.MULTILINE)
-    assert [words for words in named if not re.match(r"--out (?:--to )?-o ", words)] == []
-
-
-def test_commands_stand_by_job() -> None:
-    """Every command once, under the heading of its job."""
-    shown = command("--help").stdout
-    places = [shown.index(f" {job} ──") for job in JOBS]
-    assert places == sorted(places)
-    for job, commands in JOBS.items():
-        panel = shown[shown.index(f" {job} ──") :]
-        panel = panel[: panel.index("╰")]
-        assert [name for name in commands if not re.search(rf"^│ {name} ", panel, re.MULTILINE)] == []
-    assert sum(map(len, JOBS.values())) == len(COMMANDS)
-
-
 @pytest.mark.parametrize("name", ["run", "study"])
 def test_methods_are_listed_where_one_is_chosen(name: str) -> None:
     shown = command(name, "--help").stdout
@@ -109,14 +77,6 @@ def test_no_progress_leaves_the_tables(short: tuple[str, ...], tmp_path: Path) -
     assert "runs/s" in with_bar.stderr
     assert without.stderr == ""
     assert "v m/s" in without.stdout
-
-
-def test_verbose_says_the_time_and_where_an_error_is_from(tmp_path: Path) -> None:
-    assert re.search(r"[\d.]+ s, \d+ MB at most", command("list", "scenarios", "-v").stderr)
-    failed = command("run", "nowhere.toml", "-v", "-o", tmp_path / "p")
-    assert failed.returncode == 2
-    assert "Traceback" in failed.stderr
-    assert "Traceback" not in command("run", "nowhere.toml", "-o", tmp_path / "p").stderr
 
 
 def test_json_is_what_the_tables_have(short: tuple[str, ...], tmp_path: Path) -> None:

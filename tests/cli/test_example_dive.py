@@ -87,17 +87,6 @@ def test_the_start_of_the_case_is_drawn_from_its_claims() -> None:
     assert claims == START_SD
 
 
-@pytest.mark.long
-def test_a_first_case_from_its_files_runs(tmp_path: Path) -> None:
-    files = [FOLDER / name for name in ("dvl.pd0", "imu.parquet", "depth.csv", "compass.csv", "usbl.csv")]
-    done = command("replay", "--init", *files, "--out", tmp_path / "case.toml")
-    assert done.returncode == 0, done.stderr
-    done = command("replay", tmp_path / "case.toml", "--out", tmp_path / "r", "--methods", "tc")
-    assert done.returncode == 0, done.stderr
-    said = " ".join(done.stdout.split())
-    assert "fault" not in said
-
-
 def test_an_audit_of_its_files_has_no_fault(tmp_path: Path) -> None:
     done = command(
         "audit", FOLDER / "beams.parquet", "--geometry", "teledyne_30", "--imu", FOLDER / "imu.parquet",

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from rich.console import Console
 
 from bottomlock.audit.logs import read_log
 from bottomlock.cli.console import console, narrow_table, prepare_consoles
@@ -64,35 +63,10 @@ def test_no_flags_and_no_word_of_it(own: Path, tmp_path: Path) -> None:
         read_map(both)
 
 
-@pytest.mark.parametrize("words", [("fix", "--method", "info"), ("audit",)])
-def test_a_table_that_was_not_converted(own: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
-    refused = command(*words, own, "--geometry", "x_janus_20", "--out", tmp_path / "x.parquet")
-    assert refused.returncode == 2
-    assert f"`bottomlock convert {own} --init --out MAP.toml`" in refused.stderr
-
-
 def test_the_recommended_method_is_none_of_single_pings() -> None:
     """It is said why, and which there are."""
     with pytest.raises(KernelError, match=r"needs a filter that runs from ping to ping.* lc, vb, nsv"):
         fix_method("sway_current")
-
-
-def test_a_folder_in_place_of_a_log(tmp_path: Path) -> None:
-    refused = command("convert", tmp_path, "--to", tmp_path / "x.parquet")
-    assert "is a folder without the metadata.yaml of a ROS 2 bag" in refused.stderr
-
-
-@pytest.mark.parametrize(
-    ("words", "help_of"),
-    [
-        (("fix", "a.csv"), "bottomlock fix --help"),
-        (("foo",), "bottomlock --help"),
-    ],
-)
-def test_wrong_usage_names_the_help_that_helps(words: tuple[str, ...], help_of: str) -> None:
-    refused = command(*words)
-    assert refused.returncode == 2
-    assert refused.stderr.rstrip().endswith(f"; see `{help_of}`")
 
 
 def test_a_file_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,14 +88,3 @@ def test_a_wide_table_goes_into_a_file_whole(monkeypatch: pytest.MonkeyPatch) ->
         console.print(table)
     assert "    0.0997    0.0997" in out.getvalue()
     assert "…" not in out.getvalue()
-
-
-def test_ten_columns_fit_a_terminal_of_eighty() -> None:
-    """The table of a replay: 84 columns wide by itself."""
-    table = narrow_table("t", ["method"], ["0.00686", "att deg", *"abcdefg"])
-    table.add_row("sway_current", "smoothed", "0.0997", *["1234.5"] * 7)
-    for width, expected in ((100, "1234.5  1234.5"), (80, "1234.5 1234.5")):
-        out = StringIO()
-        Console(file=out, width=width).print(table)
-        assert expected in out.getvalue()
-        assert "…" not in out.getvalue()

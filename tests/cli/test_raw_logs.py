@@ -13,7 +13,7 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import read_account, read_beam_table
-from bottomlock.io.formats import BYTES, detect, read_recording
+from bottomlock.io.formats import detect, read_recording
 from bottomlock.io.rows import Options
 from tests.cli.calls import command as bottomlock
 from tools import reader_seeds as seeds
@@ -33,23 +33,6 @@ def test_fix_of_a_raw_log_says_to_convert_it(tmp_path: Path, name: str, suffix: 
     (line,) = done.stderr.splitlines()
     assert f"is a log of format {name}, not a table; convert it first: bottomlock convert {log}" in line
     assert list(tmp_path.iterdir()) == [log]
-
-
-def test_audit_of_a_raw_log_says_to_convert_it(tmp_path: Path) -> None:
-    log = tmp_path / "dive.log"
-    log.write_bytes(seeds.SERIAL)
-    done = bottomlock("audit", log, "--out", tmp_path / "out")
-    assert done.returncode == 2
-    assert "is a log of format waterlinked-serial, not a table" in done.stderr
-
-
-def test_a_bad_table_keeps_its_own_error(tmp_path: Path) -> None:
-    """A table with a cell that is no number is not taken for something else."""
-    log = tmp_path / "dive.csv"
-    names = ",".join(f"beam{k}_{what}" for what in ("mps", "valid") for k in range(1, 5))
-    log.write_text(f"time_ns,{names}\n1,0,0,x,0,1,1,1,1\n")
-    done = bottomlock("fix", log, *GEOMETRY, "--method", "lc", "--out", tmp_path / "fixes.parquet")
-    assert "row 0, column 'beam3_mps' is 'x', expected a number" in done.stderr
 
 
 @pytest.mark.parametrize("kept", [0, 1])
@@ -144,7 +127,3 @@ def test_beams_that_close_exactly_are_no_measurement(tmp_path: Path) -> None:
     done = bottomlock("audit", beams, "--geometry", "teledyne_20", "--out", tmp_path / "o", "--write", toml)
     assert done.returncode == 2
     assert "are the beams computed from a velocity?" in done.stderr
-
-
-def test_every_format_of_bytes_is_tried() -> None:
-    assert set(RAW) == {form.name for form in BYTES}

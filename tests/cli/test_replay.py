@@ -30,11 +30,6 @@ def out(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_example_is_what_the_documentation_runs(root: Path) -> None:
-    text = (root / "docs" / "replay.md").read_text(encoding="utf-8")
-    assert f"bottomlock replay {EXAMPLE}/case.toml --out out/robosub" in text
-
-
 def test_python_example_of_the_documentation_runs(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = (root / "docs" / "replay.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
@@ -54,27 +49,6 @@ def test_example_writes_tables_report_and_manifest(out: Path) -> None:
     pings = pl.read_parquet(out / "pings.parquet").filter(pl.col("what_if") == "lost_34")
     assert not pings["beam3_valid"].any()
     assert "semi-synthetic" in (out / "report.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.long
-def test_repeats_bit_for_bit(out: Path, root: Path, tmp_path: Path) -> None:
-    """The same command elsewhere, on one thread: the same tables and the same figures.
-
-    In `make test`, tables on one and two threads are compared in tests/replay/test_synthetic_dive.py, and the page by
-    the last of the tests below.
-    """
-    case = str(root / EXAMPLE / "case.toml")
-    assert command("replay", case, "--out", str(tmp_path / "again"), "--threads", "1").returncode == 0
-    for path in [*out.glob("*.parquet"), *out.glob("figures/*.svg")]:
-        assert (tmp_path / "again" / path.relative_to(out)).read_bytes() == path.read_bytes(), path.name
-
-
-@pytest.mark.long
-def test_report_is_made_again_from_the_tables(out: Path) -> None:
-    page = (out / "report.html").read_bytes()
-    (out / "report.html").unlink()
-    assert command("report", str(out)).returncode == 0
-    assert (out / "report.html").read_bytes() == page
 
 
 @pytest.mark.long
@@ -176,25 +150,3 @@ def test_score_with_and_without_measured_noise(tmp_path: Path) -> None:
         covered.append(float(lc["covered_1sigma"].mean()))  # type: ignore[arg-type]
     assert covered[0] == pytest.approx(0.683, abs=0.03)
     assert covered[1] == pytest.approx(0.383, abs=0.03)  # one claimed sigma is half a true one
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (("--method", "lc", "--leave-out", "1"), "--method and --leave-out: every method is scored"),
-        (("--leave-out", "1", "--closure-gate", "nan"), "--closure-gate is nan, expected 0 or more"),
-        (
-            ("--leave-out", "1", "--walk-mps-per-rt-s", "0"),
-            "--walk-mps-per-rt-s is 0.0, expected more than 0",
-        ),
-    ],
-)
-def test_fix_says_what_is_missing(tmp_path: Path, words: tuple[str, ...], expected: str) -> None:
-    columns: dict[str, Any] = {"time_ns": np.arange(20) * 10**9}
-    columns |= {f"beam{k + 1}_mps": np.ones(20) for k in range(4)} | {
-        f"beam{k + 1}_valid": [True] * 20 for k in range(4)
-    }
-    pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
-    done = command("fix", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", *words)
-    assert done.returncode == 2
-    assert expected in done.stderr

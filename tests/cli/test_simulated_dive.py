@@ -53,14 +53,6 @@ def test_an_audit_finds_nothing_wrong(dive: Path, tmp_path: Path) -> None:
     assert "No finding." in done.stdout
 
 
-def test_fixes_of_the_same_files(dive: Path, tmp_path: Path) -> None:
-    done = command(
-        "fix", dive / "survey_run0_beams.parquet", "--geometry", dive / "survey_dvl.toml", "--method", "info",
-        "--out", tmp_path / "f.parquet",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-
-
 @pytest.mark.parametrize(
     "dvl",
     [
@@ -90,15 +82,3 @@ def test_schema_of_a_file(kind: str, model: type[Scenario]) -> None:
     schema = json.loads(done.stdout)
     assert set(schema["properties"]) == set(model.model_fields)
     assert schema["additionalProperties"] is False
-
-
-def test_an_unknown_schema_is_refused() -> None:
-    done = command("keys", "ship", "--schema")
-    assert done.returncode == 2
-    assert '"scenario", "case", "geometry"' in done.stderr
-
-
-def test_a_schema_is_that_of_a_whole_file() -> None:
-    done = command("keys", "scenario", "gyro", "--schema")
-    assert done.returncode == 2
-    assert "'gyro' beside --schema: a schema is that of the whole file" in done.stderr

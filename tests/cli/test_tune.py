@@ -17,8 +17,6 @@ import pytest
 from bottomlock.errors import EXIT_INTERRUPTED
 from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.parameters import ATTITUDE_CLOCK, DVL_CLOCK, DVL_FILE, MOUNTING
-from bottomlock.replay.tune.result import journal_of
-from bottomlock.replay.tune.search import State
 from tests.cli.calls import command
 from tests.statistical.tune_logs import (
     ACCEL_KEY,
@@ -184,38 +182,6 @@ def test_interrupted_it_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     assert records[0] == records[1]
 
 
-def test_a_journal_of_something_else_is_left(tmp_path: Path) -> None:
-    """With another fraction, other methods or another file the search begins anew."""
-    path = write_case(tmp_path, dive(1, seconds=20.0))
-    out, case = tmp_path / "tuned.toml", load_case(path)
-    journal = journal_of(out, case, 0.5, ("tc",))
-    journal.note("noise", State((0.1, -2.0), 0.01, 2), 70, 1.5)
-    again = journal_of(out, case, 0.5, ("tc",))
-    assert again.begun("noise") == State((0.1, -2.0), 0.01, 2)
-    assert again.begun("sway") is None
-    assert (again.passes, again.wall_s) == (70, 1.5)
-    assert journal_of(out, case, 0.4, ("tc",)).begun("noise") is None
-    assert journal_of(out, case, 0.5, ("tc", "info")).begun("noise") is None
-    beams = tmp_path / "beams.parquet"
-    beams.write_bytes(beams.read_bytes() + b" ")
-    assert journal_of(out, case, 0.5, ("tc",)).begun("noise") is None
-
-
-@pytest.mark.long
-def test_methods_that_predict_what_was_measured(tmp_path: Path) -> None:
-    """Others are an error that names those; the result says which were used."""
-    path = write_case(tmp_path, dive(6, seconds=400.0), WRONG)
-    done = command("tune", path, "--methods", "tc,lc")
-    assert done.returncode == 2
-    assert "methods is tc, lc, expected some of tc, vb_exact, info, sway_current" in done.stderr
-    assert "did you mean 'info'" in command("tune", path, "--methods", "inof").stderr
-    done = command("tune", path, "--methods", "info", "--threads", "2")
-    assert done.returncode == 0, done.stderr
-    record = json.loads((tmp_path / "case_tuned.json").read_text(encoding="utf-8"))
-    assert record["methods"] == ["info"]
-    assert record["is_better"]
-
-
 @pytest.mark.long
 def test_mounting_and_clock_are_written_with_their_sigma(tmp_path: Path) -> None:
     """A DVL that is turned and late: a DVL's file beside the case has that, the case the attitude's clock."""
@@ -263,20 +229,3 @@ def test_the_sway_is_tuned_where_a_method_uses_it(tmp_path: Path) -> None:
     ] == pytest.approx(slip["value"], rel=0.01)
     assert record["parts"][-1]["name"] == "sway"
     assert "beams beyond two" in done.stdout
-
-
-@pytest.mark.long
-def test_without_whole_pings_the_sway_is_kept(tmp_path: Path) -> None:
-    """A beam that is always lost leaves nothing to judge two beams by."""
-    dived = dive(8, seconds=400.0)
-    dived.log["beam_valid"][:, 3] = False
-    path = write_case(tmp_path, dived)
-    text = path.read_text(encoding="utf-8").replace('methods = ["tc"]', 'methods = ["tc", "sway_current"]')
-    path.write_text(text, encoding="utf-8")
-    done = command("tune", path, "--threads", "2")
-    assert done.returncode == 0, done.stderr
-    assert "sway: too few whole pings to judge two beams by; its prior is kept" in done.stdout
-    record = json.loads((tmp_path / "case_tuned.json").read_text(encoding="utf-8"))
-    slip = next(one for one in record["parameters"] if one["key"] == "filter.water.slip_sd_mps")
-    assert not slip["is_determined"]
-    assert slip["value"] == slip["old"] == 0.02

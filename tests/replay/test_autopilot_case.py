@@ -129,9 +129,3 @@ def test_a_sensor_is_chosen_by_leaving_out_the_other(dive: RovDive, tmp_path: Pa
     said = command(*arguments).stdout
     assert "IMU 1: imu" in said
     assert "XKF1" not in said
-
-
-def test_without_a_dvl_the_log_says_what_it_holds(dive: RovDive, tmp_path: Path) -> None:
-    path = write_bin(dive, tmp_path / "dive.BIN", dvl="")
-    with pytest.raises(DataError, match=r"no file holds a DVL \(dive\.BIN BARO 1: pressure .*name its log"):
-        make_case([path], tmp_path / "case.toml")

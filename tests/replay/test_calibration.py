@@ -8,13 +8,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.cli.app import app
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import Calibration, DvlModel, InitialState
 from bottomlock.replay.calibration import calibration_words, found, write_calibration
-from bottomlock.replay.case import Case, load_case, parse_case
+from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import prepare
 from bottomlock.replay.run import ReplayResult, replay_case
@@ -106,38 +105,6 @@ def test_a_mounting_is_turned_in_the_platform_axes(tmp_path: Path) -> None:
     np.testing.assert_allclose(turned, expected, atol=1e-12)
     assert result.scale == pytest.approx(1.01**2 - 1)
     assert result.clock_offset_s == pytest.approx(0.6)
-
-
-@pytest.mark.parametrize(
-    ("lines", "words"),
-    [
-        ("mounting_sd = 1.0", "mounting_sd"),
-        ("mounting_sd_deg = -1.0", "mounting_sd_deg"),
-        ("mounting_sd_deg = [1.0, 1.0]", "mounting_sd_deg"),
-        ("clock_sd_s = 100", "milliseconds"),
-        ("enabled = false\nclock_sd_s = 0.1", "enabled = false"),
-    ],
-)
-def test_bad_keys_are_named(lines: str, words: str) -> None:
-    with pytest.raises(ScenarioError, match=words):
-        case_of(f"\n[calibration]\n{lines}\n")
-
-
-@pytest.mark.long
-def test_the_command_writes_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    case = tmp_path / "case.toml"
-    text = CASE.read_text(encoding="utf-8").split("[[what_if]]")[0] + SHORT + OWN
-    case.write_text(
-        text.replace('file = "', f'file = "{CASE.parent}/').replace('"dvl.toml"', f'"{CASE.parent}/dvl.toml"')
-    )
-    assert load_case(case).calibration.clock_sd_s == 0.1
-    call = ["replay", str(case), "--out", str(tmp_path / "out"), "--methods", "tc", "--write-calibration"]
-    app([*call, str(tmp_path / "found.toml")], result_action="return_value")
-    assert "calibration by tc" in capsys.readouterr().out
-    assert read_geometry(tmp_path / "found.toml").stated.clock_sd_s > 0.0
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert 'id="calibration"' in page
-    assert "mounting down" in page
 
 
 def test_navigator_has_them() -> None:

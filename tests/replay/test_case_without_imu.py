@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.model import imu_model
 from bottomlock.replay.stream_sections import ImuFromAttitude
@@ -47,23 +46,3 @@ def test_stated_noise_counts() -> None:
     noise = imu_model(parse_case(LEAST.replace("[dvl]", f"[imu.errors]\n{stated}", 1), place="case.toml"))
     assert noise.accel_noise_mps_rts == pytest.approx(0.02)
     assert np.rad2deg(noise.gyro_noise_rad_rts) == pytest.approx(0.01)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (LEAST[LEAST.index("[attitude]") : LEAST.index("[start]")], "", r"needs the section \[attitude\]"),
-        ("yaw_sd_deg = 1.8", 'aids = "heading"', "the same angles would count twice"),
-        ('level = "attitude"', "", 'start.level = "levelling" needs inertial readings'),
-        ('heading = "attitude"', 'heading = "gyrocompass"', 'start.heading = "gyrocompass" needs inertial'),
-        ('source = "attitude"', 'source = "atitude"', "'imu.source' is 'atitude', expected 'readings'"),
-        ('source = "attitude"', 'source = "attitude"\nfile = "imu.csv"', "unknown key 'imu.file'"),
-        ('source = "attitude"', 'source = "attitude"\nbridge_gap_s = 1.0', "did you mean 'bridge_gaps_s'"),
-        ('source = "attitude"', 'source = "attitude"\nbridge_gaps_s = -1.0', "'imu.bridge_gaps_s' is -1.0"),
-        ('source = "attitude"', "", "'imu.force' is missing, expected 3 texts"),
-    ],
-)  # fmt: skip
-def test_faults_name_key_and_expectation(old: str, new: str, message: str) -> None:
-    assert old in LEAST
-    with pytest.raises(ScenarioError, match=message):
-        parse_case(LEAST.replace(old, new, 1), place="case.toml")

@@ -19,7 +19,6 @@ from bottomlock.dead_reckoning.track_sd import (
     VelocityErrors,
     structure_function,
 )
-from bottomlock.errors import ScenarioError
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.replay.case import load_case
@@ -152,10 +151,6 @@ def test_the_sigma_of_a_held_velocity_is_that_of_the_vehicle() -> None:
     assert np.sqrt(np.mean(off**2)) == pytest.approx(np.sqrt(wanted[1]), rel=0.15)
 
 
-def test_too_few_velocities_have_no_structure_function() -> None:
-    assert structure_function(ns(np.arange(19.0)), np.zeros((19, 3)), np.zeros(3)) is None
-
-
 @pytest.fixture(scope="module")
 def dive() -> RovDive:
     return rov_dive(41, seconds=120.0)
@@ -185,17 +180,6 @@ def test_it_follows_the_truth_as_far_as_it_claims(replayed: ReplayResult) -> Non
     assert runs["recorded"]["position_rms_over_time_m"] < 0.3
     assert runs["dark"]["position_rms_over_time_m"] > 5.0 * runs["recorded"]["position_rms_over_time_m"]
     assert all(0.05 < row["position_normalised_rms_over_time"] < 2.0 for row in runs.values())
-
-
-def test_named_without_an_attitude_is_an_error(dive: RovDive, tmp_path: Path) -> None:
-    path = write_case(dive, tmp_path)
-    text = path.read_text(encoding="utf-8").replace('methods = ["lc", "tc"]', f'methods = ["tc", "{METHOD}"]')
-    path.write_text(text, encoding="utf-8")
-    assert load_case(path).replay.filters == ("tc",)
-    begin, end = text.index("[attitude]"), text.index("[reference]")
-    path.write_text(text[:begin] + text[end:], encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"dead_reckoning.*needs the section \[attitude\]"):
-        load_case(path)
 
 
 def test_without_an_attitude_it_is_left_out(dive: RovDive, tmp_path: Path) -> None:

@@ -108,16 +108,6 @@ def test_hover_shows_the_values_of_that_time_everywhere(browser: Browser, page: 
     assert where[0] == pytest.approx(SPIKE_S / 59.8, abs=0.005)
 
 
-def test_lost_beams_are_told(browser: Browser, page: Path) -> None:
-    look(browser, page)
-    for seconds, words in ((25.0, "lost"), (35.0, "valid")):
-        hover(browser, 0, seconds / 59.8)
-        beams = readout(browser, 7)
-        assert re.search(rf"beam 2\s+{words}", beams)
-        assert re.search(r"beam 1\s+valid", beams)
-    assert "2 beams lost" in text_of(browser, ".legend")
-
-
 def test_cursor_moves_on_the_map(browser: Browser, page: Path) -> None:
     """And the map moves it: at the place of the marker stands the same time."""
     look(browser, page)
@@ -160,36 +150,6 @@ def test_zoom_is_of_all_panels_and_of_the_track(browser: Browser, page: Path) ->
     assert "00:00:10 to 00:01:10" in text_of(browser, ".range")
 
 
-def test_keyboard_moves_the_cursor_and_zooms(browser: Browser, page: Path) -> None:
-    look(browser, page)
-    browser.value(f"{PANELS}[0].focus()")
-    browser.press("ArrowRight")
-    first = text_of(browser, ".at")
-    browser.press("ArrowRight")
-    assert first
-    assert text_of(browser, ".at") > first
-    for key, shown in (("+", "00:00:2"), ("0", "00:00:10 to")):
-        browser.value(
-            f"{PANELS}[0].dispatchEvent(new KeyboardEvent('keydown', {{key: {key!r}, bubbles: true}}))"
-        )
-        assert shown in text_of(browser, ".range")
-
-
-def test_another_method_is_chosen(browser: Browser, page: Path) -> None:
-    """Of the free INS the map keeps its frame, and the time its range."""
-    look(browser, page)
-    ticks = "[...document.querySelectorAll('.map text')].map(one => one.textContent).join()"
-    before = browser.value(ticks)
-    choose = (
-        "(one => { one.value = 'ins'; one.dispatchEvent(new Event('change')); })"
-        "(document.querySelectorAll('.bar select')[1])"
-    )
-    browser.value(choose)
-    hover(browser, 0, 0.5)
-    assert "ins" in readout(browser, 0)
-    assert browser.value(ticks) == before
-
-
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("dark", [False, True])
 def test_nothing_is_cut_off_and_figures_are_of_natural_size(
@@ -205,22 +165,6 @@ def test_nothing_is_cut_off_and_figures_are_of_natural_size(
         "Number(one.getAttribute('width'))).length"
     )
     assert browser.value(stretched) == 0
-
-
-def test_paper_and_readers_without_scripts_have_the_figures(browser: Browser, page: Path) -> None:
-    look(browser, page)
-    shown = (
-        "['.still figure', '#plots', '.hint'].map("
-        "one => document.querySelector(one).getBoundingClientRect().height > 20)"
-    )
-    assert browser.value(shown) == [False, True, True]
-    browser.media(paper=True)
-    assert browser.value(shown) == [True, False, False]
-    browser.media()
-    browser.scripts(allowed=False)
-    browser.open(page)
-    browser.scripts(allowed=True)
-    assert browser.value(shown) == [True, False, False]
 
 
 def test_an_hour_at_20_hz_is_small_and_asks_for_nothing(browser: Browser, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 
 import numpy as np
 import polars as pl
@@ -13,7 +12,7 @@ import pytest
 from bottomlock.figures.series import Frame, Track
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.dive_plots import framed, holds, lost_beams, state_panels, taken, tracks_of
-from bottomlock.replay.report import PAGE, ReplayTables, dive_of, report_files
+from bottomlock.replay.report import ReplayTables, dive_of
 from tests.pages.test_plots import unpacked
 from tests.replay.dive_tables import LOST_S, METHODS, SPIKE_MPS, START_NS, dive_tables, manifest
 
@@ -81,10 +80,6 @@ def test_beams_lost_between_two_points(tables: ReplayTables) -> None:
     np.testing.assert_array_equal(lost, [0.0, 0.0, 2.0, 2.0, 2.0, 0.0, 4.0])
 
 
-def test_without_a_ping_every_beam_is_lost(tables: ReplayTables) -> None:
-    np.testing.assert_array_equal(lost_beams(tables.pings.clear(), np.array([START_NS])), [4.0])
-
-
 def test_curves_are_those_of_the_tables(tables: ReplayTables) -> None:
     """Each value of the page's data is of the table at that time, also after its way through the packing."""
     content = json.loads(dive_of(tables).data)
@@ -139,14 +134,3 @@ def test_lost_beams_break_their_line(tables: ReplayTables) -> None:
     times, levels = (unpacked(content, panel["curves"][1][key]) for key in ("t", "v"))
     np.testing.assert_allclose(times[:3], [0.0, *LOST_S], atol=1e-3)
     np.testing.assert_array_equal(levels[:3], [2.0, np.nan, 2.0])
-
-
-def test_page_begins_with_the_verdict_and_names_what_the_map_cuts_off(tables: ReplayTables) -> None:
-    text = str(report_files(tables)[PAGE])
-    assert text.index("Can I trust this?") < text.index('<h2 id="dive"') < text.index('<h2 id="summary"')
-    (caption,) = set(re.findall(r"<figcaption>(Plan view[^<]*cut off[^<]*)</figcaption>", text))
-    assert "cut off by the frame: ins (up to 6.4 km from the start)" in caption
-    assert "metres from 54.000000° N, 3.500000° W" in caption
-    trust = text[text.index('<h2 id="trust"') : text.index('<h2 id="dive"')]
-    assert "normalised innovation squared" in trust
-    assert "that no velocity can cause" in trust

@@ -110,22 +110,6 @@ def test_a_wrong_drag_is_no_worse_than_none(ends_m: dict[str, Floats], wrong: st
     assert np.median(ends_m[wrong]) == pytest.approx(np.median(ends_m["velocity"]), rel=0.25)
 
 
-@pytest.mark.parametrize(
-    ("name", "median", "greatest"),
-    [
-        ("without", 11.6, 17.2),
-        ("velocity", 2.7, 5.0),
-        ("all", 1.14, 1.92),
-        ("20 % too large", 2.6, 4.9),
-        ("20 % too small", 2.8, 5.0),
-    ],
-)
-def test_numbers_of_the_page(ends_m: dict[str, Floats], name: str, median: float, greatest: float) -> None:
-    """docs/howto/thrust.md."""
-    assert np.median(ends_m[name]) == pytest.approx(median, rel=0.05)
-    assert ends_m[name].max() == pytest.approx(greatest, rel=0.05)
-
-
 def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
     """On the clock of the case; model and option are those of the keys."""
     path = case_file.with_name("keys.toml")

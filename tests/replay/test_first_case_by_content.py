@@ -13,8 +13,7 @@ import pytest
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.dates import written_times
 from bottomlock.replay.init.make import make_case
-from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import replay_case, write_replay
+from bottomlock.replay.run import replay_case
 from tests.replay.rov_dive import RovDive, rov_dive, write_a50, write_csv
 
 EPOCH_S = 1_714_564_799.5
@@ -92,7 +91,7 @@ def silent(dive: RovDive) -> RovDive:
 
 @pytest.mark.long
 @pytest.mark.parametrize(("lost", "kind"), [(blind, "verdict"), (silent, "no_fix")])
-def test_a_log_without_a_whole_velocity_runs_to_its_page(
+def test_a_log_without_a_whole_velocity_runs(
     dive: RovDive, tmp_path: Path, lost: Callable[[RovDive], RovDive], kind: str
 ) -> None:
     """Clocks without anything in common are taken to begin together, and the start is not claimed to be at rest."""
@@ -107,8 +106,6 @@ def test_a_log_without_a_whole_velocity_runs_to_its_page(
     assert case.start.velocity_sd_mps[0] > 1.0
     replayed = replay_case(case)
     assert replayed.manifest["findings"][0]["kind"] == kind
-    write_replay(replayed, tmp_path / "out")
-    assert make_replay_report(tmp_path / "out").stat().st_size > 10_000
 
 
 def test_noise_is_that_of_the_closure_where_the_geometry_claims_less(tmp_path: Path) -> None:

@@ -18,12 +18,12 @@ from bottomlock.plant.surroundings import MagneticField
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dvl_sections import WhatIf
-from bottomlock.replay.init import axes_part, declination
+from bottomlock.replay.init import declination
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.gyros import match_gyros, slope
-from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerations, yaw_by_positions
+from bottomlock.replay.motion.mounting_yaw import yaw_by_accelerations, yaw_by_positions
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.run import replay_case
@@ -250,19 +250,6 @@ def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> N
     assert row["position_final_percent"] < 2.0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("agreement", "axes"), [(0.05, ("x", "y", "z")), (0.8, ("y", "-x", "z"))])
-def test_accelerations_that_hardly_agree_turn_nothing(
-    dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, agreement: float, axes: tuple[str, ...]
-) -> None:
-    """A small sigma of a yaw that explains a twentieth of what is compared is that of a systematic error."""
-    found = MountingYaw(np.deg2rad(85.0), np.deg2rad(9.0), agreement, 1.0, 40)
-    monkeypatch.setattr(axes_part, "yaw_by_accelerations", lambda _: found)
-    files = tables(tmp_path, dive)
-    del files["gps"]
-    assert made(tmp_path, files)[0].readings.axes == axes
-
-
 @pytest.mark.usefixtures("no_declination")
 def test_the_track_mounts_a_dvl_without_inertial_readings(dive: RovDive, tmp_path: Path) -> None:
     """Attitude once in 4 s, as a glider records it: the track against GPS tells the yaw, no question is left of it."""
@@ -383,16 +370,6 @@ def test_declination_turns_a_magnetic_yaw_alone(
     assert asked[0] == pytest.approx((np.deg2rad(45.0), 0.1, 2023.87), abs=0.01)
     row = replay_case(case.with_methods(["tc"])).runs.row(0, named=True)
     assert row["position_final_percent"] < 2.0
-
-
-@pytest.mark.long
-def test_a_missing_model_is_named(dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The package that would tell the declination stands in the question; the case needs none to run."""
-    monkeypatch.setitem(sys.modules, "pygeomag", None)
-    case, text = made(tmp_path, tables(tmp_path, dive))
-    assert case.attitude is not None
-    assert case.attitude.yaw_offset_deg == 0.0
-    assert "pip install '.[magnetic]'" in " ".join(text.replace("#", "").split())
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import bottomlock
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_beams
 from bottomlock.io.formats import read_recording
 from bottomlock.replay.case import load_case
@@ -77,19 +77,6 @@ def test_a_beam_table_takes_the_same_flags(tmp_path: Path, words: str) -> None:
     assert (read_beams(tmp_path / "documented.csv", beams=4).valid == valid).all()
     converted = read_recording(tmp_path / "documented.csv").table
     assert (converted.valid == valid).all()
-
-
-def test_another_word_is_named(tmp_path: Path) -> None:
-    path = write(tmp_path, "true")
-    path.write_text(path.read_text().replace("false", "perhaps", 1))
-    table = pl.read_csv(path).with_columns(time_ns=pl.int_range(PINGS) * (10**9 // HZ)).drop("time_s")
-    table.write_csv(tmp_path / "documented.csv")
-    with pytest.raises(
-        DataError, match=r"row 50, column 'beam2_valid' is 'perhaps', expected a number, or a flag"
-    ):
-        read_beams(tmp_path / "documented.csv", beams=4)
-    made = make_case([tmp_path / "imu.csv", path], tmp_path / "case.toml")
-    assert "beam2_valid no flags, since they hold more than 0, 1, true, false" in " ".join(made.words)
 
 
 @pytest.mark.parametrize(("scale", "is_mapped"), [(1.0, True), (1000.0, False)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,7 @@ import polars as pl
 import pytest
 
 import bottomlock
-from bottomlock.config.scenario import load_scenario, parse_scenario
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import DataError
 from bottomlock.replay import rerun
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_streams
@@ -93,24 +91,6 @@ def test_readings_that_stick_after_a_good_while_are_rejected() -> None:
     ]
     assert [len(report) for report in reports] == [0, 1, 1]
     assert checked.imu_faults()["stuck"] == 2
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        ("max_imu_force_mps2", 0.0, "max_imu_force_mps2 is 0, expected a full scale"),
-        ("max_imu_rate_radps", np.nan, "max_imu_rate_radps is NaN"),
-        ("max_imu_gap_s", -1.0, "max_imu_gap_s is -1"),
-        ("max_imu_gap_s", "long", "max_imu_gap_s is 'long', expected a number"),
-        ("imu_stuck_after", 1, r"imu_stuck_after is 1, expected 0 \(never\)"),
-        ("imu_stuck_after", -1, "imu_stuck_after is -1, expected a whole number"),
-        ("imu_gap", "bridge", "imu_gap is 'bridge', expected 'refuse' or 'inflate'"),
-        ("imu_gap_rate_sd_radps", -1.0, "imu_gap_rate_sd_radps is -1"),
-    ],
-)
-def test_bad_limits_are_named(key: str, value: object, words: str) -> None:
-    with pytest.raises(bottomlock.KernelError, match=words):
-        bottomlock.Navigator(JANUS, settings.table_2(), options(**{key: value}), AT_REST)
 
 
 def test_a_gap_is_refused_with_what_to_do_or_inflated() -> None:
@@ -234,34 +214,6 @@ def test_a_faulty_log_is_the_streaming_navigator(
     assert out["imu_faults"]["clipped"] == int(not gap)
 
 
-def test_a_replay_refuses_a_gap_with_row_and_times() -> None:
-    log = faulty_log(gap=True)
-    row = len(LOG["imu_time_ns"]) // 2
-    with pytest.raises(
-        bottomlock.KernelError, match=rf"imu row {row}: imu time .* comes .*max_imu_gap_s = 0.5 s"
-    ):
-        bottomlock.replay_log(
-            JANUS, settings.table_2(), options(max_imu_gap_s=0.5), ["tc"], log, START, sample_time_ns=[]
-        )  # fmt: skip
-
-
-def test_scenario_keys_reach_the_kernel_and_decide_no_campaign() -> None:
-    """`[imu.limits]` goes into the options of a Navigator; a campaign, whose readings are simulated, keeps its hash."""
-    plain = load_scenario("straight")
-    kernel = plain.kernel_options()
-    assert kernel.max_imu_force_mps2 == 100.0
-    np.testing.assert_allclose(kernel.max_imu_rate_radps, 10.0, rtol=1e-15)
-    limits = plain.imu.limits.model_copy(update={"max_force_mps2": 49.0, "gap": "inflate"})
-    other = plain.model_copy(update={"imu": plain.imu.model_copy(update={"limits": limits})})
-    changed = other.kernel_options()
-    assert (changed.max_imu_force_mps2, changed.imu_gap) == (49.0, "inflate")
-    assert other.content_hash() == plain.content_hash()
-    packaged = resources.files("bottomlock.config") / "scenarios" / "straight.toml"
-    text = packaged.read_text(encoding="utf-8") + "\n[imu.limits]\nmax_force = 3.0\n"
-    with pytest.raises(ScenarioError, match=r"imu\.limits.*max_force"):
-        parse_scenario(text, place="scenario x")
-
-
 QUICK = '[replay]\nmethods = ["tc", "consistent"]\nsmooth = false\nduration_s = 40.0\n'
 
 
@@ -327,9 +279,3 @@ def test_wrong_units_reject_every_reading(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=r"every inertial reading is rejected, .*check imu\.force_unit"):
         replay_case(load_case(path))
-
-
-def test_the_example_of_the_page_runs(root: Path) -> None:
-    text = (root / "docs" / "imu_faults.md").read_text(encoding="utf-8")
-    example = text.split("```python\n")[1].split("```")[0]
-    exec(compile(example, "docs/imu_faults.md", "exec"), {})

@@ -6,7 +6,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.replay.leave_out import VelocityWalk, leave_out, over_sets, random_walk, reference_pings
 from bottomlock.tables.replay import SCORES
@@ -94,15 +93,3 @@ def test_outliers_are_no_reference() -> None:
     kept = reference_pings(JANUS, readings, valid, 3.0)
     assert not kept[[7, 9]].any()
     assert kept.mean() > 0.98
-
-
-def test_what_has_no_redundancy_is_refused() -> None:
-    three = BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0])
-    with pytest.raises(DataError, match="without redundancy"):
-        leave_out(
-            three, np.zeros(1, dtype=np.int64), np.zeros((1, 3)), np.ones((1, 3), dtype=bool), SD[:3], beams=1
-        )
-    with pytest.raises(DataError, match="expected 1 to 3"):
-        leave_out(
-            JANUS, np.zeros(1, dtype=np.int64), np.zeros((1, 4)), np.ones((1, 4), dtype=bool), SD, beams=4
-        )

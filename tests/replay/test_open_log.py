@@ -3,10 +3,8 @@
 import shutil
 from collections import Counter
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
-import pytest
 
 import bottomlock
 from bottomlock import AcousticPositionReading, AttitudeReading, DepthReading, ImuReading, Ping
@@ -103,23 +101,3 @@ def test_a_place_on_the_earth_is_that_of_the_file(tmp_path: Path) -> None:
     assert [one[0] for one in found] == [row[0] for row in rows]
     np.testing.assert_allclose([one[1:3] for one in found], [row[1:3] for row in rows], rtol=0, atol=1e-12)
     np.testing.assert_allclose([one[3] for one in found], 2.0, atol=1e-7)
-
-
-def test_mistakes_are_named() -> None:
-    with pytest.raises(bottomlock.DataError, match="open_log is given no file, expected the log of a DVL"):
-        bottomlock.open_log()
-    with pytest.raises(bottomlock.DataError, match="no file holds"):
-        bottomlock.open_log(DIVE / "depth.csv")
-    with pytest.raises(bottomlock.ScenarioError, match="no such"):
-        bottomlock.open_log("none.toml")
-    case, wrong = DIVE / "case.toml", cast("Any", bottomlock.open_log)
-    with pytest.raises(bottomlock.DataError, match=r"given a list, expected paths: open_log\(\*files\)"):
-        wrong([case])
-    with pytest.raises(bottomlock.DataError, match=r"given a NoneType, expected paths$"):
-        wrong(None)
-    with pytest.raises(bottomlock.DataError, match=r"case\.toml: a case stands alone"):
-        bottomlock.open_log(DIVE / "depth.csv", case)
-    with pytest.raises(bottomlock.DataError, match="without is given with a case"):
-        bottomlock.open_log(case, without=["/odom"])
-    with pytest.raises(bottomlock.DataError, match=r"without is '/odom', expected a list .*: \['/odom'\]"):
-        bottomlock.open_log(DIVE / "imu.parquet", without="/odom")

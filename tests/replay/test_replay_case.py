@@ -80,22 +80,6 @@ def test_files_are_looked_for_from_the_case(tmp_path: Path) -> None:
     assert case.dvl.geometry == str(tmp_path / "own.toml")
 
 
-def test_missing_and_broken_files(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match="no such case file"):
-        load_case(tmp_path / "none.toml")
-    with pytest.raises(ScenarioError, match=r"is a folder, expected a case file$"):
-        load_case(tmp_path)
-    with pytest.raises(
-        ScenarioError, match=r"the case is of type NoneType, expected the path of a TOML file"
-    ):
-        load_case(None)  # type: ignore[arg-type]
-    (tmp_path / "bad.toml").write_text("name = ", encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"is a folder, expected a case file \(there: bad.toml\)"):
-        load_case(tmp_path)
-    with pytest.raises(ScenarioError, match="not valid TOML"):
-        load_case(tmp_path / "bad.toml")
-
-
 def test_hash_is_of_what_decides_the_numbers() -> None:
     case = parse_case(LEAST, place="case")
     worded = parse_case(

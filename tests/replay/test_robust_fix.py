@@ -14,7 +14,7 @@ from bottomlock.replay.beam_noise import GAUSSIAN, MOST_DEGREES, fit_student_t, 
 from bottomlock.replay.leave_out import leave_out
 from bottomlock.replay.robust_fix import solve_robust, solve_scaled
 from bottomlock.replay.screen_beams import outlier_of
-from bottomlock.tables.fixes import OUTLIER_TESTS, robust_fixes_schema
+from bottomlock.tables.fixes import OUTLIER_TESTS
 
 JANUS = BeamGeometry.janus(np.deg2rad(25.0))
 B = np.asarray(JANUS.directions_p)
@@ -219,14 +219,6 @@ def test_groups_of_the_instrument() -> None:
     few = measure_noise(JANUS, beams, every, SD, np.arange(2000) >= 50)
     assert "50 pings with every beam" in few.groups[1].fallback
     assert few.groups[1].factor == measure_noise(JANUS, beams, every, SD).groups[0].factor
-
-
-def test_table_has_the_documented_columns() -> None:
-    time_ns, _, beams = log(gaussian(120))
-    robust = solve_robust(JANUS, time_ns, beams, np.ones((120, 4), dtype=bool), method="lc", beam_sd_mps=SD)
-    frame = robust.to_frame(time_ns)
-    assert frame.schema == pl.Schema(robust_fixes_schema(4))
-    assert frame["beam_sd_factor"].min() == robust.noise.groups[0].factor
 
 
 def test_scaled_solution_is_row_by_row_that_of_the_kernel() -> None:

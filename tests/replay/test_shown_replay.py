@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
-from html.parser import HTMLParser
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -98,59 +97,6 @@ def test_plots_take_axes_methods_and_passes(replay: Replay) -> None:
         replay.plot_velocity(axes=[left, right])
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda one: one.plot_map("lost34"), "what_if is 'lost34', did you mean 'lost_34'"),
-        (lambda one: one.plot_depth("tcc"), "method is 'tcc', did you mean 'tc'"),
-        (
-            lambda one: one.plot_nis(methods="tc"),
-            r"methods is 'tc', expected a list of names, such as \['tc'\]",
-        ),
-        (lambda one: one.plot_nis(methods=["vb"]), "methods is 'vb'"),
-        (
-            lambda one: one.plot_depth(DEAD_RECKONING, which="smoothed"),
-            "which is 'smoothed', expected one of forward",
-        ),
-    ],
-)
-def test_what_a_replay_does_not_have_is_named(
-    replay: Replay, call: Callable[[Replay], object], message: str
-) -> None:
-    with pytest.raises(DataError, match=message):
-        call(replay)
-
-
-def test_it_shows_itself(replay: Replay) -> None:
-    """The verdict in a line, and in a notebook the sentence and a table for each case."""
-    assert repr(replay) == (
-        f"<Replay of survey_dive: trusted {replay.manifest['answer']['verdict']}; tc, sway_current, dead_reckoning; "
-        "recorded, lost_34, one_beam_for_5_min>"
-    )
-    captions: list[str] = []
-
-    class Reader(HTMLParser):
-        inside = False
-
-        def handle_starttag(self, tag: str, _: object) -> None:
-            self.inside = tag == "caption"
-
-        def handle_data(self, data: str) -> None:
-            if self.inside:
-                captions.append(data.split(".", maxsplit=1)[0])
-
-    html = replay._repr_html_()
-    Reader().feed(html)
-    assert captions == ["survey_dive", "Recorded", "Lost 34", "One beam for 5 min"]
-    assert replay.manifest["answer"]["sentence"].split(".")[0] in html
-    row = replay.runs.filter(
-        (pl.col("what_if") == "lost_34")
-        & (pl.col("method") == "sway_current")
-        & (pl.col("pass") == "forward")
-    )
-    assert f"{row['position_final_m'].item():.2f}</td>" in html
-
-
 def test_its_tables_are_its_files(replay: Replay) -> None:
     for name in ("runs", "samples", "innovations", "pings", "reference"):
         assert getattr(replay, name).equals(pl.read_parquet(replay.folder / f"{name}.parquet"))
@@ -183,10 +129,3 @@ def test_replays_of_two_dives_are_not_compared(replay: Replay, tmp_path: Path) -
     write_record(folder / "manifest.json", record, record[DIGESTS])
     with pytest.raises(DataError, match=r"different recordings: imu is imu\.parquet"):
         replay.compare(Replay(folder))
-
-
-def test_what_is_no_replay_is_named(replay: Replay) -> None:
-    with pytest.raises(DataError, match="compare is given a PosixPath, expected a replay, as Replay"):
-        replay.compare(replay.folder)  # type: ignore[arg-type]
-    with pytest.raises(DataError, match=r"manifest\.json: is a file, expected the directory of a replay"):
-        Replay(replay.folder / "manifest.json")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import DataError
 from bottomlock.kernel.models import ThrustModel
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
@@ -112,22 +112,6 @@ def test_a_wrong_advance_is_no_worse_than_none(ends_m: dict[str, Floats], wrong:
 
 
 @pytest.mark.parametrize(
-    ("name", "median", "greatest"),
-    [
-        ("without", 11.6, 17.2),
-        ("velocity", 3.3, 6.7),
-        ("all", 2.2, 5.8),
-        ("20 % too large", 3.3, 6.4),
-        ("20 % too small", 3.2, 6.9),
-    ],
-)
-def test_numbers_of_the_page(ends_m: dict[str, Floats], name: str, median: float, greatest: float) -> None:
-    """docs/howto/thrust.md."""
-    assert np.median(ends_m[name]) == pytest.approx(median, rel=0.05)
-    assert ends_m[name].max() == pytest.approx(greatest, rel=0.05)
-
-
-@pytest.mark.parametrize(
     ("corrects", "factor", "least", "over_sigma"), [("velocity", 3.0, 1.5, 0.88), ("all", 5.3, 1.9, 1.02)]
 )
 def test_factors_of_the_page(
@@ -212,35 +196,6 @@ def test_water_and_revolutions_go_together(case_file: Path, tmp_path: Path) -> N
     page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
     assert "Revolutions as the filters used them" in page
     assert "Beams of the water as the filters used them" in page
-
-
-def test_without_the_section_there_is_nothing_of_it(case_file: Path, tmp_path: Path) -> None:
-    alone = replay_case(load_case(case_file).model_copy(update={"thrust": None}))
-    assert alone.currents.is_empty()
-    assert "thrust" not in alone.manifest
-    write_replay(alone, tmp_path / "out")
-    assert "Revolutions" not in make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('unit = "rpm"', 'unit = "knots"', r"'thrust.unit' is 'knots', expected 'rpm', 'Hz' or 'rad/s'"),
-        ('unit = "rpm"\n', "", "'thrust.unit' is missing"),
-        ("advance_m = 0.1\n", "", "'thrust.advance_m' is missing"),
-        ("advance_m = 0.1\n", "advance_m = -0.1\n", "'thrust.advance_m' is -0.1"),
-        ("advance_m = 0.1\n", "advance_m = 0.1\nslip_mps = 0.0\n", "'thrust.slip_mps' is 0.0"),
-        ("advance_m = 0.1\n", "advance_m = 0.1\nenabled = true\n", "thrust.enabled"),
-        ("advance_m = 0.1\n", 'advance_m = 0.1\ncorrects = "off"\n', "'thrust.corrects' is 'off'"),
-        ('column = "rpm"\n', "", "'thrust.column' is missing"),
-    ],
-)  # fmt: skip
-def test_faults_name_key_and_expectation(case_file: Path, old: str, new: str, message: str) -> None:
-    assert old in CASE
-    path = case_file.with_name("faulty.toml")
-    path.write_text(CASE.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(ScenarioError, match=message):
-        load_case(path)
 
 
 @pytest.mark.parametrize(

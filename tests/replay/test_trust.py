@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +19,10 @@ from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIM
 from bottomlock.replay.findings.expected_nis import least_ratio, weight
 from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, answer_of
-from bottomlock.replay.findings.verdict import WRONG, Innovations, verdict_finding
+from bottomlock.replay.findings.verdict import Innovations, verdict_finding
 from bottomlock.replay.map_figure import ELLIPSES, Map, map_figure
-from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT
-from bottomlock.statistics.replay import track_table
 from tests.replay.mistaken_case import write_case
 from tests.replay.rov_dive import rov_dive
 
@@ -145,14 +142,6 @@ def test_no_begins_with_the_cause(cause: Finding, method: str) -> None:
     assert "38.0 times what both claim" in answer.numbers[1]
 
 
-def test_a_departure_without_a_cause_is_the_first_finding() -> None:
-    verdict, state = verdict_finding(SEEN, None, FAR)
-    assert (state, verdict.severity) == (WRONG, "fault")
-    assert verdict.text == "tc leaves dead reckoning by up to 912 m: 38.0 times what both claim."
-    answer = answer_of(evidence(verdict=verdict, state=state, agreements=(FAR,)))
-    assert (answer.verdict, answer.sentence, answer.method) == ("no", verdict.text, METHOD)
-
-
 def test_partly_for_a_doubt_and_where_nothing_confirms() -> None:
     assert answer_of(evidence(causes=(NOISY,))).verdict == "partly"
     alone = answer_of(evidence(agreements=(), reckoned=False))
@@ -243,23 +232,6 @@ def test_the_sway_is_measured_through_the_noise(sd: float, time_s: float) -> Non
     assert _own(0.1 * rng.normal(size=5000), step) == (0.0, 0.0)
 
 
-def test_the_page_begins_with_the_answer(replayed: ReplayResult, tmp_path: Path) -> None:
-    """Before the contents; with where each track ends, and ellipses on the map of the track to take and the floor."""
-    write_replay(replayed, tmp_path)
-    page = make_replay_report(tmp_path).read_text(encoding="utf-8")
-    body = page[page.index("<body") : page.index("<nav")]
-    assert re.search(r'Can I trust this\? <span class="verdict yes">Yes:</span> The beams fit', body)
-    assert "ellipses: 2 sigma of north and east of tc and dead_reckoning" in page
-    assert "Where each track ends" in page
-    ends = track_table(replayed.samples).row(0, named=True)
-    last = replayed.samples.filter((pl.col("method") == "lc") & (pl.col("pass") == "forward")).row(
-        -1, named=True
-    )
-    assert ends["north_m"] == last["north_m"]
-    assert ends["speed_mps"] == pytest.approx(ends["way_m"] / ends["seconds"])
-    assert any(line.startswith("tc ends ") and "mean speed" in line for line in replayed.manifest["answers"])
-
-
 def test_ellipses_are_two_sigma_and_none_hides_the_map() -> None:
     frame = tracks(1, 0.0).with_columns(run=pl.lit(0), time_ns=pl.Series(range(600)).cast(pl.Int64))
     frame = frame.with_columns(north_m=pl.int_range(600).cast(pl.Float64))
@@ -270,19 +242,3 @@ def test_ellipses_are_two_sigma_and_none_hides_the_map() -> None:
         ellipses = [one for one in drawn.axes[0].patches if isinstance(one, Ellipse)]
         assert len(ellipses) == (ELLIPSES if widths else 0)
         assert {one.width for one in ellipses} == {one.height for one in ellipses} == widths
-
-
-def test_the_heading_at_the_start_is_told_where_the_log_was_smoothed(tmp_path: Path) -> None:
-    """A start 4 deg off at 2 deg of σ, with an attitude that aids: the smoothed start takes it back."""
-    path = write_case(rov_dive(21), tmp_path)
-    text = path.read_text(encoding="utf-8").replace("smooth = false", "smooth = true")
-    text = text.replace('aids = "nothing"', 'aids = "heading"')
-    heading = float(re.search(r"heading_deg = (\S+)", text)[1])  # type: ignore[index]
-    path.write_text(
-        text.replace(f"heading_deg = {heading:.4f}", f"heading_deg = {heading + 4.0:.4f}"), encoding="utf-8"
-    )
-    lines = replay_case(load_case(path)).manifest["answers"]
-    (told,) = [line for line in lines if line.startswith("Heading at the start")]
-    change, sigmas = re.search(r"by ([-+.\d]+) deg, ([.\d]+) times", told).groups()  # type: ignore[union-attr]
-    assert float(change) == pytest.approx(-4.0, abs=1.0)
-    assert float(sigmas) == pytest.approx(2.0, abs=0.5)

@@ -11,7 +11,6 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.water_table import WaterTable
@@ -220,45 +219,6 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     # The mean of two independent cells has half the variance of one, which is claimed: 2 of 4, of 837 pings to 4 sigma.
     assert degrees == 4.0
     assert abs(nis - 2.0) < 4.0 * np.sqrt(8.0 / 837.0) / 2.0
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("noise_mps = 0.02", "cells = [1, 1]", "cell 1 is named twice in 'cells'"),
-        ("noise_mps = 0.02", "cells = []", "water_track.cells"),
-        ("noise_mps = 0.02", "max_closure_mps = 0.0", "'water_track.max_closure_mps' is 0.0"),
-        ('file = "beams.parquet"', 'file = "beams.parquet"\nclock = { column = "time_ns", unit = "ns", rate_hz = 4.0 }',
-         "dvl.clock.rate_hz moves those of the beams"),
-        ('file = "beams.parquet"',
-         'file = "beams.parquet"\nsource = "velocity"\nvelocity = ["a", "b", "c"]\nclock = { column = "t" }',
-         "'water_track.file' is missing, expected the water table"),
-    ],
-)  # fmt: skip
-def test_faults_name_key_and_expectation(case_file: Path, old: str, new: str, message: str) -> None:
-    assert old in CASE
-    path = case_file.with_name("faulty.toml")
-    path.write_text(CASE.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(ScenarioError, match=message):
-        load_case(path)
-
-
-def test_faults_of_the_table_name_the_file(dive: RovDive, tmp_path: Path) -> None:
-    path = write(tmp_path, dive)
-    path.write_text(CASE.replace("noise_mps = 0.02", "cells = [3]"), encoding="utf-8")
-    with pytest.raises(
-        DataError, match=r"beams_water.parquet: water cell 3 is in no ping, expected cells of 1 to 2"
-    ):
-        read_streams(load_case(path))
-    (tmp_path / "beams_water.parquet").unlink()
-    with pytest.raises(DataError, match=r"beams_water.parquet: no such file, named in \[water_track\]"):
-        replay_case(load_case(path))
-    table = water_of(dive)
-    none = replace(table, **{name: getattr(table, name)[:0] for name in vars(table)})
-    write_parquet(tmp_path / "beams_water.parquet", none.to_frame())
-    path.write_text(CASE, encoding="utf-8")
-    with pytest.raises(DataError, match="has no row, expected cells of water"):
-        read_streams(load_case(path))
 
 
 def test_a_first_case_names_the_water_beside_the_beams(tmp_path: Path, dive: RovDive) -> None:
