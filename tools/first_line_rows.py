@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from bottomlock.recordings.geodesy import radii_m
 from tests import dive as dives
+from tests import recorded_dives
 from tests.dive_logs import write
-from tools import recorded_dives
-from tools.akit import LAG_S
+from tests.replay.akit import LAG_S
 
 ROOT = Path(__file__).resolve().parent.parent
 Floats = NDArray[np.float64]
