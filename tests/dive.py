@@ -1,7 +1,7 @@
 """The dives of the tests: one truth and one draw of noise, what its loggers hold, and faults as data.
 
-`dive` draws a dive, `tables` are what its loggers hold, a `Fault` spoils tables, and `tests.dive_logs.write` makes the
-files that a user would have; `given` are its readings, one at a time.
+`drawn_dive` draws a dive, `tables` are what its loggers hold, a `Fault` spoils tables; `tests.dive_logs.write` makes
+the files that a user would have. `given` are its readings, one at a time.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _wander(
     return np.asarray(size * np.sqrt(2.0 / parts) * np.sin(t[:, None] * rates + phases).sum(axis=1))
 
 
-def dive(
+def drawn_dive(
     seed: int,
     *,
     seconds: float = 240.0,

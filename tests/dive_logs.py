@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.io.beams import read_geometry
-from tests.dive import DENSITY, STANDARD_GRAVITY, SURFACE_PA, Floats, Tables, dvl_bytes
+from tests.dive import DENSITY, STANDARD_GRAVITY, SURFACE_PA, Dive, Floats, Tables, dvl_bytes, tables
 
 
 def write(held: Tables, folder: Path, words: str, *, geometry: str = "waterlinked_a50") -> list[Path]:
@@ -35,6 +35,18 @@ def write(held: Tables, folder: Path, words: str, *, geometry: str = "waterlinke
             path.write_bytes(dvl_bytes(held["beams"], word, geometry))
         files.append(path)
     return files
+
+
+def write_a50(made: Dive, path: Path, *, start_s: float = 0.0) -> Path:
+    """The log of an A50 in the maker's JSON."""
+    path.write_bytes(dvl_bytes(tables(made, start_s=start_s)["beams"], "waterlinked-json", made.geometry))
+    return path
+
+
+def write_csv(path: Path, columns: Mapping[str, Floats], *, separator: str = ",", digits: int = 9) -> Path:
+    """Columns as a logger writes them."""
+    pl.DataFrame(columns).write_csv(path, separator=separator, float_precision=digits)
+    return path
 
 
 def _merged(*names: str) -> Callable[[Tables], bytes]:

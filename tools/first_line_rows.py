@@ -105,7 +105,7 @@ DEEP = {"depth", "bag", "driver_bag", "one_table"}
 
 @cache
 def _drawn(options: tuple[tuple[str, Any], ...]) -> dives.Dive:
-    return dives.dive(**dict(options))
+    return dives.drawn_dive(**dict(options))
 
 
 def _dive(
@@ -117,7 +117,7 @@ def _dive(
     faultless: bool = False,
     untrue: str = "",
     geometry: str = "waterlinked_a50",
-    **options: Any,  # noqa: ANN401 - of `dives.dive`
+    **options: Any,  # noqa: ANN401 - of `dives.drawn_dive`
 ) -> Row:
     options = {"seed": 3, "seconds": 180.0, "imu_hz": 25.0, "geometry": geometry} | options
 

@@ -38,9 +38,10 @@ from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping
 from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
+from tests.dive import Dive, drawn_dive
+from tests.dive_logs import write_a50
 from tests.live.world import START_NS, Sent
 from tests.recorded_dives import stpere
-from tests.replay.rov_dive import RovDive, rov_dive, write_a50
 
 SECONDS = 60.0
 TEXT = """
@@ -108,11 +109,11 @@ def made(*changes: tuple[str, str]) -> LiveConfig:
 
 
 @lru_cache(maxsize=4)
-def dive(seed: int = 5, seconds: float = SECONDS) -> RovDive:
-    return rov_dive(seed, seconds=seconds)
+def dive(seed: int = 5, seconds: float = SECONDS) -> Dive:
+    return drawn_dive(seed, seconds=seconds)
 
 
-def readings(flown: RovDive, yaw_offset_deg: float, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+def readings(flown: Dive, yaw_offset_deg: float, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
     """Times, s, and angles (n, 3), rad, of the reference at 10 Hz: white noise, and offsets of yaw and tilt."""
     # Between inertial readings, so that none is of the very start.
     t = flown.imu_s[:-1:5] + 0.005
@@ -126,7 +127,7 @@ def stamp(seconds: float) -> int:
     return START_NS + round(seconds * 1e6) * 1000
 
 
-def arrivals(flown: RovDive, t: np.ndarray, rpy: np.ndarray, folder: Path) -> Arrivals:
+def arrivals(flown: Dive, t: np.ndarray, rpy: np.ndarray, folder: Path) -> Arrivals:
     """All that arrives: inertial readings after 2 ms, pings after 60 ms, attitudes after 20 to 420 ms, unsorted."""
     late_s = np.random.default_rng(9).uniform(0.02, 0.42, len(t))
     # What has not come by then is no part of a start, and a replay has all of it.

@@ -10,7 +10,7 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.replay.case import Case, load_case
-from tests.replay.rov_dive import RovDive, rov_dive
+from tests.dive import Dive, drawn_dive
 
 CASE = """
 name = "dive"
@@ -82,7 +82,7 @@ mounting_yaw_deg = 0.0
 """
 
 
-def write_case(dive: RovDive, folder: Path) -> Path:
+def write_case(dive: Dive, folder: Path) -> Path:
     """Tables, geometry and a case without a mistake."""
     rng = np.random.default_rng(7)
     t = dive.imu_s
@@ -178,7 +178,7 @@ def attitude_turned(folder: Path) -> None:
 def other_positions(folder: Path) -> None:
     """The positions of another dive, from the same start."""
     path = folder / "reference.parquet"
-    frame, other = pl.read_parquet(path), rov_dive(77)
+    frame, other = pl.read_parquet(path), drawn_dive(77)
     place = other.at(frame["t"].to_numpy(), other.position)
     columns = {name: pl.Series(place[:, k]) for k, name in enumerate(("north", "east", "down"))}
     frame.with_columns(**columns).write_parquet(path)
@@ -232,7 +232,7 @@ MISTAKES: dict[str, tuple[Mistake, str, str]] = {
 """Name: the mistake, kind of the first cause, part of its key."""
 
 
-def mistaken(dive: RovDive, folder: Path, name: str) -> Case:
+def mistaken(dive: Dive, folder: Path, name: str) -> Case:
     """The case with one mistake."""
     path = write_case(dive, folder)
     MISTAKES[name][0](folder)

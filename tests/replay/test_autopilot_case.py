@@ -14,14 +14,14 @@ from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
 from tests.cli.calls import command
-from tests.io.autopilot_logs import START_S
-from tests.replay.autopilot_dive import BOOT_S, write_bin, write_tlog
-from tests.replay.rov_dive import RovDive, rov_dive, write_a50
+from tests.dive import Dive, drawn_dive
+from tests.dive_logs import write_a50
+from tests.io.autopilot_logs import BOOT_S, START_S, write_bin, write_tlog
 
 
 @pytest.fixture(scope="module")
-def dive() -> RovDive:
-    return rov_dive(3, seconds=120.0)
+def dive() -> Dive:
+    return drawn_dive(3, seconds=120.0)
 
 
 def made(folder: Path, *files: Path, without: tuple[str, ...] = ()) -> tuple[Case, str]:
@@ -36,7 +36,7 @@ def end_m(case: Case) -> tuple[float, dict[str, Any]]:
 
 
 @pytest.mark.first_cases(2)
-def test_a_log_beside_that_of_the_dvl(dive: RovDive, tmp_path: Path) -> None:
+def test_a_log_beside_that_of_the_dvl(dive: Dive, tmp_path: Path) -> None:
     """Times by GPS: both clocks are UTC. The outer barometer is the depth, the estimate the reference, so marked."""
     log = write_a50(dive, tmp_path / "dvl.json", start_s=START_S + BOOT_S)
     case, words = made(tmp_path, write_bin(dive, tmp_path / "dive.BIN", dvl=""), log)
@@ -54,7 +54,7 @@ def test_a_log_beside_that_of_the_dvl(dive: RovDive, tmp_path: Path) -> None:
 
 @pytest.mark.first_cases(2)
 @pytest.mark.parametrize("frame", ["VISO", "VISV north east down", "VISV body"])
-def test_a_log_with_the_velocities_of_a_dvl(dive: RovDive, tmp_path: Path, frame: str) -> None:
+def test_a_log_with_the_velocities_of_a_dvl(dive: Dive, tmp_path: Path, frame: str) -> None:
     """Displacements over their intervals, or velocities whose axes the accelerometers tell."""
     path = write_bin(dive, tmp_path / "dive.BIN", dvl=frame[:4], visv_body=frame.endswith("body"))
     case, words = made(tmp_path, path)
@@ -75,7 +75,7 @@ def test_a_log_with_the_velocities_of_a_dvl(dive: RovDive, tmp_path: Path, frame
 
 
 @pytest.mark.first_cases(2)
-def test_a_telemetry_log(dive: RovDive, tmp_path: Path) -> None:
+def test_a_telemetry_log(dive: Dive, tmp_path: Path) -> None:
     pytest.importorskip("pymavlink", reason="needs the extra .[mavlink]")
     case, words = made(tmp_path, write_tlog(dive, tmp_path / "dive.tlog"))
     assert "VISION_POSITION_DELTA: velocity" in words
@@ -85,7 +85,7 @@ def test_a_telemetry_log(dive: RovDive, tmp_path: Path) -> None:
 
 
 @pytest.mark.first_cases(2)
-def test_a_telemetry_log_with_slow_inertial_readings(dive: RovDive, tmp_path: Path) -> None:
+def test_a_telemetry_log_with_slow_inertial_readings(dive: Dive, tmp_path: Path) -> None:
     """They are left out, and made from the attitude."""
     pytest.importorskip("pymavlink", reason="needs the extra .[mavlink]")
     log = write_a50(dive, tmp_path / "dvl.json", start_s=START_S + BOOT_S)
@@ -95,7 +95,7 @@ def test_a_telemetry_log_with_slow_inertial_readings(dive: RovDive, tmp_path: Pa
     assert end_m(case)[0] < 0.5
 
 
-def test_gps_throughout_comes_before_the_estimate(dive: RovDive, tmp_path: Path) -> None:
+def test_gps_throughout_comes_before_the_estimate(dive: Dive, tmp_path: Path) -> None:
     """Where satellites are seen for most of the time they are the reference: they are independent."""
     _, words = made(tmp_path, write_bin(dive, tmp_path / "dive.BIN", surfaced_s=100.0))
     assert 'latitude = "latitude_deg"' in words.split("[reference]")[1]
@@ -105,7 +105,7 @@ def test_gps_throughout_comes_before_the_estimate(dive: RovDive, tmp_path: Path)
     assert "[gps]" in words
 
 
-def test_a_sensor_is_chosen_by_leaving_out_the_other(dive: RovDive, tmp_path: Path) -> None:
+def test_a_sensor_is_chosen_by_leaving_out_the_other(dive: Dive, tmp_path: Path) -> None:
     path = write_bin(dive, tmp_path / "dive.BIN")
     made(tmp_path, path, without=("IMU 0",))
     gyro = pl.read_parquet(tmp_path / "case_imu.parquet")["gyro_x_radps"].to_numpy()

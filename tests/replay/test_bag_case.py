@@ -15,13 +15,13 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.init.bag import bag_tables
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
+from tests.dive import Dive, drawn_dive
 from tests.io.test_ros_waterlinked import registered
-from tests.replay.rov_dive import RovDive, rov_dive
 
 START_NS = 1_700_000_000_000_000_000
 
 
-def write_bag(dive: RovDive, path: Path, *, beams: bool = True, fixes: int = 40) -> Path:
+def write_bag(dive: Dive, path: Path, *, beams: bool = True, fixes: int = 40) -> Path:
     """A ROS 2 bag in MCAP: IMU in forward, left, up; depth without header; USBL in east, north, up; a DVL."""
     from rosbags.rosbag2 import Writer
     from rosbags.rosbag2.enums import StoragePlugin
@@ -91,11 +91,11 @@ def write_bag(dive: RovDive, path: Path, *, beams: bool = True, fixes: int = 40)
 
 
 @pytest.fixture(scope="module")
-def dive() -> RovDive:
-    return rov_dive(3, seconds=120.0)
+def dive() -> Dive:
+    return drawn_dive(3, seconds=120.0)
 
 
-def test_topics_become_tables(dive: RovDive, tmp_path: Path) -> None:
+def test_topics_become_tables(dive: Dive, tmp_path: Path) -> None:
     """Rows without a fix are none; a pose whose attitude is the identity has none; a number has the bag's time."""
     tables = {one.part: one for one in bag_tables(write_bag(dive, tmp_path / "bag", beams=False))}
     assert tables.keys() == {"/imu/data", "/depth", "/usbl/pose", "/gps/fix", "/dvl/data"}
@@ -112,7 +112,7 @@ def test_topics_become_tables(dive: RovDive, tmp_path: Path) -> None:
 
 @pytest.mark.first_cases(1)
 @pytest.mark.parametrize("beams", [True, False])
-def test_a_bag_makes_a_case_that_runs(dive: RovDive, tmp_path: Path, beams: bool) -> None:
+def test_a_bag_makes_a_case_that_runs(dive: Dive, tmp_path: Path, beams: bool) -> None:
     path = write_bag(dive, tmp_path / "bag", beams=beams)
     made = make_case([path], tmp_path / "case.toml", without=("/gps/fix",))
     assert any("/usbl/pose: local" in one for one in made.words)

@@ -24,8 +24,8 @@ from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reckon import attitude_errors
 from bottomlock.replay.run import ReplayResult, replay_case
+from tests.dive import Dive, drawn_dive
 from tests.replay.mistaken_case import write_case
-from tests.replay.rov_dive import RovDive, rov_dive
 
 Floats = NDArray[np.float64]
 NS = 1_000_000_000
@@ -152,12 +152,12 @@ def test_the_sigma_of_a_held_velocity_is_that_of_the_vehicle() -> None:
 
 
 @pytest.fixture(scope="module")
-def dive() -> RovDive:
-    return rov_dive(41, seconds=120.0)
+def dive() -> Dive:
+    return drawn_dive(41, seconds=120.0)
 
 
 @pytest.fixture(scope="module")
-def replayed(dive: RovDive, tmp_path_factory: pytest.TempPathFactory) -> ReplayResult:
+def replayed(dive: Dive, tmp_path_factory: pytest.TempPathFactory) -> ReplayResult:
     path = write_case(dive, tmp_path_factory.mktemp("dive"))
     text = path.read_text(encoding="utf-8")
     outage = '[[what_if]]\nname = "dark"\noutages = [{ beams = [1, 2, 3, 4], from_s = 30.0, to_s = 60.0 }]\n'
@@ -182,14 +182,14 @@ def test_it_follows_the_truth_as_far_as_it_claims(replayed: ReplayResult) -> Non
     assert all(0.05 < row["position_normalised_rms_over_time"] < 2.0 for row in runs.values())
 
 
-def test_without_an_attitude_it_is_left_out(dive: RovDive, tmp_path: Path) -> None:
+def test_without_an_attitude_it_is_left_out(dive: Dive, tmp_path: Path) -> None:
     path = write_case(dive, tmp_path)
     text = path.read_text(encoding="utf-8")
     path.write_text(text[: text.index("[attitude]")] + text[text.index("[reference]") :], encoding="utf-8")
     assert replay_case(load_case(path)).manifest["methods"] == ["lc", "tc"]
 
 
-def test_the_claims_of_the_attitude_are_taken_apart(dive: RovDive, tmp_path: Path) -> None:
+def test_the_claims_of_the_attitude_are_taken_apart(dive: Dive, tmp_path: Path) -> None:
     """A 1 sigma alone lasts; beside an offset or a walk it is white. Level and yaw are apart."""
     path = write_case(dive, tmp_path)
     stream = load_case(path).attitude

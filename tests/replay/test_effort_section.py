@@ -17,7 +17,8 @@ from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.replay.tune.parameters import noise_of
-from tests.replay.rov_dive import RovDive, rov_dive, write_csv
+from tests.dive import Dive, drawn_dive
+from tests.dive_logs import write_csv
 from tests.replay.test_thrust_section import BARE, SEEDS, SLIP_MPS, slipping
 from tests.replay.test_water_track import CURRENT, end_m, write
 
@@ -36,7 +37,7 @@ buoyancy_n = 2.4
 CASE = BARE.replace("[reference]", f"{SECTION}[reference]")
 
 
-def forces_of(dive: RovDive, seed: int) -> tuple[Floats, Floats]:
+def forces_of(dive: Dive, seed: int) -> tuple[Floats, Floats]:
     """Times, s, and forces, N, that the true motion takes, axis by axis, with slip and noise of their own."""
     t, rng = dive.imu_s, np.random.default_rng(seed)
     turned = Rotation.from_euler("ZYX", np.unwrap(dive.rpy, axis=0)[:, ::-1])
@@ -63,7 +64,7 @@ def forces_of(dive: RovDive, seed: int) -> tuple[Floats, Floats]:
     return seconds, drag + held + NOISE_N * rng.normal(size=(count, 3))
 
 
-def write_dive(folder: Path, dive: RovDive, text: str = CASE, seed: int = 1) -> Path:
+def write_dive(folder: Path, dive: Dive, text: str = CASE, seed: int = 1) -> Path:
     """The tables of a dive with those of its thrusters; returns the case's path."""
     path = write(folder, dive)
     seconds, force_n = forces_of(dive, seed)
@@ -75,7 +76,7 @@ def write_dive(folder: Path, dive: RovDive, text: str = CASE, seed: int = 1) -> 
 
 @pytest.fixture(scope="module")
 def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_dive(tmp_path_factory.mktemp("effort"), rov_dive(7, seconds=210.0))
+    return write_dive(tmp_path_factory.mktemp("effort"), drawn_dive(7, seconds=210.0))
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +96,7 @@ def ends_m(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
     folder = tmp_path_factory.mktemp("dives")
     errors: dict[str, list[float]] = {name: [] for name in sections}
     for seed in SEEDS:
-        path = write_dive(folder, rov_dive(seed, seconds=210.0), seed=seed)
+        path = write_dive(folder, drawn_dive(seed, seconds=210.0), seed=seed)
         for name, section in sections.items():
             text = BARE.replace('"tc", "sway_current"', '"tc"')
             path.write_text(text.replace("[reference]", f"{section}[reference]"), encoding="utf-8")
@@ -119,7 +120,7 @@ def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
     path.write_text(CASE.replace(SECTION, section), encoding="utf-8")
     case = load_case(path)
     streams = read_streams(case)
-    seconds, force_n = forces_of(rov_dive(7, seconds=210.0), 1)
+    seconds, force_n = forces_of(drawn_dive(7, seconds=210.0), 1)
     assert streams.forces is not None
     np.testing.assert_allclose(streams.forces.force_p_n, force_n, atol=1e-8)
     np.testing.assert_allclose(streams.forces.time_ns * 1e-9, seconds + 2.5, atol=1e-9)
@@ -148,7 +149,7 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     rows = {row[0]: row[1:] for row in replayed.manifest["effort"]["fixes"]["recorded"]}
     assert set(rows) == {"`tc`", "`sway_current`"}
     readings, beyond, nis, degrees = rows["`tc`"]
-    count = 3 * len(forces_of(rov_dive(7, seconds=210.0), 1)[0])
+    count = 3 * len(forces_of(drawn_dive(7, seconds=210.0), 1)[0])
     assert int(readings) == count
     assert float(degrees) == 1.0
     assert int(beyond) < 0.02 * count

@@ -16,19 +16,20 @@ from bottomlock.errors import DataError, OutputError
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
-from tests.replay.rov_dive import EARTH, Floats, RovDive, rov_dive, write_a50, write_csv
+from tests.dive import EARTH, Dive, Floats, drawn_dive
+from tests.dive_logs import write_a50, write_csv
 
 EPOCH_S = 1.7e9
 G = 9.80665
 
 
 @pytest.fixture(scope="module")
-def dive() -> RovDive:
-    return rov_dive(3, seconds=120.0)
+def dive() -> Dive:
+    return drawn_dive(3, seconds=120.0)
 
 
 def imu_columns(
-    dive: RovDive, force: float = 1.0, omega: float = 1.0, axes: tuple[str, ...] = ("x", "y", "z")
+    dive: Dive, force: float = 1.0, omega: float = 1.0, axes: tuple[str, ...] = ("x", "y", "z")
 ) -> list[Any]:
     """Readings in other units and axes: `axes` names the platform axis that each sensor axis points along."""
     chosen = [("xyz".index(a[-1]), -1.0 if a.startswith("-") else 1.0) for a in axes]
@@ -67,7 +68,7 @@ NAMES = {
     ],
 )  # fmt: skip
 def test_units_and_axes_are_found_back(
-    dive: RovDive,
+    dive: Dive,
     tmp_path: Path,
     names: str,
     force: float,
@@ -102,7 +103,7 @@ def test_units_and_axes_are_found_back(
     ],
 )
 def test_clocks_are_found_back(
-    dive: RovDive, tmp_path: Path, column: str, factor: float, unit: str, start_s: float
+    dive: Dive, tmp_path: Path, column: str, factor: float, unit: str, start_s: float
 ) -> None:
     """The DVL counts from its own zero, 40 s after the IMU: the motion tells the offset."""
     seconds = np.round((dive.imu_s + start_s) * factor, 3)
@@ -114,7 +115,7 @@ def test_clocks_are_found_back(
     assert case.dvl.clock.offset_s == pytest.approx(start_s - 7040.0, abs=0.05)
 
 
-def test_a_european_spreadsheet(dive: RovDive, tmp_path: Path) -> None:
+def test_a_european_spreadsheet(dive: Dive, tmp_path: Path) -> None:
     """Semicolons, decimal commas, ISO dates and a row of units."""
     rows = ["Zeit;".replace("Zeit", "time") + "ax;ay;az;gx;gy;gz", "UTC;m/s2;m/s2;m/s2;deg/s;deg/s;deg/s"]
     numbers = np.column_stack([dive.force, np.rad2deg(dive.omega)])
@@ -130,9 +131,7 @@ def test_a_european_spreadsheet(dive: RovDive, tmp_path: Path) -> None:
 
 @pytest.mark.first_cases(1)
 @pytest.mark.parametrize("quaternion", [False, True])
-def test_an_attitude_in_other_frames_on_another_clock(
-    dive: RovDive, tmp_path: Path, quaternion: bool
-) -> None:
+def test_an_attitude_in_other_frames_on_another_clock(dive: Dive, tmp_path: Path, quaternion: bool) -> None:
     """East-north-up angles in degrees or as a quaternion, 0.4 s late."""
     k = slice(0, None, 5)
     roll, pitch, yaw = dive.rpy[k].T
@@ -157,7 +156,7 @@ def test_an_attitude_in_other_frames_on_another_clock(
 
 def test_gyros_that_agree_with_an_attitude_make_it_no_gyrocompass(tmp_path: Path) -> None:
     """Gyros without any bias show a good IMU. They say nothing of north."""
-    dive = rov_dive(3, seconds=120.0, gyro_bias=0.0)
+    dive = drawn_dive(3, seconds=120.0, gyro_bias=0.0)
     earth = Rotation.from_euler("ZYX", dive.rpy[:, ::-1]).inv().apply(EARTH)
     imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], [*dive.force.T, *(dive.omega - earth).T], strict=True))
     ahrs = {"t": dive.imu_s} | dict(zip(("roll", "pitch", "yaw"), np.rad2deg(dive.rpy.T), strict=True))
@@ -173,7 +172,7 @@ def test_gyros_that_agree_with_an_attitude_make_it_no_gyrocompass(tmp_path: Path
     ("name", "scale", "unit"),
     [("pressure", 1e2, "Pa"), ("pressure_mbar", 1.0, "mbar"), ("press", 0.1, "kPa")],
 )
-def test_a_pressure(dive: RovDive, tmp_path: Path, name: str, scale: float, unit: str) -> None:
+def test_a_pressure(dive: Dive, tmp_path: Path, name: str, scale: float, unit: str) -> None:
     k = slice(0, None, 10)
     pressure = (1013.25 + dive.position[k, 2] * 1025 * G / 100) * scale
     imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
@@ -187,7 +186,7 @@ def test_a_pressure(dive: RovDive, tmp_path: Path, name: str, scale: float, unit
     assert case.start.position_m[2] == pytest.approx(3.0, abs=0.3)
 
 
-def test_what_cannot_be_used_is_said_in_one_line(dive: RovDive, tmp_path: Path) -> None:
+def test_what_cannot_be_used_is_said_in_one_line(dive: Dive, tmp_path: Path) -> None:
     log = write_a50(dive, tmp_path / "dvl.json")
     imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
     with pytest.raises(DataError, match="no file holds specific force and angular rate"):
@@ -249,7 +248,7 @@ def stamps(kind: str, seconds: Floats) -> Floats:
 @pytest.mark.first_cases(4)
 @pytest.mark.parametrize("column", ["t", "LOGCLK"])
 @pytest.mark.parametrize("kind", ["repeats", "burst", "backward", "jitter", "whole seconds"])
-def test_poor_stamps_keep_their_column(dive: RovDive, tmp_path: Path, kind: str, column: str) -> None:
+def test_poor_stamps_keep_their_column(dive: Dive, tmp_path: Path, kind: str, column: str) -> None:
     """Few rows out of order are left out and named; stamps that jitter or are coarse begin an even rate."""
     columns = {column: stamps(kind, dive.imu_s) + EPOCH_S} | dict(
         zip(NAMES["short"], imu_columns(dive), strict=True)
@@ -278,7 +277,7 @@ def test_poor_stamps_keep_their_column(dive: RovDive, tmp_path: Path, kind: str,
 
 @pytest.mark.first_cases(1)
 @pytest.mark.parametrize("given_deg", [0.0, 120.0, 211.0])
-def test_a_heading_that_nothing_tells_is_unknown(dive: RovDive, tmp_path: Path, given_deg: float) -> None:
+def test_a_heading_that_nothing_tells_is_unknown(dive: Dive, tmp_path: Path, given_deg: float) -> None:
     """±180°: the track keeps its shape and claims nothing of its direction; it is called relative.
 
     Gyros no better than the Earth's rate would else find a heading that is 170° wrong, and claim it to 24°.

@@ -14,7 +14,8 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.init.dates import written_times
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
-from tests.replay.rov_dive import RovDive, rov_dive, write_a50, write_csv
+from tests.dive import Dive, drawn_dive
+from tests.dive_logs import write_a50, write_csv
 
 EPOCH_S = 1_714_564_799.5
 TEXT = {
@@ -48,11 +49,11 @@ def test_other_text_is_no_time(cells: list[str]) -> None:
 
 
 @pytest.fixture(scope="module")
-def dive() -> RovDive:
-    return rov_dive(3, seconds=120.0)
+def dive() -> Dive:
+    return drawn_dive(3, seconds=120.0)
 
 
-def imu_table(dive: RovDive, start_s: float) -> dict[str, np.ndarray]:
+def imu_table(dive: Dive, start_s: float) -> dict[str, np.ndarray]:
     values = np.column_stack([dive.imu_s + start_s, dive.omega, dive.force])
     return {f"c{k}": column for k, column in enumerate(values.T)}
 
@@ -62,7 +63,7 @@ def without_header(path: Path) -> Path:
     return path
 
 
-def test_an_imu_without_names_is_known_by_gravity(dive: RovDive, tmp_path: Path) -> None:
+def test_an_imu_without_names_is_known_by_gravity(dive: Dive, tmp_path: Path) -> None:
     """Time, rates, forces; the depth by the name of its file."""
     imu = without_header(write_csv(tmp_path / "imu.csv", imu_table(dive, 1.7e9)))
     depth = {"t": dive.imu_s[::10] + 1.7e9, "d": dive.position[::10, 2]}
@@ -75,14 +76,14 @@ def test_an_imu_without_names_is_known_by_gravity(dive: RovDive, tmp_path: Path)
     assert replay_case(case.with_methods(["tc"])).manifest["findings"][0]["severity"] == "note"
 
 
-def blind(dive: RovDive) -> RovDive:
+def blind(dive: Dive) -> Dive:
     """Two beams are lost throughout."""
     beams = dive.beams.copy()
     beams[:, 2:] = np.nan
     return replace(dive, beams=beams)
 
 
-def silent(dive: RovDive) -> RovDive:
+def silent(dive: Dive) -> Dive:
     """Every beam is lost but in one ping before the start."""
     beams = np.full_like(dive.beams, np.nan)
     beams[0] = dive.beams[0]
@@ -92,7 +93,7 @@ def silent(dive: RovDive) -> RovDive:
 @pytest.mark.long
 @pytest.mark.parametrize(("lost", "kind"), [(blind, "verdict"), (silent, "no_fix")])
 def test_a_log_without_a_whole_velocity_runs(
-    dive: RovDive, tmp_path: Path, lost: Callable[[RovDive], RovDive], kind: str
+    dive: Dive, tmp_path: Path, lost: Callable[[Dive], Dive], kind: str
 ) -> None:
     """Clocks without anything in common are taken to begin together, and the start is not claimed to be at rest."""
     imu = write_csv(
@@ -110,7 +111,7 @@ def test_a_log_without_a_whole_velocity_runs(
 
 def test_noise_is_that_of_the_closure_where_the_geometry_claims_less(tmp_path: Path) -> None:
     """The geometry of the A50 claims 4 mm/s."""
-    noisy = rov_dive(4, seconds=120.0, beam_sd=0.02)
+    noisy = drawn_dive(4, seconds=120.0, beam_sd=0.02)
     imu = without_header(write_csv(tmp_path / "imu.csv", imu_table(noisy, 0.0)))
     make_case([write_a50(noisy, tmp_path / "dvl.json"), imu], tmp_path / "case.toml")
     assert load_case(tmp_path / "case.toml").dvl.beam_noise_mps == pytest.approx(0.02, rel=0.15)

@@ -28,7 +28,8 @@ from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.run import replay_case
 from tests import recorded_dives
-from tests.replay.rov_dive import RovDive, rov_dive, write_csv
+from tests.dive import Dive, drawn_dive
+from tests.dive_logs import write_csv
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -38,8 +39,8 @@ OFFSET_RADPS = np.array([0.002, -0.001, 0.0115])
 
 
 @pytest.fixture(scope="module")
-def dive() -> RovDive:
-    return rov_dive(5, seconds=600.0, beam_sd=0.06, dvl_hz=2.0, geometry="sontek_argonaut")
+def dive() -> Dive:
+    return drawn_dive(5, seconds=600.0, beam_sd=0.06, dvl_hz=2.0, geometry="sontek_argonaut")
 
 
 def ns(seconds: NDArray[np.floating[Any]]) -> Integers:
@@ -50,17 +51,17 @@ def epoch(time_ns: Integers) -> Floats:
     return np.asarray(time_ns * 1e-9 + EPOCH_S)
 
 
-def attitude(dive: RovDive, every: int = 5) -> tuple[Integers, Rotation]:
+def attitude(dive: Dive, every: int = 5) -> tuple[Integers, Rotation]:
     rows = slice(0, None, every)
     return ns(dive.imu_s[rows]), Rotation.from_euler("ZYX", dive.rpy[rows][:, ::-1])
 
 
-def velocities(dive: RovDive) -> tuple[Integers, Floats]:
+def velocities(dive: Dive) -> tuple[Integers, Floats]:
     B = np.asarray(read_geometry(dive.geometry).geometry.directions_p)
     return ping_velocity(B, ns(dive.ping_s), np.nan_to_num(dive.beams), np.isfinite(dive.beams))
 
 
-def noisy(dive: RovDive, accel: float, gyro: float) -> tuple[Floats, Floats]:
+def noisy(dive: Dive, accel: float, gyro: float) -> tuple[Floats, Floats]:
     """Readings with further white noise, m/s/√s and rad/√s."""
     rng, rt_hz = np.random.default_rng(8), np.sqrt(50.0)
     shape = dive.omega.shape
@@ -69,7 +70,7 @@ def noisy(dive: RovDive, accel: float, gyro: float) -> tuple[Floats, Floats]:
     )
 
 
-def tables(folder: Path, dive: RovDive, *, quarter: int = 0, yaw_deg: float = 0.0) -> dict[str, Path]:
+def tables(folder: Path, dive: Dive, *, quarter: int = 0, yaw_deg: float = 0.0) -> dict[str, Path]:
     """A slow vehicle's log: cheap IMU with AHRS turned by quarters, DVL velocity turned by an angle, ranges, GPS."""
     Q = Rotation.from_euler("Z", 90.0 * quarter, degrees=True)
     force, omega = (Q.inv().apply(x) for x in noisy(dive, 0.08, 0.002))
@@ -111,7 +112,7 @@ def made(folder: Path, files: dict[str, Path]) -> tuple[Case, str]:
 
 
 @pytest.mark.parametrize("factor", [1.0, 180.0 / np.pi, 648_000.0 / np.pi])
-def test_slope_of_turns_tells_the_unit(dive: RovDive, factor: float) -> None:
+def test_slope_of_turns_tells_the_unit(dive: Dive, factor: float) -> None:
     """A slope of 1 is rad/s; an offset of 2,400 deg/h and noise do not change it."""
     found = slope(ns(dive.imu_s), factor * noisy(dive, 0.0, 0.002)[1], *attitude(dive))
     assert found is not None
@@ -120,7 +121,7 @@ def test_slope_of_turns_tells_the_unit(dive: RovDive, factor: float) -> None:
 
 
 @pytest.mark.parametrize(("accel", "gyro"), [(0.01, 0.001), (0.07, 0.005), (0.15, 0.01)])
-def test_noise_put_in_is_found(dive: RovDive, accel: float, gyro: float) -> None:
+def test_noise_put_in_is_found(dive: Dive, accel: float, gyro: float) -> None:
     """Each within a third of what was put in, the offsets within four of their sigmas, and the beams' tilt."""
     force, omega = noisy(dive, accel, gyro)
     gyros = match_gyros(ns(dive.imu_s), omega, *attitude(dive), 0.5)
@@ -142,7 +143,7 @@ def test_noise_put_in_is_found(dive: RovDive, accel: float, gyro: float) -> None
 
 
 @pytest.mark.parametrize("every", [5, 50, 100])
-def test_a_slow_or_noisy_attitude_is_not_taken_for_gyro_noise(dive: RovDive, every: int) -> None:
+def test_a_slow_or_noisy_attitude_is_not_taken_for_gyro_noise(dive: Dive, every: int) -> None:
     """Readings 0.1 to 2 s apart with white noise of a degree: the offset stands out, small noise does not."""
     times, platform = attitude(dive, every)
     rng = np.random.default_rng(9)
@@ -153,7 +154,7 @@ def test_a_slow_or_noisy_attitude_is_not_taken_for_gyro_noise(dive: RovDive, eve
     assert (np.abs(found.offset_radps - OFFSET_RADPS) < 4.0 * found.offset_sd_radps + 2e-4).all()
 
 
-def test_jitter_of_the_pings_is_no_noise_of_the_accelerometers(dive: RovDive) -> None:
+def test_jitter_of_the_pings_is_no_noise_of_the_accelerometers(dive: Dive) -> None:
     """Gravity times 20 ms is 0.2 m/s, which a difference of uneven pings must not leave."""
     stamps, _ = velocities(dive)
     late = stamps + ns(np.random.default_rng(6).uniform(0.0, 0.04, len(stamps)))
@@ -164,7 +165,7 @@ def test_jitter_of_the_pings_is_no_noise_of_the_accelerometers(dive: RovDive) ->
     assert found.velocity_sd_mps.max() < 0.005
 
 
-def test_a_steady_offset_is_no_wander(dive: RovDive) -> None:
+def test_a_steady_offset_is_no_wander(dive: Dive) -> None:
     steady = match_gyros(ns(dive.imu_s), noisy(dive, 0.0, 0.002)[1], *attitude(dive), 0.5)
     walk = 2e-4 * np.cumsum(np.random.default_rng(2).normal(size=dive.omega.shape), axis=0) / np.sqrt(50.0)
     wandering = match_gyros(ns(dive.imu_s), noisy(dive, 0.0, 0.002)[1] + walk, *attitude(dive), 0.5)
@@ -175,7 +176,7 @@ def test_a_steady_offset_is_no_wander(dive: RovDive) -> None:
 
 
 @pytest.mark.parametrize("yaw_deg", [-120.0, 0.0, 33.0, 90.0])
-def test_mounting_yaw_by_accelerations_and_by_the_track(dive: RovDive, yaw_deg: float) -> None:
+def test_mounting_yaw_by_accelerations_and_by_the_track(dive: Dive, yaw_deg: float) -> None:
     """Two measurements that share only the velocity; each within four of its own sigmas."""
     stamps, velocity = velocities(dive)
     instrument = Rotation.from_euler("Z", yaw_deg, degrees=True).inv().apply(velocity)
@@ -190,7 +191,7 @@ def test_mounting_yaw_by_accelerations_and_by_the_track(dive: RovDive, yaw_deg: 
 
 
 @pytest.mark.long
-def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) -> None:
+def test_a_cheap_log_gives_a_sane_case_untouched(dive: Dive, tmp_path: Path) -> None:
     """rad/s by the slope, the AHRS aids, three beams with their noise, GPS as the reference, and the end is near it."""
     case, text = made(tmp_path, tables(tmp_path, dive))
     assert case.readings.omega_unit == "rad/s"
@@ -219,9 +220,7 @@ def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) 
 
 @pytest.mark.long
 @pytest.mark.parametrize("quarter", [1, 2, -1])
-def test_imu_and_ahrs_turned_by_a_quarter_are_turned_back(
-    dive: RovDive, tmp_path: Path, quarter: int
-) -> None:
+def test_imu_and_ahrs_turned_by_a_quarter_are_turned_back(dive: Dive, tmp_path: Path, quarter: int) -> None:
     """An instrument mounted by quarters on the vehicle whose axes the DVL's velocity has."""
     case, _ = made(tmp_path, tables(tmp_path, dive, quarter=quarter))
     expected = {1: ("-y", "x", "z"), 2: ("-x", "-y", "z"), -1: ("y", "-x", "z")}[quarter]
@@ -240,7 +239,7 @@ def no_declination(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.long
 @pytest.mark.usefixtures("no_declination")
-def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> None:
+def test_a_dvl_at_an_angle_gets_its_mounting(dive: Dive, tmp_path: Path) -> None:
     case, text = made(tmp_path, tables(tmp_path, dive, yaw_deg=33.0))
     assert case.readings.axes == ("x", "y", "z")
     mounting = read_instrument_file(case.dvl.geometry).mounting_yaw_deg
@@ -251,7 +250,7 @@ def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("no_declination")
-def test_the_track_mounts_a_dvl_without_inertial_readings(dive: RovDive, tmp_path: Path) -> None:
+def test_the_track_mounts_a_dvl_without_inertial_readings(dive: Dive, tmp_path: Path) -> None:
     """Attitude once in 4 s, as a glider records it: the track against GPS tells the yaw, no question is left of it."""
     files = tables(tmp_path, dive, yaw_deg=33.0)
     del files["imu"]
@@ -271,7 +270,7 @@ def test_the_track_mounts_a_dvl_without_inertial_readings(dive: RovDive, tmp_pat
 @pytest.mark.parametrize("geometry", ["teledyne_30", "x_janus_20"])
 def test_the_closure_tells_the_order_of_four_beams(tmp_path: Path, geometry: str) -> None:
     """Beams of no known instrument: a first case takes the packaged order that closes, and asks for the tilt."""
-    four = rov_dive(5, seconds=300.0, beam_sd=0.02, dvl_hz=2.0, geometry=geometry)
+    four = drawn_dive(5, seconds=300.0, beam_sd=0.02, dvl_hz=2.0, geometry=geometry)
     files = tables(tmp_path, four)
     files["dvl"] = write_csv(
         tmp_path / "dvl_beams.csv",
@@ -284,7 +283,7 @@ def test_the_closure_tells_the_order_of_four_beams(tmp_path: Path, geometry: str
 
 
 @pytest.mark.long
-def test_the_attitude_of_the_reference_does_not_aid(dive: RovDive, tmp_path: Path) -> None:
+def test_the_attitude_of_the_reference_does_not_aid(dive: Dive, tmp_path: Path) -> None:
     """A truth that judges the estimate must not make it."""
     files = tables(tmp_path, dive)
     times, platform = attitude(dive)
@@ -328,7 +327,7 @@ def test_a_recorded_dive_untouched_ends_near_dgps(
 
 
 @pytest.mark.long
-def test_a_grade_gives_the_slow_errors_of_the_attitude(dive: RovDive, tmp_path: Path) -> None:
+def test_a_grade_gives_the_slow_errors_of_the_attitude(dive: Dive, tmp_path: Path) -> None:
     case, _ = made(tmp_path, tables(tmp_path, dive))
     assert case.attitude is not None
     own = grade_of("attitude", "mti_ahrs").keys
@@ -349,7 +348,7 @@ def test_a_grade_gives_the_slow_errors_of_the_attitude(dive: RovDive, tmp_path: 
 @pytest.mark.long
 @pytest.mark.parametrize(("reads_deg", "offset_deg"), [(-8.0, 8.0), (0.0, 0.0)])
 def test_declination_turns_a_magnetic_yaw_alone(
-    dive: RovDive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads_deg: float, offset_deg: float
+    dive: Dive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads_deg: float, offset_deg: float
 ) -> None:
     """In a declination of 8 deg a compass that reads 8 deg too little is no yaw of the DVL; a true yaw stays."""
     asked = []
@@ -375,7 +374,7 @@ def test_declination_turns_a_magnetic_yaw_alone(
 @pytest.mark.long
 @pytest.mark.parametrize(("column", "filler"), [("gyr_z", -99999.0), ("gyr_x", 1e9), ("acc_y", 9.97e36)])
 def test_one_filler_among_inertial_readings_changes_no_guess(
-    dive: RovDive, column: str, filler: float, tmp_path: Path
+    dive: Dive, column: str, filler: float, tmp_path: Path
 ) -> None:
     """Its row is left out and named; before, the attitude did not aid, and the heading counted as unknown."""
     files = tables(tmp_path, dive)

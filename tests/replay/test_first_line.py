@@ -41,7 +41,7 @@ def test_rows_are_all_there() -> None:
     kinds = (1, 2, 4, 5, 6, 7, 8, 9, 10, 13, 14, 15, 16, 17, 18, 20, 22, 23, 29)
     assert cases == {f"{kind:02d}" for kind in kinds}
     assert sum(row.kind == "mistake" for row in ROWS.values()) >= 18
-    held = dives.tables(dives.dive(1, seconds=20.0))
+    held = dives.tables(dives.drawn_dive(1, seconds=20.0))
     for spoil in dives.FAULTS.values():
         assert spoil(held)["imu"].height
 

@@ -19,8 +19,9 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.tables.replay import RECORDED
+from tests.dive import Dive, drawn_dive
+from tests.dive_logs import write_csv
 from tests.recorded_dives import stpere
-from tests.replay.rov_dive import RovDive, rov_dive, write_csv
 
 CASE = """
 name = "no_imu"
@@ -82,7 +83,7 @@ outages = [{ beams = [1, 2, 3, 4], from_s = 60.0, to_s = 120.0 }]
 """
 
 
-def write(dive: RovDive, folder: Path, extra: str = "", attitude_hz: float = 10.0) -> Path:
+def write(dive: Dive, folder: Path, extra: str = "", attitude_hz: float = 10.0) -> Path:
     """The tables of a dive without those of the IMU; its attitude has an offset of 0.3 deg in yaw."""
     every = round((len(dive.imu_s) - 1) / dive.imu_s[-1] / attitude_hz)
     t, rpy = dive.imu_s[::every], dive.rpy[::every]
@@ -109,7 +110,7 @@ def write(dive: RovDive, folder: Path, extra: str = "", attitude_hz: float = 10.
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    return load_case(write(rov_dive(5), tmp_path_factory.mktemp("rov"), WHAT_IFS))
+    return load_case(write(drawn_dive(5), tmp_path_factory.mktemp("rov"), WHAT_IFS))
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +179,7 @@ def test_the_readings_turn_with_the_attitude(case: Case) -> None:
 
 
 def test_gaps_have_to_be_declared(tmp_path: Path) -> None:
-    path = write(rov_dive(5, seconds=60.0), tmp_path)
+    path = write(drawn_dive(5, seconds=60.0), tmp_path)
     table = pl.read_csv(tmp_path / "ahrs.csv")
     table.filter(~pl.col("time").is_between(30.0, 33.0)).write_csv(tmp_path / "ahrs.csv")
     with pytest.raises(DataError, match=r"\[attitude\]: the longest gap is 3.* set it to bridge the gap"):
@@ -193,7 +194,7 @@ def test_gaps_have_to_be_declared(tmp_path: Path) -> None:
 
 def test_a_slow_attitude_is_divided(tmp_path: Path) -> None:
     """One attitude in two seconds: the filter steps at a tenth of a second, and the way is still that of the truth."""
-    path = write(rov_dive(5, seconds=120.0, lively=0.3), tmp_path, attitude_hz=0.5)
+    path = write(drawn_dive(5, seconds=120.0, lively=0.3), tmp_path, attitude_hz=0.5)
     found = row(replay_case(load_case(path)), RECORDED, "tc")
     assert found["position_rms_over_time_m"] < 0.03 * found["distance_m"]
 
@@ -213,7 +214,7 @@ def test_the_motion_is_the_prior_of_the_filter(case: Case) -> None:
 def test_a_stated_motion_counts(tmp_path: Path) -> None:
     """Also that there is none; then, and with a stated noise, no ping is needed for it."""
     stated = "[imu.errors]\naccel_noise_mps_per_rt_h = 6.0\n[filter.motion]\nchange_sd_mps = [0.0, 0.0, 0.0]\n[dvl]"
-    path = write(rov_dive(5, seconds=30.0), tmp_path)
+    path = write(drawn_dive(5, seconds=30.0), tmp_path)
     path.write_text(CASE.replace("[dvl]", stated, 1), encoding="utf-8")
     case = load_case(path)
     streams = read_streams(case)
@@ -225,7 +226,7 @@ def test_a_stated_motion_counts(tmp_path: Path) -> None:
 
 def test_a_first_case_without_an_imu(tmp_path: Path) -> None:
     """Attitude, velocity and depth in CSV files: the case that is written runs as it is."""
-    dive = rov_dive(5)
+    dive = drawn_dive(5)
     t, rpy = dive.imu_s[::5], np.rad2deg(dive.rpy[::5])
     ahrs = write_csv(
         tmp_path / "ahrs.csv", {"time": t, "roll": rpy[:, 0], "pitch": rpy[:, 1], "yaw": rpy[:, 2]}
@@ -251,7 +252,7 @@ def test_a_first_case_without_an_imu(tmp_path: Path) -> None:
         make_case([depth, dvl], tmp_path / "other.toml")
 
 
-def last_way(dive: RovDive) -> float:
+def last_way(dive: Dive) -> float:
     """Length of the way, m."""
     return float(np.linalg.norm(np.diff(dive.position, axis=0), axis=1).sum())
 

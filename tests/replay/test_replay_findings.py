@@ -9,8 +9,8 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.run import replay_case
+from tests.dive import drawn_dive
 from tests.replay.mistaken_case import DEGREES, MISTAKES, mistaken, table, write_case
-from tests.replay.rov_dive import rov_dive
 
 SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=pytest.mark.long))
 
@@ -19,7 +19,7 @@ SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=py
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", list(MISTAKES))
 def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) -> None:
-    manifest = replay_case(mistaken(rov_dive(seed), tmp_path, name)).manifest
+    manifest = replay_case(mistaken(drawn_dive(seed), tmp_path, name)).manifest
     findings = manifest["findings"]
     assert findings[0]["kind"] == "verdict"
     assert findings[0]["severity"] in {"fault", "warning"}
@@ -35,7 +35,7 @@ def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) ->
 
 def test_gyros_beyond_their_range_name_the_unit(tmp_path: Path) -> None:
     """Readings in deg/s taken for rad/s are beyond any gyro: the error of the log says which key is wrong."""
-    path = write_case(rov_dive(11), tmp_path)
+    path = write_case(drawn_dive(11), tmp_path)
     table("imu", **DEGREES)(tmp_path)
     with pytest.raises(DataError, match=r'Set imu.omega_unit = "deg/s" \(now "rad/s"\)'):
         replay_case(load_case(path))
@@ -43,7 +43,7 @@ def test_gyros_beyond_their_range_name_the_unit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", [21, 22, pytest.param(23, marks=pytest.mark.long)])
 def test_a_right_case_has_no_cause(seed: int, tmp_path: Path) -> None:
-    replayed = replay_case(load_case(write_case(rov_dive(seed), tmp_path)))
+    replayed = replay_case(load_case(write_case(drawn_dive(seed), tmp_path)))
     assert [one["kind"] for one in replayed.manifest["findings"]] == ["verdict"]
     assert replayed.manifest["findings"][0]["severity"] == "note"
     assert any("Closure" in line for line in replayed.manifest["answers"])
@@ -55,7 +55,7 @@ def test_a_right_case_has_no_cause(seed: int, tmp_path: Path) -> None:
 
 def test_a_dive_at_a_constant_depth_says_nothing_of_the_depth_sensor(tmp_path: Path) -> None:
     """Noisy beams and a vehicle that hardly sinks: the distance sunk is noise, and no slope of the depth over it."""
-    dive = rov_dive(31, lively=0.1, beam_sd=0.03)
+    dive = drawn_dive(31, lively=0.1, beam_sd=0.03)
     path = write_case(dive, tmp_path)
     path.write_text(
         path.read_text().replace("beam_noise_mps = 0.008", "beam_noise_mps = 0.03"), encoding="utf-8"
@@ -79,7 +79,7 @@ PAIRS = (
 @pytest.mark.parametrize("pair", PAIRS)
 def test_of_two_mistakes_none_is_named_that_is_not_there(pair: tuple[str, str], tmp_path: Path) -> None:
     """Causes of the motion are mistakes that were made, or there is none that explains it."""
-    dive = rov_dive(11)
+    dive = drawn_dive(11)
     for name in pair:
         mistaken(dive, tmp_path, name) if name == pair[0] else MISTAKES[name][0](tmp_path)
     kinds = [one["kind"] for one in replay_case(load_case(tmp_path / "case.toml")).manifest["findings"]]

@@ -19,7 +19,8 @@ from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.replay.tune.parameters import noise_of, with_values
 from bottomlock.replay.tune.run import tune_case
-from tests.replay.rov_dive import RovDive, rov_dive, write_csv
+from tests.dive import Dive, drawn_dive
+from tests.dive_logs import write_csv
 from tests.replay.test_water_track import CASE as WATER_CASE
 from tests.replay.test_water_track import CURRENT, end_m, write
 
@@ -44,7 +45,7 @@ def slipping(drawn: Floats, step_s: float) -> Floats:
     return found
 
 
-def revolutions_of(dive: RovDive, seed: int = 1) -> tuple[Floats, Floats]:
+def revolutions_of(dive: Dive, seed: int = 1) -> tuple[Floats, Floats]:
     """Times, s, and revolutions a second of the true speed through the water, with slip and noise of their own."""
     rng = np.random.default_rng(seed)
     seconds = np.arange(0.55, dive.imu_s[-1] - 0.5, 1.0)
@@ -54,7 +55,7 @@ def revolutions_of(dive: RovDive, seed: int = 1) -> tuple[Floats, Floats]:
     return seconds, (through - slip - NOISE_MPS * rng.normal(size=len(seconds))) / ADVANCE_M
 
 
-def write_dive(folder: Path, dive: RovDive, text: str = CASE, seed: int = 1) -> Path:
+def write_dive(folder: Path, dive: Dive, text: str = CASE, seed: int = 1) -> Path:
     """The tables of a dive with those of its shaft; returns the case's path."""
     path = write(folder, dive)
     seconds, turns = revolutions_of(dive, seed)
@@ -66,7 +67,7 @@ def write_dive(folder: Path, dive: RovDive, text: str = CASE, seed: int = 1) -> 
 
 @pytest.fixture(scope="module")
 def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_dive(tmp_path_factory.mktemp("thrust"), rov_dive(7, seconds=210.0))
+    return write_dive(tmp_path_factory.mktemp("thrust"), drawn_dive(7, seconds=210.0))
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +88,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
     folder = tmp_path_factory.mktemp("dives")
     errors: dict[str, list[tuple[float, float]]] = {name: [] for name in sections}
     for seed in SEEDS:
-        path = write_dive(folder, rov_dive(seed, seconds=210.0), seed=seed)
+        path = write_dive(folder, drawn_dive(seed, seconds=210.0), seed=seed)
         for name, section in sections.items():
             text = BARE.replace('"tc", "sway_current"', '"tc"')
             path.write_text(text.replace("[reference]", f"{section}[reference]"), encoding="utf-8")
@@ -134,7 +135,7 @@ def test_the_revolutions_given_are_those_of_the_section(case_file: Path, unit: s
     path.write_text(CASE.replace(SECTION, section), encoding="utf-8")
     case = load_case(path)
     streams = read_streams(case)
-    seconds, turns = revolutions_of(rov_dive(7, seconds=210.0))
+    seconds, turns = revolutions_of(drawn_dive(7, seconds=210.0))
     assert streams.revolutions is not None
     np.testing.assert_allclose(streams.revolutions.revolutions_hz, turns[::2], atol=1e-8)
     np.testing.assert_allclose(streams.revolutions.time_ns * 1e-9, seconds[::2] + 2.5, atol=1e-9)
@@ -176,7 +177,7 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     method, readings, beyond, nis, degrees = fixes["recorded"][0]
     assert method == "`tc`"
     # Every reading from the start to the last inertial one; chi-squared of 209 single rows, to 4 sigma.
-    assert int(readings) == len(revolutions_of(rov_dive(7, seconds=210.0))[0])
+    assert int(readings) == len(revolutions_of(drawn_dive(7, seconds=210.0))[0])
     assert float(degrees) == 1.0
     assert abs(float(nis) - 1.0) < 4.0 * np.sqrt(2.0 / 209.0)
     assert int(beyond) < 10
@@ -236,7 +237,7 @@ def test_tune_finds_slip_and_noise(tmp_path: Path) -> None:
     """
     section = f"{SECTION}slip_mps = 0.06\nnoise_mps = 0.03\n"
     text = BARE.replace('"tc", "sway_current"', '"tc"').replace("[reference]", f"{section}[reference]")
-    path = write_dive(tmp_path, rov_dive(7, seconds=400.0), text)
+    path = write_dive(tmp_path, drawn_dive(7, seconds=400.0), text)
     tuned = {one.key: one for one in tune_case(load_case(path)).parameters}
     assert tuned["thrust.noise_mps"].sd < 0.2 * NOISE_MPS
     for key, true in {"thrust.slip_mps": SLIP_MPS, "thrust.noise_mps": NOISE_MPS}.items():

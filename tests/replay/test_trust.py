@@ -23,8 +23,8 @@ from bottomlock.replay.findings.verdict import Innovations, verdict_finding
 from bottomlock.replay.map_figure import ELLIPSES, Map, map_figure
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT
+from tests.dive import drawn_dive
 from tests.replay.mistaken_case import write_case
-from tests.replay.rov_dive import rov_dive
 
 SEEN = Innovations("tc", 500, 0.0, 3.0, 3.5, 2.0, 4.0)
 NEAR = Agreement("tc", 0.5, 0.4, 0.6, 1.0, 1.0, None, None)
@@ -97,7 +97,7 @@ def test_nis_of_noise_as_claimed_under_weights(robust: Robust) -> None:
 
 @pytest.fixture(scope="module")
 def replayed(tmp_path_factory: pytest.TempPathFactory) -> ReplayResult:
-    return replay_case(load_case(write_case(rov_dive(21), tmp_path_factory.mktemp("dive"))))
+    return replay_case(load_case(write_case(drawn_dive(21), tmp_path_factory.mktemp("dive"))))
 
 
 def test_a_right_dive_with_student_t_is_in_the_band(replayed: ReplayResult) -> None:
@@ -197,7 +197,7 @@ def test_a_reference_confirms_an_open_geometry() -> None:
 
 
 def test_beams_of_a_guessed_geometry_without_positions_are_in_doubt(tmp_path: Path) -> None:
-    path = write_case(rov_dive(21, seconds=120.0), tmp_path)
+    path = write_case(drawn_dive(21, seconds=120.0), tmp_path)
     before, rest = path.read_text(encoding="utf-8").split("[reference]")
     text = before + rest[rest.index("[start]") :].replace('position = "reference"', 'position = "given"')
     path.write_text(text.replace("[dvl]", "[dvl]\ngeometry_known = false"), encoding="utf-8")

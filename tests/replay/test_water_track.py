@@ -22,7 +22,8 @@ from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.replay.tune.parameters import noise_of
 from bottomlock.replay.tune.run import tune_case
-from tests.replay.rov_dive import RovDive, rov_dive, write_csv
+from tests.dive import Dive, drawn_dive
+from tests.dive_logs import write_csv
 
 CURRENT = np.array([0.25, -0.15, 0.0])
 CASE = """
@@ -74,7 +75,7 @@ outages = [{ beams = [1, 2, 3, 4], from_s = 60.0, to_s = 200.0 }]
 """
 
 
-def water_of(dive: RovDive, seed: int = 1) -> WaterTable:
+def water_of(dive: Dive, seed: int = 1) -> WaterTable:
     """Two cells of each ping: the beams less the current along them, with noise of their own."""
     rng, geometry = np.random.default_rng(seed), read_geometry("waterlinked_a50").geometry
     lever = np.asarray(geometry.lever_arms_p_m)
@@ -91,7 +92,7 @@ def water_of(dive: RovDive, seed: int = 1) -> WaterTable:
     )  # fmt: skip
 
 
-def write(folder: Path, dive: RovDive, water: WaterTable | None = None) -> Path:
+def write(folder: Path, dive: Dive, water: WaterTable | None = None) -> Path:
     """The tables of a dive; returns the case's path."""
     named = dict(zip(("fx", "fy", "fz"), dive.force.T, strict=True))
     named |= dict(zip(("wx", "wy", "wz"), dive.omega.T, strict=True))
@@ -112,12 +113,12 @@ def write(folder: Path, dive: RovDive, water: WaterTable | None = None) -> Path:
 
 
 @pytest.fixture(scope="module")
-def dive() -> RovDive:
-    return rov_dive(7, seconds=210.0)
+def dive() -> Dive:
+    return drawn_dive(7, seconds=210.0)
 
 
 @pytest.fixture(scope="module")
-def case_file(tmp_path_factory: pytest.TempPathFactory, dive: RovDive) -> Path:
+def case_file(tmp_path_factory: pytest.TempPathFactory, dive: Dive) -> Path:
     return write(tmp_path_factory.mktemp("water"), dive)
 
 
@@ -188,7 +189,7 @@ def test_the_beams_given_are_those_of_the_section(case_file: Path) -> None:
         np.testing.assert_array_equal(log[f"water_track_{name}"], getattr(streams.water, name)[given])
 
 
-def test_ranges_to_the_bottom_cut_the_cells(tmp_path: Path, dive: RovDive) -> None:
+def test_ranges_to_the_bottom_cut_the_cells(tmp_path: Path, dive: Dive) -> None:
     """The bottom 4.5 m along every beam: 4.1 m straight down at 22.5 deg, and cell 2 reaches 5 m."""
     path = write(tmp_path, dive)
     beams = pl.read_parquet(tmp_path / "beams.parquet")
@@ -221,7 +222,7 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     assert abs(nis - 2.0) < 4.0 * np.sqrt(8.0 / 837.0) / 2.0
 
 
-def test_a_first_case_names_the_water_beside_the_beams(tmp_path: Path, dive: RovDive) -> None:
+def test_a_first_case_names_the_water_beside_the_beams(tmp_path: Path, dive: Dive) -> None:
     """The beams are written anew beside the case, and the water stays where it was; without it there is no section."""
     write(tmp_path, dive)
     named = [tmp_path / "beams.parquet", tmp_path / "imu.csv"]
@@ -245,7 +246,7 @@ def test_a_first_case_names_the_water_beside_the_beams(tmp_path: Path, dive: Rov
 @pytest.mark.long
 def test_tune_finds_the_noise_of_the_water(tmp_path: Path) -> None:
     """From three times the noise to within 3 sigma, on 200 s; seen: 0.0202 ± 0.0007, 0.0077 ± 0.0005 of the bottom."""
-    path = write(tmp_path, rov_dive(7, seconds=400.0))
+    path = write(tmp_path, drawn_dive(7, seconds=400.0))
     one_cell = CASE.replace("noise_mps = 0.02", "noise_mps = 0.06\ncells = [1]")
     path.write_text(one_cell.replace('["ins", "tc", "sway_current"]', '["tc"]'), encoding="utf-8")
     tuned = {one.key: one for one in tune_case(load_case(path)).parameters}
@@ -255,7 +256,7 @@ def test_tune_finds_the_noise_of_the_water(tmp_path: Path) -> None:
         assert found.sd < 0.1 * true
 
 
-def test_what_of_the_water_is_tuned(case_file: Path, tmp_path: Path, dive: RovDive) -> None:
+def test_what_of_the_water_is_tuned(case_file: Path, tmp_path: Path, dive: Dive) -> None:
     """Its noise, unless the instrument records one with each cell, and the current's own part of a layer."""
     case = load_case(case_file)
     keys = ["water_track.noise_mps", "filter.current_layers.sd_mps"]
