@@ -133,24 +133,3 @@ def test_refusals(planted: Path, tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
     assert not out.exists()
     assert not toml.exists()
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_the_worked_example_runs(root: Path, tmp_path: Path) -> None:
-    """The commands of docs/audit.md, and what the page says that they say."""
-    page = (root / "docs" / "audit.md").read_text(encoding="utf-8")
-    commands = page.split("```console\n")[1].split("```")[0].strip().splitlines()
-    (tmp_path / "data").symlink_to(root / "data")
-    said = []
-    for command in commands:
-        words = command.split()
-        assert words[0] == "bottomlock"
-        done = bottomlock(*words[1:], cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        said.append(" ".join(done.stdout.split()))
-    quoted = page.split("The second command says\n")[1].split("\nwhich is right")[0]
-    assert " ".join(quoted.split()) in said[1].replace(
-        "Median |e| 34.0, robust sigma 51.1, 95 % 242, 99 % 407, largest 892 mm/s.", ""
-    )
-    assert "fault" not in said[2]
-    assert pl.read_parquet(tmp_path / "out" / "river_fixes.parquet").height == 273

@@ -63,12 +63,7 @@ def test_a_replay_that_cannot_begin_shows_no_bar(
         (["run", "straight", "--set", "imu.gyro_bais_deg_per_h=1,2"], "did you mean 'gyro_bias_deg_per_h'"),
         (["run", "straight", "--set", "imu.gyro_bias_deg_per_h=1,-2"], "is -2, expected >= 0"),
         (["run", "straight", "--set", "dvl.tilt_deg=20", "--set", "dvl.tilt_deg=30"], "is given twice"),
-        (["run", "straight", "--methods", "tcc"], "did you mean 'tc'"),
-        (["study", "straight", "--methods", "tcc"], "did you mean 'tc'"),
-        (["report", "nowhere", "there"], "nowhere: no such directory"),
         (["run", "straight", *LONG, "--set", "imu.gyro_bais_deg_per_h=1,2"], "did you mean"),
-        (["run", "straight", *LONG, "--scheduler", "tcp://a:1"], "only dask has schedulers"),
-        (["run", "straight", *LONG, "--engine", "dsk"], "dsk"),
     ],
 )
 def test_campaigns_that_cannot_begin_are_refused_in_a_line(

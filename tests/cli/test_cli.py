@@ -7,24 +7,16 @@ import signal
 import subprocess
 import sys
 import time
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
-from rich.text import Text
 
 import bottomlock
-from bottomlock.cli.console import SafeConsole, narrow_table
 from tests.cli.calls import command, process
 
 RUN = ["run", "straight", "--runs", "2", "--methods", "lc,tc", "--threads", "1"]
-
-
-def shown(done: subprocess.CompletedProcess[str]) -> str:
-    """The table on the screen, without the seconds below it."""
-    return done.stdout.split("NEES of a consistent filter")[0]
 
 
 def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
@@ -40,22 +32,6 @@ def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
         again.stdout.split("s; tables")[0].rsplit("\n", 1)[0]
         == done.stdout.split("s; tables")[0].rsplit("\n", 1)[0]
     )
-
-
-@pytest.mark.long
-def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
-    """Processes of their own, no word of theirs on the screen, and the same bytes."""
-    pytest.importorskip("distributed", reason="not installed: pip install '.[dask]'")
-    plain = command(*RUN, "--out", str(tmp_path / "plain"))
-    # tests/campaign/test_engines.py has two processes.
-    call = [*RUN[:-2], "--engine", "dask", "--threads", "1", "--out", str(tmp_path / "cluster")]
-    done = process(*call)
-    assert done.returncode == 0, done.stderr
-    assert shown(done) == shown(plain)
-    assert [line for line in done.stderr.splitlines() if "runs/s" not in line] == []
-    for name in ("runs", "ensemble", "consistency"):
-        one, two = (tmp_path / folder / f"{name}.parquet" for folder in ("plain", "cluster"))
-        assert one.read_bytes() == two.read_bytes(), name
 
 
 @pytest.mark.long
@@ -219,22 +195,6 @@ def test_control_characters_are_printed_as_codes(tmp_path: Path, name: str, show
     assert not set(done.stdout + done.stderr) & {"\x1b", "\x07", "\x08", "\x9b", "\r", "\u202e"}
 
 
-def test_a_table_with_control_characters_is_aligned() -> None:
-    """In a terminal with colours of our own; a cell is as wide as it is printed."""
-    written = StringIO()
-    shown = SafeConsole(file=written, markup=False, force_terminal=True, width=80)
-    table = narrow_table("t", ["name"], ["number"])
-    table.add_row("a\x1b[2J", "1")
-    table.add_row("tc", "2")
-    shown.print(table)
-    shown.print(Text("b\x1b[31m", style="bold red"))
-    text = written.getvalue()
-    assert " a\\x1b[2J       1  \n tc             2  \n" in text
-    assert "\x1b[1;31mb\\x1b[31m" in text
-    assert "\x1b[2J" not in text
-    assert "\x1b[31m" not in text
-
-
 def test_a_file_that_has_changed_is_told_on_one_line(tmp_path: Path) -> None:
     """The report refuses it; the same run puts it right, says so, and the report is made."""
     assert command(*RUN, "--out", "o", cwd=tmp_path).returncode == 0
@@ -249,23 +209,3 @@ def test_a_file_that_has_changed_is_told_on_one_line(tmp_path: Path) -> None:
     assert done.returncode == 0
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("bottomlock: note: ")]
     assert re.search(r"samples-\S+: has changed since it was written .*; the chunk is run again", line)
-
-
-@pytest.mark.long
-def test_observe_tells_masks_directions_and_manoeuvres(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The scenario's own mask is marked, what it hides is named, and tables and a figure are on disk."""
-    monkeypatch.setenv("COLUMNS", "80")
-    assert command("list", "scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
-    path = tmp_path / "straight.toml"
-    text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 40.0")
-    path.write_text(text, encoding="utf-8")
-    done = command("observe", "straight.toml", "--out", "o", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "beams 12  < this scenario" in done.stdout
-    assert "Unobservable with beams 12, SI:\n  position north\n" in done.stdout
-    assert max(len(line) for line in done.stdout.splitlines()) <= 80
-    found = pl.read_parquet(tmp_path / "o" / "observability.parquet")
-    assert found.height == 15
-    assert (tmp_path / "o" / "deviations.png").is_file()

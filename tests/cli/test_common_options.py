@@ -9,11 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from bottomlock.cli import console
 from bottomlock.cli.app import COMMANDS, app
 from bottomlock.cli.examples import EXAMPLES
-from bottomlock.errors import EXIT_INTERRUPTED
-from bottomlock.kernel import METHODS
 from tests.cli.calls import command, process
 
 SHORT = ("run", "straight", "-n", "2", "-s", "3", "-j", "1", "-m", "ins,tc")
@@ -45,12 +42,6 @@ def test_every_help_has_examples_that_are_right(name: str) -> None:
         called, _, ignored = app.parse_args(words, exit_on_error=False, print_error=False)
         assert callable(called)
         assert not ignored
-
-
-@pytest.mark.parametrize("name", ["run", "study"])
-def test_methods_are_listed_where_one_is_chosen(name: str) -> None:
-    shown = command(name, "--help").stdout
-    assert {method for method in METHODS if re.search(rf"\b{method}\b", shown)} == set(METHODS)
 
 
 def test_short_options_are_the_long_ones(short: tuple[str, ...], tmp_path: Path) -> None:
@@ -97,11 +88,3 @@ def test_no_color_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:
     assert coloured.search(process("run", "--help").stdout)
     monkeypatch.setenv("NO_COLOR", "1")
     assert not coloured.search(process("run", "--help").stdout)
-
-
-def test_the_page_has_every_exit_code(root: Path) -> None:
-    page = (root / "docs" / "command_line.md").read_text(encoding="utf-8")
-    section = page.split("## Exit codes")[1].split("\n## ")[0]
-    codes = {int(code) for code in re.findall(r"^\| (\d+) \|", section, flags=re.MULTILINE)}
-    ours = {value for name, value in vars(console).items() if name.startswith("EXIT_")}
-    assert codes == {0, *ours, EXIT_INTERRUPTED}

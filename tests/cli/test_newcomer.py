@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import redirect_stdout
-from io import StringIO
 from pathlib import Path
 
 import polars as pl
 import pytest
 
 from bottomlock.audit.logs import read_log
-from bottomlock.cli.console import console, narrow_table, prepare_consoles
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import Columns, read_beams
 from bottomlock.io.table import read_map
-from bottomlock.kernel import KernelError, fix_method
 from tests.cli.calls import command, process
 
 OWN = """Time (s),B1,B2,B3,B4,quality
@@ -63,12 +59,6 @@ def test_no_flags_and_no_word_of_it(own: Path, tmp_path: Path) -> None:
         read_map(both)
 
 
-def test_the_recommended_method_is_none_of_single_pings() -> None:
-    """It is said why, and which there are."""
-    with pytest.raises(KernelError, match=r"needs a filter that runs from ping to ping.* lc, vb, nsv"):
-        fix_method("sway_current")
-
-
 def test_a_file_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
     """A long line goes into a pipe as it is; COLUMNS asks for another width."""
     line = "  tilts 22.0, 22.0, 22.0, 22.0 deg; azimuths 0, 90, 180, -90 deg to starboard; noise 20 mm/s"
@@ -76,15 +66,3 @@ def test_a_file_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
     assert line in process("list", "geometries").stdout.splitlines()
     monkeypatch.setenv("COLUMNS", "60")
     assert line not in process("list", "geometries").stdout.splitlines()
-
-
-def test_a_wide_table_goes_into_a_file_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wider than a terminal, two blanks apart, and no cell cut."""
-    monkeypatch.delenv("COLUMNS", raising=False)
-    table = narrow_table("t", ["method"], [f"column {k}" for k in range(14)])
-    table.add_row("sway_current", *["0.0997"] * 14)
-    with redirect_stdout(StringIO()) as out:
-        prepare_consoles()
-        console.print(table)
-    assert "    0.0997    0.0997" in out.getvalue()
-    assert "…" not in out.getvalue()

@@ -284,41 +284,6 @@ def test_a_report_that_was_edited_is_the_user_s(tmp_path: Path) -> None:
     assert command("report", "o", cwd=tmp_path).returncode == 0
 
 
-@pytest.mark.long
-@pytest.mark.usefixtures("undrawn")
-def test_a_comparison_follows_its_campaigns(tmp_path: Path) -> None:
-    """In the folder of its variants it is made again by `run --set`, and goes when one of them alone is run again."""
-    variants = (*RUN, "--runs", "2", "--set")
-    assert command(*variants, "dvl.tilt_deg=20,25", cwd=tmp_path).returncode == 0
-    out = tmp_path / "o"
-    assert (out / "compare.html").is_file()
-    assert command("report", "o", cwd=tmp_path).returncode == 0
-    done = command(*variants, "dvl.tilt_deg=30", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert pl.read_parquet(out / "compare.parquet")["campaign"].n_unique() == 3
-    assert command("list", "scenarios", "--copy", "straight", "--to", "s.toml", cwd=tmp_path).returncode == 0
-    text = (tmp_path / "s.toml").read_text(encoding="utf-8")
-    assert "tilt_deg = 20.0" in text
-    one = next(path for path in out.iterdir() if path.name.startswith("tilt_deg=20"))
-    done = command("run", "straight", "-m", "lc,tc", "-n", "3", "-o", one, "--force", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "its compare was made from other tables and is removed" in done.stderr
-    assert not list(out.glob("compare*"))
-    # Elsewhere a comparison of others needs --force, and nothing of ours is written beside what is not.
-    two = [str(path) for path in sorted(out.iterdir()) if path.is_dir()]
-    assert command("report", *two[:2], "--out", "both", cwd=tmp_path).returncode == 0
-    assert command("report", *two[:2], "--out", "both", cwd=tmp_path).returncode == 0
-    done = command("report", *two[1:], "--out", "both", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "use --force to replace it" in done.stderr
-    assert command("report", *two[1:], "--out", "both", "--force", cwd=tmp_path).returncode == 0
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "note.txt").touch()
-    done = command("report", *two[:2], "--out", "mine", "--force", cwd=tmp_path)
-    assert done.returncode == 2
-    assert [one.name for one in (tmp_path / "mine").iterdir()] == ["note.txt"]
-
-
 def test_a_campaign_does_not_remove_its_own_path(root: Path, tmp_path: Path) -> None:
     """A trajectory from a file of the name of a table that the run with --force is about to replace."""
     assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -30,15 +29,6 @@ def out(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_python_example_of_the_documentation_runs(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = (root / "docs" / "replay.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    monkeypatch.chdir(root)
-    names: dict[str, Any] = {}
-    exec(compile(example, "docs/replay.md", "exec"), names)
-    assert names["replayed"].runs.height > 40
-
-
 def test_example_writes_tables_report_and_manifest(out: Path) -> None:
     runs = pl.read_parquet(out / "runs.parquet")
     assert runs["what_if"].unique(maintain_order=True).to_list() == ["recorded", "lost_34", "outage"]
@@ -49,21 +39,6 @@ def test_example_writes_tables_report_and_manifest(out: Path) -> None:
     pings = pl.read_parquet(out / "pings.parquet").filter(pl.col("what_if") == "lost_34")
     assert not pings["beam3_valid"].any()
     assert "semi-synthetic" in (out / "report.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("undrawn")
-def test_report_without_its_figures_is_the_same(out: Path, tmp_path: Path) -> None:
-    """Made again from the tables elsewhere; figures are drawn again by the test above."""
-
-    def words(folder: Path) -> str:
-        # Styles of figures stand in the head of the page.
-        page = (folder / "report.html").read_text(encoding="utf-8")
-        return " ".join(re.sub(r"<(svg|style).*?</\1>", "", page, flags=re.DOTALL).split())
-
-    shutil.copytree(out, tmp_path / "copy", ignore=shutil.ignore_patterns("report.html", "figures"))
-    assert command("report", tmp_path / "copy").returncode == 0
-    assert words(tmp_path / "copy") == words(out)
 
 
 def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> None:
@@ -126,27 +101,3 @@ def test_score_of_a_beam_table(tmp_path: Path) -> None:
     done = command(*arguments[:-1], "7")
     assert done.returncode == 2
     assert "7 beams to leave out, expected 1 to 3" in done.stderr
-
-
-def test_score_with_and_without_measured_noise(tmp_path: Path) -> None:
-    """Noise twice the claimed: `score` measures it and covers, `--no-robust` claims half and does not."""
-    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
-    draw = np.random.default_rng(2).standard_normal((2000, 4)) * 0.084
-    beams = janus.beam_velocities(np.tile([1.0, 0.1, 0.0], (2000, 1))) + draw
-    columns: dict[str, Any] = {"time_ns": np.arange(2000) * 1_000_000_000}
-    columns |= {f"beam{k + 1}_mps": beams[:, k] for k in range(4)} | {
-        f"beam{k + 1}_valid": [True] * 2000 for k in range(4)
-    }
-    pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
-    log = str(tmp_path / "beams.parquet")
-    arguments = ("fix", log, "--geometry", "x_janus_20", "--leave-out", "1", "--closure-gate", "0")
-    out = tmp_path / "scores.parquet"
-    covered = []
-    for switch in ("--robust", "--no-robust"):
-        done = command(*arguments, "--out", str(out), "--force", switch)
-        assert done.returncode == 0, done.stderr
-        assert ("beam noise, all pings: claimed sd 42 mm/s" in done.stdout) == (switch == "--robust")
-        lc = pl.read_parquet(out).filter((pl.col("method") == "lc") & (pl.col("component") == "beam"))
-        covered.append(float(lc["covered_1sigma"].mean()))  # type: ignore[arg-type]
-    assert covered[0] == pytest.approx(0.683, abs=0.03)
-    assert covered[1] == pytest.approx(0.383, abs=0.03)  # one claimed sigma is half a true one

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
@@ -10,8 +9,7 @@ import polars as pl
 import pytest
 
 from bottomlock.config.scenario import Scenario, copy_packaged, load_scenario
-from bottomlock.io.beams import InstrumentFile, read_geometry
-from bottomlock.replay.case import Case
+from bottomlock.io.beams import read_geometry
 from bottomlock.simulation.build import geometry_of
 from tests.cli.calls import command
 
@@ -71,14 +69,3 @@ def test_the_geometry_that_is_written_is_the_scenarios(dvl: dict[str, object], t
     assert (
         read_geometry(tmp_path / "dvl.toml").geometry.directions_p == geometry_of(scenario).directions_p
     ).all()
-
-
-@pytest.mark.parametrize(
-    ("kind", "model"), [("scenario", Scenario), ("case", Case), ("geometry", InstrumentFile)]
-)
-def test_schema_of_a_file(kind: str, model: type[Scenario]) -> None:
-    done = command("keys", kind, "--schema")
-    assert done.returncode == 0, done.stderr
-    schema = json.loads(done.stdout)
-    assert set(schema["properties"]) == set(model.model_fields)
-    assert schema["additionalProperties"] is False

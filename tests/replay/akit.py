@@ -17,7 +17,7 @@ LAG_S = {
 SECTIONS = (1, 2, 3, 5, 6, 7, 10, 12)
 
 # The README has the DVL at (-1.8, -0.03, 0.1) m from the reference's point. The accelerometers are not at that point
-# either: velocity increments over a second put them at (-1.77, -0.02, -0.12) m (tests/replay/test_akit.py measures it),
+# either: velocity increments over a second put them at (-1.77, -0.02, -0.12) m,
 # so the reference's point lies ahead of the IMU, and the DVL almost at it.
 REFERENCE_LEVER_M = (1.77, 0.02, 0.12)
 DVL_LEVER_M = (-0.03, -0.01, 0.22)

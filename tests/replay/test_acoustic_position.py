@@ -161,25 +161,6 @@ def test_it_does_not_collide_with_gps() -> None:
     assert (counts["acoustic_position"], counts["gps"]) == (1, 0)
 
 
-@pytest.mark.parametrize(
-    ("fix", "message"),
-    [
-        ({"sd_m": [1.0, -1.0, 1.0]}, "acoustic_position sd_m is -1, expected a finite number > 0"),
-        ({"sd_m": [1.0, np.nan, 1.0]}, "acoustic_position sd_m is NaN"),
-        ({"position_t_m": [0.0, np.nan, 0.0]}, "acoustic_position position_t_m at 0 ns is not finite"),
-        ({"position_t_m": [0.0, 0.0]}, r"position_t_m has shape \(2,\), expected \(3,\)"),
-    ],
-)
-def test_bad_fixes_are_refused(fix: dict[str, Any], message: str) -> None:
-    navigator = Navigator(JANUS, model(), options(), START)
-    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
-    before = navigator.state()["position_t_m"]
-    with pytest.raises(KernelError, match=message):
-        navigator.push_acoustic_position(time_ns=0, **{"position_t_m": np.zeros(3)} | fix)
-    assert np.array_equal(before, navigator.state()["position_t_m"])
-    navigator.push_acoustic_position(time_ns=0, position_t_m=before)
-
-
 def test_without_a_model_a_fix_brings_its_own_deviation() -> None:
     """A model without the section knows no noise; nothing is assumed in its place."""
     navigator = Navigator(JANUS, settings.table_2(), settings.options(), START)

@@ -10,15 +10,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.recordings.axes import quaternions
 from bottomlock.replay import rerun
-from bottomlock.replay.model import gravity_mps2
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import ReplayResult, replay_case
-from bottomlock.replay.streams import Streams
-from tests.oracle.rotations import exp_rotations, matrix_from_quaternion, skew, unskew
-from tests.replay.akit import LAG_S, REFERENCE_LEVER_M, SECTIONS, akit_case
-from tests.replay.streaming import stream
+from tests.replay.akit import SECTIONS, akit_case
 
 pytestmark = pytest.mark.recordings
 
@@ -136,99 +131,3 @@ def test_limits_of_two_beams(data: Path, scratch: Path) -> None:
         if method != "lc":
             assert two["position_final_percent"].quantile(0.9, "linear") <= 1.1  # type: ignore[operator]
             assert two["velocity_final_mps"].max() <= LOST_MPS  # type: ignore[operator]
-
-
-def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path) -> None:
-    case = akit_case(
-        data,
-        scratch,
-        5,
-        asks=("lost_34",),
-        replay='smooth = false\nmethods = ["tc", "sway_current"]\nduration_s = 60.0',
-    )
-    prepared = rerun.prepare(case, read_streams(case))
-    rerun_result = rerun.run_methods(case, prepared, case.what_if[0])
-    start = {
-        "time_ns": prepared.alignment.time_ns,
-        "position_t_m": prepared.alignment.position_t_m,
-        "attitude_t_p": quaternions(prepared.alignment.attitude),
-        "velocity_p_mps": prepared.alignment.velocity_p_mps,
-    }
-    log = rerun.kernel_log(case, prepared, rerun_result.valid)
-    for index, method in enumerate(case.replay.methods):
-        geometry = prepared.streams.instrument.geometry
-        pushed = stream(
-            geometry, prepared.model, prepared.options, method, log, start, prepared.sample_time_ns
-        )
-        for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
-            np.testing.assert_array_equal(rerun_result.result[name][index], pushed[name])
-
-
-@pytest.mark.parametrize("section", [1, 3, 10])
-def test_where_the_accelerometers_are(data: Path, scratch: Path, section: int) -> None:
-    """Velocity increments over a second, integrated from the readings, against those of the reference's point.
-
-    v_imu = v_reference − ω × l: the lever arm l by least squares, within 5 cm of what the cases say.
-    """
-    case = akit_case(data, scratch, section)
-    assert case.reference is not None
-    there = case.reference.model_copy(update={"lever_arm_m": (0.0, 0.0, 0.0)})
-    streams = read_streams(case.model_copy(update={"reference": there}))
-    inertial, reference = streams.inertial, streams.reference
-    assert reference is not None
-    assert reference.attitude is not None
-    assert reference.velocity_p_mps is not None
-    R = reference.attitude.as_matrix()
-    v_t = np.einsum("nij,nj->ni", R, reference.velocity_p_mps)
-    gravity = np.array([0.0, 0.0, gravity_mps2(case, streams)])
-    first = np.searchsorted(inertial.time_ns, reference.time_ns, side="right")
-    rows = np.flatnonzero((reference.time_ns >= 0) & (first + 101 < len(inertial.time_ns)))[:-1]
-    # One power series of every reading; the windows of a second are then integrated side by side.
-    window = first[rows][:, None] + np.arange(100)
-    turns = exp_rotations(inertial.omega_p_radps * 0.01)
-    attitude, increment = R[rows], np.zeros((len(rows), 3))
-    for j in window.T:
-        ahead = attitude @ turns[j]
-        increment += 0.5 * np.einsum("nij,nj->ni", attitude + ahead, inertial.force_p_mps2[j]) * 0.01
-        attitude = ahead
-    increment += gravity
-    rate = {k: inertial.omega_p_radps[first[k] - 3 : first[k] + 3].mean(axis=0) for k in {*rows, *(rows + 1)}}
-    design = np.array([R[k] @ skew(rate[k]) - R[k + 1] @ skew(rate[k + 1]) for k in rows])
-    residual = increment - (v_t[rows + 1] - v_t[rows])
-    lever, *_ = np.linalg.lstsq(design.reshape(-1, 3), residual.ravel(), rcond=None)
-    np.testing.assert_allclose(lever, REFERENCE_LEVER_M, atol=0.05)
-
-
-def test_reference_stands_where_its_clock_says(data: Path, scratch: Path) -> None:
-    """Turns between rows of the reference are those of the gyros to a few hundredths of a degree, at this lag alone."""
-    for section in (1, 7):
-        errors = {}
-        for shift in (-0.02, 0.0, 0.02):
-            case = akit_case(data, scratch, section)
-            assert case.reference is not None
-            clock = case.reference.clock.model_copy(update={"offset_s": LAG_S[section] + shift})
-            streams = read_streams(
-                case.model_copy(update={"reference": case.reference.model_copy(update={"clock": clock})})
-            )
-            errors[shift] = _turn_error(streams)
-        assert errors[0.0] < 5e-5
-        assert min(errors[-0.02], errors[0.02]) > 5 * errors[0.0]
-
-
-def _turn_error(streams: Streams) -> float:
-    """RMS difference, rad, between the reference's turn over a second and that of the gyros, Earth's rate taken off."""
-    reference = streams.reference
-    assert reference is not None
-    assert reference.attitude is not None
-    earth = 7.292115e-5 * np.array([np.cos(streams.latitude_rad), 0.0, -np.sin(streams.latitude_rad)])
-    R = [matrix_from_quaternion(q) for q in np.roll(reference.attitude.as_quat(), 1, axis=1)]
-    first = np.searchsorted(streams.inertial.time_ns, reference.time_ns, side="right")
-    turns = exp_rotations(streams.inertial.omega_p_radps * 0.01)
-    seconds = np.arange(5, 390)
-    turn = np.broadcast_to(np.eye(3), (len(seconds), 3, 3))
-    for j in (first[seconds][:, None] + np.arange(100)).T:
-        turn = turn @ turns[j]
-    squares = []
-    for k, one in zip(seconds, turn, strict=True):
-        squares.append(unskew((R[k].T @ R[k + 1]).T @ one) - R[k].T @ earth)
-    return float(np.sqrt(np.mean(np.square(squares))))

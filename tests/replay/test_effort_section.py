@@ -13,9 +13,8 @@ from bottomlock.kernel.models import EffortModel
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.rerun import kernel_log, prepare
-from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.tune.parameters import noise_of
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_csv
@@ -144,7 +143,7 @@ def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
     assert tuple(prepared.options.effort_lever_p_m) == (0.1, 0.0, -0.2)
 
 
-def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
+def test_the_forces_fit_each_method(replayed: ReplayResult) -> None:
     """How the forces fit each method, of three rows a reading, and the current."""
     rows = {row[0]: row[1:] for row in replayed.manifest["effort"]["fixes"]["recorded"]}
     assert set(rows) == {"`tc`", "`sway_current`"}
@@ -156,9 +155,6 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     # The acceleration is a tenth of a second old: 1.16 seen, where chi-squared of as many rows is within 0.16.
     assert abs(float(nis) - 1.0) < 0.2
     assert set(replayed.currents["method"]) == {"tc", "sway_current"}
-    write_replay(replayed, tmp_path / "out")
-    page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
-    assert "Forces along each axis as the filters used them" in page
 
 
 def test_revolutions_and_forces_have_one_use(case_file: Path) -> None:

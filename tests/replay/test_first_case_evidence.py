@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.config.instrument_grades import grade_of
 from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
@@ -324,25 +323,6 @@ def test_a_recorded_dive_untouched_ends_near_dgps(
     for fewer in ("two_beams", "one_beam"):
         tc, floor = (errors[fewer, method] for method in ("tc", "dead_reckoning"))
         assert tc["position_rms_over_time_m"] < floor["position_rms_over_time_m"]
-
-
-@pytest.mark.long
-def test_a_grade_gives_the_slow_errors_of_the_attitude(dive: Dive, tmp_path: Path) -> None:
-    case, _ = made(tmp_path, tables(tmp_path, dive))
-    assert case.attitude is not None
-    own = grade_of("attitude", "mti_ahrs").keys
-    assert case.attitude.grade == "mti_ahrs"
-    assert case.attitude.yaw_walk_sd_deg == own["yaw_walk_sd_deg"]
-    assert case.attitude.roll_pitch_sd_deg == own["roll_pitch_sd_deg"]
-    path = tmp_path / "case.toml"
-    text = path.read_text(encoding="utf-8").replace(
-        'grade = "mti_ahrs"', 'grade = "magnetic"\nyaw_offset_sd_deg = 7.0', 1
-    )
-    path.write_text(text, encoding="utf-8")
-    other = load_case(path).attitude
-    assert other is not None
-    assert other.yaw_offset_sd_deg == 7.0
-    assert other.yaw_walk_sd_deg == grade_of("attitude", "magnetic").keys["yaw_walk_sd_deg"]
 
 
 @pytest.mark.long

@@ -68,31 +68,6 @@ def test_a_bad_reading_is_a_report_and_a_count() -> None:
     assert ping.reason is None
 
 
-def test_full_scales_and_stuck_readings_are_options() -> None:
-    """By hand: 20 m/s² with a full scale of 20 is clipped; the third equal reading of three is stuck."""
-    nav = navigator(max_imu_force_mps2=20.0, max_imu_rate_radps=1.0, imu_stuck_after=3)
-    nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.array([20.0, 0.0, -9.8]))
-    nav.push_imu(20 * MS, omega_p_radps=np.array([0.0, -2.0, 0.0]), force_p_mps2=LEVEL)
-    for k in range(3, 7):
-        nav.push_imu(k * 10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
-    assert nav.imu_faults() == {"out_of_range": 1, "clipped": 1, "stuck": 2, "inflated_gaps": 0}
-
-
-def test_readings_that_stick_after_a_good_while_are_rejected() -> None:
-    """Two seconds of noise are taken as without the check; then the third equal reading is rejected."""
-    times, noise = np.arange(1, 201) * 10 * MS, np.random.default_rng(1).normal(0.0, 1e-3, (200, 3))
-    readings = {"omega_p_radps": noise, "force_p_mps2": LEVEL + noise}
-    plain, checked = navigator(), navigator(imu_stuck_after=3)
-    assert plain.push_imu_block(times, **readings) == checked.push_imu_block(times, **readings) == []
-    assert seen(plain) == seen(checked)
-    reports = [
-        checked.push_imu(2000 * MS + k * 10 * MS, omega_p_radps=noise[-1], force_p_mps2=LEVEL + noise[-1])
-        for k in range(1, 4)
-    ]
-    assert [len(report) for report in reports] == [0, 1, 1]
-    assert checked.imu_faults()["stuck"] == 2
-
-
 def test_a_gap_is_refused_with_what_to_do_or_inflated() -> None:
     """By hand: 5 s at 0.5 m/s² and 0.1 rad/s are 2.5 m/s of heave and 0.5 rad of yaw."""
     nav = navigator()
@@ -125,36 +100,6 @@ def test_a_block_says_what_it_took() -> None:
     nav.push_imu_block(time_ns[4:], omega_p_radps=np.zeros((1, 3)), force_p_mps2=force[4:])
     assert nav.state()["time_ns"] == 40 * MS
     assert (bottomlock.KernelError("x").taken, list(bottomlock.KernelError("x").reports)) == (0, [])
-
-
-@pytest.mark.parametrize("force", [1e308, -1e308, 1e300])
-def test_absurd_readings_move_nothing(force: float) -> None:
-    """They moved the position by 1e303 m, or left a covariance of NaN."""
-    nav = navigator()
-    before = nav.state()["position_t_m"]
-    with pytest.raises(bottomlock.KernelError, match=r"imu force_p_mps2 at 10000000 ns is -?1e30"):
-        nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.full(3, force))
-    np.testing.assert_array_equal(nav.state()["position_t_m"], before)
-    nav.push_imu(20 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
-    assert np.isfinite(nav.covariance()).all()
-
-
-@pytest.mark.parametrize("time_ns", [0, 5 * MS])
-@pytest.mark.parametrize(("depth_m", "sd_m"), [(1.0, 1e300), (1e308, 1.0), (0.0, 1e-170)])
-def test_absurd_measurements_change_nothing(time_ns: int, depth_m: float, sd_m: float) -> None:
-    """A standard deviation of 1e300 m waited for the next reading, and the reading was refused for it."""
-    nav, spared = navigator(), navigator()
-    before = seen(nav)
-    with pytest.raises(bottomlock.KernelError, match="depth"):
-        nav.push_depth(time_ns, depth_m, sd_m=sd_m)
-    with pytest.raises(bottomlock.KernelError, match="ahead of the navigator"):
-        nav.push_depth(2**61, 1.0, sd_m=0.1)
-    assert seen(nav) == before
-    for one in (nav, spared):
-        one.push_depth(time_ns, 1.0, sd_m=0.1)
-        one.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
-    assert seen(nav) == seen(spared)
-    assert nav.discard_waiting() == 0
 
 
 def faulty_log(*, gap: bool = False) -> Any:  # noqa: ANN401 - the kernel's dict

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from matplotlib.figure import Figure
 
 import bottomlock
 from bottomlock.errors import DataError
-from bottomlock.files.records import DIGESTS, read_record, write_record
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.report import Drawing, dive_of, drawings
@@ -118,14 +116,3 @@ def test_two_replays_of_a_dive_are_compared(replay: Replay, tmp_path: Path) -> N
     assert error["difference"] == mine - yours != 0.0
     ends = [one.samples.filter(keys)["north_m"][-1] for one in (alone, replay)]
     assert by_quantity["end of the track, north"]["difference"] == ends[0] - ends[1] != 0.0
-
-
-def test_replays_of_two_dives_are_not_compared(replay: Replay, tmp_path: Path) -> None:
-    folder = tmp_path / "other"
-    shutil.copytree(replay.folder, folder)
-    record = read_record(folder / "manifest.json")
-    assert record is not None
-    record["files"]["imu"]["sha256"] = "0" * 64
-    write_record(folder / "manifest.json", record, record[DIGESTS])
-    with pytest.raises(DataError, match=r"different recordings: imu is imu\.parquet"):
-        replay.compare(Replay(folder))

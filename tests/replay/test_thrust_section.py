@@ -14,9 +14,8 @@ from bottomlock.kernel.models import ThrustModel
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.report import dive_of, drawings, make_replay_report, read_replay
 from bottomlock.replay.rerun import kernel_log, prepare
-from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.tune.parameters import noise_of, with_values
 from bottomlock.replay.tune.run import tune_case
 from tests.dive import Dive, drawn_dive
@@ -161,16 +160,8 @@ def test_model_and_option_are_those_of_the_section(case_file: Path) -> None:
     assert prepared.options.thrust == "all"
 
 
-def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
-    """How the revolutions fit each method, and the current against time; neither without the section."""
-    write_replay(replayed, tmp_path / "out")
-    tables = read_replay(tmp_path / "out")
-    assert tables.currents is not None
-    assert set(tables.currents["method"]) == {"tc", "sway_current"}
-    assert {"current_recorded", "current_hidden"} <= {one.name for one in drawings(tables, dive_of(tables))}
-    page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
-    assert "Revolutions as the filters used them" in page
-    assert "Beams of the water" not in page
+def test_the_revolutions_fit_each_method(replayed: ReplayResult) -> None:
+    assert set(replayed.currents["method"]) == {"tc", "sway_current"}
     assert set(replayed.manifest["files"]) == {"imu", "dvl", "thrust", "reference"}
     fixes = replayed.manifest["thrust"]["fixes"]
     assert set(fixes) == {"recorded", "hidden"}
@@ -181,22 +172,6 @@ def test_page_and_tables(replayed: ReplayResult, tmp_path: Path) -> None:
     assert float(degrees) == 1.0
     assert abs(float(nis) - 1.0) < 4.0 * np.sqrt(2.0 / 209.0)
     assert int(beyond) < 10
-
-
-def test_water_and_revolutions_go_together(case_file: Path, tmp_path: Path) -> None:
-    """Both on the page, also with the smoother; the water measures the sway that the revolutions do not."""
-    path = case_file.with_name("both.toml")
-    text = CASE.replace("[thrust]", "[water_track]\nnoise_mps = 0.02\n[thrust]")
-    path.write_text(text.replace("smooth = false", "smooth = true"), encoding="utf-8")
-    result = replay_case(load_case(path))
-    alone = replay_case(load_case(case_file))
-    assert end_m(result, "hidden", "tc") < 0.5 * end_m(alone, "hidden", "tc")
-    for section in ("water_track", "thrust"):
-        assert [row[0] for row in result.manifest[section]["fixes"]["hidden"]] == ["`tc`", "`sway_current`"]
-    write_replay(result, tmp_path / "out")
-    page = make_replay_report(tmp_path / "out").read_text(encoding="utf-8")
-    assert "Revolutions as the filters used them" in page
-    assert "Beams of the water as the filters used them" in page
 
 
 @pytest.mark.parametrize(
