@@ -243,12 +243,6 @@ def test_a_sensor_that_is_not_there_is_none() -> None:
         bare.of(models.DvlModel)
 
 
-@pytest.mark.parametrize("part", ["environment", "imu", "initial"])
-def test_what_every_model_has_cannot_be_none(part: str) -> None:
-    with pytest.raises(KernelError, match=f"{part} is of type NoneType, expected"):
-        MODEL.replace(**{part: None})
-
-
 @pytest.mark.parametrize(
     ("sensor", "columns", "said"),
     [
