@@ -89,15 +89,18 @@ def test_every_method_has_its_row_and_its_page(root: Path) -> None:
         assert all(f'"../figures/method_{method}_{scheme}.svg"' in page for scheme in ("light", "dark"))
 
 
-def test_versions_agree(root: Path) -> None:
-    """Cargo.toml has the one version; everything that repeats it must follow."""
+def test_versions_and_dates_agree(root: Path) -> None:
+    """Cargo.toml has the one version; the newest section of the CHANGELOG and the citation are of its day."""
     version = toml(root / "Cargo.toml")["workspace"]["package"]["version"]
-    assert importlib.metadata.version("bottomlock") == version
-    assert bottomlock.__version__ == version
+    assert importlib.metadata.version("bottomlock") == bottomlock.__version__ == version
     citation = (root / "CITATION.cff").read_text(encoding="utf-8")
-    assert re.search(r"^version: (.*)$", citation, re.MULTILINE)[1] == version  # type: ignore[index]
+    assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [version]
     locked = {package["name"]: package["version"] for package in toml(root / "Cargo.lock")["package"]}
     assert locked["bottomlock"] == locked["bottomlock-py"] == version
+    changes = (root / "CHANGELOG.md").read_text(encoding="utf-8")
+    sections = re.findall(r"^## \[(.+?)\](?: - (\d{4}-\d\d-\d\d))?$", changes, re.MULTILINE)
+    assert sections[0] == ("Unreleased", "")
+    assert sections[1] == (version, *re.findall(r"^date-released: (.*)$", citation, re.MULTILINE))
 
 
 def test_every_package_file_ships(root: Path) -> None:
