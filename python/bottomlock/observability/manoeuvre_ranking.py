@@ -10,7 +10,6 @@ from bottomlock.kernel import BeamGeometry
 from bottomlock.kernel.models import DvlModel, Model
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
-from bottomlock.tables.check import check
 from bottomlock.tables.observability import MANOEUVRE_RANKING
 from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
 
@@ -50,9 +49,8 @@ def manoeuvre_ranking(
         >>> from bottomlock.config.scenario import load_scenario
         >>> model = load_scenario("straight").kernel_model(9.8125)
         >>> table = manoeuvre_ranking(BeamGeometry.janus(0.35), Aiding(beams=(1, 2)), model)
-        >>> sway = table.filter(state="velocity y")
-        >>> best(sway)["manoeuvre"].to_list()
-        ['figure_eight']
+        >>> table.filter(state="velocity y").sort("sd_after")["manoeuvre"][0]
+        'figure_eight'
     """
     environment = model.environment
     earth_rate_radps = environment.earth_rate_radps
@@ -89,14 +87,6 @@ def manoeuvre_ranking(
             .select(list(MANOEUVRE_RANKING))
         )
     return pl.concat(frames)
-
-
-def best(table: pl.DataFrame) -> pl.DataFrame:
-    """For each state the manoeuvre that leaves the smallest deviation: `tables.observability.MANOEUVRE_RANKING`."""
-    check(table, MANOEUVRE_RANKING, place="manoeuvre_ranking")
-    return table.filter(pl.col("sd_after") == pl.col("sd_after").min().over("state")).unique(
-        "state", keep="first", maintain_order=True
-    )
 
 
 def _word(found: Finding, state: int) -> str:
