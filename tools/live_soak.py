@@ -33,7 +33,7 @@ from bottomlock.errors import DataError
 from bottomlock.live.connections import cancel
 from bottomlock.live.runner import Live, begin, host_clock
 from bottomlock.ports.estimate import SILENT
-from tests.attack.live_sockets import Loop, descriptors, resident_mb
+from tests.attack.timers import Loop, descriptors, resident_mb
 from tests.live.processes import free_port
 from tests.live.world import START_NS, VELOCITY, Sent, World, config, probe_registered
 

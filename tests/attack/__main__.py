@@ -11,11 +11,9 @@ from __future__ import annotations
 import argparse
 import importlib
 import re
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TextIO
 
 from tests.attack.pool import Outcome
 from tests.attack.pool import attack as attack_calls
@@ -24,33 +22,6 @@ from tests.attack.trial import Trial
 
 COUNTS = {"calls": 1_000_000, "c_calls": 1_000_000, "records": 200_000, "kills": 100, "bit_flips": 200}
 """How many of each part, by default."""
-
-
-class Progress:
-    """Count, rate and time left, on one line of a terminal or one line every ten seconds of a file."""
-
-    def __init__(self, name: str, count: int, out: TextIO = sys.stderr) -> None:
-        self._name, self._count, self._out = name, count, out
-        self._began = time.monotonic()
-        self._last = self._began
-        self._wait_s = 0.5 if out.isatty() else 10.0
-
-    def __call__(self, done: int) -> None:
-        """Tells where it stands, if the last time is long enough ago."""
-        now = time.monotonic()
-        if now - self._last < self._wait_s or not done:
-            return
-        self._last = now
-        rate = done / (now - self._began)
-        left_s = max(0.0, (self._count - done) / rate)
-        line = f"{self._name}: {done:,} of {self._count:,}, {rate:,.0f} a second, {left_s:,.0f} s left"
-        self._out.write(f"\r\x1b[K{line}" if self._out.isatty() else f"{line}\n")
-        self._out.flush()
-
-    def end(self) -> None:
-        """Clears the line of a terminal."""
-        if self._out.isatty():
-            self._out.write("\r\x1b[K")
 
 
 def kinds(faults: list[tuple[int, str]]) -> list[tuple[int, int, str]]:
@@ -63,24 +34,9 @@ def kinds(faults: list[tuple[int, str]]) -> list[tuple[int, int, str]]:
     return sorted(found.values(), key=lambda entry: -entry[0])
 
 
-def run_calls(seed: int, count: int, jobs: int | None, first: int, out: Path) -> tuple[list[str], Outcome]:
-    """The faults of random calls, one line a kind, and the counts.
-
-    Every fault is written to calls_found.txt as it is found, so that an attack that is ended early shows them.
-    """
-    progress = Progress("calls", count)
-    written = 0
-    with (out / "calls_found.txt").open("w", encoding="utf-8") as found:
-
-        def told(outcome: Outcome) -> None:
-            nonlocal written
-            found.writelines(f"{case} | {line}\n" for case, line in outcome.faults[written:])
-            found.flush()
-            written = len(outcome.faults)
-            progress(sum(outcome.calls.values()))
-
-        outcome = attack_calls(seed, count, first=first, jobs=jobs, progress=told)
-    progress.end()
+def run_calls(seed: int, count: int, jobs: int | None, first: int) -> tuple[list[str], Outcome]:
+    """The faults of random calls, one line a kind, and the counts."""
+    outcome = attack_calls(seed, count, first=first, jobs=jobs)
     lines = [
         f"{line} ({number} of this kind; python -m tests.attack calls --seed {seed} --case {case})"
         for number, case, line in kinds(outcome.faults)
@@ -123,7 +79,7 @@ def main() -> int:
     for name in chosen.parts or COUNTS:
         count, began = getattr(chosen, name), time.monotonic()
         if name == "calls":
-            lines, outcome = run_calls(chosen.seed, count, chosen.jobs, chosen.first, chosen.out)
+            lines, outcome = run_calls(chosen.seed, count, chosen.jobs, chosen.first)
             count = sum(outcome.calls.values())
             _print_calls(outcome)
         else:
@@ -143,7 +99,6 @@ def _print_calls(outcome: Outcome) -> None:
     print(f"{'function':<24}{'calls':>10}{'accepted':>10}")
     for name, number in sorted(outcome.calls.items()):
         print(f"{name:<24}{number:>10,}{outcome.accepted[name]:>10,}")
-    print(f"slowest case: {outcome.slowest_s:.2f} s")
 
 
 if __name__ == "__main__":

@@ -11,9 +11,8 @@ import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
-from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.instruments.address import parse_address
-from bottomlock.instruments.faults import KINDS, NONE, FaultDraws, Faults, parse_faults
+from bottomlock.errors import ScenarioError
+from bottomlock.instruments.faults import KINDS, NONE, FaultDraws, Faults
 from bottomlock.instruments.from_log import readings_of_case, readings_of_log
 from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.readings import SOUND_SPEED_MPS, Readings, pings
@@ -245,38 +244,3 @@ def test_a_scenario_takes_other_beams(tmp_path: Path) -> None:
     assert np.isfinite(found.beam_mps).all(axis=0).tolist() == [False, True, True]
     with pytest.raises(ScenarioError, match="lost beam 4 does not exist, expected 1 to 3"):
         with_geometry(short(), str(three))
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("drop=0.1", "'drop' is unknown, did you mean 'drops'?"),
-        ("drops=1.5", "drops is '1.5', expected a fraction of the pings, 0 to 1"),
-        ("drops", "drops is '', expected"),
-        ("drops=nan", "expected a fraction"),
-        ("drops=0.1,drops=0.2", "given twice"),
-        ("clock_step_s=-1", "expected seconds"),
-    ],
-)
-def test_bad_faults_are_one_line(text: str, words: str) -> None:
-    with pytest.raises(ScenarioError, match=r"^--faults: ") as caught:
-        parse_faults(text)
-    assert words in str(caught.value)
-    assert parse_faults(None) == parse_faults("") == NONE
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["tpc:1", "tcpin:", "tcpin:70000", "udpout:host:0", "file:", "serial:", "", "tcpin:a:b", "tcpin:1:2:3"],
-)
-def test_bad_addresses_are_one_line(text: str) -> None:
-    with pytest.raises(OutputError, match=f"^--dvl: .{text}. ") as caught:
-        parse_address(text, "--dvl")
-    assert "\n" not in str(caught.value)
-
-
-def test_addresses() -> None:
-    assert parse_address("tcpin:[::1]:5", "--dvl").host == "::1"
-    assert parse_address("serial:/dev/ttyUSB0:9600", "--dvl").baud == 9600
-    assert parse_address("serial:/dev/serial/by-id/a:b", "--dvl").path == "/dev/serial/by-id/a:b"
-    assert parse_address("pty", "--dvl").path == ""

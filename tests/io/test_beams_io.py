@@ -60,19 +60,6 @@ def test_faults_name_row_and_column(tmp_path: Path, lines: tuple[str, ...], mess
     assert "log.csv" in str(caught.value)
 
 
-def test_missing_columns_and_files(tmp_path: Path) -> None:
-    """The message says what is missing and what is there."""
-    with pytest.raises(DataError, match="has 2 beams, but the geometry has 3"):
-        read_beams(log(tmp_path, "1,0.5,0.1,1,1"), beams=3)
-    with pytest.raises(DataError, match="no such file"):
-        read_beams(tmp_path / "none.csv", beams=2)
-    (tmp_path / "bad.parquet").write_bytes(b"not parquet")
-    with pytest.raises(DataError, match="is damaged or not Parquet"):
-        read_beams(tmp_path / "bad.parquet", beams=2)
-    with pytest.raises(DataError, match="names 1 columns, expected 2"):
-        read_beams(log(tmp_path, "1,0.5,0.1,1,1"), beams=2, columns=Columns(velocity=("beam1_mps",)))
-
-
 def test_time_units(tmp_path: Path) -> None:
     """Seconds become integer nanoseconds."""
     path = log(tmp_path, "1.5,0.5,0.1,1,1", header=HEADER.replace("time_ns", "t"))
@@ -82,7 +69,7 @@ def test_time_units(tmp_path: Path) -> None:
 
 
 def test_geometry_files(tmp_path: Path) -> None:
-    """Every configuration loads, and faults name the key."""
+    """Every configuration loads, and a direction that is none is named."""
     path = tmp_path / "g.toml"
 
     def write(text: str) -> Path:
@@ -96,21 +83,5 @@ def test_geometry_files(tmp_path: Path) -> None:
         "configuration = 'directions'\ndirections = [[0, 0, 1], [1, 0, 0]]\nbeam_noise_mps = [0.01, 0.02]\n"
     )
     assert read_geometry(write(given)).beam_sd_mps.tolist() == [0.01, 0.02]
-    for text, message in (
-        ("configuration = 'x'\nbeam_noise_mps = 0.01\n", "needs tilt_deg"),
-        ("configuration = 'x'\ntilt_rad = 0.3\nbeam_noise_mps = 0.01\n", "did you mean 'tilt_deg'"),
-        ("configuration = 'x'\ntilt_deg = 20\nbeam_noise_mps = [0.01]\n", "has 1 entries, expected 4"),
-        (
-            "configuration = 'directions'\ndirections = [[0, 0, 2]]\nbeam_noise_mps = 0.01\n",
-            "direction of beam 1 has norm 2",
-        ),
-        (
-            "configuration = 'angles'\ntilts_deg = [20, 0, -20]\nazimuths_deg = [0, 0, 0]\nbeam_noise_mps = 0.01\n",
-            "see only 2 directions, expected 3",
-        ),
-        ("configuration = ", "not valid TOML"),
-    ):
-        with pytest.raises(ScenarioError, match=message):
-            read_geometry(write(text))
-    with pytest.raises(ScenarioError, match="neither a file nor packaged"):
-        read_geometry("unknown")
+    with pytest.raises(ScenarioError, match="beam 1"):
+        read_geometry(write(given.replace("[0, 0, 1]", "[0, 0, 2]")))

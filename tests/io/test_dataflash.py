@@ -13,8 +13,6 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.io import ardupilot, dataflash
 from bottomlock.io.account import Account
-from bottomlock.io.formats import detect, read_recording
-from bottomlock.io.rows import Options
 from tests.io import autopilot_logs as logs
 
 NAMES = ("IMU", "ATT", "BARO", "GPS", "XKF1", "VISO", "VISV")
@@ -114,26 +112,6 @@ def test_an_interval_in_seconds_despite_its_factor() -> None:
     assert "dt is taken in seconds" in viso.remark
 
 
-def test_a_unit_that_is_another_quantity_is_refused() -> None:
-    data = logs.head(NAMES, unit_of={"E": "deg/s"}) + b"".join(rows())
-    imu = next(one for one in ardupilot.streams(data, "x").streams if one.name == "IMU 0")
-    np.testing.assert_allclose(imu.columns["gyro_z_radps"], np.deg2rad(0.3), rtol=1e-6)
-    data = logs.head(NAMES, unit_of={"o": "Pa"}) + b"".join(rows())
-    with pytest.raises(DataError, match=r"dive: IMU\.AccX is in Pa by the log's own UNIT, expected m/s/s"):
-        ardupilot.streams(data, "dive")
-
-
-def test_two_factors_of_one_column_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    kind, types, columns, units, _ = logs.FORMATS["ATT"]
-    monkeypatch.setitem(logs.FORMATS, "ATT", (kind, types, columns, units, "FCBBBBBBB-"))
-    ardupilot.streams(whole(), "x")  # of DesRoll, which is not used
-    monkeypatch.setitem(logs.FORMATS, "ATT", (kind, types, columns, units, "FBCBBBBBB-"))
-    with pytest.raises(
-        DataError, match=r"ATT\.Roll has the factor 0\.001 by its MULT and 0\.01 by its type 'c'"
-    ):
-        ardupilot.streams(whole(), "x")
-
-
 def test_a_damaged_log_is_read_with_an_account() -> None:
     """Garbage between records, a record that lost bytes, a cut at the end: each is counted where it is."""
     parts = rows()
@@ -174,32 +152,6 @@ def test_two_logs_in_a_file_are_refused() -> None:
         DataError, match=r"record type 129 is IMU and, from byte \d+ on, POS; expected one log"
     ):
         dataflash.parse(whole() + other, "x", Account(unit="byte"))
-
-
-def test_convert_says_why_there_are_no_beams(tmp_path: Path) -> None:
-    path = tmp_path / "dive.BIN"
-    path.write_bytes(whole())
-    assert detect(path) == "ardupilot-bin"
-    with pytest.raises(
-        DataError, match=r"holds velocities of a DVL, VISO \(40\), VISV \(39\), but no beams; record"
-    ):
-        read_recording(path)
-    with pytest.raises(
-        DataError, match=r"holds 2 velocities \(VISO \(40\), VISV \(39\)\); choose one with --topic"
-    ):
-        read_recording(path, options=Options(instrument_only=True))
-    kept = read_recording(path, options=Options(instrument_only=True, topic="VISO"))
-    assert (kept.table.beams, kept.table.rows, kept.frame) == (0, 40, "frd")
-    np.testing.assert_allclose(kept.table.instrument_mps[5], [1.0, -0.5, 0.05], rtol=1e-6)
-    assert int((kept.table.instrument_valid == 1).sum()) == 30
-    path.write_bytes(logs.head(NAMES))
-    with pytest.raises(
-        DataError, match=r"holds no stream that a replay could use \(no message of a sensor\)"
-    ):
-        read_recording(path)
-    path.write_bytes(logs.head((), units=False))
-    with pytest.raises(DataError, match="holds no record of a sensor"):
-        read_recording(path)
 
 
 def test_one_damaged_time_costs_its_own_record() -> None:

@@ -54,14 +54,6 @@ def test_a50_counts(
     assert not without.valid[without.stale].any()
 
 
-def test_a50_stale_share_as_described(recordings: Path) -> None:
-    """6 to 9 % of the valid reports of 28 May repeat the one before."""
-    for name in ("out20210528.txt", "out20210528_circle.txt", "out20210528_straight+turn360.txt"):
-        table = read_recording(file(recordings, "a50_waterlinked_json", name)).table
-        assert table.stale is not None
-        assert 0.055 < table.stale[table.instrument_valid == 1].mean() < 0.09
-
-
 def test_a50_signs(recordings: Path) -> None:
     """The packaged geometry gives the instrument's own velocity from its beams: 2 cm/s in the 95th percentile.
 
@@ -194,12 +186,3 @@ def test_pd6_is_refused(recordings: Path) -> None:
     assert detect(path) == "pd6"
     with pytest.raises(DataError, match="PD6 holds no beam velocities; set the instrument to PD0"):
         read_recording(path)
-
-
-@pytest.mark.parametrize(("name", "rows"), [("night1", 722), ("night2", 436), ("stationary", 600)])
-def test_robosub_counts(recordings: Path, root: Path, name: str, rows: int) -> None:
-    """Velocities alone, by a column map."""
-    columns = root / "data" / "logs" / "robosub" / "columns.toml"
-    path = file(recordings, "robosub_eecs568", f"{name}_dvl.csv")
-    recording = read_recording(path, options=Options(columns=str(columns), instrument_only=True))
-    assert (recording.table.rows, recording.table.beams) == (rows, 0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -82,21 +81,6 @@ def test_json_merged_and_cut_lines() -> None:
     assert "missing from that sum" in recording.notes[1]
 
 
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        ({"transducers": 3}, "transducers are not a list"),
-        ({"transducers": [{"id": 7}]}, "transducers are not a list"),
-        ({"time": None}, "no interval"),
-        ({"time": float("nan")}, "no interval"),
-    ],
-)
-def test_json_reports_that_are_none(change: dict[str, Any], reason: str) -> None:
-    """A report without what makes a ping is counted, and a log of nothing else is rejected."""
-    with pytest.raises(DataError, match=f"no velocity report.*{reason}.*line 1"):
-        waterlinked_json.read(seeds.a50_report(0, **change), "log")
-
-
 def test_serial_documented_examples() -> None:
     """The maker's examples: CRC-8 good, one measurement of four beams, time of validity 7 µs."""
     recording = waterlinked_serial.read(seeds.SERIAL, "log")
@@ -146,14 +130,6 @@ def test_serial_deprecated(sentence: bytes, good: bool) -> None:
     else:
         with pytest.raises(DataError, match=r"velocity report with wrong fields \(first at line 1\)"):
             waterlinked_serial.read(sentence, "log")
-
-
-def test_serial_merged_line() -> None:
-    """A sentence that runs into the next: the first is counted, the second is read."""
-    log = b"wrz,0.12,-0.4" + seeds.SERIAL
-    recording = waterlinked_serial.read(log, "log")
-    assert recording.table.rows == 1
-    assert recording.account.skipped["merged line"].first == 1
 
 
 def test_pnorbt_plain_and_tagged() -> None:
@@ -224,15 +200,6 @@ def test_linkquest_signs() -> None:
     assert (account.skipped["truncated"].first, account.skipped["merged line"].first) == (3, 4)
 
 
-def test_linkquest_arrival_out_of_range() -> None:
-    """An arrival that no clock can hold is dropped for its ping alone, and told."""
-    lines = seeds.linkquest_log(3).splitlines()
-    lines[2] = b"9" * 20 + lines[2][lines[2].index(b",") :]
-    recording = linkquest.read(b"\n".join(lines), "log")
-    assert recording.account.flagged["arrival time out of range"].first == 3
-    assert recording.table.to_frame()["arrival_ns"].is_null().to_list() == [False, True, False]
-
-
 def test_a_transducer_without_a_field_that_the_others_have_is_damage() -> None:
     """Bytes lost between the numbers of two fields: whole JSON, with a range for a velocity."""
     report = seeds.a50_report(1)
@@ -241,17 +208,6 @@ def test_a_transducer_without_a_field_that_the_others_have_is_damage() -> None:
     log = seeds.a50_report(0) + report[:start] + report[stop:] + seeds.a50_report(2)
     recording = waterlinked_json.read(log, "log")
     assert recording.account.skipped["transducers with different fields"].first == 2
-    assert recording.table.rows == 2
-
-
-def test_a_velocity_without_one_of_its_axes_is_damage() -> None:
-    """The same among the numbers of the report: its velocity along x is that along y."""
-    report = seeds.a50_report(1)
-    start = report.index(b'"vx":') + len(b'"vx":')
-    stop = report.index(b'"vy":') + len(b'"vy":')
-    log = seeds.a50_report(0) + report[:start] + report[stop:] + seeds.a50_report(2)
-    recording = waterlinked_json.read(log, "log")
-    assert recording.account.skipped["velocity without one of its fields"].first == 2
     assert recording.table.rows == 2
 
 
@@ -272,33 +228,6 @@ def test_records_without_beams_are_refused_with_what_to_set() -> None:
             read(log, "log")
     assert pd6.sniff_binary(seeds.pd4())
     assert not pd6.sniff_binary(seeds.pd4()[:-1] + b"\x00")
-
-
-def test_json_transducer_given_twice() -> None:
-    """Two blocks of one id, one of none: which is which is not known, and the report is rejected."""
-    good, bad = seeds.a50_report(0), seeds.a50_report(1).replace(b'"id":2', b'"id":1')
-    recording = waterlinked_json.read(good + bad, "log")
-    assert recording.table.rows == 1
-    assert recording.account.skipped["transducers are not a list with ids 0 to 3"].first == 2
-
-
-def test_serial_transducer_given_twice() -> None:
-    """The second report of an id is not the first's correction: it closes the ping."""
-    lines = seeds.SERIAL.splitlines(keepends=True)
-    again = framing.waterlinked_sentence(b"wru,1,0.900,1.25,-62,-104")
-    table = waterlinked_serial.read(b"".join([*lines[:3], again, *lines[3:]]), "log").table
-    assert table.velocity_mps[0, 1] == -0.5
-    assert table.valid.tolist() == [[True, True, False, False]]
-
-
-@pytest.mark.parametrize(("confidence", "valid"), [("24.999999", False), ("25.000000", True), ("26.0", True)])
-def test_dvkfc_least_confidence(confidence: str, valid: bool) -> None:
-    """A range confidence of exactly 25 counts, as the maker says; less does not."""
-    text = seeds.DVKFC.replace(b"3.450820,0.000000", f"{confidence},-0.75".encode()).strip()[1:-3]
-    fields = text.split(b",")
-    fields[15], fields[16], fields[17] = b"3.5", confidence.encode(), b"-0.75"
-    table = cerulean.read(seeds.nmea(b",".join(fields)), "log").table
-    assert table.valid.tolist() == [[False, valid, False]]
 
 
 def test_no_infinity_gets_into_a_table() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import random
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ pytest.importorskip("pymavlink", reason="telemetry logs need the extra .[mavlink
 
 from bottomlock.errors import DataError
 from bottomlock.io import tlog
-from bottomlock.io.formats import detect, read_recording
 from bottomlock.io.log_stream import LogStream, LogStreams
 from tests.io.autopilot_logs import START_S, Station
 
@@ -225,30 +223,6 @@ def test_odometry_counts_in_body_axes_alone() -> None:
     np.testing.assert_allclose(
         [found.columns[a][0] for a in ("surge_mps", "sway_mps", "heave_mps")], [0.5, 0.1, -0.2], rtol=1e-6
     )
-
-
-def test_files_that_are_none(tmp_path: Path) -> None:
-    path = tmp_path / "x.tlog"
-    path.write_bytes(b"".join(attitudes(Station())))
-    assert detect(path) == "mavlink-tlog"
-    with pytest.raises(
-        DataError, match=r"holds no DVL; it holds ATTITUDE: bottomlock replay --init takes it beside"
-    ):
-        read_recording(path)
-    path.write_bytes(Station().heartbeat(BOOT_US) * 3)
-    with pytest.raises(DataError, match=r"holds no message of a sensor \(3 messages\)"):
-        read_recording(path)
-
-
-def test_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "x.tlog"
-    path.write_bytes(b"".join(attitudes(Station())))
-    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
-    monkeypatch.delitem(sys.modules, "pymavlink.dialects.v20.ardupilotmega")
-    with pytest.raises(
-        DataError, match=r"MAVLink logs need the library pymavlink: `pip install '\.\[mavlink\]'`"
-    ):
-        read_recording(path)
 
 
 def test_damaged_bytes_end_in_streams_or_in_one_line() -> None:

@@ -195,14 +195,6 @@ def test_cells_that_repeat_and_have_no_time() -> None:
     assert recording.account.flagged["water cells that repeat a time"].count == 1
 
 
-def test_a_valid_beam_without_a_number_is_flagged() -> None:
-    """The status says valid and the velocity is not a number."""
-    bad = seeds.df21(1, velocity=(0.1, float("nan"), 0.3, float("inf")))
-    recording = nortek_dvl.read(nortek_frame(0x1B, seeds.df21()) + nortek_frame(0x1D, bad), "log")
-    assert water_of(recording).valid.tolist() == [[True, False, True, False]]
-    assert not np.isinf(water_of(recording).velocity_mps).any()
-
-
 def write(folder: Path, log: bytes) -> Path:
     source, out = folder / "log.bin", folder / "beams.parquet"
     source.write_bytes(log)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
@@ -14,11 +13,8 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock.encoders.ping import Ping as Recorded
-from bottomlock.encoders.registry import encoder
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import DataError
 from bottomlock.kernel import Navigator
-from bottomlock.live.alignment import Alignment
 from bottomlock.live.checkpoint import pack, resume
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine, Message
@@ -27,11 +23,8 @@ from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.live.pings import PingReader
 from bottomlock.live.platform_attitude import PlatformAttitude
-from bottomlock.live.raw_log import RawLog
-from bottomlock.live.readings import MavlinkReader
-from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live
-from bottomlock.live.sections import AttitudeSection, StartSection
+from bottomlock.live.sections import AttitudeSection
 from bottomlock.ports.rotation import angles, quaternion
 from bottomlock.recordings.axes import from_angles, platform_attitude, quaternions
 from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping
@@ -41,7 +34,6 @@ from bottomlock.replay.reading import read_streams
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_a50
 from tests.live.world import START_NS, Sent
-from tests.recorded_dives import stpere
 
 SECONDS = 60.0
 TEXT = """
@@ -92,8 +84,6 @@ port = "probe"
 to = "udpout:127.0.0.1:9"
 rate_hz = 10
 """
-IMU_SOURCE = TEXT[TEXT.index('[[source]]\nname = "imu"') : TEXT.index('[[source]]\nname = "ahrs"')]
-AHRS_SOURCE = TEXT[TEXT.index('[[source]]\nname = "ahrs"') : TEXT.index("[[port]]")]
 HEADING = 'level = "attitude"\nheading_deg = 34.377467707849394\nheading_sd_deg = 0.5'
 """That of the dive's calm start, as one that is known, in place of the reference's."""
 DVL, IMU, AHRS = range(3)
@@ -417,12 +407,6 @@ def test_a_silent_reference_changes_no_state(entries: Arrivals) -> None:
     assert "inertial" in engine.machine.why
 
 
-def test_the_start_waits_for_an_attitude(entries: Arrivals) -> None:
-    engine, _ = fly(made(), [entry for entry in entries if entry[1] != AHRS])
-    assert engine.state == "INITIALISING"
-    assert engine.estimator.waiting_for == "an attitude"
-
-
 @pytest.mark.parametrize("level", ["levelling", "attitude"])
 def test_a_start_by_the_latest_attitude_that_is_not_after_it(entries: Arrivals, level: str) -> None:
     """Levelled or by the attitude; the yaw is that of the last reading before the start, as in a replay."""
@@ -447,21 +431,6 @@ def test_a_start_by_the_latest_attitude_that_is_not_after_it(entries: Arrivals, 
         # The accelerometers' bias is a milligee, and the reference's offset of 0.3 degrees is not in it.
         assert np.rad2deg(np.abs(started[:2] - dive().rpy[0, :2])).max() < 0.2
         assert sd[0] == pytest.approx(1.0)
-
-
-def test_the_attitude_of_a_start_among_those_that_came() -> None:
-    """The latest that is not after the inertial reading, in whatever order they came, and none that is a second old."""
-    start = StartSection(level="attitude", velocity="given")
-    alignment = Alignment(start, level_by_attitude=True)
-    for milliseconds, yaw in ((900, 1.0), (800, 2.0), (1100, 3.0)):
-        alignment.attitude(milliseconds * 1_000_000, np.array(quaternion(0.1, 0.2, yaw)))
-    expected: tuple[tuple[int, float | None], ...] = ((799, None), (1000, 1.0), (2100, 3.0), (2101, None))
-    for milliseconds, known in expected:
-        alignment.imu(milliseconds * 1_000_000, np.array([0.0, 0.0, -9.8]))
-        assert alignment.waiting_for == ("an attitude" if known is None else "")
-        if known is not None:
-            started = angles(np.array(alignment.state().attitude_t_p))
-            np.testing.assert_allclose(started, (0.1, 0.2, known), atol=1e-12)
 
 
 def test_a_checkpoint_holds_the_slow_error(entries: Arrivals) -> None:
@@ -490,104 +459,6 @@ def test_a_checkpoint_holds_the_slow_error(entries: Arrivals) -> None:
         resume(other, content)
 
 
-def test_a_raw_log_gives_the_same_bits(entries: Arrivals, tmp_path: Path) -> None:
-    pytest.importorskip("mcap")
-    config = made()
-    names = [source.name for source in config.source]
-    log = RawLog(tmp_path, sources=names, ports=["probe"], start={})
-    engine, messages = Engine(config), 0
-    for arrival_ns, source, data in entries:
-        log.write("in", source, arrival_ns, data)
-        for message in engine.arrive(source, arrival_ns, data):
-            log.write("out", message.port, arrival_ns, message.data)
-            messages += 1
-    log.close()
-    again = replay_log(config, log.path)
-    assert again.first_difference == ""
-    assert again.sent == messages > 400
-
-
-def mavlink(entries: Arrivals, kind: str, *, inertial: bool) -> Arrivals:
-    """The attitudes as pymavlink packs them, and the inertial readings; or others beside them, of the other sign."""
-    os.environ.setdefault("MAVLINK20", "1")
-    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
-    link = dialect.MAVLink(None)
-    found: Arrivals = []
-    for arrival_ns, source, data in entries:
-        if source == DVL or (source == IMU and not inertial):
-            found.append((arrival_ns, source, data))
-        if source == DVL:
-            continue
-        time_ns, *values = (float(part) if k else int(part) for k, part in enumerate(data.split(b",")))
-        since_us = (int(time_ns) - START_NS) // 1000
-        if source == IMU:
-            sign = 1.0 if inertial else -1.0
-            numbers = [sign * value for value in (*values[3:], *values[:3])]
-            # The others are of times at which they could be taken.
-            own_us = since_us + (0 if inertial else 5_000)
-            packed = dialect.MAVLink_highres_imu_message(own_us, *numbers, *[0.0] * 7, 0xFFFF)
-        elif kind == "ATTITUDE":
-            packed = dialect.MAVLink_attitude_message(since_us // 1000, *values, 0.0, 0.0, 0.0)
-        else:
-            turned = quaternion(*values)
-            packed = dialect.MAVLink_attitude_quaternion_message(since_us // 1000, *turned, 0.0, 0.0, 0.0)
-        found.append((arrival_ns, AHRS, bytes(packed.pack(link))))
-    return found
-
-
-@pytest.mark.parametrize("kind", ["ATTITUDE", "ATTITUDE_QUATERNION"])
-@pytest.mark.parametrize("inertial", [True, False])
-def test_mavlink_gives_what_lines_give(tmp_path: Path, kind: str, inertial: bool) -> None:
-    """One source for both, or beside an IMU of its own, whose readings the autopilot's do not disturb.
-
-    To single precision, and the millisecond to which an attitude has its time.
-    """
-    flown = dive(5, 20.0)
-    # The autopilot's clock is mapped by its least delay: all its messages come after 2 ms.
-    came = sorted(
-        ((int(data.split(b",")[0]) + 2_000_000 if source == AHRS else arrival_ns), source, data)
-        for arrival_ns, source, data in arrivals(flown, *readings(flown, 3.0), tmp_path)
-    )
-    by_lines, _ = fly(made(), came)
-    rate = 50 if inertial else 10
-    source = (
-        f'[[source]]\nname = "autopilot"\naddress = "udpin:127.0.0.1:10"\nformat = "mavlink"\nrate_hz = {rate}\n'
-        "latency_s = 0.002\n"
-    )
-    config = made(
-        (AHRS_SOURCE, source),
-        ("[attitude]", f'[attitude]\nmessage = "{kind}"'),
-        *[(IMU_SOURCE, "")] * inertial,
-    )
-    place = {DVL: 0, IMU: 1, AHRS: len(config.source) - 1}
-    sent = [(when, place[one], data) for when, one, data in mavlink(came, kind, inertial=inertial)]
-    engine, _ = fly(config, sent)
-    assert engine.state == by_lines.state == "OK"
-    assert engine.sources[-1].used == by_lines.sources[AHRS].used + inertial * by_lines.sources[IMU].used
-    state, same = navigator_of(engine).state(), navigator_of(by_lines).state()
-    np.testing.assert_allclose(state["velocity_p_mps"], same["velocity_p_mps"], atol=1e-4)
-    np.testing.assert_allclose(state["position_t_m"], same["position_t_m"], atol=1e-3)
-    one, other = engine.estimator.reference_error, by_lines.estimator.reference_error
-    assert one is not None
-    assert other is not None
-    np.testing.assert_allclose(one, other, atol=1e-5)
-
-
-def test_what_mavlink_is_read_for() -> None:
-    """One message stream holds both; each is read only if it is asked for."""
-    os.environ.setdefault("MAVLINK20", "1")
-    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
-    link = dialect.MAVLink(None)
-    imu = dialect.MAVLink_highres_imu_message(5_000, *[0.5] * 6, *[0.0] * 7, 0xFFFF)
-    turned = dialect.MAVLink_attitude_message(5, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)
-    data = bytes(imu.pack(link)) + bytes(turned.pack(link))
-    kinds = [type(one) for one in MavlinkReader(None, 9.81, "ATTITUDE").feed(data)]
-    assert kinds == [ImuReading, AttitudeReading]
-    kinds = [type(one) for one in MavlinkReader(None, 9.81, "ATTITUDE", inertial=False).feed(data)]
-    assert kinds == [AttitudeReading]
-    assert [type(one) for one in MavlinkReader(None, 9.81).feed(data)] == [ImuReading]
-
-
 @pytest.mark.parametrize("frame", ["ned_frd", "enu_flu"])
 def test_the_platforms_attitude_is_that_of_a_replay(frame: str) -> None:
     """Two ways to the same rotation: quaternions here, matrices there."""
@@ -606,160 +477,3 @@ def test_the_platforms_attitude_is_that_of_a_replay(frame: str) -> None:
         here = PlatformAttitude(section).of(AttitudeReading(0, quaternion(*rpy)))
         assert abs(float(np.dot(quaternions(there), here))) == pytest.approx(1.0, abs=1e-12)
         np.testing.assert_allclose(angles(here), Rotation.from_quat(here[[1, 2, 3, 0]]).as_euler("ZYX")[::-1])
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('"heading"', '"yaw"', "'attitude.aids' is 'yaw', expected 'attitude', 'heading' or 'nothing'"),
-        (
-            "[attitude]",
-            '[attitude]\ngrade = "mti"',
-            "attitude: grade is 'mti', did you mean 'mti_ahrs'? expected one of magnetic, mti_ahrs",
-        ),
-        (AHRS_SOURCE, "", "0 sources can be that of [attitude] (none), expected one"),
-        (
-            AHRS_SOURCE,
-            AHRS_SOURCE + AHRS_SOURCE.replace('"ahrs"', '"b"'),
-            "2 sources can be that of [attitude] (ahrs, b), expected one",
-        ),
-        (
-            "[attitude]",
-            '[attitude]\nmessage = "ATTITUDE"',
-            "'attitude.message' is one of MAVLink, and the attitudes are those of source 'ahrs'",
-        ),
-        ("yaw_sd_deg = 0.3", "yaw_sd_deg = 0", "'attitude.yaw_sd_deg' is 0, expected > 0.0 deg"),
-        (
-            'level = "attitude"',
-            "heading_deg = 1",
-            "'start.heading_sd_deg' is missing, expected number in deg, > 0",
-        ),
-        ('"attitude"\nvelocity', '"gyros"\nvelocity', "'start.level' is 'gyros', expected 'levelling' or"),
-        ("[attitude]", "[magnetometer]", "unknown key 'magnetometer'"),
-    ],
-)
-def test_mistakes(old: str, new: str, message: str) -> None:
-    """One line with the key, what it is, what was expected and the likely mistake."""
-    assert old in TEXT
-    with pytest.raises(ScenarioError) as error:
-        parse_config(TEXT.replace(old, new, 1), place="test")
-    assert message in str(error.value)
-
-
-def test_mistakes_of_a_section_that_is_missing_or_idle() -> None:
-    section = TEXT[TEXT.index("[attitude]") : TEXT.index("[start]")]
-    with pytest.raises(ScenarioError, match=r"start\.level = \"attitude\" needs the section \[attitude\]"):
-        made((section, ""))
-    bare = TEXT.replace(section, "").replace('level = "attitude"', "")
-    with pytest.raises(
-        ScenarioError, match=r"'start\.heading_deg' is missing, .*only a section \[attitude\]"
-    ):
-        parse_config(bare, place="test")
-    bare = bare.replace("[start]", "[start]\nheading_deg = 1.0\nheading_sd_deg = 1.0")
-    with pytest.raises(ScenarioError, match=r"'attitude-csv', which needs the section \[attitude\]"):
-        parse_config(bare, place="test")
-    with pytest.raises(ScenarioError, match=r"aids is \"nothing\", and the start does not use \[attitude\]"):
-        made(('aids = "heading"', ""), ('level = "attitude"', "heading_deg = 1.0\nheading_sd_deg = 1.0"))
-    lines = 'format = "attitude-csv"\nrate_hz = 10\nclock = "host"'
-    with pytest.raises(ScenarioError, match=r"attitude\.frame is \"enu_flu\", expected \"ned_frd\""):
-        made(
-            (lines, 'format = "mavlink"\nrate_hz = 10'),
-            ('aids = "heading"', 'aids = "heading"\nframe = "enu_flu"'),
-        )
-
-
-def test_the_documented_section_is_a_configuration() -> None:
-    """The example of docs/live.md, in place of the test's own sections."""
-    page = (Path(__file__).parents[2] / "docs" / "live.md").read_text(encoding="utf-8")
-    block = page[page.index("## Attitude reference") :].split("```toml\n", 1)[1].split("```", 1)[0]
-    own = TEXT[TEXT.index("[attitude]") : TEXT.index("[[source]]")]
-    config = made((AHRS_SOURCE, ""), (own, block))
-    assert config.attitude is not None
-    assert config.attitude.aids == "heading"
-    assert config.start_sd_deg()[1] == pytest.approx(3.0 * np.sqrt(0.2**2 + 1.0**2 + 1.7**2))
-
-
-@pytest.mark.parametrize("grade", ["magnetic", "mti_ahrs", "gyrocompass"])
-def test_a_grade_is_that_of_a_case(grade: str) -> None:
-    section = TEXT[TEXT.index("[attitude]") : TEXT.index("[start]")]
-    config = made((section, f'[attitude]\naids = "heading"\ngrade = "{grade}"\nyaw_sd_deg = 0.7\n'))
-    assert config.attitude is not None
-    assert config.attitude.yaw_sd_deg == 0.7
-    assert config.attitude.yaw_walk_sd_deg > 0.0
-
-
-GEOMETRY = """configuration = "angles"
-tilts_deg = [25, 25, 25]
-azimuths_deg = [0, 120, 240]
-mounting_yaw_deg = 70.2
-beam_noise_mps = 0.065
-"""
-STPERE = {
-    "waterlinked_a50": "dvl.toml", "latitude_deg = 45.0\ngravity = 9.8062": "latitude_deg = 42.2\ngravity = 9.803",
-    "beam_noise_mps = 0.008": "beam_noise_mps = 0.065",
-    "accel_bias_mg = 1.0\ngyro_bias_deg_per_h = 20.0\naccel_noise_mps_per_rt_h = 0.09\ngyro_noise_deg_per_rt_h = 0.25":
-    'grade = "mti"\naccel_bias_mg = 1.0\ngyro_bias_deg_per_h = 2500.0\naccel_noise_mps_per_rt_h = 3.2\n'
-    "gyro_noise_deg_per_rt_h = 11.0",
-}  # fmt: skip
-"""What `replay --init` finds of the recording, where it is not what the simulated dive has."""
-
-
-def stpere_text(text: str) -> str:
-    for old, new in STPERE.items():
-        text = text.replace(old, new)
-    return text
-
-
-@pytest.mark.long
-@pytest.mark.recordings
-def test_the_recorded_auv(tmp_path: Path, recordings: Path) -> None:
-    """St Pere, 1,700 s: IMU at 10 Hz, AHRS of its grade and three beams, live and replayed, and where DGPS saw it."""
-    if not (recordings / "stpere_ictineu").is_dir():
-        pytest.skip("no recording of St Pere")
-    stpere(recordings, tmp_path)
-    (tmp_path / "dvl.toml").write_text(GEOMETRY)
-    section = 'aids = "attitude"\ngrade = "mti_ahrs"\n'
-    given = TEXT[TEXT.index("[attitude]\n") + len("[attitude]\n") : TEXT.index("[start]")]
-    text = stpere_text(TEXT).replace(given, section).replace("waterlinked-json", "nucleus")
-    text = text.replace("rate_hz = 50", "rate_hz = 10").replace("rate_hz = 4\n", "rate_hz = 1.4\n")
-    config = parse_config(text + MOTION, place="test", folder=tmp_path)
-    case = stpere_text(CASE).replace("ATTITUDE", section).replace("sample_s = 0.02", "sample_s = 0.001")
-    engine, _ = flown_and_replayed(recorded_arrivals(tmp_path, config), config, case + MOTION, tmp_path)
-    assert engine.reset_counter == 0
-    found = engine.estimator.reference_error
-    assert found is not None
-    gps = pl.read_csv(tmp_path / "gps.csv")
-    lat, lon = (np.radians(gps[name].to_numpy()[[0, -1]]) for name in ("latitude", "longitude"))
-    moved = 6.371e6 * np.array([np.diff(lat)[0], np.diff(lon)[0] * np.cos(lat[0])])
-    end = navigator_of(engine).state()["position_t_m"][:2]
-    sd = np.sqrt(np.diag(navigator_of(engine).covariance())[:2])
-    # 430 m of way.
-    assert np.linalg.norm(end - moved) < 6.5
-    assert (np.abs(end - moved) < 2.0 * sd).all()
-    assert (np.abs(found[0]) < 2.0 * found[1]).all()
-
-
-def recorded_arrivals(tables: Path, config: LiveConfig) -> Arrivals:
-    """The tables of `tests/recorded_dives.py` as lines and records: inertial readings first, then the other two."""
-    entries: Arrivals = []
-
-    def rows(name: str) -> Iterator[tuple[int, list[float]]]:
-        for time_s, *values in pl.read_csv(tables / f"{name}.csv").iter_rows():
-            yield round(time_s * 1e3) * 1_000_000, [np.nan if v is None else v for v in values]
-
-    for time_ns, values in rows("imu"):
-        entries.append((time_ns + 2_000_000, IMU, f"{time_ns},{','.join(map(repr, values))}\n".encode()))
-    for time_ns, values in rows("ahrs"):
-        # The sensor's clock is the IMU's; its readings are of the time between two of them.
-        own_ns = time_ns + 1_000_000
-        numbers = ",".join(repr(float(np.radians(value))) for value in values)
-        entries.append((own_ns + 30_000_000, AHRS, f"{own_ns},{numbers}\n".encode()))
-    encode = encoder("nucleus", config.instrument().geometry).encode
-    for k, (time_ns, values) in enumerate(rows("dvl_beams")):
-        ping = Recorded(
-            time_ns=time_ns, transmission_ns=time_ns + 60_000_000, interval_ns=0, number=k + 1,
-            beam_velocity_mps=np.array(values[:3]), range_m=np.array(values[3:]),
-        )  # fmt: skip
-        entries.append((time_ns + 60_000_000, DVL, encode(ping)))
-    last_ns = max(arrival_ns for arrival_ns, source, _ in entries if source == IMU)
-    return sorted((entry for entry in entries if entry[0] <= last_ns), key=lambda entry: entry[:2])

@@ -10,12 +10,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bottomlock.errors import ScenarioError
 from bottomlock.kernel import Navigator
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.readings import LineReader, MavlinkReader
+from bottomlock.live.readings import MavlinkReader
 from bottomlock.ports.rotation import quaternion
 from bottomlock.recordings.readings import AttitudeReading
 from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, Sent, World
@@ -146,15 +145,6 @@ def test_quaternions_of_mavlink() -> None:
     np.testing.assert_allclose(same.attitude_t_s, found.attitude_t_s, atol=1e-7)
 
 
-def test_lines_of_attitudes() -> None:
-    (found,) = LineReader("attitude-csv").feed(b"5,0.0,0.0,1.5707963267948966\n")
-    assert isinstance(found, AttitudeReading)
-    np.testing.assert_allclose(found.attitude_t_s, (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
-    reader = LineReader("attitude-csv")
-    assert reader.feed(b"5,0.0,0.0\n") == []
-    assert dict(reader.skipped) == {"not the columns time_ns,roll,pitch,yaw": 1}
-
-
 def test_mounting_and_declination() -> None:
     """A sensor turned by 90 degrees, a declination of 5: the platform looks 85 degrees to port of what it reads."""
     text = TEXT.replace("[attitude]", "[attitude]\nmounting_yaw_deg = 90.0\nyaw_offset_deg = 5.0")
@@ -198,50 +188,3 @@ def test_a_checkpoint_goes_on_from_its_attitude() -> None:
     attitude = engine.estimator.navigator.state()["attitude_t_p"]
     assert abs(float(np.dot(attitude, quaternion(*angles(8.9))))) == pytest.approx(1.0, abs=1e-6)
     assert np.abs(sent[-1].velocity - VELOCITY).max() < 0.05
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (
-            "accel_noise_mps_per_rt_h = 1.0\n",
-            "",
-            "'accel_noise_mps_per_rt_h' is missing, expected number in m/s/√h",
-        ),
-        (
-            "accel_noise_mps_per_rt_h = 1.0",
-            "accel_noise_mps_per_rt_h = -1",
-            "'imu.accel_noise_mps_per_rt_h' is -1",
-        ),
-        (
-            "heading_sd_deg",
-            "heading_deg = 3.0\nheading_sd_deg",
-            "'start.heading_deg' is given, but imu.source",
-        ),
-        (
-            'format = "attitude-csv"',
-            'format = "depth-csv"',
-            'needs a source of attitudes, with format "attitude-csv"',
-        ),
-        ('source = "attitude"', 'source = "attitudes"', "'imu.source' is 'attitudes', expected 'attitude'"),
-        (
-            "[attitude]",
-            '[attitude]\nmessage = "AHRS2"',
-            "'attitude.message' is 'AHRS2', expected 'ATTITUDE' or",
-        ),
-        ("[attitude]", '[attitude]\naids = "heading"', 'attitude.aids is "heading", expected "nothing"'),
-        ("[attitude]\n", "", 'imu.source = "attitude" needs the section [attitude], which is missing'),
-        ("[start]", '[start]\nlevel = "levelling"', "needs inertial readings, and imu.source is"),
-        ("[attitude]", "mounting_yaw_deg = 9.0\n[attitude]", "'mounting_yaw_deg' is a key of [attitude]"),
-        (
-            "[[port]]",
-            '[[source]]\nname = "b"\naddress = "stdin"\nformat = "imu-csv"\nrate_hz = 10\n[[port]]',
-            "a source has format 'imu-csv', and imu.source is \"attitude\"",
-        ),
-    ],
-)
-def test_mistakes(old: str, new: str, message: str) -> None:
-    assert old in TEXT
-    with pytest.raises(ScenarioError) as error:
-        made(TEXT.replace(old, new, 1))
-    assert message in str(error.value)

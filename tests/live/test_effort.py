@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bottomlock.errors import ScenarioError
 from bottomlock.live.readings import LineReader
 from bottomlock.recordings.readings import EffortReading
 from tests.live.test_thrust import SECONDS, flown
 from tests.live.test_water_track import THROUGH
-from tests.live.world import START_NS, config
+from tests.live.world import START_NS
 
 DRAG = np.array([20.0, 40.0, 60.0])
 SOURCE = """
@@ -59,19 +58,3 @@ def test_a_line() -> None:
         "not the columns time_ns,surge_n,sway_n,heave_n": 1,
         "not a time in ns and finite numbers": 1,
     }
-
-
-@pytest.mark.parametrize(
-    ("extra", "words"),
-    [
-        (SOURCE, r"'effort-csv', which needs the section \[effort\]"),
-        (SECTION, r"\[effort\] needs a source with format \"effort-csv\""),
-        ("[effort]\nmass_kg = [1.0, 1.0, 1.0]\n" + SOURCE, "an axis needs one of them"),
-        (SECTION.replace("25.0", "0.0") + SOURCE, "mass_kg of sway is 0"),
-    ],
-)
-def test_a_section_without_what_it_needs_is_named(extra: str, words: str) -> None:
-    with pytest.raises(ScenarioError, match=words):
-        config("navigation", extra=extra)
-    with pytest.raises(ScenarioError, match=r'\[effort\] belongs to mode = "navigation"'):
-        config("velocity", extra=SECTION)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import errno
 import socket
 import time
 from collections.abc import Callable
@@ -11,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from bottomlock.live import http_server, listening
 from bottomlock.live.address import source_address
 from bottomlock.live.connections import MOST_CLIENTS, SECOND, SLOWED, Allowance, Connection, cancel
 from bottomlock.live.health import HealthServer, status
@@ -111,13 +109,15 @@ def test_a_listening_source_holds_few_clients() -> None:
     assert listened(use, lambda _: False)[0] == 30 - MOST_CLIENTS
 
 
-def test_bytes_that_are_nothing_wait_and_are_not_lost() -> None:
+def test_bytes_that_are_nothing_wait_and_are_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """What takes long and gives no reading is read with pauses, and the source says so."""
+    # So that a machine that is busy with other work uses the share up as well.
+    monkeypatch.setattr(Allowance, "FRUITLESS", 40.0)
     found = bytearray()
 
     def slow(data: bytes) -> bool:
         found.extend(data)
-        until = time.thread_time() + 0.02
+        until = time.thread_time() + 0.002
         while time.thread_time() < until:
             pass
         return False
@@ -131,28 +131,6 @@ def test_bytes_that_are_nothing_wait_and_are_not_lost() -> None:
 
     assert SLOWED in listened(use, slow)[1]
     assert bytes(found) == bytes(12 * 1024)
-
-
-@pytest.mark.long
-def test_the_page_answers_beside_idle_clients() -> None:
-    """Three hundred connections that ask nothing: few are held, and whoever asks is answered."""
-
-    async def use(port: int) -> tuple[bytes, int]:
-        idle = [await asyncio.open_connection("127.0.0.1", port) for _ in range(300)]
-        answer = await ask(port, b"GET /metrics HTTP/1.1\r\n\r\n")
-        reads = [asyncio.ensure_future(reader.read(1)) for reader, _ in idle]
-        await asyncio.sleep(0.2)
-        held = sum(not one.done() for one in reads)
-        for one in reads:
-            one.cancel()
-        await asyncio.gather(*reads, return_exceptions=True)
-        for _, writer in idle:
-            writer.close()
-        return answer, held
-
-    answer, held = served(lambda: status(flown()), use)
-    assert b"200 OK" in answer
-    assert held <= http_server._CLIENTS
 
 
 def test_followers_do_not_take_the_whole_page() -> None:
@@ -209,40 +187,6 @@ def test_the_page_is_asked_under_its_own_name(host: bytes, code: int) -> None:
         return answers[0]
 
     assert int(asyncio.run(use()).split(b" ", 2)[1]) == code
-
-
-def test_no_descriptor_is_said_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A line in place of a traceback for each attempt; the next client is taken."""
-    monkeypatch.setattr(listening, "RETRY_S", 0.01)
-    said: list[str] = []
-    taken: list[object] = []
-
-    class Loop:
-        answers: tuple[object, ...] = (
-            OSError(errno.EMFILE, "Too many open files"),
-            OSError(errno.ECONNABORTED, "gone"),
-            "client",
-        )
-
-        async def sock_accept(self, _: object) -> tuple[object, None]:
-            answer, *self.answers = self.answers or (asyncio.CancelledError(),)  # type: ignore[assignment]
-            if isinstance(answer, BaseException):
-                raise answer
-            return answer, None
-
-    async def take(client: object) -> None:
-        taken.append(client)
-
-    async def run() -> None:
-        loop = Loop()
-        monkeypatch.setattr(asyncio, "get_running_loop", lambda: loop)
-        await listening.accept("server", take, said.append)  # type: ignore[arg-type]
-
-    coroutine = run()
-    with pytest.raises(asyncio.CancelledError):
-        asyncio.run(coroutine)
-    assert said == ["no further connection: Too many open files"]
-    assert taken == ["client"]
 
 
 def test_the_client_that_gives_readings_is_heard() -> None:

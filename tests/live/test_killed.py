@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +16,6 @@ import pytest
 from bottomlock.live.config import load_config
 from bottomlock.live.replay import replay_log
 from tests.live.processes import Instruments, heard, start
-from tests.live.world import NAVIGATION_TOML, World
 
 
 @pytest.fixture
@@ -57,24 +54,3 @@ def test_killed_and_aiding_again(tmp_path: Path, listener: socket.socket) -> Non
         result = replay_log(load_config(config), log)
         assert result.first_difference == ""
         assert result.sent > 0
-
-
-def test_a_start_loads_no_library_of_tables_and_figures(tmp_path: Path) -> None:
-    """Configuration, engine and a report: without polars, scipy, matplotlib, and the terminal's tables."""
-    config = tmp_path / "rov.toml"
-    text = NAVIGATION_TOML.format(
-        dvl="tcp:127.0.0.1:9", imu="udpin:127.0.0.1:9", to="udpout:127.0.0.1:9", format="waterlinked-json"
-    )
-    config.write_text(text.replace('port = "probe"', 'port = "sentence"'))
-    code = f"""
-import sys
-import bottomlock.cli.app, bottomlock.cli.live
-from bottomlock.live.checkpoint import begin
-engine = begin(bottomlock.cli.live.load_config({str(config)!r}), 0)[0]
-for entry in {list(World(0.5).arrivals(imu=True))!r}:
-    engine.arrive(entry[1], entry[0], entry[2])
-assert engine.sources[0].used and engine.sources[1].used
-print(sorted({{'polars', 'scipy', 'matplotlib', 'rich.table', 'rosbags'}} & set(sys.modules)))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("[]\n", "")

@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from tests.cli.calls import command, process
+from tests.cli.calls import process
 
 pytest.importorskip("pymavlink", reason="needs pymavlink (extra mavlink)")
 
@@ -59,26 +59,3 @@ def test_ctrl_c_ends_it_with_the_summary(watched: bool) -> None:
     assert running.returncode == 0
     assert errors == ""
     assert "ODOMETRY messages received" in out
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--seconds", "3"), "--seconds is 3, expected 15 to 600 s"),
-        (("--speed", "nan"), "--speed is nan, expected above 0, to 20"),
-        (("--page-port", "70000"), "--page-port is 70000, expected 0 to 65535"),
-    ],
-)
-def test_mistakes(words: tuple[str, ...], said: str) -> None:
-    """One line that names the option."""
-    done = command("live-demo", *words)
-    assert (done.returncode, done.stderr) == (2, f"bottomlock: {said}\n")
-
-
-def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before anything is simulated."""
-    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
-    done = command("live-demo")
-    assert done.returncode == 2
-    assert done.stderr.endswith("pip install '.[mavlink]'` in the folder of bottomlock's sources\n")
-    assert done.stderr.count("\n") == 1

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bottomlock.errors import ScenarioError
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
@@ -182,23 +181,3 @@ def test_mavlink_gives_a_fix_in_three_dimensions() -> None:
     engine = Engine(navigation(GPS.replace("gps-csv", "mavlink")))
     engine.arrive(2, START_NS, data)
     assert engine.sources[2].reader.skipped == reader.skipped
-
-
-@pytest.mark.parametrize(
-    ("extra", "longitude", "words"),
-    [
-        (GPS, False, "'origin.longitude_deg' is missing"),
-        ("[gps]\n", True, r"\[gps\] needs a source"),
-        ("[acoustic_position]\n", True, r"\[acoustic_position\] needs a source"),
-        (
-            USBL[USBL.index("[[source]]") :],
-            True,
-            r"'acoustic-csv', which needs the section \[acoustic_position\]",
-        ),
-        (GPS.replace("[0.5, 0.5, 1.0]", "[0.5, 0.0, 1.0]"), True, "gps.position_sd_m"),
-    ],
-)
-def test_a_section_without_what_it_needs_is_named(extra: str, longitude: bool, words: str) -> None:
-    """The section, the key, and what was expected."""
-    with pytest.raises(ScenarioError, match=words):
-        navigation(extra, longitude=longitude)

@@ -81,32 +81,6 @@ def test_ten_lines_navigate_a_recorded_dive() -> None:
     }
 
 
-def test_a_vehicle_that_dives_while_it_is_levelled() -> None:
-    """The tutorial's four rejected pings, and none where the level is said to be good to 2 degrees."""
-    log = bottomlock.open_log(DIVE)
-    readings = [one for one in log if one.time_ns < log.streams.inertial.time_ns[0] + 60_000 * MS]
-
-    def rejected(**sections: Any) -> list[str]:  # noqa: ANN401 - of any section
-        nav = Navigator.start(
-            dvl=log.instrument,
-            imu="fibre_optic",
-            latitude_deg=log.latitude_deg,
-            heading_deg=-10.1,
-            method="tc",
-            **sections,
-        )
-        reports = (report for reading in readings for report in nav.push(reading))
-        begins_ns = log.streams.inertial.time_ns[0]
-        return [
-            f"{report.sensor} {(report.time_ns - begins_ns) / 1e9:.0f} s"
-            for report in reports
-            if report.verdict == "rejected"
-        ]
-
-    assert rejected() == ["beams 10 s", "beams 11 s", "beams 12 s", "beams 13 s"]
-    assert rejected(start={"level_sd_deg": 2.0}) == []
-
-
 def test_it_is_the_navigator_that_one_makes_by_hand() -> None:
     """Level, heading, velocity and depth as found, the models by name; from there on the same bits."""
     nav = begun(501)
@@ -145,33 +119,9 @@ def test_it_is_the_navigator_that_one_makes_by_hand() -> None:
     assert nav.navigator.save() == by_hand.save()
 
 
-def test_a_model_and_a_name_are_the_same_bits() -> None:
-    by_name, by_model = begun(imu="mti"), begun(imu=imu("mti"))
-    assert by_name.navigator is not None
-    assert by_model.navigator is not None
-    assert by_name.navigator.save() == by_model.navigator.save()
-
-
 def test_the_dvl_by_its_instrument_or_its_keys() -> None:
     nav = begun(dvl={"geometry": "waterlinked_a50", "beam_noise_mps": 0.5})
     assert (nav.velocity_sd_mps > begun(dvl=read_geometry("waterlinked_a50")).velocity_sd_mps).all()
-
-
-def test_what_it_waits_for() -> None:
-    """In words, in place of an estimate."""
-    nav = Navigator.start(**A50)
-    assert repr(nav) == "<Navigator that waits for inertial readings>"
-    with pytest.raises(
-        bottomlock.KernelError, match="no estimate yet: the start waits for inertial readings"
-    ):
-        _ = nav.velocity_p_mps
-    for k in range(501):
-        assert nav.push(still(k)) == []
-    assert nav.waiting_for == "a ping that determines the whole velocity"
-    nav.push(ping(5000 * MS))
-    nav.push(still(501))
-    assert nav.waiting_for == ""
-    assert "position" in repr(nav)
 
 
 def test_a_depth_says_where_it_begins_unless_the_section_does() -> None:
@@ -214,40 +164,6 @@ def test_every_kind_of_reading_is_taken() -> None:
     assert not nav.unused
 
 
-def test_a_refused_reading_changes_nothing() -> None:
-    """During the alignment and after it."""
-    for readings in (300, 600):
-        nav, other = begun(readings), begun(readings)
-        refused: list[tuple[Any, str]] = [
-            (still(readings - 1), f"its time does not rise: {(readings - 1) * 10 * MS} ns"),
-            (ImuReading(readings * 10 * MS, (float("nan"),) * 3, (0.0, 0.0, -GRAVITY)), "finite"),
-        ]
-        if readings == 600:
-            refused.append((Ping.of_beams(5900 * MS, [1.0, 2.0]), "shape"))
-        for reading, why in refused:
-            with pytest.raises(bottomlock.KernelError, match=why):
-                nav.push(reading)
-        for one in (nav, other):
-            for k in range(readings, readings + 300):
-                one.push(still(k))
-                if k % 50 == 49:
-                    one.push(ping(k * 10 * MS))
-        assert nav.navigator is not None
-        assert other.navigator is not None
-        assert nav.navigator.save() == other.navigator.save()
-
-
-@pytest.mark.parametrize(
-    ("given", "shown"),
-    [({"time_ns": 0}, "a dict"), (None, "a NoneType"), (ImuReading, "the class ImuReading")],
-)
-def test_what_is_no_reading_is_named(given: object, shown: str) -> None:
-    with pytest.raises(
-        TypeError, match=f"push is given {shown}, expected a reading such as ImuReading or Ping"
-    ):
-        ANY.Navigator.start(**A50).push(given)
-
-
 ALL: dict[str, Any] = {
     "attitude": {"grade": "mti_ahrs", "aids": "heading"},
     "gps": {},
@@ -259,56 +175,6 @@ AT, HALF = 6000 * MS, float(np.sqrt(0.5))
 NONE, FORCE = (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY)
 ANY: Any = bottomlock
 """Whose classes take what a type checker refuses."""
-FAULTY: list[tuple[Any, str]] = [
-    (
-        ANY.ImuReading(6.0, NONE, FORCE),
-        r"ImuReading.time_ns is 6.0, expected whole nanoseconds: of seconds, round",
-    ),
-    (ANY.ImuReading(float(AT), NONE, FORCE), "expected whole nanoseconds"),
-    (ANY.ImuReading(np.datetime64("2026-01-01"), NONE, FORCE), "datetime64.*expected whole nanoseconds$"),
-    (ANY.ImuReading(None, NONE, FORCE), "time_ns is None"),
-    (ANY.ImuReading(10**19, NONE, FORCE), "expected nanoseconds in 64 bits"),
-    (ANY.ImuReading(AT, (0.0, 0.0), FORCE), r"omega_radps is \(0.0, 0.0\), expected 3 numbers, rad/s"),
-    (ANY.ImuReading(AT, NONE, None), "force_mps2 is None, expected 3 numbers"),
-    (ANY.ImuReading(AT, np.zeros((3, 1)), FORCE), r"omega_radps is array\(\[\[0.\], \[0.\], \[0.\]\]\)"),
-    (ANY.ImuReading(AT, ("1", "2", "3"), FORCE), "expected 3 numbers"),
-    (ANY.ImuReading(AT, NONE, (0.0, 0.0, float("inf"))), "expected finite numbers, m/s²"),
-    (ANY.Ping.of_beams(AT, [0.0, 0.0, 0.0]), r"velocity_mps has shape \(3,\), expected \(4,\)"),
-    (ANY.Ping.of_beams(6.0, [0.0] * 4), "Ping.time_ns is 6.0"),
-    (ANY.DepthReading(AT, float("nan")), "depth_m is nan, expected finite"),
-    (ANY.DepthReading(AT, "30"), "depth_m is '30', expected a number, m"),
-    (ANY.DepthReading(AT, np.array([30.0])), "expected a number, m"),
-    (ANY.AttitudeReading(AT, NONE), "expected 4 numbers, a quaternion"),
-    (ANY.AttitudeReading(AT, (0.0, 0.0, 0.0, 0.0)), "expected a quaternion of unit length"),
-    (
-        ANY.GpsReading(AT, 154.0, 10.0, 0.0),
-        "latitude 154.0, longitude 10.0, expected degrees, latitude first",
-    ),
-    (ANY.GpsReading(AT, 54.0, 10.0, None), "height_m is None"),
-    (
-        ANY.AcousticPositionReading(AT, NONE, 1.0),
-        "sd_m is 1.0, expected 3 numbers, m of each axis, or None",
-    ),
-    (ANY.ThrustReading(AT, "x"), "revolutions_hz is 'x', expected a number, 1/s"),
-]
-
-
-@pytest.mark.parametrize("readings", [300, 600])
-@pytest.mark.parametrize(("faulty", "why"), FAULTY)
-def test_a_faulty_reading_is_named_and_changes_nothing(readings: int, faulty: Any, why: str) -> None:  # noqa: ANN401
-    """Of our own errors, during the alignment and after it; the navigation goes on as without it."""
-    nav, other = begun(readings, **ALL), begun(readings, **ALL)
-    with pytest.raises(bottomlock.KernelError, match=why):
-        nav.push(faulty)
-    for one in (nav, other):
-        for k in range(readings, 610):
-            one.push(still(k))
-            if k % 50 == 49:
-                one.push(ping(k * 10 * MS))
-    assert nav.navigator is not None
-    assert other.navigator is not None
-    assert nav.navigator.save() == other.navigator.save()
-    assert nav.unused == other.unused
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
@@ -323,13 +189,6 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert plain.navigator is not None
     assert of_numpy.navigator is not None
     assert plain.navigator.save() == of_numpy.navigator.save()
-
-
-def test_what_no_section_uses_is_counted_as_it_is() -> None:
-    """A height that a log does not have is no fault where positions are not used."""
-    nav = Navigator.start(**A50)
-    assert nav.push(bottomlock.GpsReading(0, 54.0, 10.0, float("nan"))) == []
-    assert nav.unused == {"GpsReading without section gps": 1}
 
 
 class NoBeams:
@@ -370,14 +229,6 @@ def test_a_refused_ping_gives_no_velocity_between_attitudes() -> None:
     np.testing.assert_array_equal(nav.position_t_m, other.position_t_m)
     np.testing.assert_array_equal(nav.velocity_p_mps, other.velocity_p_mps)
     np.testing.assert_array_equal(nav.position_sd_m, other.position_sd_m)
-
-
-def test_times_in_ms_are_asked_about() -> None:
-    """100 Hz in ms: after 10 s the window is still that of a microsecond."""
-    nav = Navigator.start(**A50)
-    for k in range(1000):
-        nav.push(ImuReading(k * 10, NONE, FORCE))
-    assert nav.waiting_for == "the alignment, 0 of 5 s after 1000 inertial readings: are their times in ns?"
 
 
 @pytest.mark.parametrize(
@@ -424,46 +275,3 @@ def test_the_level_begins_anew_after_a_gap() -> None:
         if k == 3499:
             nav.push(ping(k * 10 * MS))
     np.testing.assert_allclose(nav.attitude_t_p, (HALF, 0.0, 0.0, HALF), atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("settings", "why"),
-    [
-        ({"dvl": "waterlinked_a5"}, "did you mean 'waterlinked_a50'"),
-        ({"imu": "tacticle"}, "Navigator.start: imu: grade is 'tacticle', did you mean 'tactical'"),
-        ({"method": "tcc"}, "method is 'tcc', did you mean 'tc'"),
-        ({"method": "dead_reckoning"}, "method is 'dead_reckoning' \\(known"),
-        ({"method": "nothing.py:None_"}, "Navigator.start: method 'nothing.py:None_'"),
-        ({"dvl": None}, "dvl is None, expected a packaged geometry's name"),
-        ({"dvl": bottomlock.BeamGeometry.janus(0.5)}, "dvl is of type BeamGeometry, expected"),
-        ({"dvl": Path(__file__).parent}, "is a folder, expected a TOML file"),
-        ({"imu": None}, "imu is None, expected a grade's name"),
-        ({"imu": bottomlock.ImuModel}, "imu is the class ImuModel, expected"),
-        ({"heading_sd_deg": 0.0}, "'start.heading_sd_deg' is 0.0, expected > 0.0 deg"),
-        (
-            {"start": {"heading_deg": 10.0}},
-            "'start.heading_deg' is given, expected the argument heading_deg alone",
-        ),
-        (
-            {"start": {"heading_sd_deg": 1.0}, "heading_sd_deg": 2.0},
-            "expected the argument heading_sd_deg alone",
-        ),
-        ({"origin": {"latitude_deg": 10.0}}, "expected the argument latitude_deg alone"),
-        ({"navigation": {"method": "lc"}}, "expected the argument method alone"),
-        ({"start": 5.0}, "start is 5.0, expected keys of \\[start\\]"),
-        ({"horizon_s": 3.0}, "'horizon_s' is a key of \\[navigation\\]"),
-        ({"latitude_deg": 91.0}, "'origin.latitude_deg' is 91.0, expected <= 90.0 deg"),
-        ({"heading_deg": None}, "'start.heading_deg' is missing"),
-        ({"heading_sd_deg": -1.0}, "'start.heading_sd_deg' is -1.0"),
-        ({"depht": {}}, "unknown key 'depht', did you mean 'depth'"),
-        ({"depth": {"sd": 0.1}}, "unknown key 'depth.sd', did you mean 'sd_m'"),
-        ({"gps": {"position_sd_m": (1.0, 1.0, 1.0)}}, "'origin.longitude_deg' is missing"),
-        (
-            {"imu": {"source": "attitude", "accel_noise_mps_per_rt_h": 1.0}},
-            "needs the section \\[attitude\\]",
-        ),
-    ],
-)
-def test_a_mistake_is_named(settings: dict[str, Any], why: str) -> None:
-    with pytest.raises(bottomlock.ScenarioError, match=why):
-        Navigator.start(**A50 | settings)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bottomlock.errors import ScenarioError
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.readings import LineReader
@@ -70,19 +69,3 @@ def test_a_line() -> None:
         "not the columns time_ns,revolutions_hz": 1,
         "not a time in ns and finite numbers": 1,
     }
-
-
-@pytest.mark.parametrize(
-    ("extra", "words"),
-    [
-        (SOURCE, r"'thrust-csv', which needs the section \[thrust\]"),
-        (SECTION, r"\[thrust\] needs a source with format \"thrust-csv\""),
-        ("[thrust]\n" + SOURCE, "thrust.advance_m"),
-        ("[thrust]\nadvance_m = 0.0\n" + SOURCE, "thrust.advance_m"),
-    ],
-)
-def test_a_section_without_what_it_needs_is_named(extra: str, words: str) -> None:
-    with pytest.raises(ScenarioError, match=words):
-        config("navigation", extra=extra)
-    with pytest.raises(ScenarioError, match=r'\[thrust\] belongs to mode = "navigation"'):
-        config("velocity", extra=SECTION)

@@ -11,7 +11,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.cli.live_view import view
-from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.water_table import WaterTable
 from bottomlock.live.checkpoint import begin, pack
@@ -19,7 +18,6 @@ from bottomlock.live.config import LiveConfig
 from bottomlock.live.engine import Engine
 from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.odometry import quality
 from bottomlock.recordings.readings import Ping
@@ -119,14 +117,6 @@ def test_water_tracking_of_a_water_linked() -> None:
     assert current is not None
     assert (np.abs(current[0] - CURRENT[:2]) < 4.0 * current[1]).all()
     assert engine.estimator.water_counts.used > 4 * 30
-
-
-def test_without_the_section_the_water_is_not_used() -> None:
-    chosen = config("navigation")
-    sent = fly(with_water(chosen), World(7.0, none_from_five), imu=True)
-    plain = fly(Engine(chosen), World(7.0, none_from_five), imu=True)
-    assert sent == plain
-    assert not kernel_settings(chosen, chosen.instrument()).options.water_track
 
 
 def test_the_engine_is_a_function_of_what_arrives() -> None:
@@ -243,43 +233,3 @@ def test_quality_is_between_that_of_one_beam_and_none() -> None:
         qualities.append(quality(replace(estimate, state=state)))
         assert (estimate.beams is None) == (state != "PARTIAL")
     assert qualities[1:] == [17, 1]
-
-
-def test_the_section_belongs_to_navigation() -> None:
-    with pytest.raises(ScenarioError, match=r'section \[water_track\] belongs to mode = "navigation"'):
-        config("velocity", extra=SECTION)
-
-
-class Spy:
-    """A navigator whose pings of the water are kept."""
-
-    def __init__(self, navigator: Any) -> None:  # noqa: ANN401
-        self.navigator = navigator
-        self.given: list[dict[str, Any]] = []
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
-        return getattr(self.navigator, name)
-
-    def push_water_track(self, time_ns: int, velocity_mps: Any, valid: Any, **more: Any) -> Any:  # noqa: ANN401
-        """Keeps and hands on."""
-        self.given.append({"velocity_mps": velocity_mps, "valid": valid} | more)
-        return self.navigator.push_water_track(time_ns, velocity_mps, valid, **more)
-
-
-def test_the_navigator_is_given_the_mean_of_the_cells_at_its_range() -> None:
-    """Of 2 m and 4 m it is 3 m, with the stated noise."""
-    engine = with_water()
-    fly(engine, World(4.0), imu=True)
-    estimator: Any = engine.estimator
-    spy = estimator._aligned.navigator = Spy(estimator.navigator)
-    time_ns = int(spy.state()["time_ns"])
-    none = np.full(4, np.nan)
-    ping = Ping(
-        time_ns, time_ns, none, np.zeros(4, dtype=bool), none, none, none[:3], None, water=cells(time_ns)
-    )
-    estimator.ping(time_ns, ping, time_ns)
-    (given,) = spy.given
-    np.testing.assert_allclose(given["velocity_mps"], cells(time_ns).velocity_mps.mean(axis=0))
-    assert given["valid"].all()
-    assert given["range_m"] == 3.0
-    assert given["sd_mps"].tolist() == [0.02] * 4

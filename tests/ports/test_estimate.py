@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError
 from bottomlock.kernel import (
     BeamGeometry,
     FixMethod,
-    Navigator,
     VelocityFixes,
-    normal_gravity_mps2,
     solve_velocity,
 )
-from bottomlock.kernel.models import InitialState
 from bottomlock.ports import estimate as estimate_module
-from bottomlock.ports.estimate import Beams, Estimate
+from bottomlock.ports.estimate import Estimate
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 VELOCITY = np.array([2.0, 0.1, -0.2])
@@ -95,61 +90,6 @@ def test_assumptions_are_no_measurement(method: FixMethod) -> None:
     )
     with pytest.raises(DataError, match="solve with method 'info'"):
         Estimate.from_fix(7, fixes)
-
-
-def test_a_navigator_has_all_components() -> None:
-    scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
-    initial = InitialState(
-        time_ns=5, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=VELOCITY
-    )
-    navigator = Navigator(
-        JANUS, scenario.kernel_model(gravity), scenario.kernel_options(), initial, method="tc"
-    )
-    estimate = Estimate.from_navigator(
-        navigator, clock_offset_ns=100, fixes=fix((1, 1, 0, 0)), state="PARTIAL"
-    )
-    assert (estimate.time_ns, estimate.rank, estimate.complete, estimate.state) == (105, 2, True, "PARTIAL")
-    np.testing.assert_array_equal(estimate.covariance_m2ps2, navigator.covariance()[6:9, 6:9])
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"time_ns": -1}, "time_ns is -1, expected an integer from 0"),
-        ({"time_ns": 1.5}, "time_ns is 1.5, expected an integer"),
-        ({"mode": "ins"}, "mode is 'ins', expected one of velocity, navigation"),
-        ({"state": "ok"}, "state is 'ok', expected one of INITIALISING"),
-        ({"rank": 4}, "rank is 4"),
-        ({"reset_counter": 256}, "reset_counter is 256"),
-        ({"velocity_p_mps": [1.0, 2.0]}, r"velocity_p_mps has shape \(2,\), expected \(3,\)"),
-        ({"velocity_p_mps": ["a", 2.0, 3.0]}, "something else than numbers"),
-        ({"velocity_p_mps": [np.nan, 0.0, 0.0]}, "must be finite exactly for the components"),
-        ({"covariance_m2ps2": np.diag([1.0, 1.0, -1.0])}, "negative eigenvalue"),
-        ({"covariance_m2ps2": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}, "negative eigenvalue"),
-        ({"covariance_m2ps2": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, "symmetric"),
-        ({"attitude_t_p": [0.0, 0.0, 0.0, 2.0]}, "expected a unit quaternion"),
-        ({"attitude_t_p": None}, "attitude_t_p is missing in mode navigation"),
-        ({"position_t_m": [np.inf, 0.0, 0.0]}, "position_t_m is .* expected finite"),
-    ],
-)
-def test_bad_estimates_are_refused(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(DataError, match=message):
-        navigation(**changes)
-
-
-def test_beams_are_checked() -> None:
-    with pytest.raises(DataError, match="range_m"):
-        Beams(velocity_mps=np.zeros(4), sd_mps=np.full(4, 0.02), range_m=np.zeros(4))
-    with pytest.raises(DataError, match="sd_mps has shape"):
-        Beams(velocity_mps=np.zeros(4), sd_mps=np.full(3, 0.02), range_m=np.full(4, np.nan))
-
-
-def test_an_estimate_does_not_change() -> None:
-    estimate = navigation()
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        estimate.rank = 1  # type: ignore[misc]
-    with pytest.raises(ValueError, match="read-only"):
-        estimate.velocity_p_mps[0] = 0.0
 
 
 @pytest.mark.parametrize("size", [3, 9])

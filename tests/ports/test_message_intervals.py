@@ -6,7 +6,6 @@ import pytest
 from pymavlink.dialects.v10 import ardupilotmega as version_1
 from pymavlink.dialects.v20 import ardupilotmega
 
-from bottomlock.errors import ScenarioError
 from bottomlock.ports.message_intervals import AGAIN_S, MessageIntervals
 
 SECOND = 1_000_000_000
@@ -62,9 +61,3 @@ def test_nobody_else_is_asked() -> None:
     ):
         assert one.answers(data, 0) == b""
     assert one.answers(attitude + heartbeat() + attitude, 0)
-
-
-def test_an_unknown_message_is_named() -> None:
-    """A slip of the name is no command."""
-    with pytest.raises(ScenarioError, match="no message 'HIRES_IMU'"):
-        MessageIntervals({"HIRES_IMU": 50.0})

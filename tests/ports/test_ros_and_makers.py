@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import ScenarioError
 from bottomlock.io import pd0 as pd0_reader
 from bottomlock.io import ros as ros_reader
 from bottomlock.io import waterlinked_json as waterlinked_reader
-from bottomlock.kernel import BeamGeometry, solve_velocity
+from bottomlock.kernel import solve_velocity
 from bottomlock.ports.registry import port
 from tests.ports.cases import BEAM_SD, JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
 from tests.ports.receivers import waterlinked_client
@@ -163,13 +161,6 @@ def test_pd0_with_the_velocity_restored(mask: tuple[int, ...]) -> None:
     np.testing.assert_allclose(fix.velocity_p_mps[0], expected, atol=0.001 / np.sin(np.deg2rad(20.0)))
 
 
-def test_makers_ports_check_the_geometry() -> None:
-    three = BeamGeometry.from_angles(np.full(3, 0.3), np.deg2rad([0.0, 120.0, 240.0]))
-    for name, more in (("waterlinked_json", {}), ("pd0", {"receiver_sd_mps": 0.1}), ("ros_dvl", {})):
-        with pytest.raises(ScenarioError, match=r"geometry has 3"):
-            port(name, geometry=three, **more)
-
-
 def checked(line: bytes) -> list[str]:
     """Fields of a sentence whose checksum is right."""
     assert line.startswith(b"$")
@@ -210,12 +201,6 @@ def test_sentences_of_a_partial_velocity(mask: tuple[int, ...]) -> None:
     rows = np.asarray(JANUS.directions_p)[np.array(mask, dtype=bool)]
     np.testing.assert_allclose(information, rows.T @ rows / BEAM_SD**2, atol=1e-9)
     np.testing.assert_allclose(vector_sum, rows.T @ (rows @ TRUTH) / BEAM_SD**2, atol=1e-9)
-
-
-def test_no_port_warns() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        port("ros_dvl", geometry=JANUS).encode(from_beams((0, 0, 0, 0)))
 
 
 def test_ros_odometry(store: Any) -> None:  # noqa: ANN401

@@ -316,67 +316,6 @@ def test_damaged_messages_are_counted(bag: Path, graph: Graph, module: Any) -> N
     assert node.state == "active"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('"ros:/dvl"', '"tcp:127.0.0.1:16171"', "format 'ros-dvl', which are messages, and address"),
-        (
-            '"ros:/tf"',
-            '"udpout:127.0.0.1:9"',
-            "port ros_tf has address 'udpout:127.0.0.1:9', expected ros:/TOPIC",
-        ),
-        ('"ros:/imu"', '"ros:imu"', "is no address of this kind, expected ros:/TOPIC"),
-        (
-            '"ros:/tf"',
-            '"ros:/odometry"',
-            "sends tf2_msgs/msg/TFMessage to /odometry, to which another sends nav_msgs",
-        ),
-        ("heading_deg = -9.8", "heading = -9.8", "start.heading"),
-        ('format = "ros-imu"', 'format = "ros-imus"', "ros-imu"),
-    ],
-)
-def test_mistakes_of_a_configuration(graph: Graph, module: Any, old: str, new: str, words: str) -> None:  # noqa: ANN401
-    """The node stays unconfigured, and says what was expected."""
-    file = Path(graph.parameters["config"])
-    file.write_text(file.read_text().replace(old, new))
-    node = module.BottomlockNode()
-    assert node.change("configure") is TransitionCallbackReturn.FAILURE
-    assert words in graph.words("error")
-    assert node.state == "unconfigured"
-    assert node.lifecycle_publishers == []
-
-
-def test_a_package_of_messages_that_is_absent(graph: Graph, module: Any) -> None:  # noqa: ANN401
-    graph.absent_packages = ("marine_acoustic_msgs",)
-    node = module.BottomlockNode()
-    assert node.change("configure") is TransitionCallbackReturn.FAILURE
-    assert "need the ROS package marine_acoustic_msgs, which is not there" in graph.words("error")
-    graph.absent_packages = ("tf2_msgs",)
-    assert node.change("configure") is TransitionCallbackReturn.FAILURE
-    assert node.lifecycle_publishers == []
-
-
-def test_no_configuration(graph: Graph, module: Any) -> None:  # noqa: ANN401
-    graph.parameters["config"] = ""
-    assert module.BottomlockNode().change("configure") is TransitionCallbackReturn.FAILURE
-    assert graph.words("error").startswith("the parameter 'config' is empty")
-
-
-def test_the_example(root: Path, graph: Graph, module: Any, tmp_path: Path) -> None:  # noqa: ANN401
-    """The configuration that the package ships is taken."""
-    example = (root / "ros" / "bottomlock_ros" / "config" / "rov.toml").read_text()
-    (tmp_path / "rov.toml").write_text(example)
-    graph.parameters["config"] = str(tmp_path / "rov.toml")
-    node = started(module)
-    assert [one.topic for one in node.subscriptions] == ["/dvl/data", "/imu/data", "/pressure"]
-    assert [one.topic for one in node.lifecycle_publishers] == [
-        "/odometry",
-        "/tf",
-        "/velocity",
-        "/diagnostics",
-    ]
-
-
 def test_a_checkpoint(bag: Path, graph: Graph, module: Any, tmp_path: Path) -> None:  # noqa: ANN401
     """Saved while it runs; a node that starts within its age goes on from it, with the next reset counter."""
     file = Path(graph.parameters["config"])

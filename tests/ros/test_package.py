@@ -9,7 +9,6 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from unittest.mock import MagicMock
 
 import pytest
 
@@ -54,48 +53,6 @@ def test_packages_of_messages(package: Path) -> None:
         ""
     }
     assert {name.split("/")[0] for name in types} - OF_DRIVERS <= needed
-
-
-def test_the_launch_file(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The executable of setup.py, with the node's parameters; configured, and activated once it is inactive."""
-    modules: tuple[str, ...] = (
-        "launch",
-        "launch.actions",
-        "launch.events",
-        "launch.substitutions",
-        "launch_ros",
-    )
-    modules += ("launch_ros.actions", "launch_ros.event_handlers", "launch_ros.events")
-    modules += (
-        "launch_ros.events.lifecycle",
-        "launch_ros.substitutions",
-        "lifecycle_msgs",
-        "lifecycle_msgs.msg",
-    )
-    stand_ins = {name: MagicMock(name=name) for name in modules}
-    for name, module in stand_ins.items():
-        monkeypatch.setitem(sys.modules, name, module)
-    stand_ins["launch.substitutions"].LaunchConfiguration = lambda name: f"argument {name}"
-    transition = stand_ins["lifecycle_msgs.msg"].Transition
-    found = runpy.run_path(str(package / "launch" / "bottomlock.launch.py"))["generate_launch_description"]()
-    assert found is stand_ins["launch"].LaunchDescription.return_value
-    node = stand_ins["launch_ros.actions"].LifecycleNode.call_args.kwargs
-    assert (node["package"], node["executable"], node["name"]) == (
-        "bottomlock_ros",
-        "bottomlock_node",
-        "bottomlock",
-    )
-    assert node["parameters"] == [
-        "argument params_file",
-        {"config": "argument config", "use_sim_time": "argument use_sim_time"},
-    ]
-    changes = [one.kwargs for one in stand_ins["launch_ros.events.lifecycle"].ChangeState.call_args_list]
-    assert [one["transition_id"] for one in changes] == [
-        transition.TRANSITION_ACTIVATE,
-        transition.TRANSITION_CONFIGURE,
-    ]
-    when = stand_ins["launch_ros.event_handlers"].OnStateTransition.call_args.kwargs
-    assert (when["start_state"], when["goal_state"]) == ("configuring", "inactive")
 
 
 def test_the_example_is_one_of_bottomlock_live(package: Path) -> None:

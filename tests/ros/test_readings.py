@@ -10,17 +10,14 @@ import pytest
 
 from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import encoder
-from bottomlock.errors import ScenarioError
 from bottomlock.io import waterlinked_json
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.ros_messages import LATER_DVL
 from bottomlock.kernel import normal_gravity_mps2
-from bottomlock.live.config import parse_config
 from bottomlock.live.pings import PingReader
 from bottomlock.live.ros_readings import RosReader
 from bottomlock.live.sections import DepthSection
 from tests.io.test_ros_messages import store_of
-from tests.live.world import NAVIGATION_TOML
 from tests.ros import dive
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra ros)")
@@ -229,41 +226,3 @@ def test_a_ping_without_a_beam_of_marine_acoustic_msgs() -> None:
     assert not ping.valid.any()
     message.velocity_mode = 2
     assert reader.feed(MESSAGES.bytes_of("/dvl", message)) == []
-
-
-SOURCE = '[[source]]\nname = "more"\naddress = "{}"\nformat = "{}"\nrate_hz = 1\n'
-
-
-@pytest.mark.parametrize(
-    ("extra", "words"),
-    [
-        (
-            SOURCE.format("udpin:127.0.0.1:9", "ros-imu"),
-            "which are messages, and address 'udpin:127.0.0.1:9'",
-        ),
-        (
-            SOURCE.format("ros:/imu", "imu-csv"),
-            "is a topic of ROS 2 with format 'imu-csv', expected one of ros-dvl",
-        ),
-        (SOURCE.format("ros:/a//b", "ros-imu"), "expected ros:/TOPIC"),
-        (SOURCE.format("ros:/2b", "ros-imu"), "expected ros:/TOPIC"),
-        (SOURCE.format("ros:/imu@", "ros-imu"), "expected ros:/TOPIC"),
-        ("[depth]\n" + SOURCE.format("ros:/d", "ros-depth"), 'clock = "instrument", expected "arrival"'),
-        (SOURCE.format("ros:/fix", "ros-navsat"), r"'ros-navsat', which needs the section [gps]"),
-        (
-            '[attitude]\naids = "heading"\n' + SOURCE.format("ros:/imu", "ros-attitude"),
-            "'attitude.frame' is missing, expected the frames of the driver of source 'more': \"enu_flu\"",
-        ),
-        (
-            '[[port]]\nport = "odometry"\nto = "ros:/odom"\n',
-            "is no message of ROS 2, expected one of ros_velocity",
-        ),
-    ],
-)
-def test_mistakes_of_a_configuration(extra: str, words: str) -> None:
-    text = NAVIGATION_TOML.format(
-        dvl="tcp:127.0.0.1:9", imu="udpin:127.0.0.1:9", to="udpout:127.0.0.1:9", format="waterlinked-json"
-    ).replace('port = "probe"', 'port = "sentence"')
-    with pytest.raises(ScenarioError) as raised:
-        parse_config(text + extra, place="test")
-    assert words in str(raised.value)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
-from bottomlock.config.validation import faults
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import solve_velocity
@@ -76,30 +74,6 @@ def test_lever_arms_are_those_of_the_transducers(tmp_path: Path) -> None:
     found = read_geometry(load_config(folder.config).dvl.geometry).geometry
     np.testing.assert_array_equal(found.lever_arms_p_m, [[0.3, -0.1, 0.2]] * 4)
     np.testing.assert_array_equal(found.directions_p, read_geometry("waterlinked_a50").geometry.directions_p)
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "words"),
-    [
-        ("address", "192.168.194.95", "'192.168.194.95' cannot be a source"),
-        ("address", "udpout:10.0.0.1:5", "did you mean udpin:HOST:PORT"),
-        ("to", "udpin:0.0.0.0:14550", "did you mean udpout:HOST:PORT"),
-        ("mounting_yaw_deg", "east", "'mounting_yaw_deg' is 'east', expected a valid number deg"),
-        ("mounting_pitch_deg", 91, "expected <= 90.0 deg"),
-        ("lever_down_m", None, "'lever_down_m' is None, expected a valid number m"),
-        ("latitude_deg", None, "missing, expected number in deg, -90 to 90"),
-        ("name", "my rov", "'name' is 'my rov'"),
-        ("autopilot", "betaflight", "expected 'ardusub' or 'px4'"),
-        ("speed", 3, "unknown key 'speed'"),
-    ],
-)
-def test_a_mistake_is_told_at_its_field(field: str, value: Any, words: str) -> None:  # noqa: ANN401
-    """One fault, of that field, with what was expected."""
-    with pytest.raises(ValidationError) as caught:
-        SetupForm.model_validate({"latitude_deg": 10.0} | {field: value})
-    ((key, told),) = faults(caught.value, SetupForm)
-    assert key == field
-    assert words in told
 
 
 def test_text_stays_text(tmp_path: Path) -> None:

@@ -278,33 +278,3 @@ def test_only_raw_logs_are_given(tmp_path: Path, name: str) -> None:
         assert get(port, "/logs/a.mcap") == (200, b"log")
         assert [log["name"] for log in shown(port)["logs"]] == ["a.mcap"]
         assert get(port, f"/logs/{name}")[0] == 404
-
-
-def test_no_form_at_all_is_told(tmp_path: Path) -> None:
-    """What is no JSON, or JSON of something else."""
-    with served(tmp_path) as port:
-        good = {"Content-Type": "application/json"}
-        for body in ("{", "[" * 30_000, "3", "null", '"mode"'):
-            code, text = ask(port, "POST", "/save", body, good)
-            assert (code, bool(json.loads(text)["faults"])) == (422, True), body[:20]
-
-
-def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
-    """A folder that is a file: the page says so in place of the field, and goes on."""
-    place = tmp_path / "taken"
-    place.write_text("")
-    with served(place / "vehicle") as port:
-        code, answer = post(port, "/save", {"mode": "velocity"})
-        assert code == 422
-        assert "cannot be written" in answer["faults"][0]["words"]
-        assert shown(port)["configuration"] is None
-
-
-def test_a_taken_port_is_one_line(tmp_path: Path) -> None:
-    """Port and reason, and the exit code of wrong usage."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        number = taken.getsockname()[1]
-        command = [sys.executable, "-m", "bottomlock", "live-setup", str(tmp_path), "--port", str(number)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
-    assert done.returncode == 2
-    assert done.stderr.strip() == f"bottomlock: no set-up page on 127.0.0.1:{number}: Address already in use"
