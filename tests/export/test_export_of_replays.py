@@ -330,7 +330,10 @@ def test_the_command_exports_a_folder_and_names_mistakes(folder: Path, tmp_path:
         ),
         ((str(tmp_path), "--export", "kml"), "holds no replay"),
         ((str(tmp_path / "none"), "--export", "kml"), "no such file or folder, expected a case"),
-        ((str(out), "--export", "kml", "--seed", "0"), "--seed: nothing is run in"),
+        (
+            (str(out), "--export", "kml", "--write-calibration", str(tmp_path / "dvl.toml")),
+            "--write-calibration: nothing is run in",
+        ),
     ):
         done = command("replay", *words, cwd=root)
         assert done.returncode != 0
