@@ -116,7 +116,9 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
     done = command("fly", "straight.toml", "--out", "o", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "straight: 2.000 m/s" in done.stdout
-    assert (tmp_path / "o" / "straight.png").stat().st_size > 10_000
+    for name in ("straight_path", "straight_motion"):
+        assert (tmp_path / "o" / f"{name}.png").stat().st_size > 10_000
+        assert (tmp_path / "o" / f"{name}.svg").is_file()
     truth = pl.read_parquet(tmp_path / "o" / "straight_truth.parquet")
     assert truth.height == 3001
     assert "attitude_t_p_w" in truth.columns

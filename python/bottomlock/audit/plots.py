@@ -4,7 +4,8 @@ import numpy as np
 
 from bottomlock.audit.figures import BLUE, COLOURS, jumps
 from bottomlock.audit.run import Audit
-from bottomlock.figures.series import Curve, Panel, View, held_curve
+from bottomlock.figures.beams import valid_panel
+from bottomlock.figures.series import Curve, Panel, View
 from bottomlock.pages.plots import Plots
 
 CAPTION = "Closure and beams against time"
@@ -51,15 +52,5 @@ def plots_of(audit: Audit) -> Plots | None:
             )
             for k, (name, colour) in enumerate(zip(names, looks, strict=True))
         ]
-    panels.append(_valid(audit))
+    panels.append(valid_panel(log.time_ns, log.valid, colours=COLOURS))
     return Plots(CAPTION, (), {(): View(panels)}, int(log.time_ns[0]))
-
-
-def _valid(audit: Audit) -> Panel:
-    """When each beam was valid."""
-    log = audit.log
-    curves = [
-        held_curve(f"beam {k + 1}", COLOURS[k % len(COLOURS)], log.time_ns, log.valid[:, k], k + 1.0)
-        for k in range(log.beams)
-    ]
-    return Panel("beams valid", curves, decimals=0, names=[f"{k + 1}" for k in range(log.beams)])

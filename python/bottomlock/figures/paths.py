@@ -15,7 +15,7 @@ def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:
     """Plan view above depth for each trajectory.
 
     Args:
-        paths: `tables.campaign.PATHS`.
+        paths: the columns of `tables.campaign.PATHS`.
         trajectories: which of them, in this order.
     """
     with mpl.rc_context(STYLE):

@@ -18,6 +18,8 @@ from bottomlock.figures.series import Curve, Floats, Panel, Times, scattered_row
 
 HEIGHT_IN = 1.05
 """Of a panel."""
+LEAST = 5.0
+"""Least extent of an axis, in units of the last decimal that is read off."""
 PARTS = 600
 """Of the time: more than one in two pixels."""
 
@@ -120,6 +122,10 @@ def _panel(axes: Axes, panel: Panel, start_ns: int, *, utc: bool) -> None:
         axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 1.8, 3.6, 4.5, 9, 10]))
         axes.yaxis.set_major_formatter(FuncFormatter(partial(_within, panel.period)))
     else:
+        # What is constant looks constant: an axis is no finer than the values that are read off it.
+        (low, high), least = axes.get_ylim(), LEAST * 10.0**-panel.decimals
+        if high - low < least:
+            axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
         axes.yaxis.set_major_locator(MaxNLocator(4))
     axes.set_title(panel.title, loc="left", fontsize=9.0, pad=3.0)
     if not panel.names:

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from bottomlock.figures.beams import valid_panel
 from bottomlock.figures.palette import STROKES, stroke
-from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of, held_curve
+from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
 from bottomlock.recordings.geodesy import radii_m
-from bottomlock.replay.figures import BEAM_COLOURS, nis_band, nis_ratios
+from bottomlock.replay.figures import nis_band, nis_ratios
 from bottomlock.replay.findings.against_reckoning import TRUSTED
 from bottomlock.tables.replay import FORWARD, SMOOTHED
 
@@ -286,19 +287,8 @@ def _over_reckoning(samples: pl.DataFrame, method: str, which: str, name: str, s
 
 def beams_panel(pings: pl.DataFrame, case: str = "") -> Panel:
     """When each beam was valid, in one case; `case` is named where several panels stand together."""
-    beams = sum(name.endswith("_valid") for name in pings.columns)
-    curves = [
-        held_curve(
-            f"beam {k + 1}",
-            BEAM_COLOURS[k % len(BEAM_COLOURS)],
-            _times(pings),
-            pings[f"beam{k + 1}_valid"].to_numpy().astype(bool),
-            k + 1.0,
-        )
-        for k in range(beams)
-    ]
-    title = f"beams valid, {_plain(case)}" if case else "beams valid"
-    return Panel(title, curves, decimals=0, names=[f"{k + 1}" for k in range(beams)])
+    valid = pings.select(pl.col("^beam[0-9]+_valid$")).to_numpy().astype(bool)
+    return valid_panel(_times(pings), valid, title=f"beams valid, {_plain(case)}" if case else "beams valid")
 
 
 def nis_panels(innovations: pl.DataFrame, method: str, least_ratio: float) -> list[Panel]:

@@ -12,12 +12,12 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from bottomlock.figures.beams import BEAM_COLOURS
 from bottomlock.figures.curves import plain_number
 from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
 from bottomlock.figures.palette import (
     FAINT,
     INK,
-    STROKES,
     STYLE,
     WIDTH_IN,
     draw_order,
@@ -30,9 +30,6 @@ from bottomlock.tables.replay import FORWARD
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
-BEAM_COLOURS = tuple(
-    STROKES[method].colour for method in ("tc", "consistent", "nsv", "elc", "ins", "weak_sway", "vhv", "plcf")
-)
 _QUANTITIES = (
     ("position", "m", "position, m"),
     ("velocity", "mps", "velocity, m/s"),
