@@ -11,7 +11,7 @@ from bottomlock.audit.logs import read_log
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import Columns, read_beams
 from bottomlock.io.table import read_map
-from tests.cli.calls import command, process
+from tests.cli.calls import command
 
 OWN = """Time (s),B1,B2,B3,B4,quality
 0.0,510,-490,500,-500,80
@@ -57,12 +57,3 @@ def test_no_flags_and_no_word_of_it(own: Path, tmp_path: Path) -> None:
     both.write_text("lost_when_empty = true\nvalid = ['a', 'b']", encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"state one of them"):
         read_map(both)
-
-
-def test_a_file_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A long line goes into a pipe as it is; COLUMNS asks for another width."""
-    line = "  tilts 22.0, 22.0, 22.0, 22.0 deg; azimuths 0, 90, 180, -90 deg to starboard; noise 20 mm/s"
-    monkeypatch.delenv("COLUMNS", raising=False)
-    assert line in process("list", "geometries").stdout.splitlines()
-    monkeypatch.setenv("COLUMNS", "60")
-    assert line not in process("list", "geometries").stdout.splitlines()

@@ -40,17 +40,6 @@ def test_a_replay_ends_where_the_vehicle_did(dive: Path, tmp_path: Path) -> None
     assert runs["velocity_rms_over_time_mps"].max() < 0.2  # type: ignore[operator]
 
 
-def test_an_audit_finds_nothing_wrong(dive: Path, tmp_path: Path) -> None:
-    tables = {name: dive / f"survey_run0_{name}.parquet" for name in ("imu", "attitude", "depth")}
-    others = [word for name, path in tables.items() for word in (f"--{name}", path)]
-    done = command(
-        "audit", dive / "survey_run0_beams.parquet", "--geometry", dive / "survey_dvl.toml", *others,
-        "--out", tmp_path / "a",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert "No finding." in done.stdout
-
-
 @pytest.mark.parametrize(
     "dvl",
     [

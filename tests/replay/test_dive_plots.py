@@ -11,7 +11,7 @@ import pytest
 
 from bottomlock.figures.series import Frame, Track
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.dive_plots import framed, holds, lost_beams, state_panels, taken, tracks_of
+from bottomlock.replay.dive_plots import framed, holds, lost_beams, taken, tracks_of
 from bottomlock.replay.report import ReplayTables, dive_of
 from tests.pages.test_plots import unpacked
 from tests.replay.dive_tables import LOST_S, METHODS, SPIKE_MPS, START_NS, dive_tables, manifest
@@ -50,19 +50,6 @@ def test_a_method_without_aid_scales_nothing(tables: ReplayTables) -> None:
         frame = framed(tracks, None, "tc")
         assert cut_off(frame, tracks) == ([] if held else [method])
         assert (frame.west_m < -3.0) is held
-
-
-def test_dead_reckoning_that_runs_away_is_cut_off_too(tables: ReplayTables) -> None:
-    far = tables.samples.with_columns(
-        pl.when(pl.col("method") == DEAD_RECKONING)
-        .then(10.0 * pl.col("east_m"))
-        .otherwise(pl.col("east_m"))
-        .alias("east_m")
-    )
-    tracks = tracks_of(far, METHODS)
-    frame = framed(tracks, None, "tc")
-    assert cut_off(frame, tracks) == ["ins", DEAD_RECKONING]
-    assert frame.east_m < 20.0
 
 
 @pytest.mark.parametrize(("method", "first"), [("tc", "tc"), (DEAD_RECKONING, DEAD_RECKONING), ("", "tc")])
@@ -114,18 +101,6 @@ def test_a_spike_of_one_sample_survives_an_hour() -> None:
     values = unpacked(content, surge["v"])
     assert values.max() == pytest.approx(SPIKE_MPS, abs=1e-3)
     assert len(values) < 10_000
-
-
-def test_heading_goes_on_through_north(tables: ReplayTables) -> None:
-    """No line falls by a turn, and both methods are on the same turn."""
-    panel = next(one for one in state_panels(tables.samples, "tc") if one.title == "heading, °")
-    for curve in panel.curves:
-        assert np.abs(np.diff(curve.value)).max() < 200.0
-    assert abs(panel.curves[0].value[0] - panel.curves[1].value[0]) < 20.0
-    recorded = tables.samples.filter(pl.col("method") == "tc")["yaw_deg"].to_numpy()
-    np.testing.assert_allclose(
-        np.remainder(panel.curves[1].value - recorded + 180.0, 360.0), 180.0, atol=1e-9
-    )
 
 
 def test_lost_beams_break_their_line(tables: ReplayTables) -> None:
