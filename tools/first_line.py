@@ -83,7 +83,9 @@ def run(row: Row) -> dict[str, Any]:
                 found |= _judged(replay_case(load_case(case)), truth, row)
             except Exception as error:  # noqa: BLE001
                 found |= _failed(error, "no replay", row)
-    return found | {"seconds": time.perf_counter() - began}
+    # The scratch folder has another name each time.
+    said = found["said"].replace(f"{scratch}{os.sep}", "")
+    return found | {"said": said, "seconds": round(time.perf_counter() - began, 1)}
 
 
 def _failed(error: Exception, verdict: str, row: Row) -> dict[str, Any]:
