@@ -1,4 +1,4 @@
-"""The files of a dive: tables as CSV, makers' formats, files as people have them, bags of ROS 2."""
+"""The files of a dive: a case, tables as CSV, makers' formats, files as people have them, bags of ROS 2."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.io.beams import read_geometry
 from tests.dive import DENSITY, STANDARD_GRAVITY, SURFACE_PA, Dive, Floats, Tables, dvl_bytes, tables
+from tests.ros_messages import DVL, IMU, PRESSURE, Messages, write_ros2
 
 
 def write(held: Tables, folder: Path, words: str, *, geometry: str = "waterlinked_a50") -> list[Path]:
@@ -35,6 +36,97 @@ def write(held: Tables, folder: Path, words: str, *, geometry: str = "waterlinke
             path.write_bytes(dvl_bytes(held["beams"], word, geometry))
         files.append(path)
     return files
+
+
+CASE = """
+name = "dive"
+[origin]
+latitude_deg = 45.0
+[imu]
+file = "imu.parquet"
+clock = { column = "time_s", unit = "s" }
+force = ["ax", "ay", "az"]
+omega = ["gx", "gy", "gz"]
+omega_unit = "rad/s"
+axes = ["x", "y", "z"]
+[imu.errors]
+accel_bias_mg = 1.0
+gyro_bias_deg_per_h = 20.0
+accel_noise_mps_per_rt_h = 0.085
+gyro_noise_deg_per_rt_h = 0.25
+[dvl]
+file = "beams.parquet"
+clock = { column = "time_ns", unit = "ns", offset_s = 0.0 }
+geometry = "dvl.toml"
+beam_noise_mps = 0.008
+[depth]
+file = "depth.parquet"
+clock = { column = "time_s", unit = "s" }
+column = "depth_m"
+up = false
+sd_m = 0.03
+[attitude]
+file = "ahrs.parquet"
+clock = { column = "time_s", unit = "s" }
+roll = "roll_deg"
+pitch = "pitch_deg"
+yaw = "heading_deg"
+unit = "deg"
+yaw_sd_deg = 1.0
+aids = "nothing"
+[reference]
+file = "reference.parquet"
+clock = { column = "time_s", unit = "s" }
+north = "north"
+east = "east"
+down = "down"
+[start]
+at_s = 15.0
+level = "given"
+roll_deg = 0.0
+pitch_deg = 0.0
+level_sd_deg = 0.3
+heading = "given"
+heading_deg = 0.0
+heading_sd_deg = 2.0
+velocity = "beams"
+velocity_mps = [0.0, 0.0, 0.0]
+position = "reference"
+position_sd_m = [0.1, 0.1, 0.1]
+[replay]
+methods = ["lc", "tc"]
+smooth = false
+"""
+CASE_GEOMETRY = """
+configuration = "angles"
+tilts_deg = [22.5, 22.5, 22.5, 22.5]
+azimuths_deg = [135.0, -135.0, -45.0, 45.0]
+beam_noise_mps = 0.008
+sound_speed_scale = 1.0
+mounting_roll_deg = 0.0
+mounting_pitch_deg = 0.0
+mounting_yaw_deg = 0.0
+"""
+
+
+def write_case(made: Dive, folder: Path) -> Path:
+    """Tables, geometry and a case of them without a mistake; the reference is the truth, at 1 Hz."""
+    held = dict(tables(made, start_s=0.0))
+    held["reference"] = held.pop("truth").gather_every(5).select("time_s", "north", "east", "down")
+    held["beams"] = held["beams"].select(
+        (pl.col("time_s") * 1e9).round().cast(pl.Int64).alias("time_ns"),
+        pl.col("^beam._mps$"),
+        *(pl.col(f"beam{k}_mps").is_not_null().alias(f"beam{k}_valid") for k in range(1, 5)),
+    )
+    for name in ("imu", "beams", "depth", "ahrs", "reference"):
+        held[name].write_parquet(folder / f"{name}.parquet")
+    (folder / "dvl.toml").write_text(CASE_GEOMETRY, encoding="utf-8")
+    text = CASE
+    angles = np.rad2deg(made.rpy[np.searchsorted(made.imu_s, 15.0)])
+    for name, angle in zip(("roll", "pitch", "heading"), angles, strict=True):
+        text = text.replace(f"\n{name}_deg = 0.0", f"\n{name}_deg = {angle:.4f}")
+    (folder / "case.toml").write_text(text, encoding="utf-8")
+    return folder / "case.toml"
 
 
 def write_a50(made: Dive, path: Path, *, start_s: float = 0.0) -> Path:
@@ -152,53 +244,23 @@ def write_bag(held: Tables, path: Path, geometry: str, *, of_driver: bool = Fals
         geometry: of the DVL.
         of_driver: lost beams are 0 m/s at -1 m, and unit vectors lie by the elevation for the tilt.
     """
-    from rosbags.rosbag2 import Writer
-    from rosbags.rosbag2.enums import StoragePlugin
-
-    from bottomlock.io.ros import typestore
-
-    store = typestore()
-    types = store.types
-    vector, pressed = types["geometry_msgs/msg/Vector3"], "sensor_msgs/msg/FluidPressure"
-    sent: list[tuple[int, str, str, Any]] = []
-
-    def header(ns: int, frame: str) -> Any:  # noqa: ANN401 - the library's own objects
-        stamp = types["builtin_interfaces/msg/Time"](sec=ns // 1_000_000_000, nanosec=ns % 1_000_000_000)
-        return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
-
-    for ns, *row, quaternion in zip(
-        _ns(held["imu"]), *held["imu"].drop("time_s").get_columns(), _orientation(held), strict=True
-    ):
+    messages, sent = Messages(), []
+    rows = zip(_ns(held["imu"]), *held["imu"].drop("time_s").get_columns(), _orientation(held), strict=True)
+    for ns, *row, quaternion in rows:
         force, omega = np.reshape(row, (2, 3)) * (1.0, -1.0, -1.0)
-        empty = not quaternion[:3].any()
-        imu = types["sensor_msgs/msg/Imu"](
-            header(ns, "imu_link"), types["geometry_msgs/msg/Quaternion"](*quaternion),
-            (0.0 if empty else 1e-4) * np.eye(3).ravel(), vector(*omega), np.zeros(9), vector(*force), np.zeros(9),
-        )  # fmt: skip
-        sent.append((ns + 5_000_000, "/imu/data", "sensor_msgs/msg/Imu", imu))
+        imu = messages.imu(ns, omega, force, quaternion, 1e-4 if quaternion[:3].any() else 0.0)
+        sent.append((ns + 5_000_000, "/imu/data", IMU, imu))
     for ns, depth in zip(_ns(held["depth"]), held["depth"]["depth_m"], strict=True):
-        pressure = types[pressed](header(ns, "depth"), SURFACE_PA + DENSITY * STANDARD_GRAVITY * depth, 0.0)
-        sent.append((ns + 4_000_000, "/ms5837/pressure", pressed, pressure))
+        pressure = messages.pressure(ns, SURFACE_PA + DENSITY * STANDARD_GRAVITY * depth)
+        sent.append((ns + 4_000_000, "/ms5837/pressure", PRESSURE, pressure))
     if "hull" in held:
         for ns, air in zip(_ns(held["hull"]), held["hull"]["pressure_pa"], strict=True):
-            sent.append(
-                (ns + 4_000_000, "/imu/pressure", pressed, types[pressed](header(ns, "imu"), air, 0.0))
-            )
-    kind = "marine_acoustic_msgs/msg/Dvl"
-    for ns, stamp_ns, message in _pings(held["beams"], geometry, of_driver):
-        vectors = {name: [vector(*one) for one in message[name]] for name in ("beam_unit_vec",)}
-        fields = message | vectors | {"velocity": vector(*message["velocity"])}
-        sent.append(
-            (ns + 80_000_000, "/dvl", kind, types[kind](header=header(stamp_ns, "dvl_link"), **fields))
-        )
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topics = {topic: name for _, topic, name, _ in sent}
-        connections = {
-            topic: writer.add_connection(topic, name, typestore=store) for topic, name in topics.items()
-        }
-        for ns, topic, name, message in sorted(sent, key=lambda one: one[0]):
-            writer.write(connections[topic], ns, store.serialize_cdr(message, name))
-    return path
+            sent.append((ns + 4_000_000, "/imu/pressure", PRESSURE, messages.pressure(ns, air)))
+    sent += [
+        (ns + 80_000_000, "/dvl", DVL, one)
+        for ns, one in _pings(held["beams"], geometry, messages, of_driver)
+    ]
+    return write_ros2(path, sent, messages.store)
 
 
 def _ns(table: pl.DataFrame) -> list[int]:
@@ -215,33 +277,30 @@ def _orientation(held: Tables) -> Floats:
     return np.asarray(enu[np.clip(rows, 0, None)])
 
 
-def _pings(table: pl.DataFrame, geometry: str, of_driver: bool) -> list[tuple[int, int, dict[str, Any]]]:
-    """Time, stamp and fields of each message."""
+def _pings(table: pl.DataFrame, geometry: str, messages: Messages, of_driver: bool) -> list[tuple[int, Any]]:
+    """Time and message of each ping."""
     B = np.asarray(read_geometry(geometry).geometry.directions_p)
-    inverse, found = np.linalg.pinv(B), []
-    level = B[:, :2] / np.linalg.norm(B[:, :2], axis=1, keepdims=True)
-    swapped = np.column_stack([level * B[:, 2:], np.linalg.norm(B[:, :2], axis=1)])
-    n = len(B)
+    level, n = np.linalg.norm(B[:, :2], axis=1, keepdims=True), len(B)
+    swapped = np.hstack([B[:, :2] / level * B[:, 2:], level])
+    found = []
     for row in table.fill_null(np.nan).iter_rows(named=True):
         beams, ranges = (
             np.array([row[f"beam{k + 1}_{unit}"] for k in range(n)]) for unit in ("mps", "range_m")
         )
-        good = np.isfinite(beams)
+        good, ns = np.isfinite(beams), round(row["time_s"] * 1e9)
         enough = bool(good.sum() >= 3)
-        solved = np.linalg.lstsq(B[good], beams[good], rcond=None)[0] if enough else np.zeros(3)
-        velocity = solved if of_driver else inverse @ beams
+        fields: dict[str, Any] = {"velocity_covar": 1e-5 * np.eye(3).ravel(), "altitude": 4.0}
         if of_driver:
             beams, ranges = np.where(good, beams, 0.0), np.where(good, ranges, -1.0)
-        variance = np.zeros(n) if of_driver else np.where(good, 1e-4, -1.0)
-        ns = round(row["time_s"] * 1e9)
-        fields = {
-            "velocity_mode": 1, "dvl_type": 1, "velocity": velocity, "velocity_covar": 1e-5 * np.eye(3).ravel(),
-            "altitude": 4.0, "course_gnd": 0.0, "speed_gnd": 0.0, "num_good_beams": int(good.sum()),
-            "sound_speed": 0.0 if of_driver else 1500.0, "beam_ranges_valid": True,
-            "beam_velocities_valid": enough if of_driver else True, "beam_unit_vec": swapped if of_driver else B,
-            "range": ranges, "range_covar": np.full(n, 0.0 if of_driver else -1.0, dtype=np.float32),
-            "beam_quality": np.zeros(n, dtype=np.float32), "beam_velocity": beams.astype(np.float32),
-            "beam_velocity_covar": variance.astype(np.float32),
-        }  # fmt: skip
-        found.append((ns, int(row.get("stamp_ns", ns)), fields))
+            velocity = np.linalg.lstsq(B[good], beams[good], rcond=None)[0] if enough else np.zeros(3)
+            none = np.zeros(n, dtype=np.float32)
+            fields |= {
+                "num_good_beams": int(good.sum()), "sound_speed": 0.0, "beam_velocities_valid": enough,
+                "range_covar": none, "beam_velocity_covar": none,
+            }  # fmt: skip
+        else:
+            velocity = np.linalg.pinv(B) @ beams
+        fields["velocity"] = messages.vector(*velocity)
+        stamp_ns = int(row.get("stamp_ns", ns))
+        found.append((ns, messages.dvl(stamp_ns, beams, ranges, swapped if of_driver else B, **fields)))
     return found

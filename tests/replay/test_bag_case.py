@@ -17,77 +17,48 @@ from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
 from tests.dive import Dive, drawn_dive
 from tests.io.test_ros_waterlinked import registered
+from tests.ros_messages import IMU, POSE, Messages, write_ros2
 
 START_NS = 1_700_000_000_000_000_000
 
 
 def write_bag(dive: Dive, path: Path, *, beams: bool = True, fixes: int = 40) -> Path:
     """A ROS 2 bag in MCAP: IMU in forward, left, up; depth without header; USBL in east, north, up; a DVL."""
-    from rosbags.rosbag2 import Writer
-    from rosbags.rosbag2.enums import StoragePlugin
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    t = store.types
-    vector, point = t["geometry_msgs/msg/Vector3"], t["geometry_msgs/msg/Point"]
-    quaternion, pose = t["geometry_msgs/msg/Quaternion"], t["geometry_msgs/msg/Pose"]
-    messages: list[tuple[int, str, str, Any]] = []
-
-    def header(ns: int, frame: str) -> Any:  # noqa: ANN401
-        stamp = t["builtin_interfaces/msg/Time"](sec=ns // 1_000_000_000, nanosec=ns % 1_000_000_000)
-        return t["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
-
-    flu = np.array([1.0, -1.0, -1.0])
+    made = Messages()
+    t, flu = made.types, np.array([1.0, -1.0, -1.0])
+    sent: list[tuple[int, str, str, Any]] = []
     for k, (second, w, f) in enumerate(zip(dive.imu_s, dive.omega * flu, dive.force * flu, strict=True)):
         ns = START_NS + round(second * 1e9)
-        unknown = np.full(9, -1.0)
-        imu = t["sensor_msgs/msg/Imu"](
-            header(ns, "base_link"), quaternion(0.0, 0.0, 0.0, 1.0), unknown, vector(*w), np.zeros(9), vector(*f),
-            np.zeros(9),
-        )  # fmt: skip
-        messages.append((ns, "/imu/data", "sensor_msgs/msg/Imu", imu))
+        sent.append((ns, "/imu/data", IMU, made.imu(ns, w, f)))
         if k % 5 == 0:
             north, east, down = dive.position[k]
-            messages.append((ns + 3, "/depth", "std_msgs/msg/Float64", t["std_msgs/msg/Float64"](down)))
+            sent.append((ns + 3, "/depth", "std_msgs/msg/Float64", t["std_msgs/msg/Float64"](down)))
             if k % 50 == 0:
-                there = pose(point(east, north, -down), quaternion(0.0, 0.0, 0.0, 1.0))
-                usbl = t["geometry_msgs/msg/PoseWithCovarianceStamped"](
-                    header(ns, "map"), t["geometry_msgs/msg/PoseWithCovariance"](there, np.zeros(36))
-                )
-                messages.append((ns, "/usbl/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", usbl))
+                sent.append((ns, "/usbl/pose", POSE, made.usbl(ns, north, east, down, (0.0, 0.0, 0.0))))
             state = t["sensor_msgs/msg/NavSatStatus"](0 if k < 5 * fixes else -1, 1)
-            fix = t["sensor_msgs/msg/NavSatFix"](header(ns, "gps"), state, 45.0, 10.0, 0.0, np.zeros(9), 0)
-            messages.append((ns, "/gps/fix", "sensor_msgs/msg/NavSatFix", fix))
-    dvl = registered(store, "dvl_msgs") if beams else "geometry_msgs/msg/TwistWithCovarianceStamped"
-    from bottomlock.io.beams import read_geometry
-
-    inverse = np.linalg.pinv(np.asarray(read_geometry(dive.geometry).geometry.directions_p))
-    for second, four in zip(dive.ping_s, dive.beams, strict=True):
-        ns = START_NS + round(second * 1e9)
-        whole = bool(np.isfinite(four).all())
-        v = inverse @ np.nan_to_num(four)
+            fix = t["sensor_msgs/msg/NavSatFix"](
+                made.header(ns, "gps"), state, 45.0, 10.0, 0.0, np.zeros(9), 0
+            )
+            sent.append((ns, "/gps/fix", "sensor_msgs/msg/NavSatFix", fix))
+    name = registered(made.store, "dvl_msgs") if beams else "geometry_msgs/msg/TwistWithCovarianceStamped"
+    for second, four, v in zip(dive.ping_s, dive.beams, dive.instrument, strict=True):
+        ns, good = START_NS + round(second * 1e9), np.isfinite(four)
         if beams:
-            one = t["dvl_msgs/msg/DVLBeam"]
             each = [
-                one(k, float(np.nan_to_num(b)), 4.0, -40.0, -88.0, bool(np.isfinite(b)))
+                t["dvl_msgs/msg/DVLBeam"](k, float(np.nan_to_num(b)), 4.0, -40.0, -88.0, bool(good[k]))
                 for k, b in enumerate(four)
             ]
-            sent = t[dvl](header(ns, "dvl"), 250.0, vector(*v), 0.003, 3.7, each, whole, 0, "json_v3.1")
-        elif whole:
-            twist = t["geometry_msgs/msg/Twist"](vector(*(v * flu)), vector(0.0, 0.0, 0.0))
-            sent = t[dvl](header(ns, "dvl"), t["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36)))
+            own, whole = made.vector(*np.nan_to_num(v)), bool(good.all())
+            report = t[name](made.header(ns, "dvl"), 250.0, own, 0.003, 3.7, each, whole, 0, "json_v3.1")
+        elif good.all():
+            twist = t["geometry_msgs/msg/Twist"](made.vector(*(v * flu)), made.vector(0.0, 0.0, 0.0))
+            report = t[name](
+                made.header(ns, "dvl"), t["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36))
+            )
         else:
             continue
-        messages.append((ns, "/dvl/data", dvl, sent))
-    messages.sort(key=lambda one: one[0])
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topics = {topic: kind for _, topic, kind, _ in messages}
-        connections = {
-            topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in topics.items()
-        }
-        for ns, topic, kind, message in messages:
-            writer.write(connections[topic], ns, store.serialize_cdr(message, kind))
-    return path
+        sent.append((ns, "/dvl/data", name, report))
+    return write_ros2(path, sent, made.store)
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.reckon import attitude_errors
 from bottomlock.replay.run import ReplayResult, replay_case
 from tests.dive import Dive, drawn_dive
-from tests.replay.mistaken_case import write_case
+from tests.dive_logs import write_case
 
 Floats = NDArray[np.float64]
 NS = 1_000_000_000

@@ -10,7 +10,8 @@ from bottomlock.errors import DataError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.run import replay_case
 from tests.dive import drawn_dive
-from tests.replay.mistaken_case import DEGREES, MISTAKES, mistaken, table, write_case
+from tests.dive_logs import write_case
+from tests.replay.mistaken_case import DEGREES, MISTAKES, mistaken, table
 
 SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=pytest.mark.long))
 

@@ -24,7 +24,7 @@ from bottomlock.replay.map_figure import ELLIPSES, Map, map_figure
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT
 from tests.dive import drawn_dive
-from tests.replay.mistaken_case import write_case
+from tests.dive_logs import write_case
 
 SEEN = Innovations("tc", 500, 0.0, 3.0, 3.5, 2.0, 4.0)
 NEAR = Agreement("tc", 0.5, 0.4, 0.6, 1.0, 1.0, None, None)

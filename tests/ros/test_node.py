@@ -22,6 +22,7 @@ from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.registry import port
 from tests.ros import dive
 from tests.ros.rclpy_stand_in import Graph, Node, TransitionCallbackReturn, node_module
+from tests.ros_messages import Messages
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra ros)")
 
@@ -115,7 +116,7 @@ def test_a_bag_gives_the_bits_of_a_replay(
         ),
         "acoustic_position_sd_m": np.tile(np.sqrt([1.0, 1.21, 2.25]), (len(usbl), 1)),
     }
-    store = dive.Messages().store
+    store = Messages().store
     stamps = [stamp(store.deserialize_cdr(data, "nav_msgs/msg/Odometry")) for data in odometry]
     replayed: Any = bottomlock.replay_log(
         geometry,
@@ -176,7 +177,7 @@ def test_what_is_published(bag: Path, graph: Graph, module: Any, root: Path) -> 
     played, _ = dive.read_bag(bag)
     node = started(module)
     play(graph, played[:800])
-    store = dive.Messages().store
+    store = Messages().store
     types = {topic: name for topic, name, _ in graph.sent}
     assert types == {
         "/odometry": "nav_msgs/msg/Odometry",
@@ -242,7 +243,7 @@ def test_unsafe_sends_diagnostics_alone(bag: Path, graph: Graph, module: Any) ->
         [one for one in played if one.topic != "/imu" and end_ns + 10**9 < one.time_ns < end_ns + 8 * 10**9],
     )
     assert {topic for topic, _, _ in graph.sent} == {"/diagnostics"}
-    store = dive.Messages().store
+    store = Messages().store
     status = store.deserialize_cdr(graph.sent[-1][2], "diagnostic_msgs/msg/DiagnosticArray").status
     assert status[0].level == 2
     assert status[0].message.startswith("UNSAFE: no inertial readings for ")
@@ -302,7 +303,7 @@ def test_damaged_messages_are_counted(bag: Path, graph: Graph, module: Any) -> N
     graph.at(graph.now_ns + 10**9)
     play(graph, played[600:1500])
     status = (
-        dive.Messages()
+        Messages()
         .store.deserialize_cdr(
             next(data for topic, _, data in reversed(graph.sent) if topic == "/diagnostics"),
             "diagnostic_msgs/msg/DiagnosticArray",

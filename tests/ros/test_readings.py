@@ -19,21 +19,26 @@ from bottomlock.live.ros_readings import RosReader
 from bottomlock.live.sections import DepthSection
 from tests.io.test_ros_messages import store_of
 from tests.ros import dive
+from tests.ros_messages import Messages
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra ros)")
 
 TIME_NS = 1_790_000_000_123_456_789
-MESSAGES = dive.Messages()
+MESSAGES = Messages()
+
+
+def bytes_of(topic: str, message: Any) -> bytes:  # noqa: ANN401
+    return bytes(MESSAGES.store.serialize_cdr(message, dive.TYPES[topic]))
 
 
 def reading(form: str, topic: str, message: Any, **settings: Any) -> Any:  # noqa: ANN401
-    (found,) = RosReader(form, **settings).feed(MESSAGES.bytes_of(topic, message))
+    (found,) = RosReader(form, **settings).feed(bytes_of(topic, message))
     return found
 
 
 def skipped(form: str, topic: str, message: Any) -> str:  # noqa: ANN401
     reader = RosReader(form)
-    assert reader.feed(MESSAGES.bytes_of(topic, message)) == []
+    assert reader.feed(bytes_of(topic, message)) == []
     ((why, number),) = dict(reader.skipped).items()
     assert (number, reader.records) == (1, 1)
     return why
@@ -73,7 +78,7 @@ def test_pressure_and_depth() -> None:
     depth = reading(
         "ros-pressure",
         "/pressure",
-        MESSAGES.pressure(TIME_NS, 12.5),
+        MESSAGES.pressure(TIME_NS, dive.pressure_pa(12.5)),
         depth=DepthSection(),
         gravity_mps2=normal_gravity_mps2(math.radians(dive.LATITUDE_DEG)),
     )
@@ -221,8 +226,8 @@ def test_a_ping_without_a_beam_of_marine_acoustic_msgs() -> None:
     directions = np.asarray(read_geometry("teledyne_30").geometry.directions_p)
     reader = PingReader("ros-dvl", 4)
     message = MESSAGES.dvl(TIME_NS, np.full(4, math.nan), np.full(4, math.nan), directions)
-    (ping,) = reader.feed(MESSAGES.bytes_of("/dvl", message))
+    (ping,) = reader.feed(bytes_of("/dvl", message))
     assert ping.time_ns == TIME_NS
     assert not ping.valid.any()
     message.velocity_mode = 2
-    assert reader.feed(MESSAGES.bytes_of("/dvl", message)) == []
+    assert reader.feed(bytes_of("/dvl", message)) == []
