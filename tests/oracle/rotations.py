@@ -36,19 +36,6 @@ def exp_rotation(vector: Array) -> Array:
     return total
 
 
-def exp_rotations(vectors: Array) -> Array:
-    """`exp_rotation` of each row, (n, 3) to (n, 3, 3): the same series for all rows, until nothing is left of it."""
-    generator = np.array([skew(vector) for vector in vectors])
-    total = np.broadcast_to(np.eye(3), generator.shape)
-    term = total
-    for k in range(1, 60):
-        term = term @ generator / k
-        if np.abs(term).max() < 1e-30:
-            break
-        total = total + term
-    return total
-
-
 def log_rotation(rotation: Array) -> Array:
     """The rotation vector of a matrix, for angles below π."""
     sine_axis = unskew(rotation)

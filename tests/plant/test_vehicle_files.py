@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant import Vehicle, derivations, load_vehicle, packaged_vehicles
+from bottomlock.plant import Vehicle, load_vehicle, packaged_vehicles
 from bottomlock.plant.hull import myring_radius_m
 from bottomlock.plant.trim import check_stability
 from bottomlock.plant.vehicle_file import parse_vehicle
+from tests.plant import derivations
 from tests.plant.helpers import GRAVITY_MPS2
 
 
