@@ -134,5 +134,5 @@ def test_bad_neighbours_are_refused(tmp_path: Path) -> None:
 
 def test_beams_and_geometry_that_differ_in_number(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", time_ns=[0, 1], beam1_mps=[1.0, 2.0], beam1_valid=[1, 1])
-    with pytest.raises(DataError, match="has 1 beams, but the geometry has 4"):
+    with pytest.raises(DataError, match="has 1 beams, expected 4"):
         audit_file(path, geometry="x_janus_20")

@@ -112,5 +112,5 @@ def test_a_geometry_of_three_beams_does_not_fit_four(log: Path, words: tuple[str
     out = log.with_name(options[-1])
     done = command(name, str(log), "--geometry", "sontek_argonaut", *options[:-1], str(out))
     assert done.returncode == 2
-    assert "has 4 beams, but the geometry has 3" in " ".join(done.stderr.split())
+    assert "has 4 beams, expected 3" in " ".join(done.stderr.split())
     assert not out.exists()

@@ -122,11 +122,11 @@ def test_faults_name_file_row_and_column(
 def test_a_geometry_of_three_beams_does_not_fit_four(tmp_path: Path) -> None:
     """Replay and `tune` read the table here; one beam more is no beam to leave out."""
     tables(tmp_path)
-    with pytest.raises(DataError, match="has 4 beams, but the geometry has 3"):
+    with pytest.raises(DataError, match="has 4 beams, expected 3"):
         read_streams(parse_case(changed(("x_janus_20", "sontek_argonaut")), place="case", folder=tmp_path))
     three = pl.read_parquet(tmp_path / "beams.parquet").drop("beam4_mps", "beam4_valid")
     three.write_parquet(tmp_path / "beams.parquet")
-    with pytest.raises(DataError, match="has 3 beams, but the geometry has 4"):
+    with pytest.raises(DataError, match="has 3 beams, expected 4"):
         read_streams(parse_case(CASE, place="case", folder=tmp_path))
 
 

@@ -80,8 +80,9 @@ def fix(
     geometry = geometry_of(log, geometry)
     if geometry is None:
         raise ScenarioError(
-            f"{log}: --geometry is missing, and no account of `bottomlock convert` names one beside it"
-        )
+            "is missing", place=log, key="--geometry",
+            expected="a packaged geometry or a TOML file: no account of `bottomlock convert` names one beside the log",
+        )  # fmt: skip
     if out is None and leave_out is None:
         out = beside(log, "fixes.parquet")
     if out is not None:

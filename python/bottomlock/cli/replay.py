@@ -142,7 +142,7 @@ def replay(
 def first_of(files: Sequence[Path]) -> Path:
     """The first file that is named, beside which a case is written."""
     if not files:
-        raise ScenarioError("no file is named, expected logs of a DVL, tables, bags or logs of autopilots")
+        raise ScenarioError("no file is named", expected="logs of a DVL, tables, bags or logs of autopilots")
     return files[0]
 
 

@@ -456,8 +456,9 @@ def check_beam_count(place: str, beams: int, geometry_beams: int) -> None:
     """
     if beams != geometry_beams:
         raise DataError(
-            f"{place}: has {beams} beams, but the geometry has {geometry_beams}; state the geometry of this instrument"
-        )
+            f"has {beams} beams", place=place, expected=f"{geometry_beams}, those of the geometry",
+            hint="state the geometry of this instrument",
+        )  # fmt: skip
 
 
 def _beams_of(table: pl.DataFrame, least: int) -> int:

@@ -239,9 +239,9 @@ def tune_case(
     case = path if isinstance(path, Case) else load_case(path)
     if case.dvl.source != "beams":
         raise ScenarioError(
-            f'case {case.name}: dvl.source is "{case.dvl.source}", expected "beams": beams made from a velocity close '
-            "exactly, so they show no noise of a beam"
-        )
+            f'is "{case.dvl.source}"', place=f"case {case.name}", key="dvl.source", expected='"beams"',
+            hint="beams made from a velocity close exactly, so they show no noise of a beam",
+        )  # fmt: skip
     recording = read_recording(case)
     times = recording.log["imu_time_ns"]
     split_ns = int(times[0] + fraction * (times[-1] - times[0]))
