@@ -1,6 +1,6 @@
 # The same verbs by hand, in hooks and in CI: demo, test, test-long, test-deep, test-all, test-others, lint, docs, bench, golden,
 # develop, install-c, clean. Of the site also: docs-links, figures.
-# What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
+# What takes long and looks for faults: fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
 #
 #   make demo RUNS=500      a larger campaign
 #   make test VENV=/tmp/v   another environment
@@ -53,7 +53,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
 .PHONY: demo docs docs-links figures spelling test test-rust test-python test-long test-deep test-all test-others \
-    lint lint-rust lint-python deny bench golden develop header install-c attack fuzz soak mutants lock sbom wheel clean
+    lint lint-rust lint-python deny bench golden develop header install-c fuzz soak mutants lock sbom wheel clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -150,11 +150,6 @@ figures: $(VENV)/.installed
 # Rewrites the golden files; every number that moves goes into the CHANGELOG under "Numbers".
 golden: $(VENV)/.installed
 	$(bin)/python tools/update_golden.py
-
-# A million random calls of the kernel, and of the C library under sanitizers, 200,000 mutated records, 100 kills, 200 bit flips; ATTACK="calls --calls 5000" is
-# a part of it, `python -m tests.attack --help` has the rest.
-attack: $(VENV)/.tools $(VENV)/.installed
-	$(bin)/python -m tests.attack $(ATTACK)
 
 # Coverage-guided fuzzing of every reader, SECONDS each.
 fuzz: $(VENV)/.tools $(VENV)/.installed

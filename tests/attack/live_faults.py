@@ -1,17 +1,13 @@
 """Live use under seeded faults: nothing is sent that must not be, no estimate jumps, nothing breaks.
 
-Usage: python -m tests.attack.live_faults [--cases 1000] [--first 0]
-
 A case is a run of 9 s with beams lost and returning, and some of the faults below, put together from its number. The
 engine is given the bytes and their times of arrival, as it is on a host, without waiting for the time to pass.
 """
 
 from __future__ import annotations
 
-import argparse
 import functools
 import random
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,7 +17,7 @@ import numpy as np
 from bottomlock.io.sentences import xor_of
 from bottomlock.live.engine import Engine
 from bottomlock.ports.estimate import SILENT
-from tests.live.world import START_NS, Sent, World, config, probe_registered
+from tests.live.world import START_NS, Sent, World, config
 
 S = 1_000_000_000
 Entry = tuple[int, int, bytes]
@@ -200,30 +196,3 @@ def wrong_in(sent: Sequence[Sent], names: str) -> str:
         if jump.max() > 3.0 and after.resets == before.resets:
             return f"{names}: jump of {jump.max():.1f} sigma at {(after.time_ns - START_NS) / S:.2f} s"
     return ""
-
-
-def main() -> None:
-    """Runs cases and prints what was wrong."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0)
-    chosen = parser.parse_args()
-    start, wrong, messages = time.monotonic(), 0, 0
-    states: dict[str, int] = {}
-    for number in range(chosen.first, chosen.first + chosen.cases):
-        outcome = run_case(number)
-        messages += outcome.messages
-        for state in outcome.states:
-            states[state] = states.get(state, 0) + 1
-        if outcome.wrong:
-            wrong += 1
-            print(f"case {number}: {outcome.wrong}")
-    print(
-        f"{chosen.cases} cases, {messages} messages, {wrong} wrong; states seen in cases: {states}; "
-        f"{time.monotonic() - start:.0f} s"
-    )
-
-
-if __name__ == "__main__":
-    with probe_registered():
-        main()

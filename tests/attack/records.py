@@ -1,20 +1,16 @@
 """Damages the records of every format and demands a sound table or an error of one line, and never a mixed ping.
 
-`run(seed, count)` is the attack; `python -m tests.attack records --seed 1 --records 100000` runs it by hand. It damages
-whole records (bits, bytes, length; cut, dropped, repeated), where `tools/fuzz_readers.py` changes any bytes.
+Whole records are damaged (bits, length; cut, dropped, repeated), where `tools/fuzz_readers.py` changes any bytes.
 """
 
 from __future__ import annotations
 
 import functools
 import random
-import signal
 import struct
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
@@ -26,20 +22,9 @@ from bottomlock.io.rows import Options
 from tests.attack import logs
 from tools.fuzz_readers import fault_of
 
-LIMIT_S = 10.0
-"""Of processor time, for one damaged log."""
 TABLES = ("table-csv", "table-parquet")
 """The plain tables, read from a file."""
-NAMES = (*logs.BUILDERS, *TABLES)
 _FORMS = {form.name: form for form in BYTES}
-
-
-@dataclass
-class Outcome:
-    """What an attack found: inputs by format, and a line per fault."""
-
-    inputs: dict[str, int] = field(default_factory=dict)
-    faults: list[str] = field(default_factory=list)
 
 
 def damage(log: logs.Log, rng: random.Random) -> list[bytes]:
@@ -196,46 +181,3 @@ def attack_table(name: str, folder: Path, rng: random.Random) -> str | None:
     except BottomlockError as error:
         return "an error of several lines" if "\n" in str(error) else None
     return fault_of(recording, bytes(work))
-
-
-def run(seed: int, count: int) -> Outcome:
-    """Damages `count` logs, in turn of every format, drawn from `seed`.
-
-    No fault means: nothing but a `BottomlockError` of one line was raised, nothing took more than `LIMIT_S`, every
-    table kept what tables promise, and no ping held numbers of two.
-    """
-
-    def late(_: int, __: object) -> NoReturn:
-        raise TimeoutError(f"more than {LIMIT_S} s")
-
-    rng = random.Random(seed)
-    outcome = Outcome(dict.fromkeys(NAMES, 0))
-    before = signal.signal(signal.SIGPROF, late)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            for k in range(count):
-                name = NAMES[k % len(NAMES)]
-                signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
-                try:
-                    if name in TABLES:
-                        fault = attack_table(name, Path(folder), rng)
-                    else:
-                        fault = attack_bytes(name, rng.randrange(8), rng)
-                except KeyboardInterrupt:
-                    raise
-                # A panic of a compiled library is no Exception.
-                except BaseException as error:  # noqa: BLE001 - that is what is looked for
-                    fault = f"{type(error).__name__}: {error}"
-                signal.setitimer(signal.ITIMER_PROF, 0.0)
-                outcome.inputs[name] += 1
-                if fault is not None:
-                    outcome.faults.append(f"{name}, seed {seed}, input {k}: {fault}")
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
-    return outcome
-
-
-def attack(seed: int, count: int) -> list[str]:
-    """The faults of `run`, a line each."""
-    return run(seed, count).faults

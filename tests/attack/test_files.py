@@ -1,4 +1,4 @@
-"""The attacks on files, small; `python -m tests.attack bit_flips kills` is the whole."""
+"""Single bits of files that are read back are flipped."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bottomlock.files import records
-from tests.attack import bit_flips, kills
+from tests.attack import bit_flips
 
 
 @pytest.mark.parametrize(
@@ -27,10 +27,3 @@ def test_the_flips_find_a_reader_that_checks_nothing(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(records, "read_recorded", unchecked)
     faults = bit_flips.attack(16, 10, {"replay": bit_flips.KINDS["replay"]})
     assert any("other tables, without an error" in fault for fault in faults)
-
-
-@pytest.mark.parametrize(
-    "count", [pytest.param(10, marks=pytest.mark.long), pytest.param(60, marks=pytest.mark.deep)]
-)
-def test_nothing_is_lost_by_a_kill(count: int) -> None:
-    assert kills.attack(16, count) == []

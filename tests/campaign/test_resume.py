@@ -13,7 +13,6 @@ from bottomlock.campaign.folder import MANIFEST, identity_of
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import DataError, Note, OutputError
 from bottomlock.files.output_folder import LOCK
-from tests.attack.kills import finished
 from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 from tests.recorded import edit_record
 
@@ -22,6 +21,16 @@ from tests.recorded import edit_record
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
     monkeypatch.setattr(chunks, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+
+
+def finished(out: Path) -> dict[Path, int]:
+    """The files of finished chunks, with the time of their writing."""
+    records = out.glob("chunks/straight/record-*")
+    return {
+        path: path.stat().st_mtime_ns
+        for record in records
+        for path in (record, record.with_name(f"{record.stem.replace('record', 'samples')}.parquet"))
+    }
 
 
 def test_ended_before_the_manifest_was_there(tmp_path: Path) -> None:

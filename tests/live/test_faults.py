@@ -1,4 +1,4 @@
-"""A share of the cases of `tests.attack.live_faults`; `python -m tests.attack.live_faults` runs a thousand."""
+"""Seeded cases of faults of the lines, from `tests.attack.live_faults`."""
 
 from __future__ import annotations
 
