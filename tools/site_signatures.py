@@ -62,14 +62,16 @@ def of_python(function: Any, *, method: bool) -> Signature:  # noqa: ANN401 - an
 
 
 def of_fields(cls: Any) -> Signature:  # noqa: ANN401 - a dataclass
-    """The fields of a dataclass as parameters, with the values of their defaults."""
-    (node,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
-    assert isinstance(node, ast.ClassDef)
-    stated = {
-        str(part.target.id): words(part.annotation)
-        for part in node.body
-        if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name)
-    }
+    """The fields of a dataclass as parameters, inherited ones too, with the values of their defaults."""
+    stated: dict[str, str] = {}
+    for base in filter(dataclasses.is_dataclass, reversed(cls.__mro__)):
+        (node,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
+        assert isinstance(node, ast.ClassDef)
+        stated |= {
+            str(part.target.id): words(part.annotation)
+            for part in node.body
+            if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name)
+        }
     fields = dataclasses.fields(cls)
     parts = ["*"] if any(field.kw_only for field in fields) else []
     for field in fields:

@@ -30,10 +30,20 @@ def test_every_public_name_is_on_the_page(root: Path) -> None:
         ),
         ("method", bottomlock.Scenario.replace, "(changes: Mapping[str, Any])", "Self"),
         ("class", bottomlock.Scenario, "", ""),
+        (
+            "class",
+            bottomlock.Results,
+            (
+                "(manifest: dict[str, Any], runs: pl.DataFrame, ensemble: pl.DataFrame, consistency: pl.DataFrame, "
+                "choices: pl.DataFrame | None, paths: pl.DataFrame | None, folder: Path | None, "
+                "samples_in_memory: pl.DataFrame | None = None)"
+            ),
+            "",
+        ),
     ],
 )
 def test_signatures_have_types(what: str, documented: object, parameters: str, returned: str) -> None:
-    """Of the compiled kernel's parts, of classes of fields and of functions in Python."""
+    """Of the compiled kernel's parts, of classes of fields, inherited ones too, and of functions in Python."""
     assert signature_of(what, documented) == (parameters, returned)
 
 
