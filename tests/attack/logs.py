@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -172,27 +171,6 @@ def nucleus(numbers: Numbers) -> Log:
     return Log(tuple(records), length_at=4)
 
 
-def pd6(numbers: Numbers) -> Log:
-    """A logger's CSV of `:BI` sentences, which is refused."""
-    lines = [b"Timestamp(s),SensorID,RawLine,CmdOrNote\r\n"]
-    for j in range(PINGS):
-        v = ",".join(f"{numbers.whole(100, 9000):+6d}" for _ in range(4))
-        lines.append(
-            f'{1762421966 + 7 * j}.{numbers.whole(100_000, 900_000)},DVL,":BI,{v},A",RESP\r\n'.encode()
-        )
-    return Log(tuple(lines), kept=1, checksum=False)
-
-
-def pd4(numbers: Numbers) -> Log:
-    """PD4 records, which are rejected."""
-    records = []
-    for _ in range(PINGS):
-        body = struct.pack("<BBHB", 0x7D, 0, 45, 0x41)
-        body += struct.pack("<4h4H", *(numbers.whole(100, 30_000) for _ in range(8))) + bytes(24)
-        records.append(body + struct.pack("<H", sum(body) & 0xFFFF))
-    return Log(tuple(records), length_at=2)
-
-
 BUILDERS: dict[str, Callable[[Numbers], Log]] = {
     "waterlinked-serial": waterlinked_serial,
     "waterlinked-json": waterlinked_json,
@@ -203,8 +181,6 @@ BUILDERS: dict[str, Callable[[Numbers], Log]] = {
     "nortek-dvl": nortek_dvl,
     "nortek-ad2cp": nortek_ad2cp,
     "nucleus": nucleus,
-    "pd6": pd6,
-    "pd4": pd4,
 }
 
 

@@ -78,13 +78,10 @@ def _columns(table: BeamTable) -> Iterator[tuple[str, np.ndarray]]:
 
 
 @functools.cache
-def clean(name: str, seed: int) -> tuple[logs.Log, Recording | None, Owners]:
-    """A log, what it gives undamaged (None where the format is refused), and the columns and pings of every number."""
+def clean(name: str, seed: int) -> tuple[logs.Log, Recording, Owners]:
+    """A log, what it gives undamaged, and the columns and pings of every number."""
     log = logs.build(name, seed)
-    try:
-        recording = read(name, logs.joined(log.records))
-    except BottomlockError:
-        return log, None, {}
+    recording = read(name, logs.joined(log.records))
     owners: dict[float, set[tuple[str, int]]] = {}
     for column, values in _columns(recording.table):
         for k, value in enumerate(values.tolist()):
@@ -140,16 +137,13 @@ def attack_bytes(name: str, seed: int, rng: random.Random) -> str | None:
         recording = read(name, data)
     except BottomlockError as error:
         return "an error of several lines" if "\n" in str(error) else None
-    return fault_of(recording, data) or (
-        None if whole is None else mixed(recording, whole, owners, checksum=log.checksum)
-    )
+    return fault_of(recording, data) or mixed(recording, whole, owners, checksum=log.checksum)
 
 
 @functools.cache
 def _table_bytes(name: str) -> bytes:
     """The table of a log as a file holds it."""
     _, recording, _ = clean("waterlinked-json", 0)
-    assert recording is not None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "log")
         frame = recording.table.to_frame()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +12,9 @@ import pytest
 from bottomlock import BeamGeometry
 from bottomlock.encoders import framing
 from bottomlock.encoders.ping import Ping
-from bottomlock.encoders.registry import FORMATS, Format, encoder
+from bottomlock.encoders.registry import FORMATS, encoder
 from bottomlock.errors import BottomlockError, ScenarioError
-from bottomlock.instruments.faults import NONE
-from bottomlock.instruments.from_log import readings_of_log
-from bottomlock.instruments.schedule import records
-from bottomlock.io.formats import BYTES, read_recording
+from bottomlock.io.formats import BYTES
 from bottomlock.io.rows import PLAIN
 from tests.oracle.pd0 import literal_ensembles
 from tools import reader_seeds as seeds
@@ -194,27 +190,6 @@ def test_pd6_turns_to_the_earth() -> None:
     assert lines[1].startswith(":TS,26010100000000,")
     assert lines[2] == ":BI,    +0, +1500,  -250,-32768,A"
     assert lines[4] == ":BE, +1500,    +0,  -250,A"
-
-
-@pytest.mark.parametrize("one", [one for one in FORMATS if one.beams == 4], ids=lambda one: one.name)
-def test_a_recorded_log_survives_every_format(root: Path, one: Format) -> None:
-    """A river survey of 273 pings, written in the maker's bytes and read back: the recorded beams, lost ones too."""
-    recorded = read_recording(root / "data" / "logs" / "pd0_riverpro" / "RiverPro_test01.PD0").table
-    log = readings_of_log(
-        root / "data" / "logs" / "pd0_riverpro" / "RiverPro_test01.PD0", geometry="teledyne_20"
-    )
-    sent = b"".join(one.data for one in records(log, encoder(one.name, log.geometry), NONE, seed=0))
-    (reader,) = (found for found in BYTES if found.name == one.name)
-    table = reader.read(sent, "bytes", PLAIN).table
-    assert np.array_equal(table.valid, recorded.valid)
-    step = 0.5000001 * one.velocity_step_mps + 1e-6
-    np.testing.assert_allclose(
-        table.velocity_mps[table.valid], recorded.velocity_mps[table.valid], atol=step, rtol=0
-    )
-    known = table.valid & np.isfinite(recorded.range_m)
-    np.testing.assert_allclose(
-        table.range_m[known], recorded.range_m[known], atol=0.5000001 * one.range_step_m + 1e-5
-    )
 
 
 def test_formats_are_those_of_the_readers() -> None:

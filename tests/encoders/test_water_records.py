@@ -14,18 +14,15 @@ from numpy.typing import NDArray
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.water_track import WaterTrack
 from bottomlock.encoders.registry import encoder
-from bottomlock.errors import DataError
 from bottomlock.instruments.faults import NONE
-from bottomlock.instruments.from_log import readings_of_log
 from bottomlock.instruments.from_scenario import readings_of_scenario
 from bottomlock.instruments.schedule import records
-from bottomlock.io.beam_table import Recording, write_recording
+from bottomlock.io.beam_table import Recording
 from bottomlock.io.formats import BYTES, read_recording
 from bottomlock.io.rows import PLAIN
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.encoders.test_encoders import FOUR, NS_2026, THREE, ping
-from tools import reader_seeds as seeds
 
 STEPS = {
     "pd0": 1e-3,
@@ -82,20 +79,6 @@ def test_a_ping_with_a_beam_of_the_bottom_is_one_of_the_bottom(name: str) -> Non
     assert recording.table.beams_valid.tolist() == [3]
 
 
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"water_velocity_mps": np.zeros(3)},
-        {"water_velocity_mps": np.array([0.1, np.inf, 0.1, 0.1])},
-        {"water_velocity_mps": np.zeros(4), "water_range_m": -1.0},
-        {"water_velocity_mps": np.zeros(4), "water_range_m": float("nan")},
-    ],
-)
-def test_what_a_ping_does_not_take(changed: dict[str, Any]) -> None:
-    with pytest.raises(DataError, match="ping 1 at"):
-        ping(**changed)
-
-
 def test_the_water_of_a_run_of_a_scenario(tmp_path: Path) -> None:
     """What is drawn is what `convert` reads from the bytes that a simulated Pathfinder sends, at the same times."""
     scenario = load_scenario("straight").with_trajectory(duration_s=12.0)
@@ -116,26 +99,3 @@ def test_the_water_of_a_run_of_a_scenario(tmp_path: Path) -> None:
     np.testing.assert_array_equal(water.valid, np.isfinite(expected[there]))
     np.testing.assert_allclose(water.velocity_mps, expected[there], atol=0.5e-3 + 1e-12)
     np.testing.assert_allclose(water.range_m, 6.0, atol=0.01)
-
-
-def test_the_water_of_a_log_in_another_format(tmp_path: Path) -> None:
-    """The nearest cell of a profile, from the log and from its converted tables, in records of another maker."""
-    log = tmp_path / "log.pd0"
-    log.write_bytes(
-        b"".join(seeds.pd0_ensemble(k, cells=[(k, 2 * k, 3, -4), (9, 9, 9, 9)]) for k in range(1, 6))
-    )
-    recording = read_recording(log)
-    table = tmp_path / "beams.parquet"
-    write_recording(recording, table, source=log)
-    sent_ = []
-    for source in (log, table):
-        readings = readings_of_log(source, geometry="teledyne_20")
-        writer = encoder("nortek-dvl", readings.geometry, start_ns=NS_2026)
-        data = b"".join(one.data for one in records(readings, writer, NONE, seed=1))
-        water = READERS["nortek-dvl"](data, "record", PLAIN).water
-        assert water is not None
-        np.testing.assert_allclose(
-            water.velocity_mps, [[0.001 * k, 0.002 * k, 0.003, -0.004] for k in range(1, 6)], rtol=1e-6
-        )
-        sent_.append(data)
-    assert sent_[0] == sent_[1]

@@ -13,7 +13,7 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
 from bottomlock.errors import ScenarioError
 from bottomlock.instruments.faults import KINDS, NONE, FaultDraws, Faults
-from bottomlock.instruments.from_log import readings_of_case, readings_of_log
+from bottomlock.instruments.from_log import readings_of_log
 from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.readings import SOUND_SPEED_MPS, Readings, pings
 from bottomlock.instruments.schedule import Record, imu_lines, records
@@ -22,7 +22,6 @@ from bottomlock.io import waterlinked_json
 from bottomlock.io.rows import Options
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
-from tests.replay import synthetic_dive
 
 BASE_NS = 1_767_225_600_000_000_000
 EVERY = Faults(drops=0.1, duplicates=0.1, stale=0.1, half_lines=0.1, clock_steps=0.1, reconnects=0.1)
@@ -157,13 +156,6 @@ def test_each_fault_does_what_it_says(readings: Readings, kind: str) -> None:
     assert ways == ({-1, 0, 1} if kind == "clock_steps" else set())
 
 
-def test_a_clock_never_goes_back_beyond_its_start(readings: Readings) -> None:
-    """Steps of 50 s about a start a minute before the run: the clock of the Tracker 650 holds them all."""
-    for one in sent_of(readings, Faults(clock_steps=1.0, clock_step_s=50.0)):
-        assert one.stated is not None
-        assert one.stated.sent_ns > BASE_NS + readings.first_ns - 60 * 10**9
-
-
 def test_a_velocity_that_the_recorded_instrument_called_invalid_stays_so(readings: Readings) -> None:
     """Four beams, and the instrument refused the ping: what is sent says invalid too."""
     refused = replace(readings, stated=np.arange(len(readings.time_ns)) != 1)
@@ -223,15 +215,6 @@ def test_a_log_is_sent_again_as_it_was(tmp_path: Path, readings: Readings) -> No
     )
     assert again.truth is None
     assert sent_table(again, sent_of(again))["true_surge_mps"].null_count() == len(sent)
-
-
-def test_a_case_has_its_imu_and_depth(tmp_path: Path) -> None:
-    """All streams of a replay case on its one clock."""
-    found = readings_of_case(synthetic_dive.write(tmp_path))
-    assert found.imu is not None
-    assert found.depth is not None
-    assert found.imu.time_ns[0] <= found.time_ns[0] <= found.imu.time_ns[-1]
-    assert sent_of(found)[0].data.startswith(b'{"time":')
 
 
 def test_a_scenario_takes_other_beams(tmp_path: Path) -> None:

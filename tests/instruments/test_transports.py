@@ -15,7 +15,6 @@ import pytest
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.encoders.registry import encoder
-from bottomlock.errors import BottomlockError
 from bottomlock.instruments.address import parse_address
 from bottomlock.instruments.faults import NONE, Faults
 from bottomlock.instruments.from_scenario import readings_of_scenario
@@ -171,16 +170,6 @@ def test_a_terminal_that_nobody_reads_holds_nothing_up(readings: Readings) -> No
     """Bytes of a full line are lost, once after a short wait, then at once."""
     sent = sent_of(readings) * 4
     run(transport_of(parse_address("pty", "--dvl")), sent, lambda: None)
-
-
-def test_a_port_in_use_is_one_line() -> None:
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        port = other.getsockname()[1]
-        with pytest.raises(BottomlockError, match=r"cannot listen .*in use") as caught:
-            run(transport_of(parse_address(f"tcpin:{port}", "--dvl")), [], lambda: None)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_client_that_does_not_read_holds_nobody_up() -> None:

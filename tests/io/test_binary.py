@@ -33,13 +33,6 @@ def test_pd0_beams() -> None:
     assert recording.geometry == "teledyne_20"
 
 
-@pytest.mark.parametrize("century", [False, True])
-def test_pd0_clock_with_century(century: bool) -> None:
-    """The clock that states its century agrees with the one that does not."""
-    table = pd0.read(seeds.pd0_ensemble(1, century=century), "log").table
-    assert table.time_ns.tolist() == [1_617_801_180_500_000_000]
-
-
 def test_pd0_high_resolution() -> None:
     """0x5803 refines 0x0600 in 0.01 mm/s, and does not bring back a beam that 0x0600 calls bad."""
     fine = (10_012, -10_034, 25_056, -3_276_800)
@@ -63,13 +56,6 @@ def test_pd0_without_beams(frame: int, code: str) -> None:
     np.testing.assert_allclose(recording.table.instrument_mps, [[0.2, -0.1, 0.05]] * 2)
     np.testing.assert_allclose(recording.table.extra["error_velocity_mps"], [0.007, np.nan])
     assert recording.frame == ("ned" if frame == 3 else "frd")
-
-
-def test_pd0_mixed_coordinates() -> None:
-    """A file that changes its coordinates keeps its beams and tells what it left out."""
-    recording = pd0.read(seeds.pd0_ensemble(1) + seeds.pd0_ensemble(2, frame=2), "log")
-    assert recording.table.rows == 1
-    assert recording.account.skipped["ship coordinates among beam coordinates"].count == 1
 
 
 def test_pd0_damage_is_counted() -> None:
@@ -175,17 +161,6 @@ def test_nucleus() -> None:
     np.testing.assert_allclose(table.instrument_mps[0], [1.0, -0.5, 0.25])
     np.testing.assert_allclose(table.sd_mps[0], [0.01, 0.02, 0.03], rtol=1e-6)
     assert "since 1970" in recording.clock
-
-
-@pytest.mark.parametrize("size", [0, 1, 30, 31])
-@pytest.mark.parametrize("before", [b"", b"x"])
-def test_checksums_in_constant_time(size: int, before: bytes) -> None:
-    """Even and odd lengths at even and odd places give the sum that words one by one give."""
-    data = bytes(range(7, 7 + size))
-    log = before + framing.nortek_frame(0x55, data)
-    found = frames(log, Account(unit="byte"))
-    (start,), (length,) = found.start.tolist(), found.size.tolist()
-    assert log[start : start + length] == data
 
 
 def test_pd0_ranges_beyond_655_m() -> None:

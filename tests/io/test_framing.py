@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -113,20 +112,6 @@ def test_damage_in_any_pieces(name: str) -> None:
             ]
 
 
-@pytest.mark.recordings
-def test_recorded_streams(recordings: Path, root: Path) -> None:
-    """Recordings of an A50 and of a RiverPro, in pieces of 700 bytes, give the pings of `bottomlock convert`."""
-    files = {
-        "waterlinked-json": recordings / "a50_waterlinked_json" / "out_still_60s.txt",
-        "pd0": root / "data" / "logs" / "pd0_riverpro" / "RiverPro_test01.PD0",
-    }
-    for name, file in files.items():
-        data = file.read_bytes()[:400_000]
-        pings = in_pieces(name, data, list(range(0, len(data), 700)), 4)
-        assert len(pings) > 50
-        as_in_file(name, data, pings)
-
-
 def test_lines_too_long_are_dropped_whole() -> None:
     """However they come: the line after them is whole."""
     stream = b"x" * 30 + b"\nshort\n" + b"y" * 11 + b"\nlast\n"
@@ -145,9 +130,3 @@ def test_a_serial_ping_is_there_with_its_fourth_transducer() -> None:
     assert not any(reader.feed(line) for line in lines[first : first + 4])
     assert len(reader.feed(lines[first + 4])) == 1
     assert not reader.framer.waiting
-
-
-def test_formats_without_beams_are_refused() -> None:
-    """By name, with those that are streams of beams."""
-    with pytest.raises(DataError, match=r"format 'pd6' is no stream of beams, expected one of .*pd0"):
-        PingReader("pd6", 4)

@@ -110,24 +110,6 @@ def test_bottom_and_water_of_an_ensemble(frame: int) -> None:
     assert any("recovered" in line for line in recording.corrected)
 
 
-def test_beam_coordinates_stay_as_they_are() -> None:
-    log = seeds.pd0_ensemble(1) + seeds.pd0_ensemble(2, velocity=(1, -32768, 3, 4))
-    np.testing.assert_array_equal(
-        pd0.read(log, "log", RECOVERED).table.velocity_mps, pd0.read(log, "log").table.velocity_mps
-    )
-
-
-def test_an_instrument_that_looks_up_is_refused() -> None:
-    log = bytearray(seeds.pd0_ensemble(1, frame=3))
-    at = log.index(b"\x0b\x41")
-    log[at] |= 0x80
-    log[-2:] = (sum(log[:-2]) & 0xFFFF).to_bytes(2, "little")
-    with pytest.raises(
-        DataError, match=r"log: --beams-from-axes needs .* are of an instrument that looks up"
-    ):
-        pd0.read(bytes(log), "log", RECOVERED)
-
-
 @pytest.mark.parametrize("name", ["pd0_ooi_glider/LA101636.PD0", "pd0_nortek_mhkit/winriver02_transect.PD0"])
 def test_recordings_keep_their_speed(recordings: Path, name: str) -> None:
     """Least squares of the recovered beams has the speed that the instrument states."""

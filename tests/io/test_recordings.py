@@ -12,7 +12,6 @@ from bottomlock.io.beams import read_geometry
 from bottomlock.io.formats import detect, read_recording
 from bottomlock.io.rows import Options
 from bottomlock.kernel import solve_velocity
-from tests.oracle.pd0 import literal_ensembles
 
 pytestmark = pytest.mark.recordings
 KEEP = Options(keep_stale=True)
@@ -152,19 +151,6 @@ def test_pd0_in_other_coordinates(
     known = recording.table.instrument_valid == 1
     four = known & np.isfinite(recording.table.extra["error_velocity_mps"])
     assert (four.sum(), (known & ~four).sum(), (~known).sum()) == solutions
-
-
-@pytest.mark.parametrize("name", ["winriver02_transect.PD0", "RDI_withBT.000"])
-def test_pd0_against_a_literal_reader(recordings: Path, name: str) -> None:
-    """The byte-by-byte reader finds the same ensembles: none dropped at the end, no false one among the bytes."""
-    path = file(recordings, "pd0_nortek_mhkit", name)
-    literal = literal_ensembles(path.read_bytes())
-    recording = read_recording(path, options=Options(instrument_only=True))
-    cut = recording.account.skipped.get("truncated")
-    assert recording.account.read - (cut.count if cut else 0) == len(literal)
-    velocity = np.array([e.velocity_mmps for e in literal if e.velocity_mmps is not None], dtype=float)
-    error = np.where(velocity[:, 3] == -32768, np.nan, velocity[:, 3] * 1e-3)
-    np.testing.assert_allclose(recording.table.extra["error_velocity_mps"], error, rtol=1e-12)
 
 
 def test_ad2cp_without_bottom(recordings: Path) -> None:

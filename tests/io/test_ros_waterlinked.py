@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,6 @@ import pytest
 
 pytest.importorskip("rosbags", reason="bags need the extra .[ros]")
 
-from bottomlock.errors import DataError
 from bottomlock.io.formats import read_recording
 from tests.io import bags
 
@@ -112,21 +109,3 @@ def test_a_time_of_validity_is_taken(tmp_path: Path) -> None:
     check(found.table)
     assert (found.time_of, found.notes) == ("validity", [])
     np.testing.assert_array_equal(found.table.time_ns, 1_699_999_999_900_000_000 + 200_000_000 * np.arange(5))
-
-
-def test_a_message_without_definition_is_named(tmp_path: Path) -> None:
-    """Bags of ROS 2 Humble hold no definitions: the layout of a driver's message cannot be known."""
-    path = write_ros2(tmp_path / "dive", "dvl_msgs")
-    (file,) = path.glob("*.db3")
-    with sqlite3.connect(file) as base:
-        base.execute("UPDATE schema SET schema_version = 3")
-        base.execute("DROP TABLE message_definitions")
-        base.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
-    base.close()
-    yaml = path / "metadata.yaml"
-    text = re.sub(r"\s+type_description_hash:\s+\S+", "", yaml.read_text())
-    yaml.write_text(text.replace("version: 9", "version: 5"))
-    with pytest.raises(
-        DataError, match=r"no definition of /dvl/data \(dvl_msgs/msg/DVL\).*`ros2 bag convert`"
-    ):
-        read_recording(path)

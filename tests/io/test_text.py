@@ -11,7 +11,6 @@ from bottomlock.encoders import framing
 from bottomlock.errors import DataError
 from bottomlock.io import cerulean, linkquest, nortek_ascii, pd6, waterlinked_json, waterlinked_serial
 from bottomlock.io.rows import Options
-from bottomlock.io.sentences import xor_of
 from tools import reader_seeds as seeds
 
 
@@ -158,16 +157,6 @@ def test_pnorbt_missing_line() -> None:
     assert recording.account.flagged["beam line missing"].first == 5
 
 
-def test_pnorbt_of_two_lines_with_a_checksum_by_chance() -> None:
-    """The end of one line after the beginning of another passes for a sound one but for its time of too few digits."""
-    joined = b"$PNORBT0,2,040721,1313.0000,23.961,-48.122,0.19280,0.01,5.0,0x1F*1D\r\n"
-    assert xor_of(joined[1 : joined.index(b"*")]) == 0x1D
-    sound = joined.replace(b"1313.0000", b"131301.0000").replace(b"*1D", b"*1C")
-    recording = nortek_ascii.read(sound + joined, "log")
-    assert recording.table.rows == 1
-    assert recording.account.skipped["beam line with wrong fields"].first == 2
-
-
 def test_dvkfc_documented_example() -> None:
     """Three cones; range confidences under 25 are no detections, as the maker says."""
     recording = cerulean.read(seeds.DVKFC, "log")
@@ -198,28 +187,6 @@ def test_linkquest_signs() -> None:
     log = b"\n".join([cut[0], cut[1], cut[2][:40], cut[3] + cut[3]])
     account = linkquest.read(log, "log").account
     assert (account.skipped["truncated"].first, account.skipped["merged line"].first) == (3, 4)
-
-
-def test_a_transducer_without_a_field_that_the_others_have_is_damage() -> None:
-    """Bytes lost between the numbers of two fields: whole JSON, with a range for a velocity."""
-    report = seeds.a50_report(1)
-    start = report.index(b'"velocity":') + len(b'"velocity":')
-    stop = report.index(b'"distance":') + len(b'"distance":')
-    log = seeds.a50_report(0) + report[:start] + report[stop:] + seeds.a50_report(2)
-    recording = waterlinked_json.read(log, "log")
-    assert recording.account.skipped["transducers with different fields"].first == 2
-    assert recording.table.rows == 2
-
-
-def test_two_linkquest_lines_in_one_are_no_ping() -> None:
-    """A line that lost its end and the next its beginning: as many fields as a whole one, and a time as a range."""
-    lines = seeds.linkquest_log(3).splitlines()
-    first, second = lines[1].split(b","), lines[2].split(b",")
-    glued = b",".join([*first[:7], first[7] + second[0], *second[1:3], *second[10:]])
-    assert glued.count(b",") == lines[1].count(b",")
-    recording = linkquest.read(b"\n".join([lines[0], glued, lines[3]]), "log")
-    assert recording.account.skipped["range beyond 20 km"].first == 2
-    assert recording.table.rows == 1
 
 
 def test_records_without_beams_are_refused_with_what_to_set() -> None:

@@ -90,12 +90,6 @@ def test_a_fifo_as_source(tmp_path: Path) -> None:
     assert asyncio.run(taken(f"file:{fifo}", write)) == DATA
 
 
-def test_a_file_as_source(tmp_path: Path) -> None:
-    """From its beginning to its end."""
-    (tmp_path / "log").write_bytes(DATA)
-    assert asyncio.run(taken(f"file:{tmp_path / 'log'}")) == DATA
-
-
 def test_stdin_and_stdout(tmp_path: Path) -> None:
     """A process in a pipe: reports in, sentences out, exit code 0 where its input ends."""
     path = tmp_path / "live.toml"
@@ -130,20 +124,6 @@ async def written(
     await cancel(task)
     assert sink.dropped == 0
     return bytes(found)
-
-
-def test_a_serial_line_as_target(terminal: tuple[int, str]) -> None:
-    """What was written comes out at the other end."""
-    end, device = terminal
-
-    @contextlib.contextmanager
-    def collect(found: bytearray) -> Iterator[None]:
-        loop = asyncio.get_running_loop()
-        loop.add_reader(end, lambda: found.extend(os.read(end, 65_536)))
-        yield
-        loop.remove_reader(end)
-
-    assert asyncio.run(written(f"serial:{device}:115200", collect)) == DATA
 
 
 def test_a_file_as_target(tmp_path: Path) -> None:

@@ -20,7 +20,6 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.live.pings import PingReader
 from bottomlock.live.platform_attitude import PlatformAttitude
 from bottomlock.live.runner import Live
@@ -33,7 +32,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_a50
-from tests.live.world import START_NS, Sent
+from tests.live.world import START_NS
 
 SECONDS = 60.0
 TEXT = """
@@ -161,55 +160,6 @@ def parsed(entries: Arrivals, config: LiveConfig) -> Iterator[tuple[int, Any]]:
     own = Engine(config)
     for _, source, data in entries:
         yield from ((one.time_ns, one) for one in own.sources[source].reader.feed(data))
-
-
-@pytest.mark.parametrize("aids", ["attitude", "heading"])
-def test_a_navigator_that_is_given_them_in_order_has_the_same_bits(entries: Arrivals, aids: str) -> None:
-    """Pings and attitudes come late and unsorted; state, covariance and slow error are those of the sorted readings."""
-    config = made(('aids = "heading"', f'aids = "{aids}"'))
-    engine, _ = fly(config, entries)
-    assert isinstance(engine.estimator, NavigationEstimator)
-    live = navigator_of(engine)
-    first = Engine(config)
-    for arrival_ns, source, data in entries:
-        first.arrive(source, arrival_ns, data)
-        if isinstance(first.estimator, NavigationEstimator) and first.estimator.navigator is not None:
-            break
-    start = navigator_of(first).state()
-    settings = kernel_settings(config, config.instrument())
-    model = settings.model
-    assert config.attitude is not None
-    platform = PlatformAttitude(config.attitude)
-    sorted_ = Navigator(
-        config.instrument().geometry, model, settings.options, start, method="tc", horizon_ns=2_000_000_000
-    )
-    begin_ns = start["time_ns"]
-    order = {Ping: 1, AttitudeReading: 2, ImuReading: 0}
-    for time_ns, one in sorted(parsed(entries, config), key=lambda pair: (pair[0], order[type(pair[1])])):
-        if isinstance(one, ImuReading) and time_ns >= begin_ns:
-            sorted_.push_imu(time_ns, omega_p_radps=one.omega_radps, force_p_mps2=one.force_mps2)
-        elif time_ns <= begin_ns:
-            continue
-        elif isinstance(one, Ping):
-            sorted_.push_beams(time_ns, one.velocity_mps, one.valid, sd_mps=np.full(4, 0.008))
-        elif isinstance(one, AttitudeReading) and aids == "attitude":
-            sorted_.push_attitude(
-                time_ns,
-                platform.of(one),
-                roll_pitch_sd_rad=np.deg2rad(0.2),
-                yaw_sd_rad=np.deg2rad(0.3),
-            )
-        elif isinstance(one, AttitudeReading):
-            sorted_.push_heading(time_ns, angles(platform.of(one))[2], sd_rad=np.deg2rad(0.3))
-    for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "gyro_bias_p_radps"):
-        np.testing.assert_array_equal(live.state()[name], sorted_.state()[name])
-    np.testing.assert_array_equal(live.covariance(), sorted_.covariance())
-    error = live.attitude_error() if aids == "attitude" else live.heading_error()
-    same = sorted_.attitude_error() if aids == "attitude" else sorted_.heading_error()
-    assert error is not None
-    assert same is not None
-    np.testing.assert_array_equal(error["error_rad"], same["error_rad"])
-    assert engine.sources[AHRS].used > 590
 
 
 MOTION = """[filter.motion]
@@ -395,16 +345,6 @@ def test_readings_beyond_the_horizon_are_refused_and_counted(entries: Arrivals) 
     other, _ = fly(made(), without)
     assert sum(engine.sources[AHRS].refused.values()) > 3
     np.testing.assert_array_equal(navigator_of(engine).covariance(), navigator_of(other).covariance())
-
-
-def test_a_silent_reference_changes_no_state(entries: Arrivals) -> None:
-    """Nor does its slow rate let silent inertial readings pass as alive."""
-    kept = [e for e in entries if e[1] != AHRS or not 20.0 < (e[0] - START_NS) * 1e-9 < 40.0]
-    engine, sent = fly(made(("rate_hz = 10\nclock", "rate_hz = 0.5\nclock")), kept)
-    assert {Sent.parse(one.data).state for one in sent} <= {"OK", "PARTIAL"}
-    engine.advance(engine.now_ns + 200_000_000)
-    assert engine.state == "UNSAFE"
-    assert "inertial" in engine.machine.why
 
 
 @pytest.mark.parametrize("level", ["levelling", "attitude"])

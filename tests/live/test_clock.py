@@ -84,17 +84,3 @@ def test_a_stall_of_the_line_is_no_step() -> None:
     assert verdicts.count("late") == 29
     assert clock.steps == 0
     assert np.abs(errors).max() < 1e6
-
-
-def test_late_first_reports_are_no_step() -> None:
-    """The envelope is not known before some reports have come."""
-    clock = ClockMap(STEP_NS)
-    arrivals = [2_000_000_000, 2_000_000_001, 2_000_000_002, 2_000_000_003, 2_200_000_000]
-    assert [clock.observe(k * 100_000_000, arrival) for k, arrival in enumerate(arrivals)] == ["good"] * 5
-    assert clock.host_ns(0) == pytest.approx(1_700_000_000, abs=2e5)
-
-
-def test_no_time_before_the_first_report() -> None:
-    """One line, not a wrong time."""
-    with pytest.raises(ValueError, match="no report has come yet"):
-        ClockMap(STEP_NS).host_ns(0)

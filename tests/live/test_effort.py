@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bottomlock.live.readings import LineReader
-from bottomlock.recordings.readings import EffortReading
 from tests.live.test_thrust import SECONDS, flown
 from tests.live.test_water_track import THROUGH
 from tests.live.world import START_NS
@@ -47,14 +45,3 @@ def test_forces_hold_the_velocity(factor: float) -> None:
     assert (sd[:2] < 0.5 * alone[:2]).all()
     assert engine.state == "COASTING"
     assert dict(engine.estimator.gated) == {}
-
-
-def test_a_line() -> None:
-    """A time and three numbers."""
-    reader = LineReader("effort-csv")
-    assert reader.feed(b"5,-12.5,1.0,0.5\n") == [EffortReading(5, (-12.5, 1.0, 0.5))]
-    assert reader.feed(b"6,1.0\n7,nan,0,0\n") == []
-    assert dict(reader.skipped) == {
-        "not the columns time_ns,surge_n,sway_n,heave_n": 1,
-        "not a time in ns and finite numbers": 1,
-    }

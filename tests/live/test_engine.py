@@ -151,18 +151,6 @@ def test_silent_inertial_readings_are_unsafe() -> None:
     assert engine.reset_counter == 0
 
 
-def test_garbage_is_counted_and_nothing_else_changes() -> None:
-    """Lines that are no report between the reports: the messages are the same."""
-    world = World(4.0)
-    clean = [message for _, message, _ in fly(Engine(config()), world)]
-    engine, found = Engine(config()), []
-    for arrival_ns, source, data in world.arrivals():
-        engine.arrive(source, arrival_ns, b'{"type":"nonsense"}\n\xff\xfe\n{"vx":')
-        found += engine.arrive(source, arrival_ns, b"\n" + data)
-    assert found == clean
-    assert sum(engine.sources[0].reader.skipped.values()) == 3 * 40
-
-
 def test_stamps_on_the_hosts_clock() -> None:
     """Taken as they are; one far ahead is refused, and the readings after it are not old."""
     settings = config("navigation", format="pd0")

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import io
 import json
 import re
 from collections.abc import Awaitable, Callable
 from importlib import resources
 from typing import Any
 
-from rich.console import Console
-
-from bottomlock.cli.live_view import view
 from bottomlock.live.engine import Engine
 from bottomlock.live.health import HealthServer, metrics, status
 from bottomlock.live.runner import Live
@@ -142,15 +138,3 @@ def test_the_page_uses_no_network() -> None:
     used = set(re.findall(r'by\("([a-z]+)"\)|rows\("([a-z]+)"', page))
     ids = set(re.findall(r'id="([a-z]+)"', page))
     assert {a or b for a, b in used} <= ids
-
-
-def test_the_terminal_shows_the_same() -> None:
-    """State and why, velocity with its sigma, beams, sources and ports."""
-    console = Console(width=200, record=True, file=io.StringIO())
-    console.print(view(status(flown(lost=(1, 2)))))
-    text = console.export_text()
-    assert "PARTIAL  beams determine 2 of 3 directions  (resets 0)" in text
-    assert "beam 2: lost" in text
-    assert "beam 1: used" in text
-    assert re.search(r"dvl +not opened yet +0.1 +20", text)
-    assert re.search(r"probe +udpout:127.0.0.1:9: dry run +20", text)

@@ -7,8 +7,6 @@ import pytest
 
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.readings import LineReader
-from bottomlock.recordings.readings import ThrustReading
 from tests.live.test_water_track import THROUGH
 from tests.live.world import START_NS, VELOCITY, World, config
 
@@ -58,14 +56,3 @@ def test_revolutions_hold_the_speed(factor: float) -> None:
     assert sd[0] < 0.33 * alone[0]
     assert engine.state == "COASTING"
     assert dict(engine.estimator.gated) == {}
-
-
-def test_a_line() -> None:
-    """A time and one number."""
-    reader = LineReader("thrust-csv")
-    assert reader.feed(b"5,-12.5\n") == [ThrustReading(5, -12.5)]
-    assert reader.feed(b"6,1.0,2.0\n7,nan\n") == []
-    assert dict(reader.skipped) == {
-        "not the columns time_ns,revolutions_hz": 1,
-        "not a time in ns and finite numbers": 1,
-    }

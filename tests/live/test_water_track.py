@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from typing import Any
 
@@ -10,16 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock.cli.live_view import view
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.water_table import WaterTable
 from bottomlock.live.checkpoint import begin, pack
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.engine import Engine
-from bottomlock.live.health import metrics, status
-from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.odometry import quality
 from bottomlock.recordings.readings import Ping
 from tests.live.test_engine import asked_in_between, fly, states
 from tests.live.world import VELOCITY, Sent, World, config
@@ -182,54 +176,3 @@ def test_a_restart_keeps_the_current(tmp_path: Any) -> None:  # noqa: ANN401
     np.testing.assert_array_equal(known[0], kept[0])
     other = config("navigation", extra=extra.replace("0.02", "0.03"))
     assert begin(other, engine.now_ns + 10**9)[1] is None
-
-
-class Shown:
-    """What `status` asks of a live run."""
-
-    def __init__(self, engine: Engine) -> None:
-        self.engine, self.config, self.log, self.faults = engine, engine.config, None, 0
-        self.sinks: list[Any] = []
-        self.connections = [Connection() for _ in engine.sources]
-
-    def clock(self) -> int:
-        """Host's clock."""
-        return self.engine.now_ns
-
-
-class Connection:
-    """A connection that is there."""
-
-    state, dropped = "connected", 0
-
-
-def test_the_current_is_shown() -> None:
-    """In the status, as metrics and in the terminal; without the section there is none."""
-    engine = with_water()
-    fly(engine, World(7.0, none_from_five), imu=True)
-    shown = status(Shown(engine))  # type: ignore[arg-type]
-    assert shown["state"] == "WATER"
-    assert json.loads(json.dumps(shown))["water"]["cells"] == engine.estimator.water_counts.text()
-    north, east = shown["water"]["current_mps"]
-    assert abs(north - CURRENT[0]) < 0.1
-    assert abs(east - CURRENT[1]) < 0.1
-    assert 'bottomlock_state{state="WATER"} 1' in metrics(shown)
-    assert f'bottomlock_current_mps{{axis="east"}} {east:.9g}' in metrics(shown)
-    words = [str(part) for part in view(shown).renderables]
-    assert any(text.startswith("current: north 0.") for text in words)
-    plain = Engine(config("navigation"))
-    fly(plain, World(3.0), imu=True)
-    assert status(Shown(plain))["water"] is None  # type: ignore[arg-type]
-
-
-def test_quality_is_between_that_of_one_beam_and_none() -> None:
-    engine = with_water()
-    fly(engine, World(7.0, none_from_five), imu=True)
-    assert isinstance(engine.estimator, NavigationEstimator)
-    qualities = []
-    for state in ("PARTIAL", "WATER", "COASTING"):
-        estimate: Estimate | None = engine.estimator.estimate(state, 0)
-        assert estimate is not None
-        qualities.append(quality(replace(estimate, state=state)))
-        assert (estimate.beams is None) == (state != "PARTIAL")
-    assert qualities[1:] == [17, 1]

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
@@ -73,14 +70,6 @@ def test_sends_and_encode_agree(name: str) -> None:
         reason = one.sends(estimate)
         assert (one.encode(estimate) is None) == (reason is not None)
         assert (one.loss(estimate).reason is None) >= (reason is None)
-
-
-def test_scalar_and_three_axis_ports_need_rank_three() -> None:
-    for name in ("vision_position_delta", "odometry", "waterlinked_json", "pd0"):
-        one = made(name)
-        for mask, rank in ((OPPOSITE, 2), (SIDE, 2), (SINGLE, 1)):
-            reason = one.sends(from_beams(mask))
-            assert reason == f"the beams determine {rank} of 3 axes, and no inertial estimate fills the rest"
 
 
 def test_vision_position_delta_of_pings() -> None:
@@ -269,24 +258,6 @@ def made_at_sequence(one: Any, estimate: Any) -> bytes:  # noqa: ANN401
     return data
 
 
-@pytest.mark.parametrize("value", [None, "0", "1"])
-def test_mavlink_2_whatever_the_environment_says(value: str | None) -> None:
-    """STX 0xFD and a message with a number above 255 and extensions, in a process of its own."""
-    environment = {key: item for key, item in os.environ.items() if key != "MAVLINK20"}
-    if value is not None:
-        environment["MAVLINK20"] = value
-    code = (
-        "from tests.ports.cases import navigated\n"
-        "from bottomlock.ports.registry import port\n"
-        "print(port('odometry').encode(navigated())[:10].hex())"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    )
-    head = bytes.fromhex(done.stdout.strip())
-    assert (head[0], int.from_bytes(head[7:10], "little")) == (0xFD, 331)
-
-
 @pytest.mark.parametrize(
     ("mask", "flags"), [(FULL, 7), (MASKS["3 beams"], 7), (OPPOSITE, 4), (SIDE, 1), ((1, 0, 0, 1), 2)]
 )
@@ -300,12 +271,6 @@ def test_mip_axes_in_mode_velocity(mask: tuple[int, ...], flags: int) -> None:
     sent = np.diag(found["sd"][there] ** 2)
     assert np.linalg.eigvalsh(sent - estimate.covariance_m2ps2[np.ix_(there, there)])[0] >= -1e-18
     assert list(found["sd"][np.logical_not(there)]) == [0.0] * (3 - sum(there))
-
-
-def test_mip_sends_nothing_of_one_beam() -> None:
-    one = made("microstrain")
-    assert one.sends(from_beams(SINGLE)) == "the beams determine 1 of 3 axes, and none along a platform axis"
-    assert one.loss(from_beams(SIDE)).axes_lost == 1
 
 
 def test_mip_in_mode_navigation_omits_or_estimates_unseen_axes() -> None:

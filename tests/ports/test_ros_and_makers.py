@@ -256,12 +256,3 @@ def test_ros_tf(store: Any) -> None:  # noqa: ANN401
     assert (found.header.frame_id, found.child_frame_id) == ("odom", "base_link")
     assert vector(found.transform.translation) == vector(pose.position)
     assert found.transform.rotation == pose.orientation
-
-
-@pytest.mark.parametrize("name", ["ros_odometry", "ros_tf"])
-def test_mode_velocity_has_no_pose(name: str) -> None:
-    one = port(name)
-    assert one.encode(from_beams(MASKS["4 beams"])) is None
-    assert one.reason == "mode velocity has no pose, which this message holds"
-    late = 2**31 * SECOND
-    assert one.sends(navigated(late)) == f"time_ns is {late}, later than a ROS time holds"

@@ -17,7 +17,7 @@ from bottomlock.live.templates import AUTOPILOTS, template
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.mavlink import Timesync
 from bottomlock.ports.registry import port
-from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML
+from tests.live.world import NAVIGATION_TOML
 from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
 from tests.ports.receivers import (
     ArduPilotAiding,
@@ -160,32 +160,6 @@ def test_templates_send_what_their_receivers_take() -> None:
     assert [one.address for one in px4.source if one.format == "mavlink"] == ["udpin:0.0.0.0:14540"]
     assert configuration("ros2").port[0].port == "ros_twist"
     assert all(not cautions(configuration(name)) for name in AUTOPILOTS)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ("rate_hz = 5\n", "messages may be 0.25 s apart, and PX4 begins to aid only below 0.2 s"),
-        ("rate_hz = 20\n", ""),
-    ],
-)
-def test_a_rate_at_which_px4_never_starts_is_said(change: str, words: str) -> None:
-    text = template("a50", "px4").replace(
-        'settings.receiver = "px4"\n', f'settings.receiver = "px4"\n{change}'
-    )
-    assert [words in one for one in cautions(parse_config(text, place="test"))] == [True] * bool(words)
-
-
-def test_mode_velocity_to_px4_and_speeds_without_positions_are_said() -> None:
-    places = {"dvl": "tcp:127.0.0.1:9", "to": "udpout:127.0.0.1:9", "format": "waterlinked-json"}
-    text = VELOCITY_TOML.format(**places).replace('port = "probe"', 'port = "odometry"')
-    assert cautions(parse_config(text, place="test")) == []
-    slow = text.replace("rate_hz = 10", "rate_hz = 4")
-    assert "0.25 s apart" in cautions(parse_config(slow, place="test"))[0]
-    lonely = NAVIGATION_TOML.format(**places, imu="udpin:127.0.0.1:9").replace(
-        'port = "probe"', 'port = "vision_speed_estimate"'
-    )
-    assert "EK3_SRC1_POSXY = 6" in cautions(parse_config(lonely, place="test"))[0]
 
 
 @pytest.mark.parametrize(("unseen_sd_mps", "least", "most"), [(10.0, 1.0, 1.3), (100.0, 11.0, 12.0)])
