@@ -302,7 +302,7 @@ def tests_by_line(group: str, python: Path, work: Path) -> dict[str, dict[int, s
     for file in data.measured_files():
         lines: dict[int, set[str]] = defaultdict(set)
         for number, contexts in data.contexts_by_lineno(file).items():
-            tests = {_test(context) for context in contexts if context}
+            tests = {test for context in contexts if context and (test := _test(context))}
             lines[number] |= tests
             lines[0] |= tests
         found[f"python/{Path(file).relative_to(python).as_posix()}"] = lines
@@ -310,11 +310,13 @@ def tests_by_line(group: str, python: Path, work: Path) -> dict[str, dict[int, s
 
 
 def _test(context: str) -> str:
-    """`tests.io.test_text.test_blank` as pytest names it."""
-    module, name = context.rsplit(".", 1)
-    while not (ROOT / f"{module.replace('.', '/')}.py").exists():
-        module, above = module.rsplit(".", 1)
+    """`tests.io.test_text.test_blank` as pytest names it; "" for a function that is no test."""
+    module, _, name = context.rpartition(".")
+    while module and not (ROOT / f"{module.replace('.', '/')}.py").exists():
+        module, _, above = module.rpartition(".")
         name = f"{above}::{name}"
+    if not module.startswith("tests."):
+        return ""
     return f"{module.replace('.', '/')}.py::{name}"
 
 

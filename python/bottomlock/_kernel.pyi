@@ -96,9 +96,8 @@ class CurrentLayersDict(TypedDict):
 class RobustDict(TypedDict):
     closure_gate: float | None
     beam_gate: float | None
-    tail: Literal["gaussian", "student_t", "huber"]
+    tail: Literal["gaussian", "student_t"]
     student_t_degrees: float
-    huber_threshold: float
 
 @type_check_only
 class MotionDict(TypedDict):
@@ -517,7 +516,7 @@ class Report:
     @property
     def verdict(
         self,
-    ) -> Literal["accepted", "accepted_in_part", "rejected", "no_information", "withheld", "withdrawn"]: ...
+    ) -> Literal["accepted", "accepted_in_part", "rejected", "no_information", "withheld"]: ...
     @property
     def revised(self) -> bool: ...
     @property

@@ -24,7 +24,7 @@ from tests.c.navigator import CError, CLibrary, CNavigator, flat, floats
 from tests.property import settings
 from tests.replay.streaming import STREAMS, events, push
 
-VERDICTS = ("accepted", "accepted_in_part", "rejected", "no_information", "withheld", "withdrawn")
+VERDICTS = ("accepted", "accepted_in_part", "rejected", "no_information", "withheld")
 JANUS_20 = read_geometry("x_janus_20").geometry
 
 

@@ -1,4 +1,4 @@
-"""Late data: any order of arrival within the horizon ends in the bits of the log in order of time."""
+"""Late data: any order in which measurements arrive within the horizon ends in the bits of the log in order of time."""
 
 import copy
 import pickle
@@ -25,7 +25,7 @@ STREAMS = ("imu", "dvl", "depth", "heading", "gps")
 
 
 def arrivals(latency_s: float, seed: int) -> list[tuple[int, str, int]]:
-    """Time, stream and row of every event of the log, each with a random latency; in order without."""
+    """Time, stream and row of every event of the log, each measurement with a random latency; in order without."""
     log: Any = LOG
     events = [
         (int(t), rank, name, k)
@@ -34,6 +34,7 @@ def arrivals(latency_s: float, seed: int) -> list[tuple[int, str, int]]:
     ]
     events.sort()
     latency_ns = np.random.default_rng(seed).uniform(0, latency_s * SECOND, len(events))
+    latency_ns[[name == "imu" for _, _, name, _ in events]] = 0.0
     order = np.argsort([t for t, *_ in events] + latency_ns, kind="stable")
     return [(t, name, k) for t, _, name, k in (events[i] for i in order)]
 
@@ -64,10 +65,7 @@ def stand(told: dict[Any, Any], reports: list[Any]) -> None:
     for report in reports:
         key = report.sensor, report.time_ns
         assert report.revised == (key in told)
-        if report.verdict == "withdrawn":
-            del told[key]
-        else:
-            told[key] = report_bits(report, without=("revised",))
+        told[key] = report_bits(report, without=("revised",))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -132,22 +130,15 @@ def test_what_a_late_fix_changes_comes_again() -> None:
     assert to.state()["time_ns"] == 3000 * MS
 
 
-def test_a_rejection_is_withdrawn() -> None:
-    """The third equal reading is stuck, until a different one comes between them; the report says which."""
-    options: Any = {**settings.options(gate="joint"), "imu_stuck_after": 3}
-    to = Navigator(JANUS, settings.table_2(), options, AT_REST)
-    still = {"omega_p_radps": np.zeros(3), "force_p_mps2": LEVEL}
-    assert to.push_imu(0, **still) + to.push_imu(10 * MS, **still) == []
-    (stuck,) = to.push_imu(30 * MS, **still)
-    assert (stuck.verdict, stuck.revised) == ("rejected", False)
-    (back,) = to.push_imu(20 * MS, omega_p_radps=np.full(3, 0.01), force_p_mps2=LEVEL)
-    assert (back.sensor, back.time_ns, back.verdict, back.revised) == (
-        "imu",
-        30 * MS,
-        "withdrawn",
-        True,
-    )
-    assert to.imu_faults()["stuck"] == 0
+def test_a_late_reading_is_refused_and_counted() -> None:
+    """Inertial readings come in order, whatever the horizon; the estimate is as before."""
+    to = under_way()
+    before = to.covariance()
+    for time_ns in (3000 * MS, 2995 * MS):
+        with pytest.raises(KernelError):
+            to.push_imu(time_ns, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
+    assert to.late_events()["imu"] == 2
+    np.testing.assert_array_equal(to.covariance(), before)
 
 
 def test_beyond_the_horizon_is_refused_and_counted() -> None:

@@ -83,9 +83,8 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
     robust = {
         "closure_gate": 0.999,
         "beam_gate": 0.999,
-        "tail": "huber",
+        "tail": "student_t",
         "student_t_degrees": 4.0,
-        "huber_threshold": 1.5,
     }
     options = settings.options(gate="joint", inflate_after_rejections=3, robust=robust) | {
         "thrust": "velocity"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import optimize
 
 from tests.oracle import kalman
 from tests.oracle.rotations import Array
@@ -22,22 +21,3 @@ def student_t(P: Array, H: Array, sd: Array, z: Array, degrees: float) -> tuple[
         w = (degrees + 1) / (degrees + expected / sd**2)
     x, posterior = kalman.update(np.zeros(len(P)), P, H, np.diag(sd**2 / w), z)
     return x, posterior, w
-
-
-def huber(P: Array, H: Array, sd: Array, z: Array, threshold: float) -> Array:
-    """The state that minimises ½ xᵀP⁻¹x + Σ ρ((z − H x)/sd), ρ quadratic within the threshold and linear beyond it.
-
-    By a general minimiser that knows nothing of weights, over y with x = L y and P = L Lᵀ.
-    """
-    root = np.linalg.cholesky(P)
-
-    def cost(y: Array) -> tuple[float, Array]:
-        r = (z - H @ (root @ y)) / sd
-        inside = np.abs(r) <= threshold
-        rho = np.where(inside, r**2 / 2, threshold * (np.abs(r) - threshold / 2))
-        slope = np.where(inside, r, threshold * np.sign(r))
-        return float(y @ y / 2 + rho.sum()), y - root.T @ (H.T @ (slope / sd))
-
-    found = optimize.minimize(cost, np.zeros(len(P)), jac=True, method="BFGS", options={"gtol": 1e-11})
-    x: Array = root @ found.x
-    return x

@@ -24,10 +24,6 @@ WAYS: dict[str, dict[str, Any]] = {
         "gate": "off",
         "robust": Robust(closure_gate=None, beam_gate=None, student_t_degrees=DEGREES),
     },
-    "huber": {
-        "gate": "off",
-        "robust": Robust(closure_gate=None, beam_gate=None, tail="huber", huber_threshold=1.5),
-    },
 }
 """Filter options by name; `scale` multiplies the noise that the filter assumes."""
 

@@ -25,13 +25,12 @@ def rms(way: str, *, tails: bool, lost: tuple[int, ...] = ()) -> float:
 
 @pytest.mark.parametrize(("lost", "limit"), [((), 0.82), pytest.param((3, 4), 0.88, marks=pytest.mark.long)])
 def test_heavy_tails_are_worth_an_update_that_knows_them(lost: tuple[int, ...], limit: float) -> None:
-    """Velocity RMS against the Gaussian update; seen: 0.80 and 0.79 (Student, Huber) at full lock, 0.86 with two beams.
+    """Velocity RMS against the Gaussian update; seen: 0.80 at full lock, 0.86 with two beams.
 
     A Gaussian update with the true variance, three times larger, gains 3 and 6 % only.
     """
     plain = rms("gaussian", tails=True, lost=lost)
     assert rms("student", tails=True, lost=lost) < limit * plain
-    assert rms("huber", tails=True, lost=lost) < limit * plain
     assert rms("matched", tails=True, lost=lost) > 0.92 * plain
 
 
@@ -46,17 +45,14 @@ def test_student_t_claims_what_it_achieves(lost: tuple[int, ...]) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("lost", "student", "huber"),
-    [((), 1.07, 1.03), pytest.param((3, 4), 1.03, 1.01, marks=pytest.mark.long)],
+    ("lost", "student"), [((), 1.07), pytest.param((3, 4), 1.03, marks=pytest.mark.long)]
 )
-def test_without_outliers_little_is_lost(lost: tuple[int, ...], student: float, huber: float) -> None:
-    """Velocity RMS with Gaussian beams; seen: Student +6.0 and +1.6 %, Huber +1.6 and +0.1 %. Nor is it too sure."""
+def test_without_outliers_little_is_lost(lost: tuple[int, ...], student: float) -> None:
+    """Velocity RMS with Gaussian beams; seen: +6.0 and +1.6 %. Nor is it too sure."""
     plain = rms("gaussian", tails=False, lost=lost)
     assert rms("student", tails=False, lost=lost) < student * plain
-    assert rms("huber", tails=False, lost=lost) < huber * plain
-    for way in ("student", "huber"):
-        nees = heavy.run_tc(WHERE, way, heavy=False, lost=lost)[1]
-        assert nees.mean() < chi_squared.mean_band(nees.mean(axis=1), 6.0)[1]
+    nees = heavy.run_tc(WHERE, "student", heavy=False, lost=lost)[1]
+    assert nees.mean() < chi_squared.mean_band(nees.mean(axis=1), 6.0)[1]
 
 
 def test_gates_alone_may_lock_a_run_out() -> None:

@@ -87,8 +87,6 @@ typedef enum {
     BL_VERDICT_NO_INFORMATION = 3,
     // A yaw near the vertical; it was not used.
     BL_VERDICT_WITHHELD = 4,
-    // A report before no longer holds, with nothing in its place.
-    BL_VERDICT_WITHDRAWN = 5,
 } bl_verdict;
 
 // How much of a velocity a ping determines.

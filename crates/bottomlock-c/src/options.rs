@@ -30,7 +30,6 @@ pub struct Options {
     thrust: Choice,
     tail: Choice,
     student_t_degrees: f64,
-    huber_threshold: f64,
     depth_lever_p_m: [f64; 3],
     gps_lever_p_m: [f64; 3],
     acoustic_position_lever_p_m: [f64; 3],
@@ -50,7 +49,6 @@ impl Default for Options {
         let tail_of = match inner.robust.tail {
             Tail::Gaussian => "gaussian",
             Tail::StudentT { .. } => "student_t",
-            Tail::Huber { .. } => "huber",
         };
         Self {
             gate: Choice {
@@ -88,10 +86,9 @@ impl Default for Options {
             },
             tail: Choice {
                 chosen: tail_of,
-                all: &["gaussian", "student_t", "huber"],
+                all: &["gaussian", "student_t"],
             },
             student_t_degrees: Tail::STUDENT_T_DEGREES,
-            huber_threshold: Tail::HUBER_THRESHOLD,
             depth_lever_p_m: lever(SensorKind::Depth),
             gps_lever_p_m: lever(SensorKind::Gps),
             acoustic_position_lever_p_m: lever(SensorKind::AcousticPosition),
@@ -110,15 +107,10 @@ impl Options {
         }
     }
 
-    fn tails(&self) -> [Tail; 2] {
-        [
-            Tail::StudentT {
-                degrees: self.student_t_degrees,
-            },
-            Tail::Huber {
-                threshold: self.huber_threshold,
-            },
-        ]
+    fn student_t(&self) -> Tail {
+        Tail::StudentT {
+            degrees: self.student_t_degrees,
+        }
     }
 
     /// The kernel's options.
@@ -145,11 +137,9 @@ impl Options {
             .into_iter()
             .find(|(_, name)| *name == self.thrust.chosen);
         made.thrust = chosen.map_or(ThrustUse::Off, |(of, _)| of);
-        let [student_t, huber] = self.tails();
         made.robust.tail = match self.tail.chosen {
             "gaussian" => Tail::Gaussian,
-            "student_t" => student_t,
-            _ => huber,
+            _ => self.student_t(),
         };
         made.levers = made
             .levers
@@ -216,7 +206,6 @@ impl Keyed for Options {
         "robust.beam_gate": Gate inner.robust.beam_gate;
         "robust.tail": Choice tail;
         "robust.student_t_degrees": Number student_t_degrees;
-        "robust.huber_threshold": Number huber_threshold;
     };
 
     fn check(&self) -> Result<(), NavError> {
@@ -224,10 +213,8 @@ impl Keyed for Options {
         GateTable::new(self.joint())?;
         let mut made = self.made();
         made.validate()?;
-        for tail in self.tails() {
-            made.robust.tail = tail;
-            made.robust.validate()?;
-        }
+        made.robust.tail = self.student_t();
+        made.robust.validate()?;
         Ok(())
     }
 }

@@ -36,8 +36,6 @@ pub enum Verdict {
     NoInformation = 3,
     /// A yaw near the vertical; it was not used.
     Withheld = 4,
-    /// A report before no longer holds, with nothing in its place.
-    Withdrawn = 5,
 }
 
 /// Report of one measurement, or of an inertial reading that was rejected.
@@ -182,9 +180,6 @@ impl Report {
             }
         };
         report.revised = u8::from(notice.standing != Standing::New);
-        if notice.standing == Standing::Withdrawn {
-            report.verdict = Verdict::Withdrawn;
-        }
         report
     }
 }

@@ -35,9 +35,9 @@ use crate::state::{put_state, state};
 /// An aided inertial navigator for live use, one sample at a time. Its estimates are those of a campaign, bit for bit.
 ///
 /// A measurement between two IMU samples is processed with the later one; the strapdown step is split at the measurement's own
-/// time. Whatever arrives late, up to `horizon_ns`, is put in its place, and everything after it is processed again: any order
-/// of arrival ends in the bits of the log in order of time (docs/late_data.md). What is later raises an error and is counted
-/// in `late_events`.
+/// time. A measurement that arrives late, up to `horizon_ns`, is put in its place, and everything after it is processed again: any
+/// order of arrival ends in the bits of the log in order of time (docs/late_data.md). A later one, and an inertial reading that
+/// is late, raises an error and is counted in `late_events`.
 ///
 /// Args:
 ///     geometry: the beams.
@@ -48,12 +48,10 @@ use crate::state::{put_state, state};
 ///         sway_current or consistent. The default, tc, assumes nothing of the vehicle; sway_current is
 ///         recommended for a slender one.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
-///     horizon_ns: how late a sample may be, behind the last good inertial reading: 0 (none) to 10 s; 2 s by default.
+///     horizon_ns: how late a measurement may be, behind the last good inertial reading: 0 (none) to 10 s; 2 s by default.
 ///
 /// Every push returns the reports of the measurements that it processed: innovation, its covariance, NIS, verdict; and, with
-/// `revised` true, those reported before that a late sample has changed. The verdict "withdrawn" is of a report that no longer
-/// holds, with nothing in its place. An
-/// inertial reading at or beyond the full scale of the options, or stuck, is rejected: its report has the sensor "imu", the
+/// `revised` true, those reported before that a late sample has changed. An inertial reading at or beyond the full scale of the options, or stuck, is rejected: its report has the sensor "imu", the
 /// verdict "rejected" and the reason (docs/imu_faults.md).
 ///
 /// Raises:

@@ -14,7 +14,7 @@ use crate::velocity::source_code;
 /// `sensor`, `time_ns`: what was measured, and its time of validity.
 /// `residual` (m,), `covariance` (m, m): measured minus expected, and the covariance of that, by rows.
 /// `degrees`, `nis`, `threshold`: normalised innovation squared, its degrees of freedom, and what the gate accepts.
-/// `verdict`: "accepted", "accepted_in_part", "rejected", "no_information", "withheld" or "withdrawn".
+/// `verdict`: "accepted", "accepted_in_part", "rejected", "no_information" or "withheld".
 /// `revised`: whether it replaces an earlier report, since data came late.
 /// `reason`: why an inertial reading was rejected; else None.
 /// `inflation`: factor on the covariance after a row of rejections; None without one.
@@ -68,9 +68,6 @@ impl Report {
             Finding::Rejected { time_ns, fault } => Self::of_reading(py, *time_ns, fault)?,
         };
         out.revised = notice.standing != Standing::New;
-        if notice.standing == Standing::Withdrawn {
-            out.verdict = "withdrawn";
-        }
         Ok(out)
     }
 

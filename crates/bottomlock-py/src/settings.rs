@@ -294,34 +294,26 @@ pub fn motion(keys: &Keys<'_>) -> PyResult<MotionPrior> {
 
 /// Treatment of outliers among the beams; a gate that is None or not given is none.
 pub fn robust(keys: &Keys<'_>) -> PyResult<Robust> {
-    // The number of a tail that is not chosen may be given, and is checked too.
     let degrees = keys.optional_number("student_t_degrees")?;
-    let threshold = keys.optional_number("huber_threshold")?;
-    let given = [
-        degrees.map(|degrees| Tail::StudentT { degrees }),
-        threshold.map(|threshold| Tail::Huber { threshold }),
-    ];
-    for tail in given.into_iter().flatten() {
-        let with_tail = Robust {
-            tail,
-            ..Robust::default()
-        };
-        with_tail.validate().map_err(raise)?;
-    }
     let tail = match keys.text("tail")?.as_str() {
         "gaussian" => Tail::Gaussian,
         "student_t" => Tail::StudentT {
             degrees: keys.number("student_t_degrees")?,
         },
-        "huber" => Tail::Huber {
-            threshold: keys.number("huber_threshold")?,
-        },
         other => {
             return Err(invalid(format!(
-                "options.robust.tail is '{other}', expected 'gaussian', 'student_t' or 'huber'"
+                "options.robust.tail is '{other}', expected 'gaussian' or 'student_t'"
             )));
         }
     };
+    // The degrees of a tail that is not chosen may be given, and are checked too.
+    if let Some(degrees) = degrees {
+        let given = Robust {
+            tail: Tail::StudentT { degrees },
+            ..Robust::default()
+        };
+        given.validate().map_err(raise)?;
+    }
     Ok(Robust {
         closure_gate: keys.optional_number("closure_gate")?,
         beam_gate: keys.optional_number("beam_gate")?,
@@ -404,21 +396,16 @@ fn robust_dict<'py>(py: Python<'py>, robust: &Robust) -> PyResult<Bound<'py, PyD
     let dict = PyDict::new(py);
     dict.set_item("closure_gate", robust.closure_gate)?;
     dict.set_item("beam_gate", robust.beam_gate)?;
-    let (mut degrees, mut bound) = (Tail::STUDENT_T_DEGREES, Tail::HUBER_THRESHOLD);
+    let mut degrees = Tail::STUDENT_T_DEGREES;
     let tail = match robust.tail {
         Tail::Gaussian => "gaussian",
         Tail::StudentT { degrees: own } => {
             degrees = own;
             "student_t"
         }
-        Tail::Huber { threshold } => {
-            bound = threshold;
-            "huber"
-        }
     };
     dict.set_item("tail", tail)?;
     dict.set_item("student_t_degrees", degrees)?;
-    dict.set_item("huber_threshold", bound)?;
     Ok(dict)
 }
 

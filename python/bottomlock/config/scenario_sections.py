@@ -380,9 +380,8 @@ class Robust(Section):
     enabled: bool = True
     closure_gate: Gate = _ROBUST["closure_gate"] or "off"
     beam_gate: Gate = _ROBUST["beam_gate"] or "off"
-    tail: Literal["gaussian", "student_t", "huber"] = _ROBUST["tail"]
+    tail: Literal["gaussian", "student_t"] = _ROBUST["tail"]
     student_t_degrees: Positive = _ROBUST["student_t_degrees"]
-    huber_threshold: Positive = _ROBUST["huber_threshold"]
 
     def kernel_options(self) -> models.Robust | None:
         """The treatment as the kernel takes it, None for none."""

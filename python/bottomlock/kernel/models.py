@@ -419,9 +419,8 @@ class Robust(Settings):
     place: ClassVar[str] = "options.robust"
     closure_gate: float | None = DEFAULT_OPTIONS["robust"]["closure_gate"]
     beam_gate: float | None = DEFAULT_OPTIONS["robust"]["beam_gate"]
-    tail: Literal["gaussian", "student_t", "huber"] = DEFAULT_OPTIONS["robust"]["tail"]
+    tail: Literal["gaussian", "student_t"] = DEFAULT_OPTIONS["robust"]["tail"]
     student_t_degrees: float = DEFAULT_OPTIONS["robust"]["student_t_degrees"]
-    huber_threshold: float = DEFAULT_OPTIONS["robust"]["huber_threshold"]
 
 
 @_settings

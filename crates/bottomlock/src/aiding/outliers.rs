@@ -16,22 +16,19 @@
 //! faulty one of four beams, since any three are not redundant; the prediction of the inertial navigation decides.
 //!
 //! # Heavy tails
-//! With D_i the beam's own variance, divided by a weight w_i, the estimate of its noise is n̂ = D W⁻¹ S⁻¹ z. Iterated until
-//! the weights converge:
-//! - Student's t with ν degrees: w_i = (ν + 1) / (ν + e_i / D_i), e_i the mean square of n_i including its posterior variance. This
-//!   is the variational filter of Agamennoni, Nieto & Nebot, Approximate inference in state-space models with heavy-tailed noise,
-//!   IEEE Trans. Signal Processing 60 (2012), with a weight for each beam. D_i is the beam's variance times (ν + 3)/(ν + 1): the
-//!   mean weight is 1, but the Fisher information of a reading of Student's t is only (ν + 1)/(ν + 3) of that of a Gaussian, and
-//!   the filter would otherwise be overconfident;
-//! - Huber: w_i = min(1, k / |n̂_i / σ_i|), k in standard deviations (Karlgaard & Schaub, Huber-based divided difference filtering,
-//!   J. Guidance, Control, and Dynamics 30 (2007)).
+//! With D_i the beam's own variance, divided by a weight w_i, the estimate of its noise is n̂ = D W⁻¹ S⁻¹ z. With Student's t of
+//! ν degrees, iterated until the weights converge, w_i = (ν + 1) / (ν + e_i / D_i), e_i the mean square of n_i including its
+//! posterior variance. This is the variational filter of Agamennoni, Nieto & Nebot, Approximate inference in state-space models with heavy-tailed noise,
+//! IEEE Trans. Signal Processing 60 (2012), with a weight for each beam. D_i is the beam's variance times (ν + 3)/(ν + 1): the
+//! mean weight is 1, but the Fisher information of a reading of Student's t is only (ν + 1)/(ν + 3) of that of a Gaussian, and
+//! the filter would otherwise be overconfident.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::aiding::{BeamTerms, tightly_coupled};
 use crate::chi_squared::quantile;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, MAX_BEAMS};
-use crate::error::{NavError, require_positive};
+use crate::error::NavError;
 use crate::state::Covariance;
 
 /// Largest number of iterations on the weights.
@@ -50,18 +47,11 @@ pub enum Tail {
         /// ν, 1 or more; the Gaussian as ν grows.
         degrees: f64,
     },
-    /// A Gaussian whose tails are exponential.
-    Huber {
-        /// Where the tails begin, standard deviations.
-        threshold: f64,
-    },
 }
 
 impl Tail {
     /// ν of the recommended treatment.
     pub const STUDENT_T_DEGREES: f64 = 4.0;
-    /// Threshold of Huber's that is 95 % efficient with Gaussian noise (Huber, Robust Statistics, 1981).
-    pub const HUBER_THRESHOLD: f64 = 1.345;
 }
 
 /// Treatment of outliers among the beams; [`Robust::default`] is none, [`Robust::recommended`] what instruments need.
@@ -116,7 +106,6 @@ impl Robust {
                 value: degrees,
                 expected: "a finite number >= 1",
             }),
-            Tail::Huber { threshold } => require_positive("robust.huber_threshold", threshold),
         }
     }
 
@@ -199,23 +188,16 @@ impl Rows {
         Ok((gap.dot(&factor.solve(&gap)), redundant.len()))
     }
 
-    /// The variances of the beams' own noise with converged weights; `own` are those in R.
-    fn weighted(&self, own: &DVector<f64>, tail: Tail, time_ns: i64) -> Result<DVector<f64>, NavError> {
-        let scale = match tail {
-            Tail::StudentT { degrees } => own * ((degrees + 3.0) / (degrees + 1.0)),
-            Tail::Gaussian | Tail::Huber { .. } => own.clone(),
-        };
+    /// The variances of the beams' own noise with converged weights of Student's t; `own` are those in R.
+    fn weighted(&self, own: &DVector<f64>, degrees: f64, time_ns: i64) -> Result<DVector<f64>, NavError> {
+        let scale = own * ((degrees + 3.0) / (degrees + 1.0));
         let mut widened = scale.clone();
         for _ in 0..ITERATIONS {
             let inverse = self.weight(&(&self.r + DMatrix::from_diagonal(&(&widened - own))), time_ns)?;
             let noise = widened.component_mul(&(&inverse * &self.z));
-            let next = DVector::from_fn(own.len(), |i, _| match tail {
-                Tail::Gaussian => own[i],
-                Tail::StudentT { degrees } => {
-                    let variance = widened[i] - widened[i].powi(2) * inverse[(i, i)];
-                    scale[i] * (degrees + (noise[i].powi(2) + variance.max(0.0)) / scale[i]) / (degrees + 1.0)
-                }
-                Tail::Huber { threshold } => scale[i] * (noise[i].abs() / scale[i].sqrt() / threshold).max(1.0),
+            let next = DVector::from_fn(own.len(), |i, _| {
+                let variance = widened[i] - widened[i].powi(2) * inverse[(i, i)];
+                scale[i] * (degrees + (noise[i].powi(2) + variance.max(0.0)) / scale[i]) / (degrees + 1.0)
             });
             let moved = (0..own.len()).fold(0.0, |most: f64, i| most.max((next[i] / widened[i] - 1.0).abs()));
             widened = next;
@@ -269,11 +251,11 @@ pub fn screen(
         out.weight[beam] = 0.0;
         out.ping.valid = (out.ping.valid.iter().filter(|&other| other != beam)).collect::<BeamMask>();
     };
-    if robust.tail != Tail::Gaussian {
+    if let Tail::StudentT { degrees } = robust.tail {
         let own = DVector::from_fn(rows.beams.len(), |i, _| {
             (ping.sd_mps[rows.beams[i]] / geometry.sound_speed_scale()).powi(2)
         });
-        let widened = rows.weighted(&own, robust.tail, time_ns)?;
+        let widened = rows.weighted(&own, degrees, time_ns)?;
         for (i, &beam) in rows.beams.iter().enumerate() {
             out.weight[beam] = own[i] / widened[i];
             out.ping.sd_mps[beam] = widened[i].sqrt() * geometry.sound_speed_scale();

@@ -184,31 +184,6 @@ fn student_weight_of_one_beam() {
     assert!((screened.weight[0] - SD * SD / noise).abs() < 1e-12 && screened.weight[0] < 0.1);
 }
 
-/// A vertical beam alone: Huber's noise variance N solves N = σ² max(1, |n̂| / k σ) with n̂ = N z / (p² + N), and below the threshold
-/// the beam keeps its own.
-#[test]
-fn huber_weight_of_one_beam() {
-    let (p, threshold) = (0.1, 1.5);
-    let robust = Robust {
-        tail: Tail::Huber { threshold },
-        ..Robust::default()
-    };
-    let variance = |z: f64| {
-        let mut one = case(p, [0.0; 4]);
-        one.geometry = BeamGeometry::from_directions(&[Vec3::new(0.0, 0.0, 1.0)]).unwrap();
-        one.ping.velocity_mps[0] = z;
-        one.ping.valid = BeamMask::all(1);
-        one.screened(&robust).ping.sd_mps[0].powi(2)
-    };
-    // N (p² + N) = σ N z / k, so N = σ z / k − p².
-    let far = variance(0.9);
-    assert!((far / (SD * 0.9 / threshold - p * p) - 1.0).abs() < 1e-7, "{far}");
-    // The threshold is reached where σ² z / (p² + σ²) = k σ.
-    let edge = threshold * (p * p + SD * SD) / SD;
-    assert!((variance(0.99 * edge) / (SD * SD) - 1.0).abs() < 1e-12);
-    assert!(variance(1.01 * edge) > SD * SD * 1.005);
-}
-
 /// The closure test has as many degrees of freedom as beams are redundant, and begins at the tabulated 99 % quantile.
 #[test]
 fn closure_begins_at_its_quantile() {
@@ -241,7 +216,7 @@ fn closure_begins_at_its_quantile() {
     }
 }
 
-/// As ν grows, and as the threshold of Huber grows, the ping is left as it was.
+/// As ν grows, the ping is left as it was.
 #[test]
 fn thin_tails_are_the_kalman_update() {
     let one = case(0.1, [0.05, -0.12, 0.03, 0.3]);
@@ -251,11 +226,6 @@ fn thin_tails_are_the_kalman_update() {
         ..Robust::default()
     });
     assert!((student - plain).norm() < 1e-10);
-    let huber = one.screened(&Robust {
-        tail: Tail::Huber { threshold: 1e9 },
-        ..Robust::default()
-    });
-    assert!((0..4).all(|beam| huber.weight[beam] == 1.0));
     assert!(Robust::default().is_off());
 }
 
@@ -292,19 +262,11 @@ fn bad_options_are_named() {
         })
         .contains("student_t_degrees")
     );
-    assert!(
-        text(Robust {
-            tail: Tail::Huber { threshold: -1.0 },
-            ..Robust::default()
-        })
-        .contains("huber_threshold")
-    );
 }
 
 proptest! {
     /// Full lock and one beam off by anything at all. The correction is P Hᵀ S⁻¹ z, so it is bounded where each entry of S⁻¹ z is:
-    /// by k/σ for Huber, by less than (ν + 1)/(2√ν σ) for Student's t, by √c/σ for a beam's own gate and by 2√c/σ for closure with c the
-    /// quantile. The Kalman update has no bound: it is linear.
+    /// by less than (ν + 1)/(2√ν σ) for Student's t, by √c/σ for a beam's own gate and by 2√c/σ for closure with c the quantile. The Kalman update has no bound: it is linear.
     #[test]
     fn one_wild_beam_moves_the_estimate_by_a_bound(
         wild in 0_usize..4,
@@ -319,7 +281,6 @@ proptest! {
         let (gate, root) = (Some(0.9973), quantile(1, 0.9973).sqrt());
         for (robust, bound) in [
             (Robust { tail: Tail::StudentT { degrees: 4.0 }, ..Robust::default() }, 1.25),
-            (Robust { tail: Tail::Huber { threshold: 1.5 }, ..Robust::default() }, 1.5),
             (Robust { beam_gate: gate, ..Robust::default() }, root),
             (Robust { closure_gate: gate, ..Robust::default() }, 2.0 * root),
         ] {

@@ -2,8 +2,8 @@
 //! log, and what was reported of them.
 //!
 //! The order of a log is that of the times of validity, and at the same time inertial reading, ping, then the sensors as
-//! [`super::events::STREAM_NAMES`] lists them. A stream has one event at a time: of two, the one is used whose bytes come
-//! first, so that the order of arrival decides nothing.
+//! [`super::events::STREAM_NAMES`] lists them. A stream has one event at a time: of two measurements, the one is used whose bytes
+//! come first, so that the order of arrival decides nothing. Inertial readings come in order.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, VecDeque};
@@ -58,10 +58,19 @@ impl History {
     /// Checks that an event can be put in its place; `now` being the navigators after all events.
     ///
     /// # Errors
-    /// [`NavError::TooLate`] for one beyond the horizon, [`NavError::TimeNotIncreasing`] for one before the start, or for one
-    /// of a stream that has another at that time.
+    /// [`NavError::TooLate`] for one beyond the horizon, [`NavError::TimeNotIncreasing`] for one before the start, for one of a
+    /// stream that has another at that time, and for an inertial reading that is not after every other.
     pub(super) fn admit(&self, event: &Event, now: &Checked) -> Result<(), NavError> {
         let (time_ns, now_ns, stream) = (event.time_ns(), now.now_ns(), event.stream().0);
+        if let (Event::Imu(_), Some(previous_ns)) = (event, now.seen_ns())
+            && time_ns <= previous_ns
+        {
+            return Err(NavError::TimeNotIncreasing {
+                stream,
+                time_ns,
+                previous_ns,
+            });
+        }
         let oldest = &self.checkpoints[0];
         let is_within = time_ns >= now_ns.saturating_sub(self.horizon_ns);
         if is_within && oldest.is_before(event) {

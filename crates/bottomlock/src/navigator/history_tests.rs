@@ -2,10 +2,9 @@ use super::*;
 use crate::dvl::geometry::{BeamGeometry, Janus};
 use crate::filter::options::Options;
 use crate::frames::Vec3;
-use crate::mechanisation::ImuFault;
 use crate::model::Model;
 use crate::navigator::events::DepthSample;
-use crate::navigator::{LiveNavigator, Method, Notice, Standing};
+use crate::navigator::{LiveNavigator, Method, Notice};
 use crate::state::NavState;
 
 const MS: i64 = 1_000_000;
@@ -116,29 +115,6 @@ fn checkpoints_keep_to_their_grid() {
     }
 }
 
-/// Where a late reading makes the one rejected that a checkpoint stood behind, the next checkpoint is due as in the log.
-#[test]
-fn a_checkpoint_that_is_gone_is_due_again() {
-    let mut options = Options::default();
-    options.imu_limits.stuck_after = 2;
-    let (mut late, mut ordered) = (navigator(&options, 1_000 * MS), navigator(&options, 1_000 * MS));
-    let turning = |ms: i64, rate: i64| {
-        let mut sample = reading(ms * MS);
-        sample.rate_p_radps = Vec3::new(0.0, 0.0, 1e-3 * rate as f64);
-        Event::Imu(sample)
-    };
-    for ms in (0..=210).step_by(10) {
-        if ms == 200 {
-            notices(&mut ordered, &turning(195, 200));
-        }
-        notices(&mut late, &turning(ms, ms));
-        notices(&mut ordered, &turning(ms, ms));
-    }
-    notices(&mut late, &turning(195, 200));
-    assert_eq!(late.imu_faults()[2], 1);
-    assert_eq!((late.history.due_ns, ordered.history.due_ns), (200 * MS, 200 * MS));
-}
-
 /// A measurement a nanosecond after the last reading is not passed over.
 #[test]
 fn what_waits_since_a_nanosecond_is_fused() {
@@ -161,29 +137,4 @@ fn an_hour_ahead_is_the_most() {
         Err(NavError::TooFarAhead { .. })
     ));
     assert!(notices(&mut navigator, &depth(hour_ns)).is_empty());
-}
-
-/// One more equal reading between stuck ones: those after it are told again, with the number that they now have.
-#[test]
-fn a_rejection_for_another_reason_is_told_again() {
-    let mut options = Options::default();
-    options.imu_limits.stuck_after = 2;
-    let mut navigator = navigator(&options, 1_000 * MS);
-    for k in [0, 1, 3] {
-        notices(&mut navigator, &Event::Imu(reading(k * 10 * MS)));
-    }
-    let seen: Vec<_> = (notices(&mut navigator, &Event::Imu(reading(20 * MS))).into_iter())
-        .map(|notice| (notice.standing, notice.finding))
-        .collect();
-    let stuck = |time_ns, readings| Finding::Rejected {
-        time_ns,
-        fault: ImuFault::Stuck { readings },
-    };
-    assert_eq!(
-        seen,
-        [
-            (Standing::New, stuck(20 * MS, 3)),
-            (Standing::Revised, stuck(30 * MS, 4))
-        ]
-    );
 }

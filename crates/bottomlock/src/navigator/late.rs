@@ -1,4 +1,4 @@
-//! Late data: back to the checkpoint before it, then every event after that checkpoint again, in the order of a log.
+//! Late measurements: back to the checkpoint before it, then every event after that checkpoint again, in the order of a log.
 //!
 //! The replay makes the very calls that an ordered log makes, so it ends in the same bits. It works on a copy: where it fails,
 //! nothing has changed.
@@ -81,8 +81,8 @@ impl History {
         })
     }
 
-    /// Keeps the checkpoints of a replay from the last one kept, and reports what differs from what was reported before: in the
-    /// order of the replay, then what no longer holds.
+    /// Keeps the checkpoints of a replay from the last one kept, and reports what differs from what was reported before, in the
+    /// order of the replay.
     pub(super) fn settle(&mut self, replayed: Replayed, tell: &mut dyn FnMut(&Notice)) -> Checked {
         let Replayed {
             now,
@@ -109,13 +109,8 @@ impl History {
             };
             self.findings.insert(finding.key(), finding);
         }
-        for (key, finding) in before {
-            if is_replayed(&finding) {
-                report_as(Standing::Withdrawn, finding, tell);
-            } else {
-                self.findings.insert(key, finding);
-            }
-        }
+        let earlier = before.into_iter().filter(|(_, finding)| !is_replayed(finding));
+        self.findings.extend(earlier);
         self.forget(&now);
         now
     }

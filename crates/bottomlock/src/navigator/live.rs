@@ -1,10 +1,11 @@
-//! A navigator that is fed from outside, one event at a time, in any order within its horizon.
+//! A navigator that is fed from outside, one event at a time: inertial readings in order, measurements in any order within its
+//! horizon.
 //!
 //! It checks what campaigns need not check, since their readings are simulated: the ranges of the inertial readings and the
 //! gaps between them, numbers that no instrument has, and that the estimate stays one. A push that is refused changes
 //! nothing: neither the estimate and its covariance, nor the measurements that wait, nor any count but that of late events.
 //!
-//! Whatever the order of arrival, it ends in the bits of the log in order of the times of validity (`history.rs`, `late.rs`).
+//! Whatever the order in which measurements arrive, it ends in the bits of the log in order of the times of validity (`history.rs`, `late.rs`).
 
 use super::checked::Checked;
 use super::history::{History, LONGEST_HORIZON_NS, MOST_WAITING};
@@ -107,8 +108,8 @@ impl LiveNavigator {
         self.history.discard_waiting(&self.now)
     }
 
-    /// Takes an event; `tell` is called with every update that it completes or changes, and with every inertial reading whose
-    /// rejection it brings or changes.
+    /// Takes an event; `tell` is called with every update that it completes or changes, and with an inertial reading that is
+    /// rejected.
     ///
     /// # Errors
     /// [`NavError`] for bad numbers, for a time beyond the horizon, far ahead, or taken in its stream, for a gap between
@@ -143,7 +144,6 @@ impl LiveNavigator {
             let (_, replaced) = self.history.insert(event);
             self.late_events[stream] += u64::from(replaced.is_some());
         } else if let Event::Imu(sample) = event
-            && self.now.is_before(event)
             && let judged @ Judged::Rejected(_) = self.now.judge(sample)?
         {
             // Nothing moves, so nothing is tried on a copy.
@@ -179,7 +179,7 @@ impl LiveNavigator {
         let (history, now) = (&self.history, &self.now);
         let good_ns = now.good_ns();
         let is_newest = match event {
-            Event::Imu(_) => now.is_before(event),
+            Event::Imu(_) => true,
             _ => Some(event.time_ns()) == good_ns && history.first_after(good_ns) == place + 1,
         };
         if is_newest && !has_replaced {

@@ -22,16 +22,14 @@ pub enum Finding {
 pub enum Standing {
     /// Nothing was reported of it before.
     New,
-    /// It replaces what was reported, which a late reading has changed.
+    /// It replaces what was reported, which a late measurement has changed.
     Revised,
-    /// What was reported no longer holds; nothing replaces it.
-    Withdrawn,
 }
 
 /// A finding and whether it corrects an earlier report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Notice {
-    /// The finding; of a withdrawn one, as it was reported.
+    /// The finding.
     pub finding: Finding,
     /// How it stands.
     pub standing: Standing,

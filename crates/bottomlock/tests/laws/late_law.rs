@@ -1,4 +1,4 @@
-//! The law of late data: any order of arrival within the horizon ends in the bits of the log in order of validity.
+//! The law of late data: any order in which measurements arrive within the horizon ends in the bits of the log in order of validity.
 
 use bottomlock::NavError;
 use bottomlock::navigator::events::{Event, STREAMS};

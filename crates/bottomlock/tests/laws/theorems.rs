@@ -259,8 +259,8 @@ fn sequence(
         gate: Gate::Joint { probability: 0.9 },
         information_port: port,
         robust: Robust {
-            tail: Tail::Huber {
-                threshold: Tail::HUBER_THRESHOLD,
+            tail: Tail::StudentT {
+                degrees: Tail::STUDENT_T_DEGREES,
             },
             ..Robust::recommended()
         },

@@ -1,9 +1,9 @@
 """What NIS a consistent filter has when heavy-tailed noise is assumed of the beams.
 
 A beam with the innovation z, in its claimed σ, gets the variance R/w, and NIS counts z² w. Student's t with ν degrees
-has w = (ν + 1)/(c (ν + z²/c)) with c = (ν + 3)/(ν + 1), Huber's loss w = min(1, k/|z|). If the noise is Gaussian as
-claimed, NIS over its degrees is then E(z² w) < 1 where the filter's own covariance is small against the noise, and
-between that and 1 elsewhere: for ν = 4 it is 0.62. Gates only lower it.
+has w = (ν + 1)/(c (ν + z²/c)) with c = (ν + 3)/(ν + 1). If the noise is Gaussian as claimed, NIS over its degrees is
+then E(z² w) < 1 where the filter's own covariance is small against the noise, and between that and 1 elsewhere: for ν
+= 4 it is 0.62. Gates only lower it.
 """
 
 import numpy as np
@@ -27,8 +27,6 @@ def least_ratio(robust: Robust | None) -> float:
 
 def weight(robust: Robust, z: float) -> float:
     """Fraction of its information that a beam keeps, z its innovation in claimed σ."""
-    if robust.tail == "huber":
-        return float(min(1.0, robust.huber_threshold / max(abs(z), 1e-12)))
     degrees = robust.student_t_degrees
     c = (degrees + 3.0) / (degrees + 1.0)
     return float((degrees + 1.0) / (c * (degrees + z * z / c)))

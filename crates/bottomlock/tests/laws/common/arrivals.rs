@@ -134,8 +134,8 @@ impl Case {
         }
     }
 
-    /// The log in the order of arrival: every event with a random latency of its own, less than the horizon, or each stream
-    /// with one.
+    /// The log in the order of arrival: every measurement with a random latency of its own, less than the horizon, or each
+    /// stream with one, as the inertial readings have.
     pub(crate) fn arrival(&self, seed: u64, horizon_ns: i64) -> Vec<Event> {
         let mut random = ChaCha8Rng::seed_from_u64(!seed);
         let of_stream: [i64; 12] = std::array::from_fn(|_| random.random_range(0..horizon_ns));
@@ -150,7 +150,7 @@ impl Case {
         for event in &self.log {
             let latency_ns = match event {
                 Event::Imu(_) if !late_readings => 0,
-                Event::Imu(_) => random.random_range(0..horizon_ns),
+                Event::Imu(_) => of_stream[0],
                 _ if by_stream => of_stream[stream(event)],
                 _ => random.random_range(0..horizon_ns),
             };
@@ -325,7 +325,7 @@ fn options(random: &mut ChaCha8Rng) -> Options {
         robust: match random.random_range(0..3) {
             0 => Robust::default(),
             1 => Robust {
-                tail: Tail::Huber { threshold: 1.5 },
+                tail: Tail::Gaussian,
                 ..Robust::recommended()
             },
             _ => Robust::recommended(),
@@ -378,10 +378,7 @@ impl Reported {
             Finding::Update(report) => (report.time_ns, report.sensor.name()),
             Finding::Rejected { time_ns, .. } => (*time_ns, "imu"),
         };
-        let before = match notice.standing {
-            Standing::New | Standing::Revised => self.0.insert(key, notice.finding.clone()),
-            Standing::Withdrawn => self.0.remove(&key),
-        };
+        let before = self.0.insert(key, notice.finding.clone());
         assert_eq!(before.is_some(), notice.standing != Standing::New, "{key:?}");
     }
 
