@@ -1,10 +1,12 @@
 """Engines: a cluster whose workers die gives the bits of one thread, and what is not there is said in a line."""
 
+import json
 import logging
 import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -240,6 +242,48 @@ def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # no
     with pytest.raises(EngineError, match="the same command resumes"):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address, progress=leave)
     assert run_campaign([short()], tmp_path, threads=1).runs.height == 15
+
+
+@pytest.mark.first_cases(1)
+@needs_dask
+@pytest.mark.slow
+@pytest.mark.parametrize("pause_s", [0.0, 0.5])
+def test_a_scheduler_that_is_killed_before_the_first_chunk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pause_s: float
+) -> None:
+    """What the client then raises depends on the moment: a lost connection, cancelled futures, or that it is closed."""
+    from bottomlock.campaign import dask_engine
+
+    file = tmp_path / "scheduler.json"
+    found = ["--scheduler-file", str(file), "--no-dashboard"]
+    scheduler, worker = (
+        subprocess.Popen([sys.executable, "-m", *words, *found], stderr=subprocess.DEVNULL)
+        for words in (
+            ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"],
+            ["distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny"],
+        )
+    )
+    submit = dask_engine.Client.submit
+
+    def submitted(*given: Any, **settings: Any) -> Any:  # noqa: ANN401
+        future = submit(*given, **settings)
+        scheduler.kill()
+        time.sleep(pause_s)
+        return future
+
+    monkeypatch.setattr(dask_engine.Client, "submit", submitted)
+    try:
+        deadline = time.monotonic() + 60.0
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        address = json.loads(file.read_text(encoding="utf-8"))["address"]
+        with pytest.raises(EngineError, match=r"^scheduler tcp:\S+ is lost; .* the same command resumes$"):
+            run_campaign([short()], tmp_path / "o", engine="dask", scheduler=address)
+    finally:
+        for process in (scheduler, worker):
+            process.kill()
+            process.wait()
+    assert run_campaign([short()], tmp_path / "o", threads=1).runs.height == 15
 
 
 @needs_dask
