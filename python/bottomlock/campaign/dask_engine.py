@@ -10,13 +10,15 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from typing import Any
 
 import dask
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Worker, WorkerPlugin, wait
+from distributed.comm import CommClosedError
 from distributed.utils import silence_logging_cmgr
 
 from bottomlock.campaign.build import BuiltScenario
@@ -24,19 +26,14 @@ from bottomlock.campaign.chunk import Chunk, ChunkResults, ChunkTables, RunChunk
 from bottomlock.errors import BottomlockError, EngineError, note
 from bottomlock.tables.versions import bit_versions, versions_in_words
 
-CONNECT_S = 10.0
-"""How long a scheduler may take to answer, s."""
+CONNECT_S, PATIENCE_S, POLL_S = 10.0, 60.0, 2.0
+"""How long a scheduler may take to answer, and a client waits without any worker; how often it looks, s."""
 
-PATIENCE_S = 60.0
-"""How long a client waits without any worker, s."""
-
-POLL_S = 2.0
 CHUNKS_PER_THREAD = 2
 """Chunks in progress per worker thread: one runs, one waits. They bound the memory of the cluster."""
 
 
-def _hold(built: BuiltScenario) -> BuiltScenario:
-    """Keeps a scenario on the workers: a result that the scheduler can make again when its worker dies."""
+def _same(built: BuiltScenario) -> BuiltScenario:
     return built
 
 
@@ -58,22 +55,19 @@ def _run(
         KernelError: for input that the kernel rejects.
         EngineError: when the scheduler is lost, no worker is left, or a worker has other versions.
     """
-    waiting, running, held = deque(chunks), dict[Any, Chunk](), dict[str, Any]()
-    last_seen_s = time.monotonic()
+    waiting, running, last_seen_s = deque(chunks), dict[Any, Chunk](), time.monotonic()
     try:
-        with _one_error(place):
+        with _one_error(client, place):
             # A truth of ten minutes is more than Dask expects in a task, and goes out once.
             with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):
-                for built in scenarios:
-                    held[built.scenario.name] = client.submit(_hold, built, pure=False)
+                # Results, not data: the scheduler makes them again when the worker that holds them dies.
+                held = {one.scenario.name: client.submit(_same, one, pure=False) for one in scenarios}
             while waiting or running:
                 threads = sum(client.nthreads().values())
                 last_seen_s = time.monotonic() if threads else last_seen_s
                 if time.monotonic() - last_seen_s > PATIENCE_S:
-                    raise EngineError(
-                        f"{place} has had no worker for {PATIENCE_S:.0f} s; finished chunks are kept: the same "
-                        "command resumes"
-                    )
+                    words = "finished chunks are kept: the same command resumes"
+                    raise EngineError(f"{place} has had no worker for {PATIENCE_S:.0f} s; {words}")
                 while waiting and len(running) < CHUNKS_PER_THREAD * max(1, threads):
                     # The remaining number as priority: chunks start in order.
                     priority, chunk = len(waiting), waiting.popleft()
@@ -96,11 +90,8 @@ def _tables(future: Any, chunk: Chunk, place: str) -> ChunkTables:  # noqa: ANN4
     if isinstance(fault, BottomlockError):
         raise fault
     if fault is not None:
-        reason = (str(fault) or "no reason given").splitlines()[0]
-        words = f"{type(fault).__name__}: {reason}"
-        raise EngineError(
-            f"{chunk.scenario}, run {chunk.first_run} and on: {place} failed ({words})"
-        ) from fault
+        words = f"{type(fault).__name__}: {(str(fault) or 'no reason given').splitlines()[0]}"
+        raise EngineError(f"{chunk.scenario}, run {chunk.first_run}: {place} failed ({words})") from fault
     versions, tables = future.result(timeout=PATIENCE_S)
     other = versions_in_words(versions, bit_versions())
     if other:
@@ -109,17 +100,14 @@ def _tables(future: Any, chunk: Chunk, place: str) -> ChunkTables:  # noqa: ANN4
 
 
 @contextmanager
-def _one_error(place: str) -> Iterator[None]:
-    """Whatever a client raises when its scheduler goes becomes one error: which of many, depends on the moment.
-
-    Raises:
-        EngineError: naming the scheduler.
-    """
+def _one_error(client: Client, place: str) -> Iterator[None]:
+    """Whatever a client raises when its scheduler goes becomes an EngineError: which of many, depends on the moment."""
     try:
         yield
-    except BottomlockError:
-        raise
     except Exception as error:
+        lost = client.status != "running" or isinstance(error, CommClosedError | CancelledError)
+        if isinstance(error, BottomlockError) or not lost:
+            raise
         raise EngineError(f"{place} is lost; finished chunks are kept: the same command resumes") from error
 
 
@@ -139,26 +127,27 @@ def open_cluster(
     Raises:
         EngineError: for a scheduler that does not answer or has no worker.
     """
-    if scheduler is None:
-        settings: dict[str, Any] = {
-            "n_workers": workers or CPU_COUNT, "threads_per_worker": 1, "processes": True, "memory_limit": 0,
+    with ExitStack() as opened:
+        place, target = f"scheduler {scheduler}", scheduler
+        if scheduler is None:
             # Any free port, for this machine alone: campaigns side by side do not compete for one.
-            "dashboard_address": "127.0.0.1:0",
-            # Failures come back as exceptions.
-            "silence_logs": logging.CRITICAL,
-        }  # fmt: skip
-        with LocalCluster(**settings) as cluster, Client(cluster, set_as_default=False) as client:
-            client.register_plugin(_IgnoreInterrupt())
-            yield partial(_run, client, "the local cluster", scenarios)
-        return
-    try:
-        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-    except OSError as error:
-        raise EngineError(f"scheduler {scheduler}: does not answer ({str(error).splitlines()[0]})") from error
-    place = f"scheduler {scheduler}"
-    with silence_logging_cmgr(logging.CRITICAL), client:
-        with _one_error(place):
-            if not client.nthreads():
+            target = opened.enter_context(
+                LocalCluster(
+                    workers or CPU_COUNT, threads_per_worker=1, memory_limit=0, silence_logs=logging.CRITICAL,
+                    dashboard_address="127.0.0.1:0",
+                )
+            )  # fmt: skip
+            place = "the local cluster"
+        # Failures come back as exceptions.
+        opened.enter_context(silence_logging_cmgr(logging.CRITICAL))
+        try:
+            client = opened.enter_context(Client(target, timeout=CONNECT_S, set_as_default=False))
+        except OSError as error:
+            raise EngineError(f"{place}: does not answer ({str(error).splitlines()[0]})") from error
+        with _one_error(client, place):
+            if scheduler is None:
+                client.register_plugin(_IgnoreInterrupt())
+            elif not client.nthreads():
                 note(f"{place} has no worker: waiting for one, at most {PATIENCE_S:.0f} s")
                 try:
                     client.wait_for_workers(1, timeout=PATIENCE_S)

@@ -5,13 +5,12 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from bottomlock.campaign.engine import check_engine
+from bottomlock.campaign.engine import ENGINES, check_engine
 from bottomlock.campaign.run import check_campaign, run_campaign
 from bottomlock.campaign.variants import check_variants, make_variants, parse_set, run_variants
 from bottomlock.cli.campaign_output import print_results, progress_bar
 from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
-from bottomlock.cli.engine_parameters import EngineName, Scheduler
 from bottomlock.cli.force import ForceCampaign
 from bottomlock.cli.parameters import CampaignOut, Json, Methods, Runs, Seed, Threads, load_scenarios
 from bottomlock.errors import ScenarioError
@@ -36,8 +35,13 @@ def run(
     ] = (),
     force: ForceCampaign = False,
     json: Json = False,
-    engine: EngineName = "local",
-    scheduler: Scheduler = None,
+    engine: Annotated[
+        str, Parameter(help=f"{' or '.join(ENGINES)}: this process, or the workers of a Dask cluster.")
+    ] = "local",
+    scheduler: Annotated[
+        str | None,
+        Parameter(help="Dask scheduler, tcp://host:port; by default worker processes on this machine."),
+    ] = None,
 ) -> None:
     """Run a Monte Carlo campaign and print a table of RMS errors.
 

@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
@@ -38,7 +38,7 @@ from bottomlock.support.nearest import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
-PackagedKind = Literal["scenarios", "vehicles", "geometries"]
+PACKAGED = ("scenarios", "vehicles", "geometries")
 """Folders of packaged files that `copy_packaged` copies."""
 
 
@@ -349,13 +349,15 @@ def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
     return scenario
 
 
-def copy_packaged(kind: PackagedKind, name: str, destination: str | Path, *, force: bool = False) -> Path:
+def copy_packaged(kind: str, name: str, destination: str | Path, *, force: bool = False) -> Path:
     """Writes a packaged scenario, vehicle or geometry out to edit; an existing file is replaced with `force` alone.
 
     Raises:
-        ScenarioError: for a name that is not packaged.
+        ScenarioError: for a kind that is not in `PACKAGED`, and a name that is not packaged.
         OutputError: where the destination is there without `force`, or cannot be written.
     """
+    if kind not in PACKAGED:
+        raise ScenarioError(f"{kind} are not copied, expected {', '.join(PACKAGED)}")
     destination = Path(destination)
     folder = resources.files("bottomlock.config") / kind
     texts = {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir()}
