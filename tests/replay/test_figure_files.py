@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from bottomlock.replay.case import load_case
-from bottomlock.replay.figures import nis_table
+from bottomlock.replay.figures import nis_panel
 from bottomlock.replay.report import Drawing, ReplayTables, dive_of, drawings, read_replay
 from bottomlock.replay.run_and_report import run_and_report
 from bottomlock.statistics.replay import error_norms
@@ -64,25 +64,25 @@ def test_curves_draw_points_of_the_panels(drawn: dict[str, Drawing], tables: Rep
 def test_nis_and_errors_draw_points_of_the_tables(
     drawn: dict[str, Drawing], tables: ReplayTables, end: str
 ) -> None:
-    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     methods = tables.manifest["methods"]
-    nis = nis_table(tables.innovations.filter(what_if="lost_34"), methods, 1.0)
+    nis = nis_panel(tables.innovations.filter(what_if="lost_34"), methods, 1.0)
     (axes,) = drawn[f"nis_lost_34{end}"].figure.axes
-    assert held(points(axes), (nis["time_ns"] - start_ns) * 1e-9, nis["nis_ratio"]) == 1.0
-    (low,), (high,) = (nis[name].unique().round(12).to_list()[-1:] for name in ("band_lo", "band_hi"))
-    assert low < 1.0 < high
+    known = pl.concat(pl.DataFrame({"time": one.time_ns / DAY_NS, "ratio": one.value}) for one in nis.curves)
+    assert held(points(axes), known["time"], known["ratio"]) == 1.0
+    assert nis.band is not None
+    assert nis.band[0] < 1.0 < nis.band[1]
     errors = error_norms(tables.samples.filter(what_if="lost_34", **{"pass": "forward"}))
-    errors = errors.with_columns(time_s=(pl.col("time_ns") - start_ns) * 1e-9)
+    time_d = pl.Series("time", errors["time_ns"].to_numpy() / DAY_NS)
     for axes, (quantity, unit) in zip(
         drawn[f"errors_forward_lost_34{end}"].figure.axes,
         (("position", "m"), ("velocity", "mps"), ("attitude", "deg")),
         strict=True,
     ):
         both = pl.concat(
-            errors.select("time_s", value=column)
+            pl.DataFrame({"time": time_d, "value": errors[column]})
             for column in (f"{quantity}_{unit}", f"{quantity}_sd_{unit}")
         )
-        assert held(points(axes), both["time_s"], both["value"]) == 1.0
+        assert held(points(axes), both["time"], both["value"]) == 1.0
 
 
 def test_innovations_draw_points_of_the_table(drawn: dict[str, Drawing], tables: ReplayTables) -> None:

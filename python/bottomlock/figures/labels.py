@@ -29,7 +29,8 @@ def coincident(lines: dict[str, NDArray[np.float64]], tolerance: float = 1e-4) -
     groups: list[list[str]] = []
     for method, line in lines.items():
         for group in groups:
-            if np.allclose(line, lines[group[0]], rtol=tolerance, atol=0.0, equal_nan=True):
+            other = lines[group[0]]
+            if line.shape == other.shape and np.allclose(line, other, tolerance, 0.0, equal_nan=True):
                 group.append(method)
                 break
         else:

@@ -49,6 +49,7 @@ class Panel:
         band: low and high of a shaded range of values; None for none.
         period: of an angle that may go around; its values are shown within one turn. 0 for none.
         names: of the whole numbers from 1 on, where they stand for things; () where they are numbers.
+        compared: whether its named curves are of methods, drawn with their marks and named at their ends.
     """
 
     title: str
@@ -58,6 +59,7 @@ class Panel:
     band: tuple[float, float] | None = None
     period: float = 0.0
     names: Sequence[str] = ()
+    compared: bool = False
 
 
 @dataclass(frozen=True, eq=False)

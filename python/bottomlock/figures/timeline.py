@@ -13,11 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from bottomlock.figures.curves import plain_number
+from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, new_figure
 from bottomlock.figures.series import Curve, Floats, Panel, Times, scattered_rows, thinned_rows
 
-HEIGHT_IN = 1.05
-"""Of a panel."""
+HEIGHT_IN, COMPARED_IN = 1.05, 2.3
+"""Of a panel, and of one that compares methods."""
+ORDERS = 6.0
+"""Most decades of an axis that compares: an error that starts at 0 would stretch it without limit."""
 LEAST = 5.0
 """Least extent of an axis, in units of the last decimal that is read off."""
 PARTS = 600
@@ -34,32 +37,33 @@ def timeline_figure(panels: Sequence[Panel], start_ns: int, *, utc: bool, title:
         title: text above the figure.
     """
     with mpl.rc_context(STYLE):
-        height = _height_in(len(panels))
-        figure = new_figure(height_in=height, width_in=1.5 * WIDTH_IN)
-        draw_panels(stacked_axes(figure, len(panels)), panels, start_ns, utc=utc)
+        width, height = timeline_size_in(panels)
+        figure = new_figure(height_in=height, width_in=width)
+        draw_panels(stacked_axes(figure, panels), panels, start_ns, utc=utc)
         figure.text(0.012, 1.0 - 0.06 / height, title, ha="left", va="top", fontsize=10.0, color=INK)
     return figure
 
 
-def timeline_size_in(panels: int) -> tuple[float, float]:
-    """Width and height of a figure of so many panels, inches."""
-    return 1.5 * WIDTH_IN, _height_in(panels)
+def timeline_size_in(panels: Sequence[Panel]) -> tuple[float, float]:
+    """Width and height of a figure of these panels, inches."""
+    return 1.5 * WIDTH_IN, 0.75 + sum(map(_height_in, panels))
 
 
-def _height_in(panels: int) -> float:
-    return 0.75 + HEIGHT_IN * panels
+def _height_in(panel: Panel) -> float:
+    return COMPARED_IN if panel.compared else HEIGHT_IN
 
 
-def stacked_axes(figure: Figure, panels: int) -> list[Axes]:
-    """Axes of `panels` panels with one time axis, the first at the top, in a figure of `timeline_size_in`."""
-    height = _height_in(panels)
+def stacked_axes(figure: Figure, panels: Sequence[Panel]) -> list[Axes]:
+    """Axes of panels with one time axis, the first at the top, in a figure of `timeline_size_in`."""
+    _, height = timeline_size_in(panels)
+    width, bottom = 0.72 if any(panel.compared for panel in panels) else 0.885, height - 0.25
     made: list[Axes] = []
     with mpl.rc_context(STYLE):
-        for index in range(panels):
-            bottom = (0.5 + HEIGHT_IN * (panels - 1 - index)) / height
-            place = (0.09, bottom, 0.885, 0.72 * HEIGHT_IN / height)
+        for panel in panels:
+            bottom -= _height_in(panel)
+            place = (0.09, bottom / height, width, (_height_in(panel) - 0.28 * HEIGHT_IN) / height)
             made.append(figure.add_axes(place, sharex=made[0] if made else None))
-            made[-1].tick_params(labelbottom=index == panels - 1)
+            made[-1].tick_params(labelbottom=len(made) == len(panels))
     return made
 
 
@@ -71,10 +75,10 @@ def draw_panels(axes: Sequence[Axes], panels: Sequence[Panel], start_ns: int, *,
         panels, start_ns, utc: as of `timeline_figure`.
     """
     with mpl.rc_context(STYLE):
-        for one, panel in zip(axes, panels, strict=True):
-            _panel(one, panel, start_ns, utc=utc)
-        for one in axes:
+        lines = [_panel(one, panel, start_ns, utc=utc) for one, panel in zip(axes, panels, strict=True)]
+        for one, compared in zip(axes, lines, strict=True):
             _time_axis(one, panels, start_ns, utc=utc)
+            label_ends(one, compared)
         if axes:
             day = dt.datetime.fromtimestamp(start_ns * 1e-9, tz=dt.UTC)
             axes[-1].set_xlabel(f"UTC, from {day:%Y-%m-%d}" if utc else "time from the start, s")
@@ -103,14 +107,22 @@ def _shown(time_ns: Times, start_ns: int, *, utc: bool) -> Floats:
     return np.asarray(time_ns / 86400e9 if utc else (time_ns - start_ns) * 1e-9, dtype=np.float64)
 
 
-def _panel(axes: Axes, panel: Panel, start_ns: int, *, utc: bool) -> None:
+def _panel(axes: Axes, panel: Panel, start_ns: int, *, utc: bool) -> list[Line]:
+    """Draws a panel; gives the lines that are to be named at their ends, once the axes are final."""
     if panel.band is not None:
         axes.axhspan(*panel.band, color=FAINT, alpha=0.35, linewidth=0.0)
+    if not panel.curves:
+        axes.text(0.5, 0.5, "too few values", transform=axes.transAxes, ha="center", color=FAINT)
+    named = [curve for curve in panel.curves if panel.compared and curve.label]
     for curve in panel.curves:
-        shown = curve if curve.kind == "held" else _thinned(curve)
-        _draw(axes, shown, _shown(shown.time_ns, start_ns, utc=utc))
+        if curve not in named:
+            shown = curve if curve.kind == "held" else _thinned(curve)
+            _draw(axes, shown, _shown(shown.time_ns, start_ns, utc=utc))
+    lines = _compared(axes, named, start_ns, utc=utc)
     if panel.log:
         axes.set_yscale("log")
+        if named:
+            axes.set_ylim(*_decades(panel))
         axes.yaxis.set_major_locator(LogLocator(numticks=5))
         axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
         axes.yaxis.set_minor_formatter(NullFormatter())
@@ -128,8 +140,29 @@ def _panel(axes: Axes, panel: Panel, start_ns: int, *, utc: bool) -> None:
             axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
         axes.yaxis.set_major_locator(MaxNLocator(4))
     axes.set_title(panel.title, loc="left", fontsize=9.0, pad=3.0)
-    if not panel.names:
+    if not panel.names and not panel.compared:
         _legend(axes, panel.curves)
+    return lines
+
+
+def _compared(axes: Axes, curves: Sequence[Curve], start_ns: int, *, utc: bool) -> list[Line]:
+    """Draws curves of methods; those that coincide are one line."""
+    by_method = {curve.label: curve for curve in curves}
+    lines = []
+    for group in coincident({method: curve.value for method, curve in by_method.items()}, tolerance=1e-2):
+        shown = _thinned(by_method[group[0]])
+        lines.append(Line(group, _shown(shown.time_ns, start_ns, utc=utc), shown.value))
+    draw_lines(axes, lines, width=1.3)
+    return lines
+
+
+def _decades(panel: Panel) -> tuple[float, float]:
+    """Limits of a logarithmic axis, its band within."""
+    every = np.concatenate([*(curve.value for curve in panel.curves), np.array(panel.band or ())])
+    every = every[np.isfinite(every) & (every > 0.0)]
+    high = 1.4 * float(every.max(initial=1e-9))
+    low = min([float(np.percentile(every, 1.0)), *(panel.band or ())]) if every.size else high
+    return max(low / 1.5, high / 10.0**ORDERS), high
 
 
 def _within(period: float, value: float, _: int) -> str:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
 from bottomlock.figures.images import image_process
+from bottomlock.figures.palette import WIDTH_IN
 from bottomlock.figures.series import Panel, Track
 from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.overwriting import Files, Result, digests_of
@@ -32,9 +33,9 @@ from bottomlock.replay.dive_plots import (
     tracks_of,
 )
 from bottomlock.replay.figures import (
-    error_figure,
+    error_panels,
     innovation_figure,
-    nis_figure,
+    nis_panel,
 )
 from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.replay.map_figure import Map, map_figure, scale_words, shown_frame
@@ -159,7 +160,7 @@ def report_files(tables: ReplayTables) -> Files:
     for drawing, image in drawn:
         own = image.files(f"figures/{drawing.name}")
         files |= own
-        kind = "wide" if drawing.what_if is None or drawing.name == first_map else ""
+        kind = "wide" if drawing.figure.get_figwidth() > WIDTH_IN or drawing.name == first_map else ""
         picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
         figures.append(Shown(drawing.name, picture, drawing.what_if, drawing.folded))
     page = page_of(tables.manifest, tables.runs, tables.samples, tables.calibration, figures, plots)
@@ -196,7 +197,7 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
     ]
     for what_if, _ in manifest["what_if"]:
         shown = featured_in(manifest, summary_table(tables.runs), what_if)
-        found += _of_methods(tables, what_if, shown, tail)
+        found += _of_methods(tables, plots, what_if, shown, tail)
         innovations = tables.innovations.filter(pl.col("what_if") == what_if)
         method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
         if method is not None:
@@ -214,7 +215,7 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
                 caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
                 found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
         if len(shown) < len(manifest["methods"]):
-            found += _of_methods(tables, what_if, manifest["methods"], tail, folded=True)
+            found += _of_methods(tables, plots, what_if, manifest["methods"], tail, folded=True)
     return found
 
 
@@ -247,11 +248,10 @@ def _title(tables: ReplayTables, what_if: str) -> str:
 
 
 def _of_methods(
-    tables: ReplayTables, what_if: str, methods: list[str], tail: str, *, folded: bool = False
+    tables: ReplayTables, plots: Plots, what_if: str, methods: list[str], tail: str, *, folded: bool = False
 ) -> list[Drawing]:
     """Map, errors of each pass and NIS of some methods in one what-if case."""
     manifest, found = tables.manifest, []
-    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     samples, innovations = (
         table.filter(pl.col("what_if") == what_if) for table in (tables.samples, tables.innovations)
     )
@@ -271,17 +271,14 @@ def _of_methods(
     add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in (FORWARD, SMOOTHED):
         if manifest["has_reference"] and (samples["pass"] == name).any():
-            drawn = error_figure(samples, methods=methods, title=f"{title}, {name}", which=name)
+            drawn = _stacked(error_panels(samples, methods, name), plots, f"{title}, {name}")
             caption = (
                 f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
             )
             add(f"errors_{name}", caption, drawn)
     caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
-    add(
-        "nis",
-        caption,
-        nis_figure(innovations, start_ns, methods=methods, title=title, least_ratio=least_ratio_of(manifest)),
-    )
+    nis = nis_panel(innovations, methods, least_ratio_of(manifest))
+    add("nis", caption, _stacked([nis], plots, title))
     return found
 
 

@@ -25,7 +25,7 @@ from bottomlock.replay.dive_plots import (
     taken,
     velocity_panels,
 )
-from bottomlock.replay.figures import NIS_HEIGHT_IN, NIS_PLACE, draw_nis
+from bottomlock.replay.figures import nis_panel
 from bottomlock.replay.map_figure import MAP_HEIGHT_IN, MAP_PLACE, draw_map
 from bottomlock.replay.page import featured_in, results_table
 from bottomlock.replay.report import ReplayTables, least_ratio_of, map_of, read_replay
@@ -254,10 +254,7 @@ class Replay:
         """NIS over its degrees of freedom, sliding mean, with the 95 % band of a consistent filter; as `plot_map`."""
         case = self._case(what_if)
         rows = self.innovations.filter(pl.col("what_if") == case)
-        drawn = self._drawn(case, methods)
-        axes = shown_axes(NIS_PLACE, size_in=(WIDTH_IN, NIS_HEIGHT_IN)) if axes is None else axes
-        draw_nis(axes, rows, self._start_ns, methods=drawn, least_ratio=least_ratio_of(self.manifest))
-        return axes
+        return self._panel(nis_panel(rows, self._drawn(case, methods), least_ratio_of(self.manifest)), axes)
 
     def plot_beams(self, what_if: str | None = None, *, axes: "Axes | None" = None) -> "Axes":
         """Which beams were valid against time in a what-if case; as `plot_map`."""
@@ -297,7 +294,7 @@ class Replay:
 
     def _panels(self, panels: Sequence[Panel], axes: "Sequence[Axes] | None") -> "list[Axes]":
         if axes is None:
-            axes = stacked_axes(shown_figure(timeline_size_in(len(panels))), len(panels))
+            axes = stacked_axes(shown_figure(timeline_size_in(panels)), panels)
         if len(axes) != len(panels):
             raise DataError(f"axes are {len(axes)}, expected {len(panels)}, one for each panel")
         draw_panels(axes, panels, self._start_ns, utc=is_utc(self._start_ns))
