@@ -91,10 +91,10 @@ class Browser:
         os.close(self._from)
         self._profile.cleanup()
 
-    def open(self, page: Path) -> None:
-        """Loads a file, and waits until it is there."""
+    def open(self, page: Path | str) -> None:
+        """Loads a file or an address, and waits until it is there."""
         self._events.clear()
-        self._call("Page.navigate", url=page.resolve(strict=True).as_uri())
+        self._call("Page.navigate", url=page if isinstance(page, str) else page.resolve(strict=True).as_uri())
         while "Page.loadEventFired" not in self._events:
             self._events.append(str(self._receive().get("method")))
 

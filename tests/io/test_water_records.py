@@ -159,13 +159,6 @@ def test_waterlinked_json_water() -> None:
     assert (flagged.count, flagged.first) == (1, 2)
 
 
-def test_waterlinked_json_stale_water() -> None:
-    """A block of the water that repeats unchanged is no new measurement either."""
-    one = seeds.a50_report(0, version="json_v3.2", type="velocity_water")
-    two = one.replace(b"471563017", b"971563017")
-    assert water_of(waterlinked_json.read(one + two, "log")).valid.tolist() == [[True] * 4, [False] * 4]
-
-
 def test_waterlinked_serial_water() -> None:
     """`wrs` with its four `wru`; the maker's own example of it; a `wrs` with other fields is none."""
     recording = waterlinked_serial.read(seeds.water_report(1, lost=[3]) + seeds.water_report(2), "log")
@@ -182,17 +175,6 @@ def test_waterlinked_serial_water() -> None:
     assert recording.account.skipped == {}
     assert recording.table.time_ns.tolist() == [7000, 501_000_000]
     assert water_of(recording).valid.any(axis=1).tolist() == [False, True]
-
-
-def test_cells_that_repeat_and_have_no_time() -> None:
-    """Of two records of one time the first stands; the others are told."""
-    log = nortek_frame(0x1B, seeds.df21()) + nortek_frame(0x1D, seeds.df21(1))
-    log += nortek_frame(0x1D, seeds.df21(1, velocity=(9, 9, 9, 9))) + nortek_frame(0x1D, seeds.df21(0))
-    recording = nortek_dvl.read(log, "log")
-    water = water_of(recording)
-    assert (np.diff(water.time_ns) > 0).all()
-    np.testing.assert_allclose(water.velocity_mps, [[0.1, 0.2, 0.3, 0.4]] * 2, rtol=1e-6)
-    assert recording.account.flagged["water cells that repeat a time"].count == 1
 
 
 def write(folder: Path, log: bytes) -> Path:

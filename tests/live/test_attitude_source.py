@@ -49,25 +49,6 @@ def lines(seconds: float, hz: float = 10.0) -> Iterator[tuple[int, int, bytes]]:
         yield START_NS + own_ns + 300_000, 1, f"{own_ns},{numbers}\n".encode()
 
 
-def messages(seconds: float, kind: str, hz: float = 10.0) -> Iterator[tuple[int, int, bytes]]:
-    """The same as pymavlink packs it, between messages of an autopilot's own inertial readings."""
-    os.environ.setdefault("MAVLINK20", "1")
-    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
-    link = dialect.MAVLink(None)
-    for k in range(round(seconds * hz)):
-        own_ms = round(k * 1e3 / hz)
-        turned = angles(k / hz)
-        attitude = {
-            "ATTITUDE": lambda t=own_ms, a=turned: dialect.MAVLink_attitude_message(t, *a, 0.0, 0.0, TURN),
-            "ATTITUDE_QUATERNION": lambda t=own_ms, a=turned: dialect.MAVLink_attitude_quaternion_message(
-                t, *quaternion(*a), 0.0, 0.0, TURN
-            ),
-        }[kind]()
-        other = dialect.MAVLink_highres_imu_message(own_ms * 1000, *[0.0] * 13, 0xFFFF)
-        data = bytes(attitude.pack(link)) + bytes(other.pack(link))
-        yield START_NS + own_ms * 1_000_000 + 300_000, 1, data
-
-
 def fly(
     config: LiveConfig, world: World, attitudes: Iterator[tuple[int, int, bytes]]
 ) -> tuple[Engine, list[Sent]]:
@@ -104,20 +85,6 @@ def test_heading_and_way_are_the_attitudes() -> None:
     last = np.array(quaternion(*angles(9.9)))
     assert abs(abs(float(np.dot(state["attitude_t_p"], last))) - 1.0) < 1e-6
     assert 7.0 < np.linalg.norm(state["position_t_m"]) < 10.0
-
-
-@pytest.mark.parametrize("kind", ["ATTITUDE", "ATTITUDE_QUATERNION"])
-def test_mavlink_gives_what_lines_give(kind: str) -> None:
-    """To the rounding of single precision; the autopilot's HIGHRES_IMU is passed over."""
-    by_lines = fly(made(), World(6.0), lines(6.0))[1]
-    text = TEXT.replace('"attitude-csv"', '"mavlink"').replace(
-        "[attitude]", f'[attitude]\nmessage = "{kind}"'
-    )
-    engine, by_messages = fly(made(text), World(6.0), messages(6.0, kind))
-    assert len(by_lines) == len(by_messages) > 30
-    for one, other in zip(by_lines, by_messages, strict=True):
-        np.testing.assert_allclose(one.velocity, other.velocity, atol=1e-5)
-    assert engine.sources[1].used == 60
 
 
 def test_quaternions_of_mavlink() -> None:

@@ -173,22 +173,6 @@ ALL: dict[str, Any] = {
 }
 AT, HALF = 6000 * MS, float(np.sqrt(0.5))
 NONE, FORCE = (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY)
-ANY: Any = bottomlock
-"""Whose classes take what a type checker refuses."""
-
-
-def test_numbers_of_numpy_are_numbers() -> None:
-    """Times, scalars and arrays as a program has them: the same bits."""
-    plain, of_numpy = begun(600), begun(600)
-    for k in range(600, 700):
-        reading = still(k)
-        plain.push(reading)
-        of_numpy.push(ANY.ImuReading(np.int64(reading.time_ns), np.zeros(3), list(reading.force_mps2)))
-    plain.push(DepthReading(6990 * MS, 30.5))
-    of_numpy.push(ANY.DepthReading(np.int64(6990 * MS), np.float32(30.5)))
-    assert plain.navigator is not None
-    assert of_numpy.navigator is not None
-    assert plain.navigator.save() == of_numpy.navigator.save()
 
 
 class NoBeams:

@@ -8,10 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.encoders.ping import Ping
-from bottomlock.encoders.registry import encoder
-from bottomlock.io import waterlinked_json
-from bottomlock.io.beams import read_geometry
 from bottomlock.io.ros_messages import LATER_DVL
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.live.pings import PingReader
@@ -190,44 +186,3 @@ def test_beams_that_are_none() -> None:
         "transducers are not a list with ids 0 to 3": 1,
         "no dvl_msgs/DVL: ends within 'sec'": 1,
     }
-
-
-def test_beams_of_the_message_are_those_of_the_instrument_s_own_report() -> None:
-    """The report of an A50 by TCP and the message that a driver makes of it are the same ping."""
-    geometry = read_geometry("waterlinked_a50").geometry
-    beams = geometry.beam_velocities(np.array([[1.0, 0.1, 0.05]]))[0]
-    line = encoder("waterlinked-json", geometry).encode(
-        Ping(
-            time_ns=TIME_NS // 1000 * 1000,
-            transmission_ns=TIME_NS,
-            interval_ns=250_000_000,
-            number=1,
-            beam_velocity_mps=beams,
-            range_m=np.full(4, 12.0),
-            velocity_p_mps=np.array([1.0, 0.1, 0.05]),
-            covariance_m2ps2=np.eye(3) * 1e-4,
-            altitude_m=11.0,
-        )
-    )
-    (told,) = PingReader(waterlinked_json.NAME, 4).feed(line)
-    types = store_of().types
-    relayed = [
-        types["dvl_msgs/msg/DVLBeam"](id=k, velocity=v, distance=12.0, rssi=-30.0, nsd=-90.0, valid=True)
-        for k, v in enumerate(told.velocity_mps.tolist())
-    ]
-    (ping,) = PingReader("ros-dvl-msgs", 4).feed(report(beams=relayed))
-    np.testing.assert_array_equal(ping.velocity_mps, told.velocity_mps)
-    np.testing.assert_array_equal(ping.range_m, told.range_m)
-    np.testing.assert_array_equal(ping.valid, told.valid)
-
-
-def test_a_ping_without_a_beam_of_marine_acoustic_msgs() -> None:
-    """All beams lost is a ping; a velocity through the water is none."""
-    directions = np.asarray(read_geometry("teledyne_30").geometry.directions_p)
-    reader = PingReader("ros-dvl", 4)
-    message = MESSAGES.dvl(TIME_NS, np.full(4, math.nan), np.full(4, math.nan), directions)
-    (ping,) = reader.feed(bytes_of("/dvl", message))
-    assert ping.time_ns == TIME_NS
-    assert not ping.valid.any()
-    message.velocity_mode = 2
-    assert reader.feed(bytes_of("/dvl", message)) == []

@@ -49,8 +49,8 @@ class Trace:
     shown_valid: np.ndarray
 
 
-def trace(lines: list[bytes], keep: tuple[int, ...] | None = None, outage_s: float = 10.0) -> Trace:
-    """The trace of lines; of every second `outage_s` only the beams `keep`, numbered from 0, stay valid.
+def trace(lines: list[bytes]) -> Trace:
+    """The trace of lines.
 
     Before it the vehicle lies still with the first report's beams for `CALM_S`, as an alignment needs.
     """
@@ -63,13 +63,6 @@ def trace(lines: list[bytes], keep: tuple[int, ...] | None = None, outage_s: flo
         calm.append(dict(first, time=100.0, vx=0.0, vy=0.0, vz=0.0, transducers=beams))
     whole = calm + reports
     time_s = np.cumsum([report["time"] for report in whole]) * 1e-3
-    for report, at_s in zip(whole, time_s, strict=True):
-        if keep is not None and at_s > CALM_S + outage_s and (at_s - CALM_S) // outage_s % 2:
-            report["velocity_valid"] = False
-            report["transducers"] = [
-                dict(one, beam_valid=bool(one["beam_valid"] and one["id"] in keep))
-                for one in report["transducers"]
-            ]
     return Trace(
         [json.dumps(report).encode() + b"\r\n" for report in whole],
         time_s,
@@ -135,12 +128,10 @@ def smooth_velocity(moves: Trace) -> tuple[np.ndarray, np.ndarray]:
     return np.array(times), np.stack([np.convolve(padded[:, k], kernel, "valid") for k in range(3)], axis=1)
 
 
-def sent(
-    config: LiveConfig, moves: Trace, whole: Trace | None = None, data: list[bytes] | None = None
-) -> tuple[np.ndarray, list[str]]:
+def sent(config: LiveConfig, moves: Trace, whole: Trace | None = None) -> tuple[np.ndarray, list[str]]:
     """Times at which the autopilot is sent a velocity, s, and the states with their reasons in their order.
 
-    With `whole`, the trace with all its beams, there is an IMU that moves as that shows. `data` is given the messages.
+    With `whole`, the trace with all its beams, there is an IMU that moves as that shows.
     """
     engine = Engine(config)
     arrivals = [(at, 0, line) for at, line in zip(moves.time_s.tolist(), moves.lines, strict=True)]
@@ -151,8 +142,6 @@ def sent(
             one for one in engine.arrive(place, START_NS + round(at_s * 1e9), arrived) if one.port == VELOCITY
         ]
         times += [at_s] * len(messages)
-        if data is not None:
-            data += [message.data for message in messages]
         states.append(f"{engine.state}: {engine.machine.why}")
     return np.array(times), list(dict.fromkeys(states))
 
@@ -171,19 +160,3 @@ def gaps(times: np.ndarray, moves: Trace) -> list[tuple[float, float]]:
         if moves.beams[first:last].any():
             found.append((float(begin), float(end - begin)))
     return found
-
-
-def deltas(
-    times: np.ndarray, data: list[bytes], at_s: np.ndarray, velocity: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (n, 3) of the velocities of VISION_POSITION_DELTA, and the σ (n,) that ArduPilot takes of them, m/s."""
-    link = ardupilotmega.MAVLink(None)
-    errors, sds = [], []
-    for end_s, packet in zip(times, data, strict=True):
-        (message,) = link.parse_buffer(packet)
-        interval_s = message.time_delta_usec * 1e-6
-        middle = end_s - 0.5 * interval_s
-        truth = np.array([np.interp(middle, at_s, velocity[:, axis]) for axis in range(3)])
-        errors.append(np.array(message.position_delta) / interval_s - truth)
-        sds.append(0.1 + 0.8 * (1.0 - message.confidence / 100.0))
-    return np.array(errors), np.array(sds)

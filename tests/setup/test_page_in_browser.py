@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from tests.live.browser import CHROMIUM, Browser
+from tests.browser import Browser, chromium
 from tests.live.processes import Instruments, free_port
 from tests.setup.test_server import PATIENCE_S, health_port, served, shown
 
 pytest.importorskip("pymavlink", reason="needs pymavlink (extra mavlink)")
 pytest.importorskip("mcap", reason="needs mcap (extra live)")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or chrome on the path")
+pytestmark = pytest.mark.skipif(chromium() is None, reason="no chromium or chrome on the path")
 __all__ = ["health_port"]
 
 
@@ -41,7 +41,7 @@ def typed(browser: Browser, **values: str) -> None:
 def test_a_person_sets_it_up(tmp_path: Path) -> None:
     """Mistakes first; then OK with numbers; two widths and both colour schemes without a bar to scroll sideways."""
     with (
-        Browser(tmp_path / "profile") as browser,
+        Browser() as browser,
         Instruments(200.0) as instruments,
         served(tmp_path / "vehicle") as port,
     ):
@@ -71,13 +71,7 @@ def test_a_person_sets_it_up(tmp_path: Path) -> None:
         assert shown(port)["form"]["mounting_yaw_deg"] == -4.5
         until(browser, "document.querySelector('#logs a')?.href.endsWith('.mcap')")
         for width in (390, 1280):
-            browser.call(
-                "Emulation.setDeviceMetricsOverride",
-                width=width,
-                height=900,
-                deviceScaleFactor=1,
-                mobile=False,
-            )
+            browser.size(width)
             assert browser.value("document.documentElement.scrollWidth <= window.innerWidth"), width
         browser.value("document.getElementById('stop').click(); 0")
         until(browser, "document.getElementById('state').textContent === 'STOPPED'")
