@@ -74,6 +74,26 @@ def _wander(
     return np.asarray(size * np.sqrt(2.0 / parts) * np.sin(t[:, None] * rates + phases).sum(axis=1))
 
 
+def felt(
+    step_s: float, rpy: Floats, body: Floats, earth: Floats = EARTH, gravity: Floats = GRAVITY
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """What perfect inertial sensors feel of a motion: specific force, rate; velocity over ground, rate against it.
+
+    Args:
+        step_s: between rows.
+        rpy: (n, 3) roll, pitch, yaw, rad.
+        body: (n, 3) velocity forward, right, down, m/s.
+        earth: its rotation, north, east, down, rad/s.
+        gravity: north, east, down, m/s².
+    """
+    C = Rotation.from_euler("ZYX", rpy[:, ::-1])
+    v_n = C.apply(body)
+    accel = np.gradient(v_n, step_s, axis=0) + 2.0 * np.cross(earth, v_n)
+    turns = (C[:-1].inv() * C[1:]).as_rotvec() / step_s
+    turns = np.vstack([turns[:1], 0.5 * (turns[1:] + turns[:-1]), turns[-1:]])
+    return C.inv().apply(accel - gravity), turns + C.inv().apply(np.tile(earth, (len(rpy), 1))), v_n, turns
+
+
 def drawn_dive(
     seed: int,
     *,
@@ -114,14 +134,9 @@ def drawn_dive(
         [0.5 + _wander(t, rng, 0.2 * lively, (6.0, 30.0)), sway_mps + _wander(t, rng, 0.12 * lively, (6.0, 30.0)),
          _wander(t, rng, 0.08 * lively, (6.0, 30.0))], axis=1,
     )  # fmt: skip
-    C = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1))
-    v_n = C.apply(body)
     dt = t[1] - t[0]
-    accel = np.gradient(v_n, dt, axis=0) + 2.0 * np.cross(EARTH, v_n)
-    force = C.inv().apply(accel - GRAVITY)
-    turns = (C[:-1].inv() * C[1:]).as_rotvec() / dt
-    turns = np.vstack([turns[:1], 0.5 * (turns[1:] + turns[:-1]), turns[-1:]])
-    omega = turns + C.inv().apply(np.tile(EARTH, (len(t), 1)))
+    rpy = np.stack([roll, pitch, yaw], axis=1)
+    force, omega, v_n, turns = felt(dt, rpy, body)
     moved = np.cumsum(0.5 * (v_n[1:] + v_n[:-1]) * dt, axis=0)
     position = np.vstack([np.zeros(3), moved]) + np.array([0.0, 0.0, 3.0])
     k = slice(0, None, fine)
@@ -135,7 +150,7 @@ def drawn_dive(
     v = Rotation.from_euler("ZYX", mounting_rpy_deg[::-1], degrees=True).apply(v, inverse=True)
     beams = v @ B.T + beam_sd * rng.normal(size=(len(ping_s), len(B)))
     lost = rng.random(beams.shape) < 0.02
-    rpy = np.stack([roll, pitch, yaw], axis=1)[k]
+    rpy = rpy[k]
     slow, second = slice(0, None, max(round(imu_hz / 5.0), 1)), slice(0, None, max(round(imu_hz), 1))
     times, places = t[k], position[k]
     count = len(times[slow])

@@ -109,15 +109,19 @@ mounting_yaw_deg = 0.0
 """
 
 
+def beam_table(made: Dive) -> pl.DataFrame:
+    """The beams as `bottomlock convert` writes them."""
+    time_ns = np.round(made.ping_s * 1e9).astype(np.int64)
+    columns = {f"beam{k + 1}_mps": one for k, one in enumerate(made.beams.T)}
+    columns |= {f"beam{k + 1}_valid": np.isfinite(one) for k, one in enumerate(made.beams.T)}
+    return pl.DataFrame({"time_ns": time_ns} | columns).fill_nan(None)
+
+
 def write_case(made: Dive, folder: Path) -> Path:
     """Tables, geometry and a case of them without a mistake; the reference is the truth, at 1 Hz."""
     held = dict(tables(made, start_s=0.0))
     held["reference"] = held.pop("truth").gather_every(5).select("time_s", "north", "east", "down")
-    held["beams"] = held["beams"].select(
-        (pl.col("time_s") * 1e9).round().cast(pl.Int64).alias("time_ns"),
-        pl.col("^beam._mps$"),
-        *(pl.col(f"beam{k}_mps").is_not_null().alias(f"beam{k}_valid") for k in range(1, 5)),
-    )
+    held["beams"] = beam_table(made)
     for name in ("imu", "beams", "depth", "ahrs", "reference"):
         held[name].write_parquet(folder / f"{name}.parquet")
     (folder / "dvl.toml").write_text(CASE_GEOMETRY, encoding="utf-8")

@@ -18,6 +18,7 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.ports import registry
 from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
+from tests.dive import felt
 
 START_NS = 1_790_000_000_000_000_000
 LATITUDE_DEG = 32.8
@@ -216,13 +217,11 @@ class World:
     def imu(self) -> Iterator[tuple[int, int, bytes]]:
         """Inertial readings of the same run, level on heading 30 degrees."""
         random = np.random.default_rng([self.seed, 2])
-        latitude, heading = math.radians(LATITUDE_DEG), math.radians(30.0)
-        c, s = math.cos(heading), math.sin(heading)
-        to_body = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        latitude = math.radians(LATITUDE_DEG)
         earth = EARTH_RATE_RADPS * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
         gravity = np.array([0.0, 0.0, normal_gravity_mps2(latitude)])
-        force = to_body @ (2.0 * np.cross(earth, to_body.T @ VELOCITY) - gravity)
-        omega = to_body @ earth
+        still = np.tile([0.0, 0.0, math.radians(30.0)], (3, 1))
+        (force, *_), (omega, *_), *_ = felt(1.0, still, np.tile(VELOCITY, (3, 1)), earth, gravity)
         for k in range(round(self.seconds * self.imu_hz)):
             time_ns = START_NS + round(k * 1e9 / self.imu_hz)
             w = omega + 1e-4 * random.standard_normal(3)

@@ -20,7 +20,7 @@ from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.tables.replay import RECORDED
 from tests.dive import Dive, drawn_dive
-from tests.dive_logs import write_csv
+from tests.dive_logs import beam_table, write_csv
 from tests.recorded_dives import stpere
 
 CASE = """
@@ -96,13 +96,7 @@ def write(dive: Dive, folder: Path, extra: str = "", attitude_hz: float = 10.0) 
     columns |= dict(zip(("u", "v", "w"), dive.velocity[::every].T, strict=True))
     columns |= dict(zip(("roll", "pitch", "yaw"), rpy.T, strict=True))
     write_csv(folder / "truth.csv", {"time": t} | columns)
-    beams = {f"beam{k + 1}_mps": column for k, column in enumerate(dive.beams.T)}
-    flags = {
-        f"beam{k + 1}_valid": np.isfinite(column).astype(np.int64) for k, column in enumerate(dive.beams.T)
-    }
-    pl.DataFrame({"time_ns": np.round(dive.ping_s * 1e9).astype(np.int64)} | beams | flags).fill_nan(
-        None
-    ).write_csv(folder / "beams.csv")
+    beam_table(dive).with_columns(pl.col("^beam._valid$").cast(pl.Int8)).write_csv(folder / "beams.csv")
     path = folder / "case.toml"
     path.write_text(CASE + extra, encoding="utf-8")
     return path

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -22,7 +21,7 @@ from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.tune.parameters import noise_of
 from bottomlock.replay.tune.run import tune_case
 from tests.dive import Dive, drawn_dive
-from tests.dive_logs import write_csv
+from tests.dive_logs import beam_table, write_csv
 
 CURRENT = np.array([0.25, -0.15, 0.0])
 CASE = """
@@ -101,10 +100,7 @@ def write(folder: Path, dive: Dive, water: WaterTable | None = None) -> Path:
     columns |= dict(zip(("u", "v", "w"), dive.velocity[every].T, strict=True))
     columns |= dict(zip(("roll", "pitch", "yaw"), dive.rpy[every].T, strict=True))
     write_csv(folder / "truth.csv", {"time": dive.imu_s[every]} | columns)
-    beams: dict[str, Any] = {"time_ns": np.round(dive.ping_s * 1e9).astype(np.int64)}
-    for k, column in enumerate(dive.beams.T):
-        beams |= {f"beam{k + 1}_mps": column, f"beam{k + 1}_valid": np.isfinite(column)}
-    write_parquet(folder / "beams.parquet", pl.DataFrame(beams).fill_nan(None))
+    write_parquet(folder / "beams.parquet", beam_table(dive))
     write_parquet(folder / "beams_water.parquet", (water or water_of(dive)).to_frame())
     path = folder / "case.toml"
     path.write_text(CASE, encoding="utf-8")
