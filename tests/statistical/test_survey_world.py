@@ -14,8 +14,8 @@ import polars as pl
 import pytest
 
 from bottomlock.config.scenario import load_scenario
+from bottomlock.studies.cases import in_world
 from bottomlock.studies.study import cells, study
-from bottomlock.studies.world import in_world
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.pages.page import html
@@ -81,20 +82,25 @@ def test_a_study_resumes(tmp_path: Path, table: pl.DataFrame) -> None:
     """Broken off after a combination it keeps that, and ends in the same table."""
     wanted = cells([short()], masks=SETS)
 
-    def stop(_: str, fraction: float) -> None:
-        if fraction > 0.5:
+    def stop(state: CampaignProgress) -> None:
+        if not state.trajectory.startswith("straight 1,2,3,4"):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         study(wanted, folder=tmp_path, threads=1, progress=stop)
     (first,) = (tmp_path / "straight-1,2,3,4-as_configured").rglob("samples-*")
     stamp = first.stat().st_mtime_ns
-    fractions: list[float] = []
-    again = study(wanted, folder=tmp_path, threads=1, progress=lambda _, fraction: fractions.append(fraction))
+    done: dict[str, float] = {}
+    totals = set()
+
+    def hear(state: CampaignProgress) -> None:
+        done[state.trajectory] = state.runs_done
+        totals.add(state.campaign_runs)
+
+    again = study(wanted, folder=tmp_path, threads=1, progress=hear)
     assert again.equals(table, null_equal=True)
     assert first.stat().st_mtime_ns == stamp
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
+    assert totals == {sum(done.values())} == {9}
 
 
 def by_hand(**change: object) -> pl.DataFrame:

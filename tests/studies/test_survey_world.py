@@ -11,7 +11,7 @@ from bottomlock.kernel import DEFAULT_OPTIONS
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.studies import cases
-from bottomlock.studies.world import SECTIONS, in_world
+from bottomlock.studies.cases import WORLD, in_world
 
 SURVEYS = ("survey", "survey_table2")
 
@@ -62,7 +62,7 @@ def test_in_world_takes_all_but_the_motion() -> None:
     """Sensors, filter and current of the world; name, trajectory and campaign stay; the mask replaces loss as ever."""
     straight, survey = short(), load_scenario("survey")
     moved = in_world(straight, survey)
-    for name in SECTIONS:
+    for name in WORLD:
         assert getattr(moved, name) == getattr(survey, name), name
     assert moved.mission["current"] == survey.mission["current"]
     assert {key: moved.mission[key] for key in straight.mission} == straight.mission
@@ -87,7 +87,5 @@ def test_in_the_world_of_the_paper_the_water_is_still() -> None:
 
 def test_an_analytic_trajectory_has_no_world() -> None:
     analytic = load_scenario("straight").with_trajectory(source="analytic")
-    with pytest.raises(
-        ScenarioError, match=r"straight: an analytic trajectory has no current, expected .*\"vehicle\""
-    ):
+    with pytest.raises(ScenarioError, match=r"straight: .* no current, expected .*\"vehicle\""):
         in_world(analytic, load_scenario("survey"))

@@ -13,7 +13,7 @@ from bottomlock.io.beam_table import geometry_beside
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.simulation.own_path import resolved
-from bottomlock.studies.world import in_world
+from bottomlock.studies.cases import in_world
 
 CampaignOut = Annotated[
     Path, Parameter(alias="-o", help="Directory for the results: new, or of the same campaign to resume.")

@@ -1,15 +1,13 @@
 """The command `bottomlock study`: methods under sets of beams and sensors, with one verdict each."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Annotated
 
 import polars as pl
 from cyclopts import Parameter
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bottomlock.cli.console import console, errors, interrupted, late_bar
+from bottomlock.cli.campaign_output import progress_bar
+from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.force import ForceStudy
 from bottomlock.cli.page_output import print_table
 from bottomlock.cli.parameters import (
@@ -101,8 +99,11 @@ def study(
     if not result.record.exists() or force:
         # The folder is ours from now on, and the same command resumes.
         result.write({}, force=force)
-    with _bar(out) as report:
-        table = run_study(wanted, folder=out / "cells", threads=threads, force=force, progress=report)
+    try:
+        with progress_bar() as progress:
+            table = run_study(wanted, folder=out / "cells", threads=threads, force=force, progress=progress)
+    except KeyboardInterrupt:
+        interrupted(out, kept="cells")
     versions = ", ".join(f"{name} {version}" for name, version in library_versions().items())
     about = f"bottomlock {kernel_version()}, {versions}"
     made = page(table, [f"Command: `{command}`", f"Made with {about}"], about)
@@ -173,22 +174,3 @@ def cell_tables(table: pl.DataFrame) -> Iterator[tuple[str, Table]]:
         ]
         columns = ["method", "v m/s", "95 %", "att deg", "pos m", "NEES 6", "NEES", "NIS", "verdict"]
         yield "{}, beams {}, sensors {}: RMS over runs at the end".format(*place), Table(columns, shown)
-
-
-@contextmanager
-def _bar(out: Path) -> Iterator[Callable[[str, float], None]]:
-    """A progress bar with the time left, called with a cell and the fraction done; an interruption ends the command."""
-    columns = (
-        TextColumn("{task.description:>22}", markup=False), BarColumn(), TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
-    try:
-        with late_bar(Progress(*columns, console=errors)) as bar:
-            task = bar.add_task("", total=1.0)
-
-            def report(cell: str, fraction: float) -> None:
-                bar.start()
-                bar.update(task, description=cell, completed=fraction)
-
-            yield report
-    except KeyboardInterrupt:
-        interrupted(out, kept="cells")

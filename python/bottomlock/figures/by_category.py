@@ -24,7 +24,6 @@ def category_figure(
     title: str,
     *,
     intervals: Mapping[str, tuple[Array, Array]] | None = None,
-    is_first_a_level: bool = False,
 ) -> Figure:
     """A point for each method and category, side by side; a bar where an interval is given.
 
@@ -33,7 +32,6 @@ def category_figure(
         categories: names, in the order of the axis.
         title: what is shown, with its unit.
         intervals: lower and upper ends (categories,) of methods.
-        is_first_a_level: whether the errors of the first category are drawn across, to compare the others with.
     """
     place = np.arange(len(categories), dtype=np.float64)
     bounds = [end for ends in (intervals or {}).values() for end in ends]
@@ -63,7 +61,5 @@ def category_figure(
             if intervals is not None and method in intervals:
                 low, high = intervals[method]
                 axes.vlines(at, low, high, color=look["color"], linewidth=1.4)
-            if is_first_a_level:
-                axes.axhline(curves[method][0], color=look["color"], linewidth=0.9, linestyle=(0, (1, 2)))
         label_ends(axes, lines)
     return figure

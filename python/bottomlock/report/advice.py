@@ -1,7 +1,7 @@
 """Which method to use: of those consistent in the campaign and in the published studies, the ones of least error.
 
 A campaign tests the assumptions of a method in its own water alone. In still water a method that sets the sway to zero
-has the least error; whether it holds elsewhere is read off the published consistency studies.
+has the least error; whether it holds elsewhere is read off the published studies.
 """
 
 from collections.abc import Mapping

@@ -1,1 +1,1 @@
-"""Studies over many campaigns: cases, masks, recovery, consistency, the sweep, the whole of the 2017 paper."""
+"""Studies over many campaigns: methods by beams and sensors, the sweep, the whole of the 2017 paper."""

@@ -1,4 +1,4 @@
-"""Variants of a scenario that differ only in which beams return and which sensors aid, so that their runs are paired.
+"""Variants of a scenario: which beams return, which sensors aid, and the world of another scenario.
 
 A variant keeps the scenario's name, and with it the random streams: run k has the same sensor errors in all of them.
 """
@@ -25,6 +25,12 @@ SENSORS: dict[str, dict[str, Any]] = {
 }
 """Sensors that may aid beside the beams, by name: their section of a scenario. The GPS antenna is on a float, or the
 vehicle at the surface: fixes are received at any depth of the trajectory."""
+
+WORLD = (
+    "environment", "seabed", "imu", "dvl", *(sensor.name for sensor in config_sensors.SENSORS), "initial", "filter",
+    "robust",
+)  # fmt: skip
+"""Sections that are a world, beside the current of its mission; a trajectory in it keeps the others."""
 
 _LOSS = (
     "beams_lost", "outages", "dropouts", "altitude_loss", "replay_validity",
@@ -91,3 +97,25 @@ def aided_by(scenario: Scenario, sensors: Sequence[str]) -> Scenario:
     }
     on = {key: section for name in sensors for key, section in SENSORS[name].items()}
     return scenario.model_copy(update=off | on)
+
+
+def in_world(scenario: Scenario, world: Scenario) -> Scenario:
+    """The trajectory of a scenario with the sensors, filter, seabed and current of another one.
+
+    Raises:
+        ScenarioError: for a trajectory without a vehicle, which has no current.
+
+    Examples:
+        >>> from bottomlock.config.scenario import load_scenario
+        >>> moved = in_world(load_scenario("straight"), load_scenario("survey"))
+        >>> moved.name, moved.trajectory.kind, moved.depth.enabled, moved.mission["current"]["speed_mps"]
+        ('straight', 'straight', True, 0.3)
+    """
+    if scenario.trajectory.source != "vehicle":
+        raise ScenarioError(
+            f"scenario {scenario.name}: its trajectory has no vehicle and so no current, expected trajectory.source "
+            f'"vehicle" to fly it in the world of {world.name}'
+        )
+    mission = {key: value for key, value in scenario.mission.items() if key != "current"}
+    mission |= {key: value for key, value in world.mission.items() if key == "current"}
+    return scenario.model_copy(update={name: getattr(world, name) for name in WORLD} | {"mission": mission})

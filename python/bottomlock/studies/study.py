@@ -1,7 +1,7 @@
 """One study: methods under sets of returning beams and sets of sensors, on the same runs, with one verdict each."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import polars as pl
@@ -86,7 +86,7 @@ def study(
     folder: str | Path | None = None,
     threads: int = 0,
     force: bool = False,
-    progress: Callable[[str, float], None] = lambda _cell, _fraction: None,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> pl.DataFrame:
     """Flies every cell; cells of one trajectory have the same sensor errors, run by run.
 
@@ -97,7 +97,7 @@ def study(
         folder: where each combination is a campaign of its own, kept and not run again; nothing is kept by default.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         force: start over in folders of other campaigns.
-        progress: called with a combination and the fraction of the whole study that is done.
+        progress: called with the combination as trajectory, and as runs of the campaign those of the whole study.
 
     Returns:
         `tables.studies.STUDY`, a row a cell; its verdicts are one family.
@@ -108,11 +108,12 @@ def study(
     together: dict[tuple[str, str, str], list[Cell]] = {}
     for cell in cells:
         together.setdefault((cell.scenario.name, cell.beams_text, cell.sensors_text), []).append(cell)
+    total = sum(runs or group[0].scenario.campaign.runs for group in together.values())
     errors, means = [], []
-    for number, (place, group) in enumerate(together.items()):
+    for place, group in together.items():
 
-        def report(state: CampaignProgress, place: Sequence[str] = place, number: int = number) -> None:
-            progress(" ".join(place), (number + state.runs_done / state.runs_total) / len(together))
+        def report(state: CampaignProgress, place: Sequence[str] = place) -> None:
+            progress(replace(state, trajectory=" ".join(place), campaign_runs=total))
 
         results = run_campaign(
             group[0].flown(),
