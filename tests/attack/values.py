@@ -40,6 +40,10 @@ INTEGERS = (
     -(2**63),
 )  # fmt: skip
 BEYOND = (2**63, -(2**63) - 1, 2**64 - 1, 2**64, 10**30)
+TYPES = (
+    "float32", "float16", "longdouble", "int64", "int8", "uint64", "complex128", "bool", "S8", "U8", "object",
+    "timedelta64[ns]", "datetime64[ns]",
+)  # fmt: skip
 WORDS = ("", " ", "\x00", "TC", "tc ", "ünter", "x" * 5000, "[/red]", "nan", "0", "../../etc", "\U0001f41f")
 
 
@@ -60,176 +64,120 @@ def _of_other_type(rng: Random) -> Any:  # noqa: ANN401 - anything
     )  # fmt: skip
 
 
-def spoil_number(value: float, rng: Random) -> Spoilt:
+def _number(value: float, rng: Random) -> Spoilt:
     """A number that is not finite, far from the valid one, or of another type."""
-    kind = rng.randrange(8)
-    if kind == 0:
+    if rng.random() < 0.15:
         bad = rng.choice((NAN, INFINITY, -INFINITY))
         return Spoilt(rng.choice((bad, np.float64(bad), Number(bad))), "a number that is not finite")
-    if kind == 1:
-        return Spoilt(_of_other_type(rng))
-    if kind == 2:
-        return Spoilt(value * 10.0 ** rng.randint(-12, 12))
-    if kind == 3:
-        return Spoilt(-value)
-    if kind == 4:
-        return Spoilt(rng.choice((*INTEGERS, *BEYOND, True, False)))
-    if kind == 5:
-        return Spoilt(
-            rng.choice((np.float32(value), np.array(value), np.array([value]), Number(value), str(value)))
-        )
-    return Spoilt(rng.choice(NUMBERS))
+    others = (
+        value * 10.0 ** rng.randint(-12, 12), -value, np.float32(value), np.array(value), np.array([value]),
+        Number(value), str(value), True, rng.choice((*INTEGERS, *BEYOND)), rng.choice(NUMBERS), rng.choice(NUMBERS),
+        _of_other_type(rng),
+    )  # fmt: skip
+    return Spoilt(rng.choice(others))
 
 
-def spoil_integer(value: int, rng: Random) -> Spoilt:
+def _integer(value: int, rng: Random) -> Spoilt:
     """A count, key or time: negative, beyond 64 bits, or no integer."""
-    kind = rng.randrange(5)
-    if kind == 0:
-        return Spoilt(rng.choice(BEYOND))
-    if kind == 1:
-        return Spoilt(_of_other_type(rng))
-    if kind == 2:
-        return Spoilt(
-            rng.choice((True, float(value), NAN, INFINITY, str(value), np.uint64(2**64 - 1), np.int8(-1)))
-        )
-    if kind == 3:
-        return Spoilt(value + rng.choice((-1, 1, 1000, -(10**9))))
-    return Spoilt(rng.choice(INTEGERS))
+    others = (
+        True, float(value), NAN, INFINITY, str(value), np.uint64(2**64 - 1), np.int8(-1), _of_other_type(rng),
+        value + rng.choice((-1, 1, 1000, -(10**9))), rng.choice(INTEGERS), rng.choice(INTEGERS), rng.choice(BEYOND),
+    )  # fmt: skip
+    return Spoilt(rng.choice(others))
 
 
-def spoil_word(value: str, rng: Random) -> Spoilt:
+def _word(value: str, rng: Random) -> Spoilt:
     """Another name, or none."""
-    kind = rng.randrange(4)
-    if kind == 0:
+    if rng.random() < 0.25:
         return Spoilt(_of_other_type(rng))
-    if kind == 1:
-        return Spoilt(f"{value}_" if rng.random() < 0.5 else value[:-1], "a name that is not known")
-    return Spoilt(rng.choice(WORDS), "a name that is not known")
+    return Spoilt(rng.choice((f"{value}_", value[:-1], *WORDS)), "a name that is not known")
 
 
-def _changed_shape(array: np.ndarray[Any, Any], rng: Random) -> Any:  # noqa: ANN401 - array or list
+def _stored_otherwise(array: np.ndarray[Any, Any], rng: Random) -> Any:  # noqa: ANN401 - array or list
+    """Another shape, type or layout."""
+    deep = array.ndim > 0
+    name = rng.choice(TYPES)
     choices: tuple[Callable[[], Any], ...] = (
-        lambda: array[:-1] if array.ndim else array,
-        lambda: array[..., :-1] if array.ndim else array,
+        lambda: array[:-1] if deep else array,
+        lambda: array[..., :-1] if deep else array,
         lambda: array[None],
         lambda: array.T,
         array.ravel,
-        lambda: array[:0] if array.ndim else array,
-        lambda: np.empty((0, *array.shape[1:]), array.dtype),
-        lambda: np.concatenate([array, array]) if array.ndim else array,
+        lambda: array[:0] if deep else array,
+        lambda: np.concatenate([array, array]) if deep else array,
         # Of no memory of its own; a copy of it would need terabytes.
         lambda: np.broadcast_to(np.zeros((), array.dtype), (2**40, *array.shape[1:])),
         lambda: np.broadcast_to(np.zeros((), array.dtype), (*array.shape, 0)),
-        lambda: [*array.tolist(), []] if array.ndim else [],
+        lambda: [*array.tolist(), []] if deep else [],
         lambda: np.zeros((1,) * 40, array.dtype),
+        array.tolist,
+        lambda: np.asfortranarray(array),
+        lambda: np.repeat(array, 2, axis=0)[::2] if deep else array,
+        lambda: array.astype(array.dtype.newbyteorder(">")),
+        lambda: np.ma.masked_array(array, mask=rng.random() < 0.5),
+        lambda: array.astype(name),
+        lambda: array.astype(name),
     )
-    return rng.choice(choices)()
-
-
-def _other_layout(array: np.ndarray[Any, Any], rng: Random) -> Any:  # noqa: ANN401 - array or list
-    """The same values, stored in another way."""
-    swapped = array.astype(array.dtype.newbyteorder(">"))
-    return rng.choice(
-        (
-            array.tolist(),
-            tuple(array.tolist()) if array.ndim else array,
-            np.asfortranarray(array),
-            np.repeat(array, 2, axis=0)[::2] if array.ndim else array,
-            swapped,
-            array[::-1][::-1] if array.ndim else array,
-            np.ma.masked_array(array, mask=False),
-            array.astype(object),
-            np.broadcast_to(array, array.shape),
-        )
-    )
-
-
-def _other_dtype(array: np.ndarray[Any, Any], rng: Random) -> Any:  # noqa: ANN401 - array
-    name = rng.choice(
-        ("float32", "float16", "longdouble", "int64", "int8", "uint64", "complex128", "bool", "S8", "U8", "object",
-         "timedelta64[ns]", "datetime64[ns]")
-    )  # fmt: skip
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            return array.astype(name)
+            return rng.choice(choices)()
         except (TypeError, ValueError, OverflowError):
             return array.astype(object)
 
 
-def spoil_array(array: np.ndarray[Any, Any], rng: Random) -> Spoilt:
+def _array(array: np.ndarray[Any, Any], rng: Random) -> Spoilt:
     """Values, shape, type or storage other than those of the valid array."""
     kind = rng.randrange(8)
     if kind == 0:
         return Spoilt(_of_other_type(rng))
-    if kind == 1:
-        return Spoilt(_changed_shape(array, rng))
-    if kind == 2:
-        return Spoilt(_other_layout(array, rng))
-    if kind == 3:
-        return Spoilt(_other_dtype(array, rng))
-    if kind == 4 and array.size:
-        mask = np.zeros(array.shape, dtype=bool)
-        mask.reshape(-1)[rng.randrange(array.size)] = True
-        return Spoilt(np.ma.masked_array(array, mask=mask))
+    if kind < 5 or not array.size:
+        return Spoilt(_stored_otherwise(array, rng))
     changed = array.copy()
-    flat = changed.reshape(-1)
-    if not array.size:
-        return Spoilt(_changed_shape(array, rng))
-    place = rng.randrange(array.size)
+    flat, place = changed.reshape(-1), rng.randrange(array.size)
     with np.errstate(all="ignore"):
-        if array.dtype.kind == "f":
-            if kind == 5:
-                flat *= rng.choice((-1.0, 0.0, 10.0 ** rng.randint(-12, 12), 1e150, 1e300))
-            else:
-                flat[place] = rng.choice((*NUMBERS, NAN, INFINITY, -INFINITY))
+        if array.dtype.kind == "f" and kind == 5:
+            flat *= rng.choice((-1.0, 0.0, 10.0 ** rng.randint(-12, 12), 1e150, 1e300))
+        elif array.dtype.kind == "f":
+            flat[place] = rng.choice((*NUMBERS, NAN, INFINITY, -INFINITY))
+        elif array.dtype.kind == "i" and kind == 5:
+            return Spoilt(changed.astype(np.uint64) + np.uint64(2**63), "times beyond int64")
         elif array.dtype.kind == "i":
-            if kind == 5:
-                return Spoilt(changed.astype(np.uint64) + np.uint64(2**63), "times beyond int64")
             flat[place] = rng.choice(INTEGERS)
         else:
             flat[place] = not flat[place]
     return Spoilt(changed)
 
 
-def spoil_dict(value: dict[str, Any], rng: Random) -> Spoilt:
-    """A key less, a key more, a slip in a key, or no dict at all."""
-    kind = rng.randrange(4)
-    changed = dict(value)
+def _dict(value: dict[str, Any], rng: Random) -> Spoilt:
+    """A key less, a slip in a key, or no dict at all."""
+    kind = rng.randrange(3)
     if kind == 0 or not value:
         return Spoilt(_of_other_type(rng))
     key = rng.choice(list(value))
-    if kind == 1:
-        del changed[key]
-        return Spoilt(changed)
-    if kind == 2:
-        changed["unknown_key"] = changed[key]
-        return Spoilt(changed, "an unknown key")
+    changed = {name: one for name, one in value.items() if name != key}
     slip = key[:-2] + key[-1:] + key[-2:-1]
-    if slip in changed:
+    if kind == 1 or slip in value:
         return Spoilt(changed)
-    changed[slip] = changed.pop(key)
-    return Spoilt(changed, "an unknown key")
+    return Spoilt(changed | {slip: value[key]}, "an unknown key")
+
+
+SPOILERS: tuple[tuple[type, Callable[[Any, Random], Spoilt]], ...] = (
+    (int, _integer), (float, _number), (str, _word), (np.ndarray, _array), (dict, _dict),
+)  # fmt: skip
 
 
 def spoil(value: Any, rng: Random) -> Spoilt:  # noqa: ANN401 - any argument
     """What a valid value becomes."""
     if isinstance(value, bool):
-        return Spoilt(_of_other_type(rng) if rng.random() < 0.5 else rng.choice((0, 1, 2, -1, NAN, np.True_)))
-    if isinstance(value, int):
-        return spoil_integer(value, rng)
-    if isinstance(value, float):
-        return spoil_number(value, rng)
-    if isinstance(value, str):
-        return spoil_word(value, rng)
-    if isinstance(value, np.ndarray):
-        return spoil_array(value, rng)
-    if isinstance(value, dict):
-        return spoil_dict(value, rng)
+        return Spoilt(rng.choice((0, 2, -1, NAN, np.True_, _of_other_type(rng))))
     if isinstance(value, list) and value and isinstance(value[0], float):
-        return spoil_array(np.array(value), rng)
+        value = np.array(value)
     if isinstance(value, list):
         return Spoilt(rng.choice((_of_other_type(rng), [], value * 2, value * 40, [*value, 1], value[:-1])))
+    for kind, spoilt in SPOILERS:
+        if isinstance(value, kind):
+            return spoilt(value, rng)
     return Spoilt(_of_other_type(rng))
 
 
