@@ -11,16 +11,14 @@ import pytest
 
 from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.campaign.run import run_campaign
-from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
-from bottomlock.errors import ScenarioError
-from bottomlock.kernel import Navigator, run_batch, simulate_sensors
+from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.kernel import Navigator, simulate_sensors
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.report import scenario_schedule
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.analytic import analytic
-from tests.config.test_scenario import TEXT
 from tests.imu_blocks import measured
 from tests.oracle import acoustic_position as oracle
 from tests.oracle.rotations import matrix_from_quaternion
@@ -130,37 +128,6 @@ def test_readings_are_the_campaigns_and_have_their_deviation() -> None:
             fix, np.array(section.transceiver_m), section.noise_m, section.noise_percent_of_range / 100
         )
         assert [row["sd_north_m"], row["sd_east_m"], row["sd_down_m"]] == pytest.approx([sd] * 3)
-
-
-def test_a_campaigns_run_is_the_streaming_navigator() -> None:
-    """Count of fixes and mean NIS of the DVL equal the batch's with acoustic fixes in between."""
-    simulated = simulation(12.0)
-    truth, scenario = simulated.truth(), simulated.scenario
-    key, plan, arrays, kernel_model, kernel_options = kernel_inputs(simulated)
-    assert kernel_options.acoustic_position_lever_p_m == tuple(LEVER)
-    batch = run_batch(
-        simulated.geometry, arrays, kernel_model, kernel_model, kernel_options, plan, ["tc"],
-        seed=scenario.campaign.seed, trajectory_key=key, first_run=2, runs=1, threads=1,
-    )  # fmt: skip
-    readings = Readings(simulated, truth, run=2)
-    fixes = list(readings.fixes("tc", readings.valid, range(len(readings.valid))))
-    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ("noise_m = -1.0", "'acoustic_position.noise_m' is -1.0, expected > 0.0 m"),
-        ("noise_m = nan", "'acoustic_position.noise_m' is nan"),
-        ("outlier_fraction = 1.5", "'acoustic_position.outlier_fraction' is 1.5, expected <= 1"),
-        ("noise_metres = 1.0", "unknown key 'acoustic_position.noise_metres', did you mean 'noise_m'"),
-        ("rate_hz = 0.0", "'acoustic_position.rate_hz' is 0.0, expected > 0.0 Hz"),
-    ],
-)
-def test_bad_sections_are_named(keys: str, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        parse_scenario(f"{TEXT}\n[acoustic_position]\n{keys}\n", place="t")
-    assert message in str(caught.value)
 
 
 def test_a_section_that_is_not_there_decides_nothing() -> None:

@@ -6,19 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars as pl
 import pytest
 from scipy.stats import binom, norm
 
 from bottomlock.campaign.run import run_campaign
-from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
-from bottomlock.errors import ScenarioError
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import KernelError, run_batch
 from bottomlock.kernel.models import DvlOutlierModel
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.sensor_streams import sensor_streams
-from tests.config.test_scenario import TEXT
 from tests.run_events import Readings
 
 SECONDS = 60.0
@@ -92,21 +89,6 @@ def test_none_by_default_and_the_hash_is_that_of_before() -> None:
     assert scenario(outlier_fraction=0.01).content_hash() != scenario().content_hash()
 
 
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ("outlier_fraction = 1.5", "'dvl.outlier_fraction' is 1.5, expected <= 1"),
-        ("outlier_fraction = -0.1", "'dvl.outlier_fraction' is -0.1, expected >= 0"),
-        ("outlier_factor = 0.5", "'dvl.outlier_factor' is 0.5, expected >= 1"),
-        ("outliers_fraction = 0.1", "unknown key 'dvl.outliers_fraction', did you mean 'outlier_fraction'"),
-    ],
-)
-def test_bad_keys_are_named(keys: str, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        parse_scenario(TEXT.replace("[dvl]\n", f"[dvl]\n{keys}\n"), place="t")
-    assert message in str(caught.value)
-
-
 def test_the_kernel_names_a_bad_model() -> None:
     """A fraction in per cent, and a section without its factor."""
     simulated = build_simulation(scenario(3.0))
@@ -142,12 +124,3 @@ def test_the_surveys_noise_has_the_measured_closure(name: str) -> None:
     # Half-widths are stated in two digits.
     assert covered == pytest.approx([0.683, 0.954, 0.997], abs=0.01)
     assert covered[2] == pytest.approx(0.997, abs=0.001)
-
-
-def test_streams_of_one_run_have_outliers() -> None:
-    """The table of beams that a user exports is that of the run."""
-    simulated = build_simulation(scenario(12.0, outlier_fraction=0.3))
-    truth = simulated.truth()
-    table = sensor_streams(simulated, truth, run=2)["beams"]
-    drawn = Readings(simulated, truth, run=2)._drawn["dvl_velocity_mps"]
-    assert np.array_equal(table.select(pl.col("^beam._mps$")).to_numpy(), drawn)

@@ -5,17 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
-from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
-from bottomlock.errors import ScenarioError
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import run_batch, simulate_sensors
 from bottomlock.observability.report import scenario_schedule
 from bottomlock.simulation.build import Simulation, build_simulation
-from bottomlock.simulation.sensor_streams import sensor_streams
-from tests.config.test_scenario import TEXT
 from tests.oracle.rotations import matrix_from_quaternion
-from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 
@@ -35,16 +30,6 @@ def true_yaw(truth: Any, time_ns: Any) -> Any:  # noqa: ANN401 - arrays
     return np.arctan2(forward[:, 1], forward[:, 0])
 
 
-def test_switching_it_on_shifts_no_other_stream() -> None:
-    with_it, without = simulation(), simulation(heading=False)
-    truth = without.truth()
-    on, off = (sensor_streams(one, truth, run=3) for one in (with_it, without))
-    assert (on["heading"].height, off["heading"].height) == (12, 0)
-    for name in ("imu", "beams", "depth", "attitude", "gps"):
-        assert off[name].height > 0
-        assert off[name].equals(on[name]), name
-
-
 def test_readings_scatter_about_the_true_yaw_as_stated() -> None:
     """Over 100 runs of ten readings: squared errors over the variance are chi-squared, false alarm 1e-3."""
     simulated = simulation(10.0, noise_deg=2.0)
@@ -58,19 +43,6 @@ def test_readings_scatter_about_the_true_yaw_as_stated() -> None:
         total += float(np.sum((error / np.deg2rad(2.0)) ** 2))
     # Chi-squared of 1000 degrees: quantiles of 0.05 % and 99.95 %.
     assert 858.0 < total < 1154.0
-
-
-def test_a_campaigns_run_is_the_streaming_navigator() -> None:
-    """Mean NIS of the DVL equals the batch's, with headings pushed in between."""
-    simulated = simulation()
-    key, plan, arrays, model, options = kernel_inputs(simulated)
-    batch = run_batch(
-        simulated.geometry, arrays, model, model, options, plan, ["tc"], seed=simulated.scenario.campaign.seed,
-        trajectory_key=key, first_run=2, runs=1, threads=1,
-    )  # fmt: skip
-    readings = Readings(simulated, simulated.truth(), run=2)
-    fixes = list(readings.fixes("tc", readings.valid, range(len(readings.valid))))
-    assert np.mean([fix.nis for fix in fixes]) == batch["nis_mean"][0, 0]
 
 
 def test_a_heading_bounds_the_yaw() -> None:
@@ -89,19 +61,6 @@ def test_a_heading_bounds_the_yaw() -> None:
         ends.append(np.sqrt(np.mean(batch["error"][:, 0, -1, 5] ** 2)))
     assert np.rad2deg(ends[0]) < 0.1
     assert ends[1] > 5.0 * ends[0]
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ("noise_deg = -1.0", "'heading.noise_deg' is -1.0, expected > 0.0 deg"),
-        ("yaw_noise_deg = 1.0", "unknown key 'heading.yaw_noise_deg', did you mean 'noise_deg'"),
-    ],
-)
-def test_bad_sections_are_named(keys: str, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        parse_scenario(f"{TEXT}\n[heading]\n{keys}\n", place="t")
-    assert message in str(caught.value)
 
 
 def test_schedule_of_a_scenario_has_it() -> None:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import ClosedLoop, KernelError, run_batch, simulate_sensors
@@ -18,7 +17,6 @@ from bottomlock.simulation.measurement_schedule import MeasurementSchedule
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.config.test_scenario import TEXT
 from tests.oracle.rotations import matrix_from_quaternion
-from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 LEVERS = [[0.8, -0.3, 0.6], [0.9, -0.2, 0.6], [0.7, 0.1, 0.5], [0.8, 0.2, 0.4]]
@@ -154,24 +152,6 @@ def test_only_pings_without_bottom() -> None:
     assert drawn["beams_water"]["time_ns"].to_list() == [second * 10**9 for second in range(5, 12)]
 
 
-@pytest.mark.parametrize("method", ["tc", "sway_current"])
-def test_a_campaigns_run_is_the_streaming_navigator(method: str) -> None:
-    """Mean NIS of the DVL equals the batch's, with the water pushed after each ping; without the water it does not."""
-    simulated = simulation(lost_fraction=0.3)
-    key, plan, arrays, model, options = kernel_inputs(simulated)
-    common: Any = {
-        "seed": simulated.scenario.campaign.seed, "trajectory_key": key, "first_run": 2, "runs": 1, "threads": 1,
-    }  # fmt: skip
-    batch = run_batch(simulated.geometry, arrays, model, model, options, plan, [method], **common)
-    readings = Readings(simulated, simulated.truth(), run=2)
-    fixes = list(readings.fixes(method, readings.valid, range(len(readings.valid))))
-    # In the order of the pings, as the batch adds them.
-    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
-    dry: Any = {name: values for name, values in plan.items() if not name.startswith("water_")}
-    without = run_batch(simulated.geometry, arrays, model, model, options, dry, [method], **common)
-    assert without["nis_mean"][0, 0] != batch["nis_mean"][0, 0]
-
-
 def test_in_parts_it_is_the_same_run() -> None:
     """A closed loop that is given the truth in parts has the bits of the batch, between two pings and at one."""
     simulated = simulation(lost_fraction=0.3)
@@ -197,12 +177,6 @@ def test_in_parts_it_is_the_same_run() -> None:
     np.testing.assert_array_equal(loop.results()["error"], whole["error"])
 
 
-def test_a_vehicle_is_steered_with_it() -> None:
-    simulated = simulation()
-    found = run_closed_loop(simulated, ["tc"], pilot="own", trajectory_key=1, first_run=0, runs=2, threads=1)
-    assert np.isfinite(found["error"]).all()
-
-
 @pytest.mark.parametrize(
     ("key", "change", "message"),
     [
@@ -226,28 +200,9 @@ def test_bad_schedules_are_named(key: str, change: Any, message: str) -> None:  
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ("noise_mps = 0.0", "'water_track.noise_mps' is 0.0, expected > 0.0 m/s"),
-        ("wake = 1.5", "'water_track.wake' is 1.5"),
-        ("pings = 'some'", "'water_track.pings'"),
-        ("rang_m = 3.0", "unknown key 'water_track.rang_m', did you mean 'range_m'"),
-        ("current = { speed_mps = 0.3 }", "water_track.current is given, but the current of a vehicle"),
-    ],
-)  # fmt: skip
-def test_bad_sections_are_named(keys: str, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        parse_scenario(f"{TEXT}\n[water_track]\n{keys}\n", place="t")
-    assert message in str(caught.value)
-
-
-def test_what_is_off_decides_nothing() -> None:
-    """The hash of a scenario, which keys its results, is that without the section; and every key of it counts."""
-    off = simulation(water=False).scenario
-    assert simulation(enabled=False, wake=0.5).scenario.content_hash() == off.content_hash()
-    hashes = {simulation(wake=wake).scenario.content_hash() for wake in (0.0, 0.1)} | {off.content_hash()}
-    assert len(hashes) == 3
+def test_a_current_of_its_own_is_refused_beside_a_vehicles() -> None:
+    with pytest.raises(ScenarioError, match=r"water_track\.current is given, but the current of a vehicle"):
+        parse_scenario(f"{TEXT}\n[water_track]\ncurrent = {{ speed_mps = 0.3 }}\n", place="t")
 
 
 def test_water_moves_under_a_truth_without_a_vehicle() -> None:
