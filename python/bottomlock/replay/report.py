@@ -199,9 +199,9 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
         found += _of_methods(tables, plots, what_if, shown, tail)
         innovations = tables.innovations.filter(pl.col("what_if") == what_if)
         method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
-        if method is not None:
-            title = f"{_title(tables, what_if)}{tail}, method {method}"
-            drawn = _stacked(innovation_panels(innovations, method), plots, title)
+        panels = [] if method is None else innovation_panels(innovations, method)
+        if panels:
+            drawn = _stacked(panels, plots, f"{_title(tables, what_if)}{tail}, method {method}")
             caption = f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma."
             found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
         if tables.currents is not None:
