@@ -97,12 +97,8 @@ def page(folder: Path = DATA) -> str:
     for name, (table, about) in ordered:
         made = ", ".join([f"commit {about['commit'][:8]}", *filter(None, [about.get("date")])])
         origin = f"`data/evidence/{name}.parquet`: `{about['command']}`, {made}."
-        parts.append(
-            "\n\n".join(
-                [f"## {about['title']}", *filter(None, [about.get("text")]), *_shown(table, about), origin]
-            )
-        )
-    return "\n\n".join(part.strip() for part in parts) + "\n"
+        parts += [f"## {about['title']}", about.get("text", ""), *_shown(table, about), origin]
+    return "\n\n".join(part.strip() for part in parts if part) + "\n"
 
 
 def _shown(table: pl.DataFrame, about: Mapping[str, str]) -> Iterator[str]:
@@ -150,18 +146,8 @@ def _cells(table: pl.DataFrame) -> tuple[list[str], list[list[Any]]]:
         [f"`{row['method']}`", row["trajectory"], *(number(row[name]) for name in shown), row["verdict"]]
         for row in table.iter_rows(named=True)
     ]
-    columns = [
-        "method",
-        "trajectory",
-        "velocity, m/s",
-        "attitude, °",
-        "position, m",
-        "NEES of 6",
-        "NEES",
-        "NIS",
-        "verdict",
-    ]
-    return columns, rows
+    heads = ["velocity, m/s", "attitude, °", "position, m", "NEES of 6", "NEES", "NIS", "verdict"]
+    return ["method", "trajectory", *heads], rows
 
 
 def _pivoted(table: pl.DataFrame, about: Mapping[str, str]) -> tuple[list[str], list[list[Any]]]:
