@@ -119,14 +119,3 @@ def test_rules_combine_by_and() -> None:
     assert both.shape == (2, 250, 4)
     assert both.flags.c_contiguous
     assert (both == (fixed[None] & chance)).all()
-
-
-@pytest.mark.parametrize("limits", [(-1.0, 5.0, 1.0), (5.0, 5.0, 1.0), (1.0, 5.0, 2.0)])
-def test_bad_limits_are_refused(limits: tuple[float, float, float]) -> None:
-    with pytest.raises(ScenarioError, match="beam limits"):
-        ReturnLimits(*limits)
-
-
-def test_bad_dropouts_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="expected both above 0 s"):
-        MarkovDropout(0.0, 5.0)

@@ -115,8 +115,3 @@ def test_a_lost_estimate_is_named(tauv: Vehicle) -> None:
 
     with pytest.raises(ScenarioError, match=r"run 1: the estimate at 1\.00 s is not finite"):
         list(fly_on_estimate(group, lost))
-
-
-def test_no_runs_are_refused(tauv: Vehicle) -> None:
-    with pytest.raises(ScenarioError, match="expected at least 1, got 0"):
-        _fleet(tauv, straight(), 0)

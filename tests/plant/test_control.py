@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from bottomlock.plant import Current, Vehicle, model, straight, swim
+from bottomlock.plant import Vehicle, model, straight, swim
 from bottomlock.plant.actuators import fin_servo, thruster
 from bottomlock.plant.autopilot import Mixer, attitude_pid, fin_commands, speed_pid
 from bottomlock.plant.maths import SCALAR, FloatArray
@@ -27,11 +27,6 @@ def test_mixing_inverts(name: str, modes: FloatArray) -> None:
     mixer = Mixer.of(finned(name))
     assert np.allclose(mixer.modes_rad(mixer.fins_rad(modes)), modes, atol=1e-12)
     assert np.allclose(fin_commands(finned(name))(*modes.tolist()), mixer.fins_rad(modes), atol=1e-12)
-
-
-def test_the_fourth_pattern_of_fins_is_no_mode(tauv: Vehicle) -> None:
-    """Fins in alternating pairs cancel: the inverse ignores that pattern."""
-    assert np.allclose(Mixer.of(tauv).modes_rad(np.array([0.1, -0.1, 0.1, -0.1])), 0.0, atol=1e-12)
 
 
 def test_servo_lags_saturates_and_is_rate_limited(tauv: Vehicle) -> None:
@@ -121,19 +116,6 @@ def test_heading_step(tauv: Vehicle) -> None:
     assert error < np.deg2rad(0.2)
 
 
-def test_roll_upset(tauv: Vehicle) -> None:
-    """Thrown 15 deg to the side the vehicle is upright again within 8 s, on weight and the roll loop."""
-    state = start_state(tauv, straight(), GRAVITY_MPS2)
-    half = np.deg2rad(7.5)
-    q0, _, q2, _ = state[3:7]
-    state[3:7] = [q0 * np.cos(half), q0 * np.sin(half), q2 * np.cos(half), -q2 * np.sin(half)]
-    time, track = pilot(tauv, straight(), state, duration_s=30.0)
-    roll = euler_rad(track[:, 3:7])[:, 0]
-    assert roll[0] == pytest.approx(np.deg2rad(15.0), abs=1e-6)
-    assert np.abs(roll[time > 8.0]).max() < np.deg2rad(1.5)
-    assert abs(roll[-1]) < np.deg2rad(0.2)
-
-
 def test_depth_step(tauv: Vehicle) -> None:
     """5 m deeper by pitch command: overshoot at most 25 %, within 5 % after 40 s, no steady error."""
     mission = replace(straight(), depth=DepthProfile(((0.0, 25.0),)))
@@ -155,12 +137,3 @@ def test_speed_step(tauv: Vehicle) -> None:
     assert overshoot < 0.15
     assert settling < 12.0
     assert error < 0.005
-
-
-def test_a_current_leaves_no_standing_offset(tauv: Vehicle) -> None:
-    """The crab-angle estimate takes out the cross-track error a pure heading law would keep."""
-    mission = straight(current=Current.towards(0.4, np.deg2rad(60.0)))
-    state = start_state(tauv, straight(), GRAVITY_MPS2)
-    _, track = pilot(tauv, mission, state, duration_s=200.0)
-    assert np.abs(track[:, 1]).max() > 0.2
-    assert abs(track[-1, 1]) < 0.1

@@ -29,7 +29,6 @@ from bottomlock.plant import (
     swim,
     telemetry,
 )
-from bottomlock.plant.closed_loop import Estimate, TruthBlock, VehicleGroup, fly_on_estimate
 from bottomlock.plant.equations import acceleration
 from bottomlock.plant.hovering import thruster_steering
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
@@ -182,19 +181,6 @@ def test_the_truth_is_smooth_and_converged(flight: Flight) -> None:
     assert np.abs(history.state[1:, 7:13] - history.state[0, 7:13] - integral).max() < 1e-4
     fine = swim(ROV, crabbing(), gravity_mps2=GRAVITY_MPS2, steps_per_sample=2)
     assert np.abs(fine.state[:, :7] - history.state[:, :7]).max() < 1e-3
-
-
-@pytest.mark.long
-def test_a_perfect_estimate_gives_the_open_loop_truth() -> None:
-    mission = crabbing(duration_s=20.0)
-    group = VehicleGroup(ROV, mission, runs=2, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
-
-    def perfect(block: TruthBlock) -> Estimate:
-        return Estimate(block.position_t_m[:, -1], block.attitude_t_p[:, -1], block.velocity_p_mps[:, -1])
-
-    blocks = list(fly_on_estimate(group, perfect))
-    alone = swim(ROV, mission, gravity_mps2=GRAVITY_MPS2)
-    assert np.allclose(blocks[-1].position_t_m[1, -1], alone.state[-1, :3], atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -118,8 +118,3 @@ def test_bad_grids_are_named(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "bad.toml").write_text(text)
     with pytest.raises(ScenarioError, match=words):
         load_grid(tmp_path / "bad.toml")
-
-
-def test_bad_planes_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="expected a positive depth"):
-        PlaneSeabed(-5.0)

@@ -1,15 +1,12 @@
 """GPS at the surface, the magnetometer's heading error, and what pressure makes of depth."""
 
 import math
-import sys
 from itertools import pairwise
-from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bottomlock.errors import ScenarioError
 from bottomlock.plant.surroundings import (
     GpsReception,
     Iron,
@@ -82,26 +79,6 @@ def test_soft_iron_swings_twice_round_the_compass() -> None:
     assert np.allclose(np.abs(errors), np.abs(0.01 * np.sin(2.0 * heading)), atol=3e-4)
 
 
-def test_the_world_magnetic_model_comes_from_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    class GeoMag:
-        def __init__(self, *, base_year: float) -> None:
-            assert base_year > 2026.0
-
-        def calculate(self, *, glat: float, glon: float, alt: float, time: float) -> SimpleNamespace:
-            assert (round(glat), round(glon), alt) == (33, 35, 0.0)
-            if time > 2030.0:
-                raise ValueError("date")
-            return SimpleNamespace(d=4.9, i=50.0, f=44_000.0)
-
-    module = ModuleType("pygeomag")
-    module.GeoMag = GeoMag  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "pygeomag", module)
-    field = world_magnetic_model(math.radians(33.0), math.radians(35.0), 2026.5)
-    assert field.declination_rad == pytest.approx(math.radians(4.9))
-    with pytest.raises(ScenarioError, match="not valid in 2040"):
-        world_magnetic_model(math.radians(33.0), math.radians(35.0), 2040.0)
-
-
 @pytest.mark.parametrize(
     ("place_deg", "year", "expected"),
     [
@@ -120,12 +97,6 @@ def test_the_package_gives_the_test_values_of_the_model(
     assert found == pytest.approx(expected, abs=0.05)
 
 
-def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pygeomag", None)
-    with pytest.raises(ScenarioError, match=r"pip install '\.\[magnetic\]'"):
-        world_magnetic_model(0.5, 0.5, 2026.0)
-
-
 def test_depth_errors_by_hand() -> None:
     """1 % denser water reads 1 % deep; half a metre of high tide reads half a metre deep."""
     depth = np.array([0.0, 50.0, 100.0])
@@ -134,10 +105,3 @@ def test_depth_errors_by_hand() -> None:
     assert Pressure(tide_m=0.5).depth_error_m(depth, 9.8) == pytest.approx(0.5)
     low = Pressure(barometric_offset_pa=-1026.0 * 9.8)
     assert low.depth_error_m(depth, 9.8) == pytest.approx(-1.0)
-
-
-def test_senseless_settings_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="densities"):
-        Pressure(density_kgpm3=0.0)
-    with pytest.raises(ScenarioError, match=r"acquire_s is -1, expected >= 0 s"):
-        GpsReception(acquire_s=-1.0)

@@ -13,12 +13,6 @@ from bottomlock.plant.seabed import GridSeabed, PlaneSeabed
 from bottomlock.plant.tables import mission_from_table, seabed_from_table
 
 
-@pytest.mark.parametrize("kind", ["straight", "figure_eight", "lawn_mower"])
-def test_the_three_missions_by_name(kind: str) -> None:
-    mission = mission_from_table({"kind": kind}, kind)
-    assert (mission.name, mission.duration_s, mission.speed_mps) == (kind, 250.0, 2.0)
-
-
 def test_defaults_are_those_of_the_python_functions() -> None:
     assert mission_from_table({"kind": "straight"}, "x") == straight()
 

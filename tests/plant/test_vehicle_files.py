@@ -127,17 +127,13 @@ def test_bad_coefficients_are_named(
         parse_vehicle(tables, "bad")
 
 
-def test_a_bare_number_is_refused(tables: dict[str, Any]) -> None:
+def test_a_missing_coefficient_and_a_bare_number_are_named(tables: dict[str, Any]) -> None:
     tables["hull"]["length"] = 3.0
     with pytest.raises(ScenarioError, match=r"hull\.length: expected a table"):
         parse_vehicle(tables, "bad")
-
-
-def test_a_missing_file_is_named() -> None:
-    with pytest.raises(
-        ScenarioError, match=r"'nautilus' is neither a packaged vehicle nor a file \(packaged: .*tauv"
-    ):
-        load_vehicle("nautilus")
+    del tables["hull"]["length"]
+    with pytest.raises(ScenarioError, match=r"'hull\.length' is missing"):
+        parse_vehicle(tables, "bad")
 
 
 def test_an_unstable_trim_is_refused(tables: dict[str, Any]) -> None:
@@ -152,6 +148,22 @@ def test_a_trim_beyond_the_shaft_is_refused(tables: dict[str, Any]) -> None:
     _set(tables, "propeller.max_speed", value=400.0)
     with pytest.raises(ScenarioError, match=r"needs the shaft at .* rpm, beyond its limit"):
         check_stability(parse_vehicle(tables, "bad"), GRAVITY_MPS2)
+
+
+def test_every_coefficient_of_the_packaged_files_has_a_source() -> None:
+    def walk(table: dict[str, Any]) -> int:
+        if "value" in table:
+            assert table["source"].strip()
+            assert table["unit"]
+            return 1
+        rows = [row for value in table.values() for row in (value if isinstance(value, list) else [value])]
+        return sum(walk(row) for row in rows if isinstance(row, dict))
+
+    for name in packaged_vehicles():
+        text = (resources.files("bottomlock.config") / "vehicles" / f"{name}.toml").read_text(
+            encoding="utf-8"
+        )
+        assert walk(tomllib.loads(text)) > 70
 
 
 def test_fin_area_and_radius_follow_from_span_and_chord(tauv: Vehicle) -> None:

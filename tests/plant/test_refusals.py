@@ -1,0 +1,30 @@
+"""Senseless parts of a world are refused when they are made, by name."""
+
+from collections.abc import Callable
+
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant import DepthProfile, load_vehicle
+from bottomlock.plant.beam_loss import MarkovDropout, ReturnLimits
+from bottomlock.plant.seabed import PlaneSeabed
+from bottomlock.plant.surroundings import GpsReception, Pressure
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: PlaneSeabed(-5.0), "positive depth"),
+        (lambda: ReturnLimits(-1.0, 5.0, 1.0), "beam limits"),
+        (lambda: ReturnLimits(5.0, 5.0, 1.0), "beam limits"),
+        (lambda: ReturnLimits(1.0, 5.0, 2.0), "beam limits"),
+        (lambda: MarkovDropout(0.0, 5.0), "above 0 s"),
+        (lambda: DepthProfile(((5.0, 20.0), (5.0, 29.0))), "strictly rising"),
+        (lambda: Pressure(density_kgpm3=0.0), "densities"),
+        (lambda: GpsReception(acquire_s=-1.0), "acquire_s is -1"),
+        (lambda: load_vehicle("nautilus"), "'nautilus' is neither a packaged vehicle nor a file"),
+    ],
+)
+def test_senseless_parts_are_refused(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        make()
