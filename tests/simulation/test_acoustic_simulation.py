@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.campaign.closed_loop import run_closed_loop
-from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.kernel import Navigator, simulate_sensors
+from bottomlock.kernel import run_batch, simulate_sensors
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.report import scenario_schedule
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.analytic import analytic
-from tests.imu_blocks import measured
 from tests.oracle import acoustic_position as oracle
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.run_events import Readings
@@ -46,39 +42,6 @@ def scenario(seconds: float = 20.0, **keys: Any) -> Scenario:  # noqa: ANN401 - 
 
 def simulation(seconds: float = 20.0, **keys: Any) -> Simulation:  # noqa: ANN401
     return build_simulation(scenario(seconds, **keys))
-
-
-def test_simulated_outliers_are_gated() -> None:
-    """Of fixes with a fifth of twentyfold outliers the gate rejects most of these, and few of the others."""
-    simulated = simulation(120.0, outlier_fraction=0.2, outlier_factor=20.0, noise_percent_of_range=0.0)
-    truth, scenario = simulated.truth(), simulated.scenario
-    readings = Readings(simulated, truth, run=0)
-    drawn = readings._drawn
-    arm = oracle_arm(truth, drawn["acoustic_position_time_ns"])
-    outlier = (
-        np.linalg.norm(drawn["acoustic_position_t_m"] - arm, axis=1)
-        > 5.0 * scenario.acoustic_position.noise_m
-    )
-    assert 12 <= outlier.sum() <= 40
-    navigator = Navigator(
-        simulated.geometry, readings._model, scenario.kernel_options(), drawn["initial"], method="tc"
-    )  # fmt: skip
-    navigator.push_imu_block(
-        drawn["imu_time_ns"][:1],
-        omega_p_radps=drawn["imu_omega_p_radps"][:1],
-        force_p_mps2=drawn["imu_force_p_mps2"][:1],
-    )
-    rejected = []
-    for k, time_ns in measured(navigator, drawn, drawn["acoustic_position_time_ns"], done=1):
-        (report,) = navigator.push_acoustic_position(
-            time_ns=time_ns,
-            position_t_m=drawn["acoustic_position_t_m"][k],
-            sd_m=drawn["acoustic_position_sd_m"][k],
-        )
-        rejected.append(report.verdict == "rejected")
-    caught = np.array(rejected)
-    assert caught[outlier][10:].all()
-    assert not caught[~outlier].sum() > 3
 
 
 def oracle_arm(truth: Any, time_ns: Any) -> Any:  # noqa: ANN401 - arrays
@@ -130,6 +93,21 @@ def test_readings_are_the_campaigns_and_have_their_deviation() -> None:
         assert [row["sd_north_m"], row["sd_east_m"], row["sd_down_m"]] == pytest.approx([sd] * 3)
 
 
+def test_a_campaigns_run_is_the_streaming_navigator() -> None:
+    """Count of fixes and mean NIS of the DVL equal the batch's with acoustic fixes in between."""
+    simulated = simulation(12.0)
+    truth, scenario = simulated.truth(), simulated.scenario
+    key, plan, arrays, kernel_model, kernel_options = kernel_inputs(simulated)
+    assert kernel_options.acoustic_position_lever_p_m == tuple(LEVER)
+    batch = run_batch(
+        simulated.geometry, arrays, kernel_model, kernel_model, kernel_options, plan, ["tc"],
+        seed=scenario.campaign.seed, trajectory_key=key, first_run=2, runs=1, threads=1,
+    )  # fmt: skip
+    readings = Readings(simulated, truth, run=2)
+    fixes = list(readings.fixes("tc", readings.valid, range(len(readings.valid))))
+    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
+
+
 def test_a_section_that_is_not_there_decides_nothing() -> None:
     """It is off by default, and the hash of a scenario without it is that of one that does not have the sensor."""
     plain = load_scenario("straight")
@@ -138,26 +116,6 @@ def test_a_section_that_is_not_there_decides_nothing() -> None:
     assert named.content_hash() == plain.content_hash()
     assert plain.replace({"acoustic_position.rate_hz": 0.5}).content_hash() != plain.content_hash()
     assert "acoustic_position" not in plain.model_fields_set
-
-
-def test_campaign_and_closed_loop(tmp_path: Path) -> None:
-    """Without beams INS alone drifts, and with fixes it stays; in a closed loop the fixes are those of the campaign."""
-    short = {"rate_hz": 1.0, "noise_m": 0.3, "noise_percent_of_range": 0.1}
-    one = scenario(60.0, **short).with_overrides(runs=4, methods=["ins"])
-    bare = scenario(60.0, acoustic=False).with_overrides(runs=4, methods=["ins"])
-    quiet = {"gps": one.gps.model_copy(update={"enabled": False})}
-    finals = []
-    for k, each in enumerate((one, bare)):
-        table = run_campaign([each.model_copy(update=quiet)], tmp_path / str(k), threads=1).runs
-        finals.append(float(table["position_rms_over_time_m"].to_numpy().mean()))
-    assert finals[0] < 0.5 * finals[1]
-    loop = scenario(12.0, **short)
-    loop = loop.model_copy(update={"trajectory": loop.trajectory.model_copy(update={"feedback": "estimate"})})
-    batch = run_closed_loop(
-        build_simulation(loop), ["ins", "tc"], pilot="own", trajectory_key=5, first_run=0, runs=2, threads=1
-    )
-    assert batch["error"].shape[:2] == (2, 2)
-    assert np.abs(batch["error"][:, :, -1, :3]).max() < 2.0
 
 
 def test_observability_has_it_beside_gps() -> None:

@@ -41,15 +41,6 @@ def test_a_mask_is_what_returns(mask: tuple[int, ...]) -> None:
     assert case.model_dump(exclude=KEPT) == scenario.model_dump(exclude=KEPT)
 
 
-def test_a_mask_replaces_every_rule_of_loss() -> None:
-    """The slope with its seabed, limits, dropouts and own pilots becomes a flight on the truth under the mask alone."""
-    case = cases.masked(load_scenario("slope").with_trajectory(duration_s=20.0), (1, 3))
-    dvl = case.dvl
-    assert (dvl.beams_lost, dvl.dropouts, dvl.max_range_m) == ((2, 4), (), np.inf)
-    assert case.seabed == {}
-    assert case.trajectory.feedback == "truth"
-
-
 @pytest.mark.parametrize("mask", [(), (5,), (0, 1)])
 def test_masks_that_cannot_be(mask: tuple[int, ...]) -> None:
     with pytest.raises(ScenarioError, match="expected one or more of 1 to 4"):

@@ -11,7 +11,7 @@ from scipy.stats import binom, norm
 
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.kernel import KernelError, run_batch
+from bottomlock.kernel import run_batch
 from bottomlock.kernel.models import DvlOutlierModel
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
@@ -87,26 +87,6 @@ def test_none_by_default_and_the_hash_is_that_of_before() -> None:
     assert plain.dvl.outlier_fraction == 0.0
     assert scenario(outlier_factor=5.0).content_hash() == scenario().content_hash()
     assert scenario(outlier_fraction=0.01).content_hash() != scenario().content_hash()
-
-
-def test_the_kernel_names_a_bad_model() -> None:
-    """A fraction in per cent, and a section without its factor."""
-    simulated = build_simulation(scenario(3.0))
-    truth = simulated.truth()
-    for outliers, message in (
-        ({"outlier_fraction": 2.7, "outlier_factor": 12.0}, "dvl_outliers.outlier_fraction"),
-        ({"outlier_fraction": 0.027}, "outlier_factor"),
-    ):
-        own = simulated.scenario.kernel_model(simulated.gravity_mps2)
-        model: Any = own.as_dict() | {"dvl_outliers": outliers}
-        arrays: Any = truth.kernel_arrays()
-        options: Any = simulated.scenario.kernel_options()
-        plan: Any = measurement_schedule(simulated, truth, trajectory_key=1)
-        with pytest.raises(KernelError, match=message):
-            run_batch(
-                simulated.geometry, arrays, model, model, options, plan, ["tc"],
-                seed=1, trajectory_key=1, first_run=0, runs=1, threads=1,
-            )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["survey", "survey_table2"])

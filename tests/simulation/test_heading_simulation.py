@@ -8,9 +8,10 @@ import numpy as np
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import run_batch, simulate_sensors
-from bottomlock.observability.report import scenario_schedule
 from bottomlock.simulation.build import Simulation, build_simulation
+from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.oracle.rotations import matrix_from_quaternion
+from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 
@@ -30,6 +31,16 @@ def true_yaw(truth: Any, time_ns: Any) -> Any:  # noqa: ANN401 - arrays
     return np.arctan2(forward[:, 1], forward[:, 0])
 
 
+def test_switching_it_on_shifts_no_other_stream() -> None:
+    with_it, without = simulation(), simulation(heading=False)
+    truth = without.truth()
+    on, off = (sensor_streams(one, truth, run=3) for one in (with_it, without))
+    assert (on["heading"].height, off["heading"].height) == (12, 0)
+    for name in ("imu", "beams", "depth", "attitude", "gps"):
+        assert off[name].height > 0
+        assert off[name].equals(on[name]), name
+
+
 def test_readings_scatter_about_the_true_yaw_as_stated() -> None:
     """Over 100 runs of ten readings: squared errors over the variance are chi-squared, false alarm 1e-3."""
     simulated = simulation(10.0, noise_deg=2.0)
@@ -45,25 +56,14 @@ def test_readings_scatter_about_the_true_yaw_as_stated() -> None:
     assert 858.0 < total < 1154.0
 
 
-def test_a_heading_bounds_the_yaw() -> None:
-    """On a straight way nothing else sees the yaw: with headings of 0.2 deg its error stays within them."""
-    ends = []
-    for heading in (True, False):
-        simulated = simulation(60.0, heading=heading, **({"noise_deg": 0.2} if heading else {}))
-        quiet = {name: getattr(simulated.scenario, name).model_copy(update={"enabled": False})
-                 for name in ("magnetometer", "gps")}  # fmt: skip
-        simulated = build_simulation(simulated.scenario.model_copy(update=quiet))
-        _, plan, arrays, model, options = kernel_inputs(simulated)
-        batch = run_batch(
-            simulated.geometry, arrays, model, model, options, plan, ["tc"], seed=5,
-            trajectory_key=1, first_run=0, runs=20, threads=1,
-        )  # fmt: skip
-        ends.append(np.sqrt(np.mean(batch["error"][:, 0, -1, 5] ** 2)))
-    assert np.rad2deg(ends[0]) < 0.1
-    assert ends[1] > 5.0 * ends[0]
-
-
-def test_schedule_of_a_scenario_has_it() -> None:
-    simulated = simulation(5.0, rate_hz=2.0)
-    schedule, _ = scenario_schedule(simulated, simulated.truth())
-    assert int(schedule.others["heading"].sum()) == 10
+def test_a_campaigns_run_is_the_streaming_navigator() -> None:
+    """Mean NIS of the DVL equals the batch's, with headings pushed in between."""
+    simulated = simulation()
+    key, plan, arrays, model, options = kernel_inputs(simulated)
+    batch = run_batch(
+        simulated.geometry, arrays, model, model, options, plan, ["tc"], seed=simulated.scenario.campaign.seed,
+        trajectory_key=key, first_run=2, runs=1, threads=1,
+    )  # fmt: skip
+    readings = Readings(simulated, simulated.truth(), run=2)
+    fixes = list(readings.fixes("tc", readings.valid, range(len(readings.valid))))
+    assert np.mean([fix.nis for fix in fixes]) == batch["nis_mean"][0, 0]

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.kernel import simulate_sensors
+from bottomlock.kernel import run_batch, simulate_sensors
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.oracle.rotations import matrix_from_quaternion
+from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 CURRENT = {
@@ -57,6 +58,18 @@ def test_they_are_the_literal_equation(earth: str, allowed: float) -> None:
         assert found == pytest.approx(ahead / 0.12, abs=allowed)
 
 
+def test_switching_it_on_shifts_no_other_stream() -> None:
+    off, on = simulation(thrust=False), simulation()
+    truth = off.truth()
+    without, with_it = (sensor_streams(one, truth, run=3) for one in (off, on))
+    assert without["thrust"].height == 0
+    assert with_it["thrust"].columns == ["time_ns", "revolutions_hz"]
+    assert with_it["thrust"].height == 20
+    for name in ("imu", "beams", "depth", "attitude", "gps"):
+        assert without[name].height > 0
+        assert without[name].equals(with_it[name]), name
+
+
 def test_advance_slip_and_noise_are_as_stated() -> None:
     """300 runs: the advance of a run, and what slip and noise are about it, within five standard deviations."""
     simulated = simulation(slip_mps=0.3, slip_time_s=0.01, noise_mps=0.4)
@@ -79,6 +92,22 @@ def test_advance_slip_and_noise_are_as_stated() -> None:
     assert abs(np.mean(advance) - 0.1) < 5.0 * 0.01 / np.sqrt(300)
     assert abs(np.std(advance) / 0.01 - 1.0) < 5.0 / np.sqrt(600)
     assert abs(np.mean(np.square(about)) - 1.0) < 5.0 * np.sqrt(2.0 / np.size(about))
+
+
+@pytest.mark.parametrize("method", ["tc", "sway_current"])
+def test_a_campaigns_run_is_the_streaming_navigator(method: str) -> None:
+    simulated = simulation(corrects="all")
+    key, plan, arrays, model, options = kernel_inputs(simulated)
+    common: Any = {
+        "seed": simulated.scenario.campaign.seed, "trajectory_key": key, "first_run": 2, "runs": 1, "threads": 1,
+    }  # fmt: skip
+    batch = run_batch(simulated.geometry, arrays, model, model, options, plan, [method], **common)
+    readings = Readings(simulated, simulated.truth(), run=2)
+    fixes = list(readings.fixes(method, readings.valid, range(len(readings.valid))))
+    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
+    dry: Any = {name: values for name, values in plan.items() if not name.startswith("thrust_")}
+    without = run_batch(simulated.geometry, arrays, model, model, options, dry, [method], **common)
+    assert without["nis_mean"][0, 0] != batch["nis_mean"][0, 0]
 
 
 def test_water_moves_under_a_truth_without_a_vehicle() -> None:

@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
-from bottomlock.errors import ScenarioError
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import ClosedLoop, KernelError, run_batch, simulate_sensors
 from bottomlock.plant import Current
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.measurement_schedule import MeasurementSchedule
 from bottomlock.simulation.sensor_streams import sensor_streams
-from tests.config.test_scenario import TEXT
 from tests.oracle.rotations import matrix_from_quaternion
+from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 LEVERS = [[0.8, -0.3, 0.6], [0.9, -0.2, 0.6], [0.7, 0.1, 0.5], [0.8, 0.2, 0.4]]
@@ -152,6 +151,24 @@ def test_only_pings_without_bottom() -> None:
     assert drawn["beams_water"]["time_ns"].to_list() == [second * 10**9 for second in range(5, 12)]
 
 
+@pytest.mark.parametrize("method", ["tc", "sway_current"])
+def test_a_campaigns_run_is_the_streaming_navigator(method: str) -> None:
+    """Mean NIS of the DVL equals the batch's, with the water pushed after each ping; without the water it does not."""
+    simulated = simulation(lost_fraction=0.3)
+    key, plan, arrays, model, options = kernel_inputs(simulated)
+    common: Any = {
+        "seed": simulated.scenario.campaign.seed, "trajectory_key": key, "first_run": 2, "runs": 1, "threads": 1,
+    }  # fmt: skip
+    batch = run_batch(simulated.geometry, arrays, model, model, options, plan, [method], **common)
+    readings = Readings(simulated, simulated.truth(), run=2)
+    fixes = list(readings.fixes(method, readings.valid, range(len(readings.valid))))
+    # In the order of the pings, as the batch adds them.
+    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
+    dry: Any = {name: values for name, values in plan.items() if not name.startswith("water_")}
+    without = run_batch(simulated.geometry, arrays, model, model, options, dry, [method], **common)
+    assert without["nis_mean"][0, 0] != batch["nis_mean"][0, 0]
+
+
 def test_in_parts_it_is_the_same_run() -> None:
     """A closed loop that is given the truth in parts has the bits of the batch, between two pings and at one."""
     simulated = simulation(lost_fraction=0.3)
@@ -198,11 +215,6 @@ def test_bad_schedules_are_named(key: str, change: Any, message: str) -> None:  
             simulated.geometry, arrays, model, plan, seed=1, trajectory_key=trajectory, run=0, options=options
         )
     assert message in str(caught.value)
-
-
-def test_a_current_of_its_own_is_refused_beside_a_vehicles() -> None:
-    with pytest.raises(ScenarioError, match=r"water_track\.current is given, but the current of a vehicle"):
-        parse_scenario(f"{TEXT}\n[water_track]\ncurrent = {{ speed_mps = 0.3 }}\n", place="t")
 
 
 def test_water_moves_under_a_truth_without_a_vehicle() -> None:

@@ -1,14 +1,16 @@
 """What a scenario stands for is built and checked before anything runs; its fingerprint follows every file it names."""
 
+import re
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.simulation.build import build_simulation
+from tests.config.test_scenario import TEXT
 
 CONFIG = resources.files("bottomlock.config")
 
@@ -27,24 +29,6 @@ def write_vehicle(folder: Path, *changes: tuple[str, str]) -> Path:
     path = folder / "mine.toml"
     path.write_text(text, encoding="utf-8")
     return path
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            ("centre_of_gravity_z = { value = 0.02", "centre_of_gravity_z = { value = -0.05"),
-            "or the vehicle capsizes",
-        ),
-        (("derivative = { value = 4.0", "derivative = { value = 0.0"), "stable"),
-    ],
-)
-def test_a_bad_vehicle_stops_the_world(tmp_path: Path, change: tuple[str, str], message: str) -> None:
-    """Negative mass or inertia, a wrong unit, a missing coefficient, a trim that nothing holds."""
-    path = write_vehicle(tmp_path, change)
-    bad = Scenario.model_validate(content() | {"trajectory": {"kind": "straight", "vehicle": str(path)}})
-    with pytest.raises(ScenarioError, match=message):
-        build_simulation(bad)
 
 
 def test_fingerprint_follows_the_files(tmp_path: Path) -> None:
@@ -105,3 +89,26 @@ def test_waypoints_end_with_the_path() -> None:
     assert simulation.mission is not None
     assert simulation.mission.duration_s == pytest.approx(50.0)
     assert simulation.truth().position_t_m[-1, 0] == pytest.approx(100.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("section", "keys", "message"),
+    [
+        ("acoustic_position", "noise_m = -1.0", "'acoustic_position.noise_m' is -1.0, expected > 0.0 m"),
+        ("acoustic_position", "outlier_fraction = 1.5", "'acoustic_position.outlier_fraction' is 1.5"),
+        ("water_track", "wake = 1.5", "'water_track.wake' is 1.5"),
+        ("water_track", "rang_m = 3.0", "unknown key 'water_track.rang_m', did you mean 'range_m'"),
+        ("water_track", "current = { speed_mps = 0.3 }", "the current of a vehicle"),
+        ("thrust", "error_percent = -100.0", "'thrust.error_percent' is -100.0"),
+        ("heading", "noise_deg = -1.0", "'heading.noise_deg' is -1.0"),
+    ],
+)
+def test_bad_sections_are_named(section: str, keys: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=re.escape(message)):
+        parse_scenario(f"{TEXT}\n[{section}]\n{keys}\n", place="t")
+
+
+@pytest.mark.parametrize("keys", ["outlier_fraction = -0.1", "outlier_factor = 0.5"])
+def test_bad_outliers_are_named(keys: str) -> None:
+    with pytest.raises(ScenarioError, match=f"'dvl.{keys.split(' ', maxsplit=1)[0]}' is .*, expected >="):
+        parse_scenario(TEXT.replace("[dvl]\n", f"[dvl]\n{keys}\n"), place="t")
