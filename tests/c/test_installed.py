@@ -64,27 +64,6 @@ def test_c_by_pkg_config(prefix: Path, folder: Path, standard: str) -> None:
     assert run("./first_fix", cwd=folder, LD_LIBRARY_PATH=str(prefix / "lib")).strip() == VELOCITY
 
 
-@pytest.mark.parametrize("standard", ["c++17", "c++20"])
-def test_cpp_by_pkg_config(prefix: Path, folder: Path, standard: str) -> None:
-    needed("c++", "pkg-config")
-    how = flags(prefix, folder, "--cflags", "--libs")
-    run(
-        "c++",
-        f"-std={standard}",
-        *WARNINGS,
-        "-Wconversion",
-        "-Wshadow",
-        "first_fix.cpp",
-        *how,
-        "-o",
-        "first",
-        cwd=folder,
-    )
-    printed = run("./first", cwd=folder, LD_LIBRARY_PATH=str(prefix / "lib")).splitlines()
-    assert printed[0] == f"{VELOCITY}, surge to 0.043 m/s; 10 reports accepted"
-    assert printed[1] == "one ping: surge 2.001 m/s to 0.058 m/s"
-
-
 def test_the_wrapper(prefix: Path, folder: Path, root: Path) -> None:
     """Every call of bottomlock.hpp: copies, moves, views, exceptions, saved bytes."""
     needed("c++", "pkg-config")
@@ -185,13 +164,6 @@ def test_nothing_of_the_simulation_is_linked(root: Path) -> None:
     )
     crates = {line.split()[0] for line in tree.splitlines() if line}
     assert not crates & {"rand", "rand_distr", "chacha20", "rayon", "rayon-core"}
-
-
-def test_the_page_has_the_example(root: Path) -> None:
-    page = (root / "docs" / "howto" / "c_and_cpp.md").read_text(encoding="utf-8")
-    example = (root / "crates" / "bottomlock-c" / "examples" / "first_fix.c").read_text(encoding="utf-8")
-    assert f"```c\n{example}```" in page
-    assert VELOCITY in page
 
 
 def test_messages_name_the_argument(c: CLibrary) -> None:

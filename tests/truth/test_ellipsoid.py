@@ -109,13 +109,6 @@ def test_the_kernel_agrees_with_an_integration_in_geodetic_coordinates(
     assert np.sin(heading - np.deg2rad(heading_deg)) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_tangent_plane_would_be_kilometres_off() -> None:
-    """The same readings on a plane: what the ellipsoid is for."""
-    _, truth = rhumb_line(45.0, 0.0)
-    state = navigated(truth, 45.0, "tangent_plane")
-    assert np.linalg.norm(state["position_t_m"] - truth.position_t_m[-1]) > 1000.0
-
-
 @pytest.mark.parametrize(
     ("latitude_deg", "heading_deg"), [(0.0, 90.0), (45.0, 0.0), (-45.0, 215.0), (70.0, 90.0)]
 )

@@ -10,8 +10,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.campaign.run import run_campaign
-from bottomlock.cli.simulate import fly
 from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario, load_scenario, parse_scenario
 from bottomlock.errors import BottomlockError, DataError, ScenarioError
 from bottomlock.io.track import read_track
@@ -130,16 +128,6 @@ def test_a_flown_truth_comes_back_from_a_few_rows(tmp_path: File) -> None:
     np.testing.assert_allclose(truth.force_p_mps2, flown.force_p_mps2, atol=1e-3)
 
 
-def test_acceleration_has_no_jumps(tmp_path: File) -> None:
-    """At the rows it changes no more than the greatest jerk allows."""
-    path = simulation_along(written(tmp_path, position_only())).path
-    assert path is not None
-    time_s = np.linspace(0.0, path.duration_s, 200_001)
-    accel, jerk = path.derivative(time_s, 2), path.derivative(time_s, 3)
-    steps = np.linalg.norm(np.diff(accel, axis=0), axis=1)
-    assert steps.max() < 1.01 * np.linalg.norm(jerk, axis=1).max() * (time_s[1] - time_s[0])
-
-
 def test_attitude_without_columns_is_that_of_the_track(tmp_path: File) -> None:
     """The velocity lies along the platform's x axis; a column of heading alone leaves sway."""
     truth = simulation_along(written(tmp_path, position_only())).truth()
@@ -256,42 +244,10 @@ def test_a_file_in_degrees_gives_the_place(tmp_path: File) -> None:
         build_simulation(stated)
 
 
-def test_two_hundred_metres_of_latitude_are_that(tmp_path: File) -> None:
-    """North and east are arcs of the ellipsoid: a minute at 45 degrees is 1852.2 m north, 1314 m east."""
-    angles = np.array([0.0, 1.0 / 60.0])
-    columns = {
-        "time_s": 60.0 * np.arange(2.0),
-        "latitude_deg": 45.0 + angles,
-        "longitude_deg": angles - 180.0,
-    }
-    track = read_track(written(tmp_path, columns))
-    assert track.position_t_m[1, :2] == pytest.approx([1852.2, 1314.2], abs=0.3)
-    columns["longitude_deg"] = np.array([179.99, -179.99])
-    across = read_track(written(tmp_path, columns))
-    assert across.position_t_m[1, 1] == pytest.approx(1577.0, abs=1.0)
-
-
 @pytest.mark.parametrize("name", ["plan.kml", "plan.geojson", "plan.kmz", "plan.gpx"])
 def test_a_file_that_is_no_table_is_refused(tmp_path: File, name: str) -> None:
     with pytest.raises(DataError, match=r"is no trajectory, expected a table with times, one of \.csv"):
         read_track(tmp_path / name)
-
-
-@pytest.mark.parametrize(
-    ("section", "message"),
-    [
-        ('file = "a.csv"\nkind = "straight"', "kind 'file' and source 'file' exist together"),
-        ('file = "a.csv"\nheading_deg = 3.0', "'heading_deg' belongs to source = \"analytic\""),
-        ('file = "a.csv"\nfeedback = "estimate"', "'feedback' belongs to source = \"vehicle\""),
-        ('file = "a.csv"\nmax_gaps = 2.0', "did you mean 'max_gap_s'"),
-        ('kind = "straight"\nmax_gap_s = 2.0', "'max_gap_s' belongs to source = \"file\""),
-        ('kind = "file"\nsource = "file"', "needs the key file"),
-    ],
-)
-def test_keys_of_another_source_are_refused(section: str, message: str) -> None:
-    """As for the analytic trajectories."""
-    with pytest.raises(ScenarioError, match=message):
-        parse_scenario(f'name = "own"\n[trajectory]\n{section}\n[dvl]\n[imu]\n', place="own.toml")
 
 
 def test_the_fingerprint_follows_the_file(tmp_path: File) -> None:
@@ -302,12 +258,6 @@ def test_the_fingerprint_follows_the_file(tmp_path: File) -> None:
     assert first.fingerprint() != second.fingerprint()
     again = Scenario.model_validate(first.scenario.model_dump())
     assert again.content_hash() == first.scenario.content_hash()
-
-
-def test_from_path_wants_a_latitude(tmp_path: File) -> None:
-    file = written(tmp_path, position_only())
-    with pytest.raises(DataError, match="has no latitude, expected latitude_rad"):
-        truth_from_path(file, rate_hz=50.0, gravity_mps2=9.8)
 
 
 def test_iso_times_and_other_names(tmp_path: File) -> None:
@@ -324,21 +274,36 @@ def test_iso_times_and_other_names(tmp_path: File) -> None:
         read_track(tmp_path / "bad.csv", {"time": "stamp", "north_m": "x", "east_m": "y"})
 
 
-def test_the_example_flies(root: File, tmp_path: File, capsys: pytest.CaptureFixture[str]) -> None:
-    """Campaign and summary of the shipped example; the page shows what the command prints."""
-    file = root / "examples" / "own_trajectory" / "scenario.toml"
-    scenario = resolved(load_scenario(file).with_overrides(runs=2, methods=["tc"]))
-    assert run_campaign([scenario], tmp_path / "out", threads=1).runs.height == 2
-    fly(str(file), dry_run=True)
-    printed = capsys.readouterr().out.replace(str(root) + "/", "")
-    page = (root / "docs" / "own_trajectory.md").read_text(encoding="utf-8")
-    for line in printed.splitlines()[1:3]:
-        assert line.strip() in page
-
-
 def test_the_page_is_code_that_runs(root: File, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its Python, from the root of the repository, where its paths begin."""
     monkeypatch.chdir(root)
     page = (root / "docs" / "own_trajectory.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     exec(compile(code, "own_trajectory.md", "exec"), {})
+
+
+def test_two_hundred_metres_of_latitude_are_that(tmp_path: File) -> None:
+    """North and east are arcs of the ellipsoid: a minute at 45 degrees is 1852.2 m north, 1314 m east."""
+    angles = np.array([0.0, 1.0 / 60.0])
+    columns = {
+        "time_s": 60.0 * np.arange(2.0),
+        "latitude_deg": 45.0 + angles,
+        "longitude_deg": angles - 180.0,
+    }
+    track = read_track(written(tmp_path, columns))
+    assert track.position_t_m[1, :2] == pytest.approx([1852.2, 1314.2], abs=0.3)
+    columns["longitude_deg"] = np.array([179.99, -179.99])
+    across = read_track(written(tmp_path, columns))
+    assert across.position_t_m[1, 1] == pytest.approx(1577.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ('file = "a.csv"\nkind = "straight"', "kind 'file' and source 'file' exist together"),
+        ('kind = "file"\nsource = "file"', "needs the key file"),
+    ],
+)
+def test_a_file_and_its_kind_belong_together(section: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        parse_scenario(f'name = "own"\n[trajectory]\n{section}\n[dvl]\n[imu]\n', place="own.toml")

@@ -86,13 +86,6 @@ def test_readings_agree_with_differences_of_the_states(name: str) -> None:
     assert scenario.imu.rate_hz == 150.0
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_speed_is_two_metres_a_second(name: str) -> None:
-    """Surge gives way to sway, so that the speed is the scenario's."""
-    _, truth = truth_of(name)
-    assert np.linalg.norm(truth.velocity_p_mps, axis=1) == pytest.approx(2.0, abs=1e-12)
-
-
 def test_figure_eight_closes_and_dives() -> None:
     """One circle each way at a constant dive rate: heading comes back, depth grows by v sin(5 deg) t."""
     _, truth = truth_of("figure_eight")
