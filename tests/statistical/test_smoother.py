@@ -1,6 +1,5 @@
 """Is the smoother as sure as it may be? NEES of position, attitude, velocity and both biases (15 states).
 
-40 runs, or 100 in `make test-long`.
 LC with four beams, the case where linearisation costs least, on a straight line and in a figure-eight, with a position
 fix when the vehicle comes up at the end: the smoother uses that fix for the whole run. Averaged over time
 and runs, NEES must lie in a 95 % band about 15 from the spread between runs (`chi_squared.mean_band`): a right smoother
@@ -27,7 +26,7 @@ from tests.statistical.ensembles import SEED
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-SIZES = pytest.mark.parametrize("runs", [40, pytest.param(100, marks=pytest.mark.long)])
+RUNS = 40
 STATES = 15
 
 
@@ -46,7 +45,7 @@ def log_of(streams: dict[str, Any]) -> Any:  # noqa: ANN401 - a dict as the kern
 
 
 @lru_cache(maxsize=4)
-def run_smoother(trajectory: str, runs: int) -> dict[str, Array]:
+def run_smoother(trajectory: str) -> dict[str, Array]:
     """NEES (runs, T) and squared errors of position (runs, T, 3), filtered and smoothed."""
     simulation = analytic_simulation(trajectory)
     scenario, truth = simulation.scenario, simulation.truth()
@@ -58,7 +57,7 @@ def run_smoother(trajectory: str, runs: int) -> dict[str, Array]:
     sample_ns = plan["sample_time_ns"][4::10]
     at = np.searchsorted(arrays["time_ns"], sample_ns)
     out: dict[str, list[Array]] = {"nees": [], "smoothed_nees": [], "square": [], "smoothed_square": []}
-    for run in range(runs):
+    for run in range(RUNS):
         streams = bottomlock.simulate_sensors(
             simulation.geometry, arrays, model, plan, seed=SEED, trajectory_key=17, run=run
         )
@@ -96,22 +95,20 @@ def run_smoother(trajectory: str, runs: int) -> dict[str, Array]:
 
 
 @pytest.mark.first_cases(1)
-@SIZES
 @pytest.mark.parametrize("trajectory", ["straight", "figure_eight"])
-def test_smoothed_states_are_as_sure_as_they_claim(trajectory: str, runs: int) -> None:
+def test_smoothed_states_are_as_sure_as_they_claim(trajectory: str) -> None:
     """Means seen, of 15: straight 15.02, figure-eight 15.04; the filter's own 15.21 and 15.05."""
-    nees = run_smoother(trajectory, runs)["smoothed_nees"]
+    nees = run_smoother(trajectory)["smoothed_nees"]
     low, high = chi_squared.mean_band(nees.mean(axis=1), STATES)
     assert low < nees.mean() < high
-    band = chi_squared.average_band(STATES, runs)
+    band = chi_squared.average_band(STATES, RUNS)
     mean = nees.mean(axis=0)
     inside = np.mean((mean > band[0]) & (mean < band[1]))
     assert inside >= chi_squared.least_fraction_inside(nees, STATES, band)
 
 
-@SIZES
 @pytest.mark.parametrize("trajectory", ["straight", "figure_eight"])
-def test_smoothing_lessens_the_error(trajectory: str, runs: int) -> None:
+def test_smoothing_lessens_the_error(trajectory: str) -> None:
     """Mean square of the position error over time and runs; seen of the filter's: straight 0.15, figure-eight 0.66."""
-    found = run_smoother(trajectory, runs)
+    found = run_smoother(trajectory)
     assert found["smoothed_square"].mean() < 0.8 * found["square"].mean()

@@ -83,8 +83,6 @@ def dive(
     rate_hz: float = 20.0,
     ping_hz: float = 2.0,
     attitude_hz: float = 2.0,
-    vibration: tuple[float, float] | None = None,
-    gyro_scale: float = 1.0,
     mounting_deg: Sequence[float] = (0.0, 0.0, 0.0),
     late_s: Sequence[float] = (0.0, 0.0),
     slip: tuple[float, float] | None = None,
@@ -95,8 +93,6 @@ def dive(
         seed: of everything random.
         noise: 1 sigma of the errors.
         seconds, rate_hz, ping_hz, attitude_hz: length, and rates of the sensors.
-        vibration: 1 sigma (m/s²) and time (s) of an error of the accelerometers that no model has.
-        gyro_scale: of the gyros, which no model has either.
         mounting_deg: roll, pitch and yaw of the DVL, which the log's geometry does not have.
         late_s: what has to be added to the stamps of the pings and of the attitudes.
         slip: 1 sigma (m/s) and time (s) of sway and heave through the water, about a torpedo's turns and trim, in a
@@ -140,13 +136,11 @@ def dive(
     coriolis = 2.0 * np.cross(earth, velocity_t[1:])
     force = middle.inv().apply(np.diff(velocity_t, axis=0) / step_s + coriolis - [0.0, 0.0, GRAVITY])
     rate = turned + middle.inv().apply(np.tile(earth, (count - 1, 1)))
-    force, rate = np.vstack([force[:1], force]), np.vstack([rate[:1], rate]) * gyro_scale
+    force, rate = np.vstack([force[:1], force]), np.vstack([rate[:1], rate])
     force += rng.normal(0.0, noise["accel_bias"], 3) + walk(rng, count, 3, noise["accel_walk"], step_s)
     rate += rng.normal(0.0, noise["gyro_bias"], 3) + walk(rng, count, 3, noise["gyro_walk"], step_s)
     force += rng.normal(0.0, noise["accel_noise"] / np.sqrt(step_s), (count, 3))
     rate += rng.normal(0.0, noise["gyro_noise"] / np.sqrt(step_s), (count, 3))
-    if vibration is not None:
-        force += lasting(rng, count, 3, *vibration, step_s)
     geometry = BeamGeometry.janus(TILT_RAD)
     pings = np.arange(int(rate_hz / ping_hz), count, int(rate_hz / ping_hz))
     mounting = Rotation.from_euler("ZYX", mounting_deg[::-1], degrees=True)

@@ -46,20 +46,12 @@ def flown(
     hz: float = 1.0,
     sd_mps: float = 0.02,
     thrown_mps: Floats | None = None,
-    beams: tuple[int, ...] = (),
-    imu_part: float = 1.0,
 ) -> Flown:
-    """A run in which so many readings in a row (n, 3), m/s, are off, and in which the filter is thrown off at `FROM_S`.
-
-    The readings are solved velocities, or the named beams; `imu_part` is of the errors of the IMU and of the tilt.
-    """
+    """A run in which so many readings in a row (n, 3), m/s, are off, and the filter is thrown off at `FROM_S`."""
     rng = np.random.default_rng(seed)
     model = settings.table_2()
     model["environment"]["earth_rate_radps"] = 0.0
-    imu, start = (
-        {key: imu_part * np.array(value) for key, value in model[name].items()} for name in ("imu", "initial")
-    )
-    model |= {"imu": imu, "initial": start}
+    imu, start = model["imu"], model["initial"]
     start["velocity_sd_mps"] = np.full(3, 0.05)
     tilt = rng.standard_normal(3) * start["attitude_sd_rad"]
     half = 0.5 * tilt
@@ -95,13 +87,8 @@ def flown(
         )
         wrong = offsets_mps[k - first - 1] if 0 <= k - first - 1 < count else np.zeros(3)
         time_ns, velocity = k * every * (10**9 // IMU_HZ), VELOCITY_MPS + wrong
-        if beams:
-            valid = np.isin(np.arange(4), np.array(beams) - 1) | (k < first)
-            reading = JANUS.beam_velocities(velocity[None])[0] + sd_mps * rng.standard_normal(4)
-            nav.push_beams(time_ns, reading, valid, sd_mps=np.full(4, sd_mps))
-        else:
-            reading = velocity + sd_mps * rng.standard_normal(3)
-            nav.push_velocity(time_ns, velocity_p_mps=reading, cov_m2ps2=np.eye(3) * sd_mps**2)
+        reading = velocity + sd_mps * rng.standard_normal(3)
+        nav.push_velocity(time_ns, velocity_p_mps=reading, cov_m2ps2=np.eye(3) * sd_mps**2)
         state = nav.state()
         times.append((k - first - 1) / hz)
         errors.append(np.asarray(state["velocity_p_mps"]) - VELOCITY_MPS)
