@@ -26,8 +26,6 @@ from tests.attack.worlds import (
 SPOILT = 0.85
 """Share of the calls with a spoilt argument; the others show that the valid ones are accepted."""
 
-KINDS = ("full", "inertial", "paper", "paper_printed")
-
 
 def _call(
     rng: Random,
@@ -173,71 +171,8 @@ def replay(rng: Random, trial: Trial) -> None:
         trial.finite("replay_log", result, may_lack=lacking)
 
 
-def _analysis(rng: Random) -> dict[str, Any]:
-    made, kind = drawn_geometry(rng), rng.choice(KINDS)
-    arguments: dict[str, Any] = {
-        "geometry": made, "truth": motion(), "model": model(), "kind": kind, "period_ns": 250_000_000,
-    }  # fmt: skip
-    if not kind.startswith("paper") and rng.random() < 0.5:
-        epochs = motion()["time_ns"][::5]
-        flags = {
-            name: np.ones(len(epochs), dtype=bool) for name in ("velocity", "depth", "attitude", "heading")
-        }
-        arguments["schedule"] = {"time_ns": epochs, "beams": np.ones((len(epochs), made.beams), bool)} | flags
-    return arguments
-
-
-def _aiding(rng: Random, kind: str, beams: int) -> dict[str, Any]:
-    names = ("velocity", "depth") if kind.startswith("paper") else kernel.SENSORS
-    some = {name: rng.random() < 0.6 for name in names if name != "beams"} | {"velocity": True}
-    free = not kind.startswith("paper")
-    return some | {"beams": np.array([free and rng.random() < 0.7 for _ in range(beams)])}
-
-
-def observe(rng: Random, trial: Trial) -> None:
-    """Rank of a window."""
-    arguments = _analysis(rng)
-    kind, beams = arguments["kind"], arguments["geometry"].beams
-    arguments["aidings"] = [_aiding(rng, kind, beams) for _ in range(rng.randint(1, 2))]
-    arguments["per_epoch"] = rng.random() < 0.3
-    results = _call(rng, trial, "observe", kernel.observe, arguments)
-    for result in results or ():
-        # The first epoch alone has no gap; a gap beside a zero is infinite.
-        trial.finite("observe", result, may_lack=("epoch_gap", "gap", "widest_step"))
-
-
-def covariance_history(rng: Random, trial: Trial) -> None:
-    """Covariances along a truth."""
-    arguments = _analysis(rng)
-    arguments["aiding"] = _aiding(rng, arguments["kind"], arguments["geometry"].beams)
-    result = _call(rng, trial, "covariance_history", kernel.covariance_history, arguments)
-    if result is not None:
-        trial.covariance("covariance_history", result["covariance"])
-
-
-def error_model(rng: Random, trial: Trial) -> None:
-    """F and Q at a state."""
-    arguments = {
-        "model": model(), "attitude_t_p": np.array([1.0, 0.0, 0.0, 0.0]), "velocity_p_mps": np.array([2.0, 0.1, 0.0]),
-        "omega_p_radps": np.array([0.0, 0.01, 0.1]), "force_p_mps2": np.array([0.1, 0.0, -9.8]),
-    }  # fmt: skip
-    result = _call(rng, trial, "error_model", kernel.error_model, arguments)
-    if result is not None:
-        trial.finite("error_model", result)
-        trial.covariance("error_model", result["q"])
-
-
-def gravity(rng: Random, trial: Trial) -> None:
-    """Gravity at a latitude and a depth."""
-    arguments = {"latitude_rad": rng.uniform(-1.5, 1.5), "depth_m": rng.uniform(0.0, 6000.0)}
-    result = _call(rng, trial, "normal_gravity_mps2", kernel.normal_gravity_mps2, arguments)
-    if result is not None and not 9.0 < result < 11.0:
-        trial.fault("normal_gravity_mps2", f"gravity of {result:.3g} m/s²")
-
-
 SUBJECTS: tuple[tuple[Callable[[Random, Trial], None], int], ...] = (
-    (navigator, 40), (solve_velocity, 14), (geometry, 10), (batch, 8), (replay, 8), (sensors, 6), (observe, 4),
-    (covariance_history, 4), (closed_loop, 5), (error_model, 4), (gravity, 2),
+    (navigator, 40), (solve_velocity, 14), (geometry, 10), (batch, 8), (replay, 8), (sensors, 6), (closed_loop, 5),
 )  # fmt: skip
 """What a case attacks, with its weight."""
 

@@ -29,7 +29,7 @@ def cost(name: str, data: bytes) -> float:
 
 
 @pytest.mark.first_cases(3)
-@pytest.mark.parametrize("name", sorted(FORMS))
+@pytest.mark.parametrize("name", sorted(logs.BUILDERS))
 def test_time_of_a_reader_is_linear(name: str) -> None:
     """Below 3 for twice the size, for a good log and for each hostile one; a quadratic reader has 4."""
     for data in (logs.joined(logs.build(name, 0).records), *ADVERSARIES[name]):

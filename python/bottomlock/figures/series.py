@@ -49,7 +49,6 @@ class Panel:
         band: low and high of a shaded range of values; None for none.
         period: of an angle that may go around; its values are shown within one turn. 0 for none.
         names: of the whole numbers from 1 on, where they stand for things; () where they are numbers.
-        extent: low and high of what a figure shows; None for all. A page shows all.
         compared: whether its named curves are of methods, drawn with their marks and named at their ends.
     """
 
@@ -60,7 +59,6 @@ class Panel:
     band: tuple[float, float] | None = None
     period: float = 0.0
     names: Sequence[str] = ()
-    extent: tuple[float, float] | None = None
     compared: bool = False
 
 

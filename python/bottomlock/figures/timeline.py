@@ -126,9 +126,6 @@ def _panel(axes: Axes, panel: Panel, start_ns: int, *, utc: bool) -> list[Line]:
         axes.yaxis.set_major_locator(LogLocator(numticks=5))
         axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
         axes.yaxis.set_minor_formatter(NullFormatter())
-    elif panel.extent is not None:
-        axes.set_ylim(*panel.extent)
-        axes.yaxis.set_major_locator(MaxNLocator(4))
     elif panel.names:
         axes.set_yticks(np.arange(1, len(panel.names) + 1), panel.names)
         axes.set_ylim(len(panel.names) + 0.6, 0.4)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.figures.beams import BEAM_COLOURS, valid_panel
-from bottomlock.figures.palette import INK, STROKES, stroke
+from bottomlock.figures.beams import valid_panel
+from bottomlock.figures.palette import STROKES, stroke
 from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
@@ -289,32 +289,6 @@ def beams_panel(pings: pl.DataFrame, case: str = "") -> Panel:
     """When each beam was valid, in one case; `case` is named where several panels stand together."""
     valid = pings.select(pl.col("^beam[0-9]+_valid$")).to_numpy().astype(bool)
     return valid_panel(_times(pings), valid, title=f"beams valid, {_plain(case)}" if case else "beams valid")
-
-
-def innovation_panels(innovations: pl.DataFrame, method: str) -> list[Panel]:
-    """Innovations of each beam of a method in one case, with their ±2 sigma; none where it has none.
-
-    All panels show what 99 of 100 of them need.
-    """
-    rows = innovations.filter(pl.col("method") == method)
-    time_ns, rejected = _times(rows), (rows["status"] == "rejected").to_numpy()
-    panels, greatest = [], 1e-3
-    for k in range(sum(name.endswith("_innovation_mps") for name in rows.columns)):
-        value, sd = (_floats(rows, f"beam{k + 1}_innovation_{end}") for end in ("mps", "sd_mps"))
-        there = np.isfinite(value)
-        curves = [
-            Curve("", REFERENCE_COLOUR, time_ns, np.where(np.isfinite(sd), 0.0, np.nan), 2.0 * sd, width=0.1)
-        ]
-        for label, colour, which in (
-            ("accepted", BEAM_COLOURS[k % len(BEAM_COLOURS)], there & ~rejected),
-            ("rejected", INK, there & rejected),
-        ):
-            if which.any():
-                curves.append(Curve(label, colour, time_ns[which], value[which], kind="dots"))
-        sizes = np.abs(np.concatenate([value[there], 2.0 * sd[np.isfinite(sd)]]))
-        greatest = max(greatest, float(np.percentile(sizes, 99.0)) if sizes.size else 0.0)
-        panels.append(Panel(f"innovation of beam {k + 1}, m/s", curves, decimals=3))
-    return [replace(panel, extent=(-1.15 * greatest, 1.15 * greatest)) for panel in panels]
 
 
 def nis_panels(innovations: pl.DataFrame, method: str, least_ratio: float) -> list[Panel]:

@@ -1,14 +1,18 @@
-"""What a replay shows of several methods: errors with their standard deviations, and NIS."""
+"""What a replay shows of several methods: errors with their standard deviations, NIS; and innovations."""
 
 from collections.abc import Sequence
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import polars as pl
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from bottomlock.figures.palette import draw_order, stroke
-from bottomlock.figures.series import Curve, Panel
+from bottomlock.figures.beams import BEAM_COLOURS
+from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, draw_order, stroke
+from bottomlock.figures.series import Curve, Panel, scattered_rows, thinned_rows
 from bottomlock.statistics.replay import error_norms
 from bottomlock.tables.replay import FORWARD
 
@@ -19,6 +23,8 @@ _QUANTITIES = (
     ("velocity", "mps", "velocity, m/s"),
     ("attitude", "deg", "attitude, degrees"),
 )
+PARTS = 300
+"""Parts of the time of each of which a curve shows its least and greatest value: about the pixels of a panel."""
 
 
 def error_panels(samples: pl.DataFrame, methods: Sequence[str], which: str = FORWARD) -> list[Panel]:
@@ -44,6 +50,61 @@ def error_panels(samples: pl.DataFrame, methods: Sequence[str], which: str = FOR
         if curves:
             panels.append(Panel(title, curves, log=True, compared=True))
     return panels
+
+
+_DOT: Any = {"linestyle": "", "marker": ".", "markersize": 2.5}
+_RING: Any = {
+    "linestyle": "",
+    "marker": "o",
+    "markersize": 3.0,
+    "markerfacecolor": "none",
+    "markeredgewidth": 0.7,
+}
+
+
+def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, title: str) -> Figure:
+    """Innovations of the beams of one method with their ±2 sigma; rejected pings are hollow."""
+    rows = innovations.filter(pl.col("method") == method)
+    beams = sum(name.endswith("_innovation_mps") for name in rows.columns)
+    times_ns = rows["time_ns"].to_numpy()
+    time_s = (times_ns - start_ns) * 1e-9
+    accepted = (rows["status"] != "rejected").to_numpy()
+    with mpl.rc_context(STYLE):
+        height = 0.8 + 0.95 * beams
+        figure = Figure(figsize=(WIDTH_IN, height))
+        panels = figure.subplots(beams, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+        figure.subplots_adjust(
+            left=0.145, right=0.985, top=1.0 - 0.36 / height, bottom=0.46 / height, hspace=0.12
+        )
+        spans = []
+        for k, axes in enumerate(panels):
+            value = rows[f"beam{k + 1}_innovation_mps"].fill_null(np.nan).to_numpy()
+            sd = rows[f"beam{k + 1}_innovation_sd_mps"].fill_null(np.nan).to_numpy()
+            kept = thinned_rows(times_ns, [sd], PARTS)
+            axes.fill_between(
+                time_s[kept], -2.0 * sd[kept], 2.0 * sd[kept], color=FAINT, alpha=0.3, linewidth=0.0
+            )
+            colour = BEAM_COLOURS[k % len(BEAM_COLOURS)]
+            for which, look in ((accepted, _DOT), (~accepted, _RING)):
+                there = np.flatnonzero(which & np.isfinite(value))
+                if there.size:
+                    kept = there[scattered_rows(times_ns[there], value[there], PARTS)]
+                    axes.plot(time_s[kept], value[kept], color=colour, **look)
+            axes.text(0.008, 0.93, f"beam {k + 1}", transform=axes.transAxes, va="top", fontsize=9.0)
+            sizes = np.abs(np.concatenate([value, 2.0 * sd]))
+            spans.append(float(np.nanpercentile(sizes, 99.0)) if np.isfinite(sizes).any() else 0.0)
+            if not np.isfinite(value).any():
+                axes.text(
+                    0.5, 0.5, "no innovation", transform=axes.transAxes, ha="center", va="center", color=FAINT
+                )
+        limit = 1.15 * max(*spans, 1e-3)
+        panels[-1].set_ylim(-limit, limit)
+        if len(time_s) > 1:
+            panels[-1].set_xlim(float(time_s[0]), float(time_s[-1]))
+        panels[-1].set_xlabel("time from the start, s")
+        figure.text(0.008, 0.5, "innovation, m/s", rotation=90, va="center", fontsize=9.5)
+        figure.text(0.012, 0.992, title, ha="left", va="top", fontsize=10.0, color=INK)
+    return figure
 
 
 WINDOW = 30

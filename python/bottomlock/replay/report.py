@@ -26,7 +26,6 @@ from bottomlock.replay.dive_plots import (
     current_panels,
     framed,
     holds,
-    innovation_panels,
     lost_beams,
     plots_of,
     reference_track,
@@ -35,6 +34,7 @@ from bottomlock.replay.dive_plots import (
 )
 from bottomlock.replay.figures import (
     error_panels,
+    innovation_figure,
     nis_panel,
 )
 from bottomlock.replay.findings.expected_nis import least_ratio
@@ -190,6 +190,7 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
     """
     manifest = tables.manifest
     tail = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
+    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     found = [
         _timeline(manifest, plots, tail),
         _validity(tables, plots, tail),
@@ -199,10 +200,12 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
         found += _of_methods(tables, plots, what_if, shown, tail)
         innovations = tables.innovations.filter(pl.col("what_if") == what_if)
         method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
-        panels = [] if method is None else innovation_panels(innovations, method)
-        if panels:
-            drawn = _stacked(panels, plots, f"{_title(tables, what_if)}{tail}, method {method}")
-            caption = f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma."
+        if method is not None:
+            title = f"{_title(tables, what_if)}{tail}, method {method}"
+            drawn = innovation_figure(innovations, start_ns, method=method, title=title)
+            caption = (
+                f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma; hollow: rejected."
+            )
             found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
         if tables.currents is not None:
             rows = tables.currents.filter(pl.col("what_if") == what_if)
