@@ -13,7 +13,6 @@ from bottomlock import BeamGeometry
 from bottomlock.encoders import framing
 from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import FORMATS, encoder
-from bottomlock.errors import BottomlockError, ScenarioError
 from bottomlock.io.formats import BYTES
 from bottomlock.io.rows import PLAIN
 from tests.oracle.pd0 import literal_ensembles
@@ -194,14 +193,3 @@ def test_pd6_turns_to_the_earth() -> None:
 
 def test_formats_are_those_of_the_readers() -> None:
     assert {one.name for one in FORMATS} < {one.name for one in BYTES}
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [("nucleos", "did you mean 'nucleus'"), ("nucleus", "holds 3 beams, the geometry has 4")],
-)
-def test_unfit_formats_are_one_line(name: str, words: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        encoder(name, FOUR)
-    assert words in str(caught.value)
-    assert isinstance(caught.value, BottomlockError)

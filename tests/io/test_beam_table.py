@@ -5,9 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-import pytest
 
-from bottomlock.errors import DataError
 from bottomlock.io.beam_table import (
     Account,
     BeamTable,
@@ -16,7 +14,6 @@ from bottomlock.io.beam_table import (
     read_beam_table,
     write_recording,
 )
-from bottomlock.io.beams import read_beams
 
 
 def small() -> BeamTable:
@@ -67,37 +64,3 @@ def test_there_and_back(tmp_path: Path) -> None:
     account = read_account(to)
     assert account["skipped"] == {"bad checksum": {"count": 1, "first_byte": 117, "first": "7f 7f"}}
     assert account["source_sha256"] == hashlib.sha256(b"raw").hexdigest()
-
-
-def test_the_reader_of_pings_takes_it(tmp_path: Path) -> None:
-    """`bottomlock fix` reads the columns that `convert` writes."""
-    source, to = tmp_path / "dive.pd0", tmp_path / "beams.parquet"
-    source.write_bytes(b"raw")
-    write_recording(recording(small()), to, source=source)
-    pings = read_beams(to, beams=3)
-    np.testing.assert_array_equal(pings.valid, small().valid)
-    np.testing.assert_array_equal(pings.velocity_mps, small().velocity_mps)
-
-
-def test_faults_are_named(tmp_path: Path) -> None:
-    """A table of something else, a time that stands still, a valid beam without velocity."""
-    frame = small().to_frame()
-    path = tmp_path / "b.parquet"
-    for changed, message in (
-        (frame.drop("beam2_valid"), "column 'beam2_valid' is missing"),
-        (
-            frame.with_columns(time_ns=pl.lit(5, dtype=pl.Int64)),
-            "row 1, column 'time_ns' is 5 ns and does not rise",
-        ),
-        (frame.with_columns(time_ns=pl.lit(None, dtype=pl.Int64)), "row 0, column 'time_ns' has no time"),
-        (frame.with_columns(beam2_valid=pl.lit(value=True)), "row 1, column 'beam2_mps' is not finite"),
-        (frame.with_columns(beam1_mps=pl.lit("x")), "column 'beam1_mps' is String, expected Float64"),
-    ):
-        changed.write_parquet(path)
-        with pytest.raises(DataError, match=message):
-            read_beam_table(path)
-    with pytest.raises(DataError, match="no such file"):
-        read_beam_table(tmp_path / "none.parquet")
-    path.write_bytes(b"not parquet")
-    with pytest.raises(DataError, match="is damaged or not Parquet"):
-        read_beam_table(path)

@@ -91,7 +91,7 @@ def test_caves_counts(recordings: Path) -> None:
 
 
 def test_caves_signs(recordings: Path) -> None:
-    """Beams and the instrument's velocity agree by the packaged geometry, and z points down: depth rises with it."""
+    """Beams and the instrument's velocity agree by the packaged geometry."""
     recording = read_recording(file(recordings, "caves_girona_linkquest", "dvl_linkquest.csv"))
     table = recording.table
     instrument = read_geometry(recording.geometry)
@@ -100,21 +100,6 @@ def test_caves_signs(recordings: Path) -> None:
         instrument.geometry, table.velocity_mps, table.valid, method="lc", beam_sd_mps=instrument.beam_sd_mps
     )
     assert np.abs(fixes.velocity_p_mps - table.instrument_mps)[asked].max() < 2e-4
-    depth = np.loadtxt(
-        file(recordings, "caves_girona_linkquest", "depth_sensor.csv"),
-        delimiter=",",
-        skiprows=1,
-        usecols=(2, 3),
-    )
-    # Depth over ten seconds against the integral of z: slope near one, and positive.
-    time_s = (table.time_ns[asked] - table.time_ns[0]) * 1e-9
-    down = np.concatenate([[0], np.cumsum(np.diff(time_s) * table.instrument_mps[asked][1:, 2])])
-    deep = np.interp(table.time_ns[asked] * 1e-9, depth[:, 0] * 1e-9, depth[:, 1])
-    step = np.searchsorted(time_s, time_s + 10.0).clip(max=len(time_s) - 1)
-    change, integral = deep[step] - deep, down[step] - down
-    slope = float(integral @ change / (integral @ integral))
-    assert 0.5 < slope < 1.5
-    assert np.corrcoef(integral, change)[0, 1] > 0.6
 
 
 @pytest.mark.parametrize(

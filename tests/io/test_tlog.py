@@ -24,21 +24,9 @@ def attitudes(station: Station, count: int = 60, *, from_us: int = BOOT_US, **ho
     """Records of an attitude, ten a second, of which every second one is 15 ms later."""
     out = [station.heartbeat(from_us)]
     for k in range(count):
-        us = from_us + 100_000 * k
+        us, angles = from_us + 100_000 * k, (0.1, -0.2, 0.01 * k)
         out.append(
-            station.log(
-                us,
-                "ATTITUDE",
-                us // 1000,
-                0.1,
-                -0.2,
-                0.01 * k,
-                0.0,
-                0.0,
-                0.0,
-                late_us=15_000 * (k % 2),
-                **how,
-            )
+            station.log(us, "ATTITUDE", us // 1000, *angles, 0.0, 0.0, 0.0, late_us=15_000 * (k % 2), **how)
         )
     return out
 
@@ -196,28 +184,8 @@ def test_odometry_counts_in_body_axes_alone() -> None:
     out = attitudes(vehicle)
     for k in range(30):
         us = BOOT_US + 100_000 * k
-        frame = 12 if k < 20 else 1
-        out.append(
-            vehicle.log(
-                us,
-                "ODOMETRY",
-                us,
-                1,
-                frame,
-                0,
-                0,
-                0,
-                [1.0, 0, 0, 0],
-                0.5,
-                0.1,
-                -0.2,
-                0,
-                0,
-                0,
-                [0.0] * 21,
-                [0.0] * 21,
-            )
-        )
+        frame, pose, speed = 12 if k < 20 else 1, [0, 0, 0, [1.0, 0, 0, 0]], [0.5, 0.1, -0.2, 0, 0, 0]
+        out.append(vehicle.log(us, "ODOMETRY", us, 1, frame, *pose, *speed, [0.0] * 21, [0.0] * 21))
     found = stream(tlog.streams(b"".join(out), "x"), "ODOMETRY")
     assert len(found.time_ns) == 20
     np.testing.assert_allclose(

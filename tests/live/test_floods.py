@@ -159,9 +159,7 @@ def test_followers_do_not_take_the_whole_page() -> None:
     ("host", "code"),
     [
         (b"", 200),
-        (b"Host: 127.0.0.1:8770\r\n", 200),
         (b"host: [::1]:8770\r\n", 200),
-        (b"Host: localhost\r\n", 200),
         (b"Host: LOCALHOST.:1\r\n", 200),
         (b"Host: rov.local:8770\r\n", 200),
         (b"Host: evil.example\r\n", 421),

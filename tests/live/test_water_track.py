@@ -148,18 +148,6 @@ def test_two_beams_of_the_water_do_not_hold_the_velocity() -> None:
     assert engine.estimator.water_counts.used > 100
 
 
-def test_ranges_of_the_ping_cut_the_cells() -> None:
-    """The bottom of the world is 12 m along the beams; at 3 m both cells lie within its side lobes."""
-    engine = with_water()
-    one: Any = engine.sources[0].reader
-    feed = one.feed
-    one.feed = lambda data: [replace(ping, range_m=np.full(4, 2.9)) for ping in feed(data)]
-    fly(engine, World(5.0), imu=True)
-    counts = engine.estimator.water_counts
-    assert counts.used == 0
-    assert counts.side_lobes > 100
-
-
 def test_a_restart_keeps_the_current(tmp_path: Any) -> None:  # noqa: ANN401
     """Of a checkpoint with the same section; with another one it is not used."""
     extra = f'{SECTION}[checkpoint]\nfile = "{tmp_path / "navigator"}"\n'

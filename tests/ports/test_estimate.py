@@ -14,7 +14,6 @@ from bottomlock.kernel import (
     VelocityFixes,
     solve_velocity,
 )
-from bottomlock.ports import estimate as estimate_module
 from bottomlock.ports.estimate import Estimate
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
@@ -90,33 +89,3 @@ def test_assumptions_are_no_measurement(method: FixMethod) -> None:
     )
     with pytest.raises(DataError, match="solve with method 'info'"):
         Estimate.from_fix(7, fixes)
-
-
-@pytest.mark.parametrize("size", [3, 9])
-def test_the_cheap_check_of_a_covariance_is_that_of_its_eigenvalues(size: int) -> None:
-    """Random matrices of every scale whose least eigenvalue is zero, or above or below the tolerance."""
-    random = np.random.default_rng(31)
-    for least in (1.0, 1e-3, 0.0, -1e-10, -1e-7, -1e-3):
-        for _ in range(50):
-            turn = np.linalg.qr(random.standard_normal((size, size)))[0]
-            unit = turn * np.array([least, *(1.0 + random.random(size - 1))]) @ turn.T
-            unit = 0.5 * (unit + unit.T) / np.sqrt(np.outer(unit.diagonal(), unit.diagonal()))
-            scale = 10.0 ** random.uniform(-90.0, 90.0, size)
-            matrix = unit * scale * scale[:, None]
-            matrix = 0.5 * (matrix + matrix.T)
-            if float(np.linalg.eigvalsh(unit)[0]) < -1e-8:
-                with pytest.raises(DataError, match="negative eigenvalue"):
-                    estimate_module._check_covariance("P", matrix)
-            else:
-                estimate_module._check_covariance("P", matrix)
-    for place in ((0, 0), (0, 1), (size - 1, size - 2)):
-        for value in (np.nan, np.inf, -np.inf):
-            matrix = np.eye(size)
-            matrix[place] = matrix[place[::-1]] = value
-            with pytest.raises(DataError, match="finite and symmetric"):
-                estimate_module._check_covariance("P", matrix)
-    estimate_module._check_covariance("P", np.zeros((size, size)))
-    with pytest.raises(DataError, match="negative eigenvalue"):
-        estimate_module._check_covariance(
-            "P", np.full((size, size), 1e-190) - (1e-190 - 1e-200) * np.eye(size)
-        )
