@@ -61,8 +61,12 @@ def write_campaign(
             write_record(record, {}, {path.name: write_parquet(path, part)})
         norms = campaign.error_norms(samples)
         tables["runs"].append(campaign.runs_table(norms, _counts(name, methods, runs)))
-        tables["ensemble"].append(campaign.ensemble_table(norms))
-        tables["consistency"].append(campaign.consistency_table(norms, full_degrees=20))
+        arrays = campaign.norm_arrays(norms.sort("run", maintain_order=True), runs, len(methods))
+        ensemble, means = campaign.ensemble_and_consistency(
+            name, methods, (TIMES_S * 1e9).astype(np.int64), [arrays], full_degrees=20
+        )
+        tables["ensemble"].append(ensemble)
+        tables["consistency"].append(campaign.judge(means))
     digests = {
         f"{name}.parquet": write_parquet(folder / f"{name}.parquet", pl.concat(parts).cast(dict(columns)))  # type: ignore[arg-type]
         for (name, parts), columns in zip(tables.items(), (RUNS, ENSEMBLE, CONSISTENCY), strict=True)

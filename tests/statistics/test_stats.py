@@ -49,6 +49,15 @@ def counts() -> pl.DataFrame:
     )
 
 
+def tables(norms: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Ensemble and means of NEES of the two runs."""
+    arrays = campaign.norm_arrays(norms, 2, 1)
+    time_ns = np.array([1, 2]) * 10**9
+    return campaign.ensemble_and_consistency(
+        "t", ["tc"], time_ns, [arrays[:, :1], arrays[:, 1:]], full_degrees=20
+    )
+
+
 def test_runs_table_by_hand() -> None:
     """RMS over time and last value of the norms; no fix leaves a null, not a NaN."""
     table = check(campaign.runs_table(campaign.error_norms(samples()), counts()), RUNS, place="runs")
@@ -60,7 +69,7 @@ def test_runs_table_by_hand() -> None:
 
 def test_ensemble_by_hand() -> None:
     """RMS over runs at each second, inside its bootstrap interval."""
-    table = check(campaign.ensemble_table(campaign.error_norms(samples())), ENSEMBLE, place="ensemble")
+    table = check(tables(campaign.error_norms(samples()))[0], ENSEMBLE, place="ensemble")
     assert table["time_s"].to_list() == [1.0, 2.0]
     assert table["velocity_rms_over_runs_mps"].to_list() == pytest.approx([5.0, np.sqrt(0.5)])
     assert table["velocity_rms_over_runs_lo_mps"].to_list() == pytest.approx([5.0, 0.0])
@@ -88,7 +97,7 @@ def test_consistency_verdicts() -> None:
     norms = campaign.error_norms(samples())
     for factor, verdict in ((1.0, "consistent"), (10.0, "overconfident"), (0.1, "conservative")):
         scaled = norms.with_columns(pl.col("nees", "nees_velocity_attitude") * factor)
-        table = campaign.consistency_table(scaled, full_degrees=20)
+        table = campaign.judge(tables(scaled)[1])
         assert table["verdict"].to_list() == [verdict, verdict]
 
 
@@ -129,7 +138,7 @@ def test_rejected_fraction_is_of_all_fixes() -> None:
     norms = campaign.error_norms(samples())
     fixes = counts().with_columns(fixes_accepted=pl.Series([2, 0]), fixes_rejected=pl.Series([1, 0]))
     runs = campaign.runs_table(norms, fixes)
-    summary = campaign.summary_table(campaign.ensemble_table(norms), runs)
+    summary = campaign.summary_table(tables(norms)[0], runs)
     assert summary["rejected_fraction"].to_list() == pytest.approx([1.0 / 3.0])
 
 

@@ -12,9 +12,6 @@ from bottomlock.campaign.chunk import Chunk, ChunkTables, chunks_of
 from bottomlock.campaign.selector_counts import merged
 from bottomlock.config.scenario import Scenario
 from bottomlock.statistics import campaign
-from bottomlock.statistics.campaign import NORMS
-
-_NEES = ("nees", "nees_velocity_attitude")
 
 
 class Tables(NamedTuple):
@@ -39,37 +36,28 @@ class Aggregate:
 
     def add(self, chunk: Chunk, tables: ChunkTables) -> None:
         """Takes the tables of a chunk; with the last chunk of a scenario its tables are made."""
-        norms, methods = (
-            campaign.error_norms(tables.samples),
-            self._scenarios[chunk.scenario].campaign.methods,
+        norms = campaign.error_norms(tables.samples)
+        values = campaign.norm_arrays(
+            norms, chunk.runs, len(self._scenarios[chunk.scenario].campaign.methods)
         )
-        shape = (len(NORMS), chunk.runs, len(methods), -1)
-        values = norms.select(NORMS).to_numpy(order="fortran").T.reshape(shape)
         self._time_ns[chunk.scenario] = norms["time_ns"].head(values.shape[-1]).to_numpy()
         self._parts[chunk] = (values, campaign.runs_table(norms, tables.counts), tables.choices)
         if all(one in self._parts for one in self._chunks[chunk.scenario]):
             self._finished[chunk.scenario] = self._finish(chunk.scenario)
 
     def _finish(self, name: str) -> Tables:
-        scenario, time_ns = self._scenarios[name], self._time_ns[name]
+        scenario = self._scenarios[name]
         norms, runs, choices = zip(*(self._parts.pop(chunk) for chunk in self._chunks[name]), strict=True)
-        ensemble, consistency = [], []
         # With one BLAS thread the last bits do not depend on the number of cores.
         with threadpool_limits(limits=1, user_api="blas"):
-            for k, method in enumerate(scenario.campaign.methods):
-                values = np.concatenate([part[:, :, k] for part in norms], axis=1)
-                errors = dict(zip(NORMS, values, strict=True))
-                ensemble.append(campaign.ensemble_rows(name, method, time_ns, errors))
-                consistency.append(
-                    campaign.consistency_rows(
-                        name,
-                        method,
-                        {quantity: errors[quantity].mean(axis=0) for quantity in _NEES},
-                        runs=scenario.campaign.runs,
-                        full_degrees=scenario.filter.states,
-                    )
-                )
-        return Tables(pl.concat(runs), pl.concat(ensemble), pl.concat(consistency), merged(choices))
+            ensemble, consistency = campaign.ensemble_and_consistency(
+                name,
+                scenario.campaign.methods,
+                self._time_ns[name],
+                norms,
+                full_degrees=scenario.filter.states,
+            )
+        return Tables(pl.concat(runs), ensemble, consistency, merged(choices))
 
     def tables(self) -> Tables:
         """The tables; every chunk has been added."""

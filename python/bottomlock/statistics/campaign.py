@@ -1,6 +1,6 @@
 """Statistics of a campaign: data frames in, data frames out."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import polars as pl
@@ -82,32 +82,6 @@ def ensemble_rows(
     )
 
 
-def ensemble_table(norms: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, method and second (`tables.campaign.ENSEMBLE`), from norms in memory."""
-    return pl.concat(
-        [
-            ensemble_rows(trajectory, method, time_ns, errors)
-            for trajectory, method, time_ns, errors in _methods(norms)
-        ]
-    )
-
-
-def _methods(
-    norms: pl.DataFrame,
-) -> Iterator[tuple[str, str, NDArray[np.int64], dict[str, NDArray[np.float64]]]]:
-    """Trajectory, method, times and the errors as (runs, times)."""
-    for (trajectory, method), group in norms.group_by("trajectory", "method", maintain_order=True):
-        ordered = group.sort("run", "time_ns")
-        time_ns = ordered["time_ns"].unique().sort().to_numpy()
-        shape = (-1, len(time_ns))
-        yield (
-            str(trajectory),
-            str(method),
-            time_ns,
-            {name: ordered[name].to_numpy().reshape(shape) for name in NORMS},
-        )
-
-
 def consistency_rows(
     trajectory: str,
     method: str,
@@ -153,14 +127,39 @@ def judge(means: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame:
-    """A row per trajectory, method and kind of NEES (`tables.campaign.CONSISTENCY`), from norms in memory."""
-    parts = []
-    for trajectory, method, _, errors in _methods(norms):
+def norm_arrays(norms: pl.DataFrame, runs: int, methods: int) -> NDArray[np.float64]:
+    """The norms (`NORMS`, runs, methods, times) of a table that is ordered by run, method and time."""
+    return norms.select(NORMS).to_numpy(order="fortran").T.reshape(len(NORMS), runs, methods, -1)
+
+
+def ensemble_and_consistency(
+    trajectory: str,
+    methods: Sequence[str],
+    time_ns: NDArray[np.int64],
+    norms: Sequence[NDArray[np.float64]],
+    *,
+    full_degrees: int,
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """The tables over all runs of a trajectory: `tables.campaign.ENSEMBLE`, and means of NEES for `judge`.
+
+    Args:
+        trajectory: its name.
+        methods: their names.
+        time_ns: (times,).
+        norms: of parts of the runs, as `norm_arrays` gives them.
+        full_degrees: degrees of freedom of `nees`.
+    """
+    ensemble, consistency = [], []
+    for k, method in enumerate(methods):
+        values = np.concatenate([part[:, :, k] for part in norms], axis=1)
+        errors = dict(zip(NORMS, values, strict=True))
+        ensemble.append(ensemble_rows(trajectory, method, time_ns, errors))
         at_time = {name: errors[name].mean(axis=0) for name in ("nees", "nees_velocity_attitude")}
-        runs = len(errors["nees"])
-        parts.append(consistency_rows(trajectory, method, at_time, runs=runs, full_degrees=full_degrees))
-    return judge(pl.concat(parts))
+        runs = values.shape[1]
+        consistency.append(
+            consistency_rows(trajectory, method, at_time, runs=runs, full_degrees=full_degrees)
+        )
+    return pl.concat(ensemble), pl.concat(consistency)
 
 
 def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
