@@ -17,7 +17,12 @@ def test_one_command_from_a_shipped_log_to_a_page(
 ) -> None:
     """`look` writes a case beside the log, replays it and opens the page; nothing is tuned."""
     opened: list[str] = []
-    monkeypatch.setattr("webbrowser.open", lambda uri: not opened.append(uri))
+
+    def show(uri: str) -> bool:
+        opened.append(uri)
+        return True
+
+    monkeypatch.setattr("webbrowser.open", show)
     log = root / "data" / "logs" / "robosub"
     files = [shutil.copy(log / f"night2_{name}.csv", tmp_path) for name in ("imu", "dvl", "ahrs", "depth")]
     done = command("look", *files)
