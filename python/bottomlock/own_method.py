@@ -183,7 +183,7 @@ def register(method: type[OwnMethod] | OwnMethod) -> OwnName:
     made = _made(method, label)
     name = getattr(made, "name", None)
     if not isinstance(name, str):
-        raise KernelError(f'{label} has no name, expected a class attribute, as in name = "my_method"')
+        raise KernelError(f"{label} has no name", expected='a class attribute, as in name = "my_method"')
     ping = getattr(made, "ping", None)
     try:
         inspect.signature(ping).bind("beams", "prior")  # type: ignore[arg-type] # what is no function is the error
@@ -256,7 +256,8 @@ def _made(method: type[OwnMethod] | OwnMethod, label: str) -> OwnMethod:
         return method()
     except Exception as error:
         raise KernelError(
-            f"{label} cannot be made without arguments ({type(error).__name__}: {error}); register an object instead"
+            f"{label} cannot be made without arguments ({type(error).__name__}: {error})",
+            hint="register an object instead",
         ) from error
 
 
@@ -270,7 +271,7 @@ def _timed(method: OwnMethod, cost: Cost) -> Callable[[dict[str, Any]], tuple[Ar
         except Exception as error:
             place = traceback.extract_tb(error.__traceback__)[-1]
             raise KernelError(
-                f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
+                f"{error} ({Path(place.filename).name}, line {place.lineno})", place=type(error).__name__
             ) from error
         cost.pings += 1
         cost.seconds += time.thread_time() - started
@@ -280,7 +281,7 @@ def _timed(method: OwnMethod, cost: Cost) -> Callable[[dict[str, Any]], tuple[Ar
             return found.velocity_p_mps, found.cov_m2ps2
         if isinstance(found, Rows):
             return found.residual, found.jacobian, found.noise
-        raise KernelError(f"ping returned {type(found).__name__}, expected Fix, Rows or None")
+        raise KernelError(f"ping returned {type(found).__name__}", expected="Fix, Rows or None")
 
     return call
 
@@ -321,14 +322,14 @@ def load(place: str) -> str:
     if place not in _LOADED:
         module, _, attribute = place.rpartition(":")
         if not module or not attribute.isidentifier():
-            raise KernelError(f"method '{place}' is none, expected MODULE:CLASS or FILE.py:CLASS")
+            raise KernelError(f"method '{place}' is none", expected="MODULE:CLASS or FILE.py:CLASS")
         found = getattr(_module(module, place), attribute, None)
         if not isinstance(found, type):
-            raise KernelError(f"method '{place}': {module} has no class {attribute}")
+            raise KernelError(f"{module} has no class {attribute}", place=f"method '{place}'")
         try:
             register(found)
         except KernelError as error:
-            raise KernelError(f"method '{place}': {error}") from error
+            raise KernelError(error, place=f"method '{place}'") from error
         _LOADED[place] = found
     # Another class may have been given the name since.
     return name_of(_LOADED[place])
@@ -345,8 +346,9 @@ def _module(module: str, place: str) -> ModuleType:
     except (Exception, SystemExit) as error:
         text = " ".join(str(error).split())
         raise KernelError(
-            f"method '{place}': {module} cannot be imported ({type(error).__name__}: {text}); expected a module on "
-            "Python's path or in this folder, or FILE.py:CLASS"
+            f"{module} cannot be imported ({type(error).__name__}: {text})",
+            place=f"method '{place}'",
+            expected="a module on Python's path or in this folder, or FILE.py:CLASS",
         ) from error
 
 

@@ -90,19 +90,19 @@ def test_log_from_a_table(tmp_path: Path) -> None:
         ({"time_ns": [0, 1]}, "neither beam1_mps"),
         (
             {"time_ns": [0, 1], "beam1_mps": [1.0, None], "beam1_valid": [1, 1]},
-            "row 1, column 'beam1_mps' is not",
+            "row 1: column 'beam1_mps' is not",
         ),
         (
             {"time_ns": [0, 1], "beam1_mps": [1.0, 2.0], "beam1_valid": [1, 2]},
-            "row 1, column 'beam1_valid' is 2",
+            "row 1: column 'beam1_valid' is 2",
         ),
         (
             {"time_ns": [0, 1], "beam1_mps": ["a", "2.0"], "beam1_valid": [1, 1]},
-            "row 0, column 'beam1_mps' is 'a'",
+            "row 0: column 'beam1_mps' is 'a'",
         ),
         (
             {"time_ns": [0, None], "beam1_mps": [1.0, 2.0], "beam1_valid": [1, 1]},
-            "row 1, column 'time_ns' has no time",
+            "row 1: column 'time_ns' has no time",
         ),
         ({"time_ns": [0, 1], "beam1_mps": [1.0, 2.0]}, "column 'beam1_valid' is missing"),
     ],
@@ -114,11 +114,11 @@ def test_bad_logs_are_refused(tmp_path: Path, columns: dict[str, list[object]], 
 
 
 def test_bad_neighbours_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="row 1, column 'time_ns' is 0 ns, expected more than in row 0"):
+    with pytest.raises(DataError, match="row 1: column 'time_ns' is 0 ns, expected more than in row 0"):
         read_depths(write(tmp_path / "depth.csv", time_ns=[0, 0], depth_m=[1.0, 2.0]))
     with pytest.raises(DataError, match="column 'force_x_mps2' is missing"):
         read_inertial(write(tmp_path / "imu.csv", time_ns=[0, 1]))
-    with pytest.raises(DataError, match="row 1, column 'pitch_rad' is nan"):
+    with pytest.raises(DataError, match="row 1: column 'pitch_rad' is nan"):
         read_reference(
             write(
                 tmp_path / "att.csv",

@@ -89,14 +89,14 @@ def test_times_beyond_64_bits(value: float, unit: str) -> None:
     """Named by row and column, whether the table holds floats or unsigned integers."""
     table = pl.DataFrame({"time_ns": [0.0, value]})
     columns = Columns.model_validate({"time_unit": unit})
-    with pytest.raises(DataError, match="a: row 1, column 'time_ns'"):
+    with pytest.raises(DataError, match="a: row 1: column 'time_ns'"):
         times_as_they_stand(table, columns, "a")
-    with pytest.raises(DataError, match=r"a: row 1, column 'time_ns'.*check the unit"):
+    with pytest.raises(DataError, match=r"a: row 1: column 'time_ns'.*check the unit"):
         column_stamps(table, Clock.model_validate({"column": "time_ns", "unit": unit}), place="a")
     wide = pl.DataFrame({"time_ns": pl.Series([0, 2**64 - 1], dtype=pl.UInt64)})
-    with pytest.raises(DataError, match="row 1, column 'time_ns' is 18446744073709551615"):
+    with pytest.raises(DataError, match="row 1: column 'time_ns' is 18446744073709551615"):
         times_as_they_stand(wide, Columns(), "a")
-    with pytest.raises(DataError, match="row 1, column 'time_ns' is 18446744073709551615"):
+    with pytest.raises(DataError, match="row 1: column 'time_ns' is 18446744073709551615"):
         column_stamps(wide, Clock.model_validate({"column": "time_ns", "unit": "ns"}), place="a")
     assert column_numbers(table, "time_ns", "a")[1] == value
 

@@ -38,17 +38,17 @@ def test_reads_csv_and_parquet_alike(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        (("1,0.5,0.1,1,1", "1,0.5,0.1,1,1"), "row 1, column 'time_ns' is 1 ns and repeats the time of row 0"),
+        (("1,0.5,0.1,1,1", "1,0.5,0.1,1,1"), "row 1: column 'time_ns' is 1 ns and repeats the time of row 0"),
         (
             ("5,0.5,0.1,1,1", "1,0.5,0.1,1,1"),
-            "row 1, column 'time_ns' is 1 ns and goes back in time from that of row 0",
+            "row 1: column 'time_ns' is 1 ns and goes back in time from that of row 0",
         ),
-        (("1,0.5,nan,1,1",), "row 0, column 'beam2_mps' is not finite, but beam 2 is flagged valid"),
-        (("1,0.5,inf,1,1",), "row 0, column 'beam2_mps' is not finite"),
-        (("1,0.5,fast,1,1",), "row 0, column 'beam2_mps' is 'fast', expected a number"),
-        (("1,0.5,0.1,1,2",), "row 0, column 'beam2_valid' is 2.0, expected 0, 1, true or false"),
-        (("1.5,0.5,0.1,1,1",), "row 0, column 'time_ns' is '1.5', expected a number"),
-        ((",0.5,0.1,1,1",), "row 0, column 'time_ns' has no time"),
+        (("1,0.5,nan,1,1",), "row 0: column 'beam2_mps' is not finite, but beam 2 is flagged valid"),
+        (("1,0.5,inf,1,1",), "row 0: column 'beam2_mps' is not finite"),
+        (("1,0.5,fast,1,1",), "row 0: column 'beam2_mps' is 'fast', expected a number"),
+        (("1,0.5,0.1,1,2",), "row 0: column 'beam2_valid' is 2.0, expected 0, 1, true or false"),
+        (("1.5,0.5,0.1,1,1",), "row 0: column 'time_ns' is '1.5', expected a number"),
+        ((",0.5,0.1,1,1",), "row 0: column 'time_ns' has no time"),
         ((), "has no rows"),
     ],
 )

@@ -107,7 +107,7 @@ def test_gap_of_the_imu_is_refused_unless_declared(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({"ay": [0.0] * 7 + [float("nan")] + [0.0] * 43}, "row 7, column 'ay' is empty"),
+        ({"ay": [0.0] * 7 + [float("nan")] + [0.0] * 43}, "row 7: column 'ay' is empty"),
         ({"t": [0.1 * k for k in range(50)] + [1.0]}, "row 50, 1.000000 s, goes back"),
     ],
 )
@@ -135,7 +135,7 @@ def test_words_in_a_column_of_numbers(tmp_path: Path) -> None:
     text = (tmp_path / "imu.csv").read_text(encoding="utf-8").splitlines()
     text[4] = text[4].replace("-9.8", "off")
     (tmp_path / "imu.csv").write_text("\n".join(text), encoding="utf-8")
-    with pytest.raises(DataError, match="row 3, column 'az' is 'off', expected a number"):
+    with pytest.raises(DataError, match="row 3: column 'az' is 'off', expected a number"):
         read_streams(parse_case(CASE, place="case", folder=tmp_path))
 
 

@@ -166,7 +166,7 @@ MISTAKES: list[tuple[Callable[[], dict[str, Floats]], str, str]] = [
     (
         lambda: with_row("north_m", 200, motion(TIME_S)["north_m"][200] + 0.5),
         "",
-        r"row (199|200), .*: acceleration .*a jump in the file",
+        r"row (199|200): .*: acceleration .*a jump in the file",
     ),
     (
         lambda: with_row("time_s", 200, 2.0),
@@ -174,7 +174,7 @@ MISTAKES: list[tuple[Callable[[], dict[str, Floats]], str, str]] = [
         "row 200: time is .* after that of row 199, expected it to rise",
     ),
     (lambda: with_row("time_s", 200, TIME_S[199]), "", "row 200: time is 0 s .* there twice"),
-    (lambda: with_row("east_m", 7, np.nan), "", "row 7, column 'east_m' is empty or no finite number"),
+    (lambda: with_row("east_m", 7, np.nan), "", "row 7: column 'east_m' is empty or no finite number"),
     (lambda: without(np.abs(np.arange(ROWS) - 300) > 20), "", "row 280 is 10.5 s after row 279.*: a gap"),
     (lambda: scaled(**KM), "", "are positions in km"),
     (lambda: scaled(time_s=1e3), "", "is the time in ms"),

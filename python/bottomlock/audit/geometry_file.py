@@ -32,11 +32,15 @@ def geometry_text(audit: Audit) -> str:
             if not log.beams
             else "beams alone leave 9 of 12 entries free; state a geometry with --geometry"
         )
-        raise DataError(f"{log.place}: no geometry can be written: {why}")
+        raise DataError(f"no geometry can be written: {why}", place=log.place)
     if assessment.ambiguous:
         raise DataError(
-            f"{log.place}: no geometry can be written: the stated order does not close, and closure cannot distinguish "
-            "the orders that do; state the right one with --geometry"
+            (
+                "no geometry can be written: the stated order does not close, and closure cannot "
+                "distinguish the orders that do"
+            ),
+            place=log.place,
+            hint="state the right one with --geometry",
         )
     length = np.linalg.norm(assessment.rows, axis=1)
     unit = assessment.rows / length[:, None]
@@ -92,8 +96,9 @@ def _noise(audit: Audit) -> float:
     refusal = f"{log.place}: no geometry can be written:"
     if len(readings) < LEAST_PINGS:
         raise DataError(
-            f"{refusal} {len(readings)} full pings, expected {LEAST_PINGS} or more to measure the beam noise; "
-            "record longer"
+            f"{refusal} {len(readings)} full pings",
+            expected=f"{LEAST_PINGS} or more to measure the beam noise",
+            hint="record longer",
         )
     if audit.assessment.closures:
         found = float(np.median([one.beam_sigma_mps for one in audit.assessment.closures]))
@@ -104,8 +109,9 @@ def _noise(audit: Audit) -> float:
     noise = max(found, resolution / math.sqrt(12.0) if isinstance(resolution, float) else 0.0)
     if not noise > LEAST_NOISE_MPS:
         raise DataError(
-            f"{refusal} the {len(readings)} full pings show a beam noise of {noise:.1g} m/s, expected more than "
-            f"{LEAST_NOISE_MPS:g}; are the beams computed from a velocity?"
+            f"{refusal} the {len(readings)} full pings show a beam noise of {noise:.1g} m/s",
+            expected=f"more than {LEAST_NOISE_MPS:g}",
+            hint="are the beams computed from a velocity?",
         )
     return noise
 

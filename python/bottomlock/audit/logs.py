@@ -94,7 +94,10 @@ def _flags(table: pl.DataFrame, name: str, place: str) -> NDArray[np.bool_]:
     wrong = np.flatnonzero((flags != 0.0) & (flags != 1.0))
     if wrong.size:
         raise DataError(
-            f"{place}: row {wrong[0]}, column '{name}' is {flags[wrong[0]]:g}, expected 0, 1, true or false"
+            f"is {flags[wrong[0]]:g}",
+            place=f"{place}: row {wrong[0]}",
+            key=f"column '{name}'",
+            expected="0, 1, true or false",
         )
     return np.asarray(flags == 1.0)
 
@@ -147,8 +150,10 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
         raise DataError(
-            f"{place}: row {row}, column '{names[beam]}' is not finite, but beam {beam + 1} is flagged valid; expected "
-            "a finite velocity or a cleared flag"
+            f"is not finite, but beam {beam + 1} is flagged valid",
+            place=f"{place}: row {row}",
+            key=f"column '{names[beam]}'",
+            expected="a finite velocity or a cleared flag",
         )
     instrument = np.stack([numbers(table, n, place) for n in own], axis=1) if has_own else None
     verdict = None
@@ -156,8 +161,9 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
         verdict = _flags(table, "instrument_valid", place)
     if not names and instrument is None and not _filled(table, "error_velocity_mps"):
         raise DataError(
-            f"{place}: has neither beam1_mps ... nor instrument_x_mps, instrument_y_mps, instrument_z_mps; "
-            "`bottomlock convert` makes such a table, or a geometry file maps the columns"
+            "has neither beam1_mps ... nor instrument_x_mps, instrument_y_mps, instrument_z_mps",
+            place=place,
+            hint="`bottomlock convert` makes such a table, or a geometry file maps the columns",
         )
     ranges = [name for name in _columns_of(table, "range_m") if _filled(table, name)]
     reach = None
@@ -201,7 +207,10 @@ def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:
     if steps.size:
         row = int(steps[0]) + 1
         raise DataError(
-            f"{place}: row {row}, column 'time_ns' is {time_ns[row]} ns, expected more than in row {row - 1}"
+            f"is {time_ns[row]} ns",
+            place=f"{place}: row {row}",
+            key="column 'time_ns'",
+            expected=f"more than in row {row - 1}",
         )
     return time_ns
 
@@ -212,7 +221,10 @@ def _block(table: pl.DataFrame, names: list[str], place: str) -> NDArray[np.floa
     if wrong.size:
         row, column = (int(index) for index in wrong[0])
         raise DataError(
-            f"{place}: row {row}, column '{names[column]}' is {block[row, column]}, expected a finite number"
+            f"is {block[row, column]}",
+            place=f"{place}: row {row}",
+            key=f"column '{names[column]}'",
+            expected="a finite number",
         )
     return block
 

@@ -64,7 +64,9 @@ def scenarios_of(given: AnyScenarios, **overrides: Any) -> list[Scenario]:  # no
         given = [given]
     several: Any = given  # a caller without a type checker may give anything
     if isinstance(several, Mapping | bytes) or not isinstance(several, Iterable):
-        raise ScenarioError(f"scenarios is {several!r:.60}, expected a list such as ['straight', 'own.toml']")
+        raise ScenarioError(
+            f"scenarios is {several!r:.60}", expected="a list such as ['straight', 'own.toml']"
+        )
     changed = {key: value for key, value in overrides.items() if value is not None}
     scenarios = [load_scenario(one) for one in several]
     return [one.with_overrides(**changed) for one in scenarios] if changed else scenarios
@@ -79,7 +81,7 @@ def build_simulations(scenarios: Sequence[Scenario]) -> list[Simulation]:
     """
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
-        raise ScenarioError(f"expected scenarios of different names, got {names}")
+        raise ScenarioError(expected=f"scenarios of different names, got {names}")
     _check_own_methods(scenarios)
     for scenario in scenarios:
         _check_reckoning(scenario)
@@ -99,8 +101,11 @@ def _check_own_methods(scenarios: Sequence[Scenario]) -> None:
             name = own_method.load(place)
             if places.setdefault(name, place) != place:
                 raise ScenarioError(
-                    f"scenario {scenario.name}: method '{name}' is {place}, and {places[name]} before it: expected one "
-                    "class of a name in a campaign"
+                    (
+                        f"method '{name}' is {place}, and {places[name]} before it: expected one "
+                        "class of a name in a campaign"
+                    ),
+                    place=f"scenario {scenario.name}",
                 )
 
 
@@ -113,8 +118,12 @@ def check_found_elsewhere(scenarios: Sequence[Scenario]) -> None:
     for scenario in scenarios:
         for name in in_this_process_alone(scenario.campaign.methods):
             raise ScenarioError(
-                f"scenario {scenario.name}: method '{name}' is in this process alone, where Dask's workers do not "
-                "find it: move its class to the top level of a file, and import it or name FILE.py:CLASS"
+                (
+                    f"method '{name}' is in this process alone, where Dask's workers do not find "
+                    "it: move its class to the top level of a file, and import it or name "
+                    "FILE.py:CLASS"
+                ),
+                place=f"scenario {scenario.name}",
             )
 
 

@@ -52,7 +52,8 @@ def run_closed_loop(
     """
     if simulation.vehicle is None or simulation.mission is None:
         raise ScenarioError(
-            f"scenario {simulation.scenario.name}: its truth is analytic, so no vehicle can be steered on an estimate"
+            "its truth is analytic, so no vehicle can be steered on an estimate",
+            place=f"scenario {simulation.scenario.name}",
         )
     own = pilot == "own"
     vehicles_per_run = len(methods) if own else 1

@@ -67,7 +67,7 @@ def _run(
                 last_seen_s = time.monotonic() if threads else last_seen_s
                 if time.monotonic() - last_seen_s > PATIENCE_S:
                     words = "finished chunks are kept: the same command resumes"
-                    raise EngineError(f"{place} has had no worker for {PATIENCE_S:.0f} s; {words}")
+                    raise EngineError(f"{place} has had no worker for {PATIENCE_S:.0f} s", hint=words)
                 while waiting and len(running) < CHUNKS_PER_THREAD * max(1, threads):
                     # The remaining number as priority: chunks start in order.
                     priority, chunk = len(waiting), waiting.popleft()
@@ -108,7 +108,9 @@ def _one_error(client: Client, place: str) -> Iterator[None]:
         lost = client.status != "running" or isinstance(error, CommClosedError | CancelledError)
         if isinstance(error, BottomlockError) or not lost:
             raise
-        raise EngineError(f"{place} is lost; finished chunks are kept: the same command resumes") from error
+        raise EngineError(
+            f"{place} is lost", hint="finished chunks are kept: the same command resumes"
+        ) from error
 
 
 class _IgnoreInterrupt(WorkerPlugin):  # type: ignore[misc] # distributed is untyped
@@ -143,7 +145,7 @@ def open_cluster(
         try:
             client = opened.enter_context(Client(target, timeout=CONNECT_S, set_as_default=False))
         except OSError as error:
-            raise EngineError(f"{place}: does not answer ({str(error).splitlines()[0]})") from error
+            raise EngineError(f"does not answer ({str(error).splitlines()[0]})", place=place) from error
         with _one_error(client, place):
             if scheduler is None:
                 client.register_plugin(_IgnoreInterrupt())
@@ -152,5 +154,5 @@ def open_cluster(
                 try:
                     client.wait_for_workers(1, timeout=PATIENCE_S)
                 except TimeoutError as error:
-                    raise EngineError(f"{place}: no worker in {PATIENCE_S:.0f} s") from error
+                    raise EngineError(f"no worker in {PATIENCE_S:.0f} s", place=place) from error
         yield partial(_run, client, place, scenarios)

@@ -84,7 +84,7 @@ def check_engine(name: str, *, threads: int = 0, scheduler: str | None = None) -
     if scheduler is not None and name != "dask":
         raise EngineError(f"scheduler {scheduler} is given with engine '{name}': only dask has schedulers")
     if scheduler is not None and not _is_address(scheduler):
-        raise EngineError(f"scheduler '{scheduler}': expected an address such as tcp://host:8786")
+        raise EngineError(place=f"scheduler '{scheduler}'", expected="an address such as tcp://host:8786")
     if scheduler is not None and threads:
         raise EngineError(f"threads are given with scheduler {scheduler}, whose workers bring their own")
     if name == "dask" and find_spec("distributed") is None:

@@ -54,10 +54,12 @@ def check_owner(out: Path, identity: Identity, *, force: bool) -> None:
     try:
         held = read_record(out / MANIFEST) if out.is_dir() else None
     except DataError as error:
-        raise DataError(f"{error}; remove it, and every chunk that is whole is kept") from error
+        raise DataError(error, hint="remove it, and every chunk that is whole is kept") from error
     if held is None or "configuration_hash" not in held:
         if not any(_is_of(path, identity) for path in out.glob("chunks/*/record-*.json")):
-            raise OutputError(f"{out}: is not empty and holds no campaign of ours; choose another directory")
+            raise OutputError(
+                "is not empty and holds no campaign of ours", place=out, hint="choose another directory"
+            )
         return
     if force:
         return
@@ -66,7 +68,9 @@ def check_owner(out: Path, identity: Identity, *, force: bool) -> None:
     if held["configuration_hash"] != identity["configuration_hash"]:
         words = "a campaign of another configuration"
     if words:
-        raise OutputError(f"{out}: holds {words}; choose another directory or use --force to start over")
+        raise OutputError(
+            f"holds {words}", place=out, hint="choose another directory or use --force to start over"
+        )
 
 
 def _is_of(record: Path, identity: Identity) -> bool:

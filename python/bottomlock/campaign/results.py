@@ -84,14 +84,18 @@ class Results(CampaignResults):
         """
         if not isinstance(other, Results):
             raise DataError(
-                f"compare is given a {type(other).__name__}, expected Results, such as read_results(FOLDER) returns"
+                f"compare is given a {type(other).__name__}",
+                expected="Results, such as read_results(FOLDER) returns",
             )
         if labels[0] == labels[1]:
-            raise DataError(f"labels are twice {labels[0]!r}, expected two that differ")
+            raise DataError(f"labels are twice {labels[0]!r}", expected="two that differ")
         if not set(self.trajectories) & set(other.trajectories):
             raise DataError(
-                f"the results have no trajectory in common: {', '.join(self.trajectories)} and "
-                f"{', '.join(other.trajectories)}; scenarios of one name are compared"
+                (
+                    f"the results have no trajectory in common: {', '.join(self.trajectories)} and "
+                    f"{', '.join(other.trajectories)}"
+                ),
+                hint="scenarios of one name are compared",
             )
         return comparison_table({labels[0]: self, labels[1]: other}, labels[1])
 

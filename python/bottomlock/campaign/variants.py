@@ -59,7 +59,8 @@ def parse_set(text: str) -> tuple[str, list[Any]]:
         values = [_toml(part.strip()) for part in listed.split(",")]
     if not key.strip() or not values or "" in values:
         raise ScenarioError(
-            f"--set {text}: expected a key and its values, such as --set imu.gyro_bias_deg_per_h=0.01,3,50"
+            place=f"--set {text}",
+            expected="a key and its values, such as --set imu.gyro_bias_deg_per_h=0.01,3,50",
         )
     return key.strip(), values
 
@@ -81,14 +82,18 @@ def make_variants(scenarios: Sequence[Scenario], sets: Mapping[str, Sequence[Any
     """
     for key, values in sets.items():
         if key in _OF_THE_BASE:
-            raise ScenarioError(f"--set {key}: it is no setting; copy the scenario to rename it")
+            raise ScenarioError(
+                "it is no setting", place=f"--set {key}", hint="copy the scenario to rename it"
+            )
         words = [toml_value(value) for value in values]
         twice = next((word for word in words if words.count(word) > 1), None)
         if twice is not None:
-            raise ScenarioError(f"--set {key}: the value {twice} is given twice")
+            raise ScenarioError(f"the value {twice} is given twice", place=f"--set {key}")
     combinations = [dict(zip(sets, values, strict=True)) for values in itertools.product(*sets.values())]
     if len(combinations) > MOST_VARIANTS:
-        raise ScenarioError(f"{len(combinations)} variants are asked for, expected {MOST_VARIANTS} at most")
+        raise ScenarioError(
+            f"{len(combinations)} variants are asked for", expected=f"{MOST_VARIANTS} at most"
+        )
     variants = [
         Variant(_folder(values), values, tuple(scenario.replace(values) for scenario in scenarios))
         for values in combinations
@@ -127,7 +132,9 @@ def check_variants(variants: Sequence[Variant], out: Path, *, force: bool = Fals
     if is_occupied(out):
         record = read_record(out / VARIANTS) if out.is_dir() else None
         if record is None or record.get("kind") != KIND:
-            raise OutputError(f"{out}: is not empty and holds no variants; choose another directory")
+            raise OutputError(
+                "is not empty and holds no variants", place=out, hint="choose another directory"
+            )
         known = dict(record["variants"])
     for variant in variants:
         check_campaign(variant.scenarios, out / variant.folder, force=force)

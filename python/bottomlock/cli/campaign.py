@@ -57,7 +57,7 @@ def run(
     sets = [parse_set(text) for text in set_]
     for key, _ in sets:
         if [other for other, _ in sets].count(key) > 1:
-            raise ScenarioError(f"--set {key} is given twice, expected its values in one")
+            raise ScenarioError(f"--set {key} is given twice", expected="its values in one")
     variants = make_variants(loaded, dict(sets)) if sets else []
     check_engine(engine, threads=threads, scheduler=scheduler)
     # Whatever can be refused is refused before the bar.

@@ -105,7 +105,7 @@ def convert(
         )
         return
     if out.suffix.lower() != ".parquet":
-        raise OutputError(f"{out}: expected a name that ends in .parquet")
+        raise OutputError(place=out, expected="a name that ends in .parquet")
     _check_account(file, out)
     inputs = [file, *(file.iterdir() if file.is_dir() else ()), *([] if columns is None else [columns])]
     check_free(out, sidecar(out), water_file(out), inputs=inputs, force=force)
@@ -138,8 +138,9 @@ def _check_account(file: Path, out: Path) -> None:
     """Says why a log in JSON needs a table of another name."""
     if sidecar(out).exists() and file.exists() and sidecar(out).samefile(file):
         raise OutputError(
-            f"{sidecar(out)}: is the log, and the account of {out.name} has the same name; choose another name "
-            f"for --out, such as {out.stem}_beams.parquet"
+            f"is the log, and the account of {out.name} has the same name",
+            place=sidecar(out),
+            hint=f"choose another name for --out, such as {out.stem}_beams.parquet",
         )
 
 

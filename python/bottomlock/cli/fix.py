@@ -87,14 +87,16 @@ def fix(
         out = beside(log, "fixes.parquet")
     if out is not None:
         if out.suffix.lower() != ".parquet":
-            raise OutputError(f"{out}: expected a name that ends in .parquet")
+            raise OutputError(place=out, expected="a name that ends in .parquet")
         check_free(out, inputs=(log, Path(geometry)), force=force)
     instrument = read_geometry(geometry)
     with converted_first(log, instrument.columns.time):
         pings = read_beams(log, geometry=instrument)
     if leave_out is not None:
         if method is not None:
-            raise ScenarioError("--method and --leave-out: every method is scored; give one of the two")
+            raise ScenarioError(
+                "every method is scored", place="--method and --leave-out", hint="give one of the two"
+            )
         walk = VelocityWalk(walk_mps_rts=walk_mps_per_rt_s)
         score(
             log.name,
@@ -119,8 +121,11 @@ def _fix(
     frame, solved = _solve(instrument, pings, method, robust=robust)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(
-            f"{log}: method '{method}' needs the columns prior_surge_mps, prior_sway_mps, prior_heave_mps and "
-            "their standard deviations"
+            (
+                f"method '{method}' needs the columns prior_surge_mps, prior_sway_mps, "
+                "prior_heave_mps and their standard deviations"
+            ),
+            place=log,
         )
     write_parquet(out, frame)
     table = Table(title=f"{frame.height} pings, method {method}", title_justify="left")
@@ -153,7 +158,11 @@ def _require_lock(pings: Pings, place: str) -> None:
     why = why_never_locked(log)
     if why:
         raise DataError(
-            f"{place}: no velocity is solved, because the instrument never had bottom lock in this log: {why}. {ADVICE}"
+            (
+                "no velocity is solved, because the instrument never had bottom lock in this log: "
+                f"{why}. {ADVICE}"
+            ),
+            place=place,
         )
 
 

@@ -51,7 +51,9 @@ def keys(
     if schema:
         if word:
             raise ScenarioError(
-                f"'{word}' beside --schema: a schema is that of the whole file; leave one of them out"
+                "a schema is that of the whole file",
+                place=f"'{word}' beside --schema",
+                hint="leave one of them out",
             )
         dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
         text = json.dumps(dialect | _described(MODELS[kind]), indent=2, ensure_ascii=False)

@@ -45,9 +45,11 @@ def score(
         DataError: for a number of beams that cannot be left out, or a log without a complete ping.
     """
     if not (np.isfinite(walk.walk_mps_rts) and walk.walk_mps_rts > 0.0):
-        raise ScenarioError(f"--walk-mps-per-rt-s is {walk.walk_mps_rts}, expected more than 0 m/s/√s")
+        raise ScenarioError(
+            f"is {walk.walk_mps_rts}", key="--walk-mps-per-rt-s", expected="more than 0 m/s/√s"
+        )
     if not closure_gate >= 0.0:
-        raise ScenarioError(f"--closure-gate is {closure_gate}, expected 0 or more")
+        raise ScenarioError(f"is {closure_gate}", key="--closure-gate", expected="0 or more")
     scores = leave_out(
         instrument.geometry,
         pings.time_ns,

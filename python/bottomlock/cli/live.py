@@ -58,7 +58,7 @@ def live(
         TOML file; docs/live.md describes it. With --init, the file to write.
     """
     if export is not None and replay is None:
-        raise ScenarioError("--export is given without --replay LOG: it writes the track of a raw log")
+        raise ScenarioError("is given without --replay LOG: it writes the track of a raw log", key="--export")
     if init is not None:
         _init(config, init, autopilot, force=force)
         return
@@ -73,7 +73,9 @@ def live(
         _say_replayed(replay_log(settings, replay))
         return
     if not settings.port and not dry_run:
-        raise ScenarioError(f"{config}: there is no [[port]], so nothing would be sent; --dry-run needs none")
+        raise ScenarioError(
+            "there is no [[port]], so nothing would be sent", place=config, hint="--dry-run needs none"
+        )
     _check_without_ros(config, settings)
     for caution in cautions(settings):
         _say(caution)
@@ -90,8 +92,11 @@ def _check_without_ros(config: Path, settings: LiveConfig) -> None:
     topic = next((address for address in named if address.startswith("ros:")), None)
     if topic is not None:
         raise ScenarioError(
-            f"{config}: '{topic}' is a topic of ROS 2, expected an address that a process without ROS can open; run "
-            "the node ros/bottomlock_ros with this file (docs/howto/ros2.md)"
+            "is a topic of ROS 2",
+            place=config,
+            key=f"'{topic}'",
+            expected="an address that a process without ROS can open",
+            hint="run the node ros/bottomlock_ros with this file (docs/howto/ros2.md)",
         )
 
 
@@ -189,8 +194,9 @@ def _export(config: Path, settings: LiveConfig, log: Path, formats: str, *, forc
         from bottomlock.export.live import export_live  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise DataError(
-            f"--export needs {error.name}, which an install for a vehicle leaves out; copy {log} and {config} to a "
-            "computer with all of bottomlock"
+            f"needs {error.name}, which an install for a vehicle leaves out",
+            key="--export",
+            hint=f"copy {log} and {config} to a computer with all of bottomlock",
         ) from error
     inputs = [config, Path(settings.dvl.geometry)]
     replayed, files = export_live(settings, log, split(formats) or (), inputs=inputs, force=force)

@@ -67,11 +67,11 @@ def live_demo(
 
 def _check(seconds: float, speed: float, page_port: int) -> None:
     if not SHORTEST_S <= seconds <= LONGEST_S:
-        raise ScenarioError(f"--seconds is {seconds:g}, expected {SHORTEST_S:g} to {LONGEST_S:g} s")
+        raise ScenarioError(f"is {seconds:g}", key="--seconds", expected=f"{SHORTEST_S:g} to {LONGEST_S:g} s")
     if not 0.0 < speed <= FASTEST:
-        raise ScenarioError(f"--speed is {speed:g}, expected above 0, to {FASTEST:g}")
+        raise ScenarioError(f"is {speed:g}", key="--speed", expected=f"above 0, to {FASTEST:g}")
     if not 0 <= page_port <= 65_535:
-        raise ScenarioError(f"--page-port is {page_port}, expected 0 to 65535")
+        raise ScenarioError(f"is {page_port}", key="--page-port", expected="0 to 65535")
 
 
 def _say(words: str) -> None:

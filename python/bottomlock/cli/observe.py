@@ -38,7 +38,7 @@ def observe(
         Packaged scenario (see `bottomlock list scenarios`) or TOML file.
     """
     if paper == (case is not None):
-        raise ScenarioError("expected either a scenario or --paper")
+        raise ScenarioError(expected="either a scenario or --paper")
     out = out or beside(Path(case or "paper"), "states")
     made = observe_paper(out, force=force) if case is None else observe_scenario(case, out, force=force)
     for part in console_lines(made):

@@ -75,7 +75,7 @@ def check_threads(threads: int) -> None:
         ScenarioError: naming the option.
     """
     if threads < 0:
-        raise ScenarioError(f"--threads is {threads}, expected 0 or more")
+        raise ScenarioError(f"is {threads}", key="--threads", expected="0 or more")
 
 
 def check_none_given(folder: Path, options: Mapping[str, object]) -> None:
@@ -87,7 +87,7 @@ def check_none_given(folder: Path, options: Mapping[str, object]) -> None:
     given = [name for name, value in options.items() if not (value is None or value is False or value == ())]
     if given:
         raise ScenarioError(
-            f"{', '.join(given)}: nothing is run in {folder}, which is finished; leave it out"
+            f"nothing is run in {folder}, which is finished", place=", ".join(given), hint="leave it out"
         )
 
 
@@ -99,7 +99,9 @@ def check_beside(out: Path | None, folder: Path) -> None:
     """
     if out is not None:
         raise ScenarioError(
-            f"--out is {out}, and the tracks of {folder} are written to {folder / 'export'}; leave --out out"
+            f"is {out}, and the tracks of {folder} are written to {folder / 'export'}",
+            key="--out",
+            hint="leave --out out",
         )
 
 
@@ -119,7 +121,9 @@ def load_scenarios(
             `in_world` reject.
     """
     if not names:
-        raise ScenarioError("no scenario is named; `bottomlock list scenarios` lists the packaged ones")
+        raise ScenarioError(
+            "no scenario is named", hint="`bottomlock list scenarios` lists the packaged ones"
+        )
     check_threads(threads)
     loaded = [
         resolved(load_scenario(name).with_overrides(runs=runs, seed=seed, methods=split(methods)))
@@ -130,7 +134,7 @@ def load_scenarios(
         loaded = [in_world(scenario, surroundings) for scenario in loaded]
     found = [scenario.name for scenario in loaded]
     if len(set(found)) != len(found):
-        raise ScenarioError(f"expected scenarios of different names, got {found}")
+        raise ScenarioError(expected=f"scenarios of different names, got {found}")
     return loaded
 
 

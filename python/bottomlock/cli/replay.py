@@ -150,8 +150,9 @@ def _only(files: Sequence[Path]) -> Path:
     """The one file that is named."""
     if len(files) != 1:
         raise ScenarioError(
-            f"{len(files)} files are named, expected one, the case; bottomlock replay --init FILE... writes one "
-            "from logs"
+            f"{len(files)} files are named",
+            expected="one, the case",
+            hint="bottomlock replay --init FILE... writes one from logs",
         )
     return files[0]
 
@@ -160,16 +161,20 @@ def _check_case(case: Path) -> None:
     """Checks the name of a case."""
     if case.is_dir():
         raise ScenarioError(
-            f"{case}: is a folder, expected a case file (TOML); of a replay's folder --export takes the tracks "
-            "along"
+            "is a folder",
+            place=case,
+            expected="a case file (TOML)",
+            hint="of a replay's folder --export takes the tracks along",
         )
     if not case.exists():
         raise ScenarioError(
-            f"{case}: no such file or folder, expected a case (TOML), or the folder of a replay"
+            "no such file or folder", place=case, expected="a case (TOML), or the folder of a replay"
         )
     if case.suffix.lower() != ".toml":
         raise ScenarioError(
-            f"{case}: not a case file (TOML); bottomlock replay --init {case} ... writes one from logs"
+            "not a case file (TOML)",
+            place=case,
+            hint=f"bottomlock replay --init {case} ... writes one from logs",
         )
 
 
@@ -182,7 +187,7 @@ def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None,
 def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:
     """Writes a first case and says what it is made of."""
     if out.suffix.lower() != ".toml":
-        raise OutputError(f"{out}: expected a name that ends in .toml, the case to write")
+        raise OutputError(place=out, expected="a name that ends in .toml, the case to write")
     made = make_case(files, out, force=force, without=without)
     for line in made.words:
         console.print(line, highlight=False, soft_wrap=True)

@@ -74,7 +74,7 @@ def report(
         several campaigns are compared.
     """
     if not directory:
-        raise DataError("no directory is named, expected that of a campaign or a replay")
+        raise DataError("no directory is named", expected="that of a campaign or a replay")
     first, *others = directory
     if others or (first / VARIANTS).is_file():
         place = first if out is None and not others else out
@@ -83,7 +83,7 @@ def report(
     if out is not None or against is not None:
         raise DataError("--out and --against are of several campaigns, and one directory is named")
     if first.is_file():
-        raise DataError(f"{first}: is a file, expected the folder of a campaign or a replay")
+        raise DataError("is a file", place=first, expected="the folder of a campaign or a replay")
     if is_replay(first):
         console.print(f"wrote {make_replay_report(first, force=force)}")
     else:

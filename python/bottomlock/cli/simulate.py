@@ -54,15 +54,17 @@ def fly(
         Packaged scenarios (see `bottomlock list scenarios`) or TOML files, one or more.
     """
     if not scenario:
-        raise ScenarioError("no scenario is named; `bottomlock list scenarios` lists the packaged ones")
+        raise ScenarioError(
+            "no scenario is named", hint="`bottomlock list scenarios` lists the packaged ones"
+        )
     if sensors is not None and sensors < 0:
-        raise ScenarioError(f"--sensors is {sensors}, expected a run number, 0 or more")
+        raise ScenarioError(f"is {sensors}", key="--sensors", expected="a run number, 0 or more")
     if out is None and not dry_run:
-        raise ScenarioError("no directory is named, expected --out DIR, or --dry-run")
+        raise ScenarioError("no directory is named", expected="--out DIR, or --dry-run")
     simulations = [build_simulation(_with_vehicle(load_scenario(name), vehicle)) for name in scenario]
     names = [one.scenario.name for one in simulations]
     if len(set(names)) != len(names):
-        raise ScenarioError(f"expected scenarios of different names, got {names}")
+        raise ScenarioError(expected=f"scenarios of different names, got {names}")
     result = None
     if out is not None and not dry_run:
         made_from = {one.scenario.name: identity_of([one])["configuration_hash"] for one in simulations}
@@ -86,7 +88,7 @@ def _with_vehicle(scenario: Scenario, vehicle: str | None) -> Scenario:
         change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
         return scenario.with_trajectory(**change)
     if vehicle is not None:
-        raise ScenarioError(f"--vehicle is given, but the trajectory of {scenario.name} is a file")
+        raise ScenarioError(f"is given, but the trajectory of {scenario.name} is a file", key="--vehicle")
     return scenario
 
 

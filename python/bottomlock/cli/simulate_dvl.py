@@ -98,7 +98,7 @@ def simulate_dvl(
         name: parse_address(text, f"--{name}") for name, text in channels.items() if text is not None
     }
     if truth is not None and truth.suffix.lower() != ".parquet":
-        raise OutputError(f"{truth}: expected a name that ends in .parquet")
+        raise OutputError(place=truth, expected="a name that ends in .parquet")
     written = [] if truth is None else [truth]
     written += [Path(one.path) for one in addresses.values() if one.kind == "file"]
     check_free(*written, inputs=_inputs(source, geometry), force=force)
@@ -199,19 +199,19 @@ def _pace(text: str) -> float | None:
     except ValueError:
         value = math.nan
     if not 0.0 < value < math.inf:
-        raise ScenarioError(f"--speed is '{text}', expected a number above 0, or max")
+        raise ScenarioError(f"is '{text}'", key="--speed", expected="a number above 0, or max")
     return value
 
 
 def _check(*, run: int, latency_ms: float, altitude_m: float, duration_s: float | None) -> None:
     if run < 0:
-        raise ScenarioError(f"--run is {run}, expected a run number, 0 or more")
+        raise ScenarioError(f"is {run}", key="--run", expected="a run number, 0 or more")
     if not 0.0 <= latency_ms <= 10_000.0:
-        raise ScenarioError(f"--latency-ms is {latency_ms:g}, expected 0 to 10000 ms")
+        raise ScenarioError(f"is {latency_ms:g}", key="--latency-ms", expected="0 to 10000 ms")
     if not 0.0 < altitude_m <= 10_000.0:
-        raise ScenarioError(f"--altitude-m is {altitude_m:g}, expected above 0, to 10000 m")
+        raise ScenarioError(f"is {altitude_m:g}", key="--altitude-m", expected="above 0, to 10000 m")
     if duration_s is not None and not 0.0 < duration_s < math.inf:
-        raise ScenarioError(f"--duration-s is {duration_s:g}, expected seconds above 0")
+        raise ScenarioError(f"is {duration_s:g}", key="--duration-s", expected="seconds above 0")
 
 
 def _inputs(source: str, geometry: str | None) -> list[Path]:
@@ -227,7 +227,7 @@ def _inputs(source: str, geometry: str | None) -> list[Path]:
 
 
 def _absent(option: str, readings: Readings) -> ScenarioError:
-    return ScenarioError(f"--{option}: {readings.name} has no readings of this sensor")
+    return ScenarioError(f"{readings.name} has no readings of this sensor", place=f"--{option}")
 
 
 def _is_case(path: Path) -> bool:
@@ -246,7 +246,7 @@ def _readings(
     path = Path(source)
     if path.suffix.lower() == ".toml" and _is_case(path):
         if geometry is not None:
-            raise ScenarioError(f"--geometry: {path} is a replay case and names its own geometry")
+            raise ScenarioError(f"{path} is a replay case and names its own geometry", place="--geometry")
         return readings_of_case(path, altitude_m=altitude_m), seed or 0
     if path.suffix.lower() not in {"", ".toml"}:
         return readings_of_log(path, geometry=geometry, altitude_m=altitude_m), seed or 0
@@ -266,7 +266,7 @@ def _shift(clock: str, readings: Readings) -> Callable[[], int]:
         when = dt.datetime.fromisoformat(clock)
     except ValueError as error:
         raise ScenarioError(
-            f"--clock is '{clock}', expected a date as {DEFAULT_START}, or now, or run"
+            f"is '{clock}'", key="--clock", expected=f"a date as {DEFAULT_START}, or now, or run"
         ) from error
     utc = when if when.tzinfo is not None else when.replace(tzinfo=dt.UTC)
     offset_ns = (utc - dt.datetime(1970, 1, 1, tzinfo=dt.UTC)) // dt.timedelta(microseconds=1) * 1000

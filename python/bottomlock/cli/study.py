@@ -85,7 +85,7 @@ def study(
     )
     beams = {one.dvl.beams for one in loaded}
     if len(beams) != 1:
-        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
+        raise ScenarioError(expected="scenarios whose instruments have the same number of beams")
     wanted = cells(loaded, masks=parse_masks(masks, beams.pop()), sensors=parse_sensors(sensors))
     for cell in wanted:
         cell.flown()
@@ -136,8 +136,10 @@ def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...] | None]:
     for name in names or [""]:
         if name not in known:
             raise ScenarioError(
-                f"--masks: '{name}' is no set of the beams 1 to {beams}, expected digits in rising order, such as 12, "
-                f"or '{CONFIGURED}'"
+                f"is no set of the beams 1 to {beams}",
+                place="--masks",
+                key=f"'{name}'",
+                expected=f"digits in rising order, such as 12, or '{CONFIGURED}'",
             )
     return [known[name] for name in dict.fromkeys(names or [])]
 

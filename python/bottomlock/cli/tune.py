@@ -49,7 +49,9 @@ def tune(
     """
     if case.suffix.lower() != ".toml":
         raise ScenarioError(
-            f"{case}: not a case file (TOML); bottomlock replay --init {case} ... writes one from logs"
+            "not a case file (TOML)",
+            place=case,
+            hint=f"bottomlock replay --init {case} ... writes one from logs",
         )
     check_threads(threads)
     target = case.with_name(f"{case.stem}_tuned.toml") if out is None else out

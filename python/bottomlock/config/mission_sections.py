@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bottomlock.config.validation import explain
+from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.support.nearest import did_you_mean
 
@@ -148,11 +148,11 @@ def checked_table(kinds: dict[str, type[Table]], table: dict[str, Any], place: s
     kind = table.get("kind")
     if kind not in kinds:
         hint = did_you_mean(str(kind), kinds, f" (known: {', '.join(kinds)})")
-        raise ScenarioError(f"{place}: 'kind' is {kind!r}{hint}")
+        raise ScenarioError(f"is {kind!r}{hint}", place=place, key="'kind'")
     try:
         return kinds[kind].model_validate(table)
     except ValidationError as error:
-        raise ScenarioError(explain(error, place, kinds[kind])) from error
+        raise refusal(error, place, kinds[kind]) from error
 
 
 def faults_of(content: Mapping[str, Any], place: str) -> list[str]:

@@ -27,7 +27,7 @@ from bottomlock.config.scenario_words import line_of, table_of
 from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.config.thrust import Thrust
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
-from bottomlock.config.validation import explain
+from bottomlock.config.validation import refusal
 from bottomlock.config.water_track import WaterTrack
 from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import write_text
@@ -149,22 +149,28 @@ class Scenario(Section):
         given: Any = changes  # a caller without a type checker may give anything
         if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
             raise ScenarioError(
-                f"scenario {self.name}: the changes are {given!r:.60}, expected keys with their values, such as "
-                '{"imu.gyro_bias_deg_per_h": 0.01}'
+                f"the changes are {given!r:.60}",
+                place=f"scenario {self.name}",
+                expected='keys with their values, such as {"imu.gyro_bias_deg_per_h": 0.01}',
             )
         content = self.model_dump(exclude_unset=True)
         for key, value in given.items():
             within = next((other for other in given if key.startswith(f"{other}.")), None)
             if within is not None:
                 raise ScenarioError(
-                    f"scenario {self.name}: '{key}' is part of '{within}', expected one of them"
+                    f"is part of '{within}'",
+                    place=f"scenario {self.name}",
+                    key=f"'{key}'",
+                    expected="one of them",
                 )
             *sections, last = key.split(".")
             section = content
             for name in sections:
                 section = section.setdefault(name, {})
                 if not isinstance(section, dict):
-                    raise ScenarioError(f"scenario {self.name}: unknown key '{key}' ('{name}' is no section)")
+                    raise ScenarioError(
+                        f"unknown key '{key}' ('{name}' is no section)", place=f"scenario {self.name}"
+                    )
             section[last] = value
         return _checked(type(self), content, f"scenario {self.name}")
 
@@ -178,7 +184,7 @@ class Scenario(Section):
         """
         if isinstance(methods, str | type | set | frozenset):
             raise ScenarioError(
-                f"scenario {self.name}: methods is {methods!r:.60}, expected a list of methods"
+                f"methods is {methods!r:.60}", place=f"scenario {self.name}", expected="a list of methods"
             )
         change: dict[str, Any] = {
             "runs": runs,
@@ -191,7 +197,7 @@ class Scenario(Section):
         try:
             return self.model_copy(update={"campaign": Campaign.model_validate(content)})
         except ValidationError as error:
-            raise ScenarioError(explain(error, f"scenario {self.name}: campaign", Campaign)) from error
+            raise refusal(error, f"scenario {self.name}: campaign", Campaign) from error
 
     def with_trajectory(self, **change: Any) -> Self:  # noqa: ANN401 - any key of the section
         """The scenario with other keys under `[trajectory]`; a change of source drops the keys of the old one.
@@ -206,7 +212,7 @@ class Scenario(Section):
         try:
             trajectory = Trajectory.model_validate(kept | change)
         except ValidationError as error:
-            raise ScenarioError(explain(error, f"scenario {self.name}: trajectory", Trajectory)) from error
+            raise refusal(error, f"scenario {self.name}: trajectory", Trajectory) from error
         return self.model_copy(update={"trajectory": trajectory} | ({"mission": {}} if moved else {}))
 
     def kernel_model(self, gravity_mps2: float) -> models.Model:
@@ -287,14 +293,19 @@ def load_scenario(source: Scenario | str | Path) -> Scenario:
         return source
     given: Any = source  # a caller without a type checker may give anything
     if not isinstance(given, str | Path):
-        raise ScenarioError(f"the scenario is {given!r:.60}, expected a Scenario, a packaged name or a path")
+        raise ScenarioError(
+            f"the scenario is {given!r:.60}", expected="a Scenario, a packaged name or a path"
+        )
     path = Path(source)
     if path.suffix != ".toml" and _packaged_text(str(source)) is not None:
         note_file_beside("scenario", str(source))
         return _packaged(str(source))
     if path.is_dir():
         raise ScenarioError(
-            f"{path}: is a folder, expected a scenario (TOML); `bottomlock report` takes a folder of results"
+            "is a folder",
+            place=path,
+            expected="a scenario (TOML)",
+            hint="`bottomlock report` takes a folder of results",
         )
     if not path.is_file():
         names = sorted(
@@ -320,7 +331,9 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
     content = parse_toml(text, place=place, kind="scenario")
     own_methods_from(content.get("campaign"), folder)
     if "dvl" not in content:
-        raise ScenarioError(f"{place}: there is no [dvl] section; a scenario needs one to aid the INS with")
+        raise ScenarioError(
+            "there is no [dvl] section", place=place, hint="a scenario needs one to aid the INS with"
+        )
     return _checked(Scenario, _with_files(content, folder), place)
 
 
@@ -343,7 +356,7 @@ def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
     try:
         scenario = model.model_validate(content)
     except ValidationError as error:
-        raise ScenarioError("\n".join([explain(error, place, model), *faults])) from error
+        raise refusal(error, place, model, *faults) from error
     if faults:
         raise ScenarioError("\n".join(faults))
     return scenario
@@ -357,13 +370,13 @@ def copy_packaged(kind: str, name: str, destination: str | Path, *, force: bool 
         OutputError: where the destination is there without `force`, or cannot be written.
     """
     if kind not in PACKAGED:
-        raise ScenarioError(f"{kind} are not copied, expected {', '.join(PACKAGED)}")
+        raise ScenarioError(f"{kind} are not copied", expected=", ".join(PACKAGED))
     destination = Path(destination)
     folder = resources.files("bottomlock.config") / kind
     texts = {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir()}
     if name not in texts:
         hint = did_you_mean(name, texts, f" (packaged: {', '.join(sorted(texts))})")
-        raise ScenarioError(f"'{name}' is not among the packaged {kind}{hint}")
+        raise ScenarioError(f"is not among the packaged {kind}{hint}", key=f"'{name}'")
     check_free(destination, force=force)
     write_text(destination, texts[name].read_text(encoding="utf-8"))
     return destination

@@ -100,6 +100,7 @@ def _check(text: str, result: str, values: Mapping[str, float | str], place: str
     if found != wanted:
         keys = ", ".join(f"{key} = {toml_value(value)}" for key, value in values.items())
         raise ScenarioError(
-            f"{place}: the new values could not be written into the text ({keys}); write each key without quotes on "
-            "a line of its own in its table"
+            f"the new values could not be written into the text ({keys})",
+            place=place,
+            hint="write each key without quotes on a line of its own in its table",
         )

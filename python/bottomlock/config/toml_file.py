@@ -42,16 +42,16 @@ def read_text(path: Path) -> str:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read ({error.strerror})") from error
+        raise ScenarioError(f"cannot be read ({error.strerror})", place=path) from error
     if content.startswith(b"PAR1"):
-        raise ScenarioError(f"{path}: is a Parquet table, expected a TOML file; {_TABLE}")
+        raise ScenarioError("is a Parquet table", place=path, expected="a TOML file", hint=_TABLE)
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise ScenarioError(f"{path}: is text in UTF-16, expected UTF-8: save it with that encoding")
+        raise ScenarioError("is text in UTF-16", place=path, expected="UTF-8: save it with that encoding")
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         what = "is binary" if b"\0" in content else f"cannot be read as text in UTF-8 ({error})"
-        raise ScenarioError(f"{path}: {what}, expected a TOML file; {_LOG}") from error
+        raise ScenarioError(what, place=path, expected="a TOML file", hint=_LOG) from error
 
 
 def parse_toml(text: str, *, place: str, kind: Kind | None = None) -> dict[str, Any]:
@@ -67,12 +67,12 @@ def parse_toml(text: str, *, place: str, kind: Kind | None = None) -> dict[str, 
         first = text.lstrip().partition("\n")[0]
         is_log = first.startswith(("{", "$", ":")) or ("," in first and not set(first) & set("=#["))
         hint = f"; it looks like readings: {_LOG}" if is_log else ""
-        raise ScenarioError(f"{place}: not valid TOML: {error}{hint}") from error
+        raise ScenarioError(f"not valid TOML: {error}{hint}", place=place) from error
     except RecursionError as error:
-        raise ScenarioError(f"{place}: not valid TOML: brackets are nested too deeply") from error
+        raise ScenarioError("not valid TOML: brackets are nested too deeply", place=place) from error
     found = kinds_of(content)
     if kind is not None and found and kind not in found:
-        raise ScenarioError(f"{place}: is a {found[0]}, expected a {kind}; {_KINDS[found[0]][1]}")
+        raise ScenarioError(f"is a {found[0]}", place=place, expected=f"a {kind}", hint=_KINDS[found[0]][1])
     return content
 
 

@@ -47,8 +47,8 @@ def decimal(value: float, digits: int, ping: Ping, what: str) -> str:
     """
     if not abs(value) < MOST_TEXT:
         raise DataError(
-            f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}, expected a finite number below "
-            f"{MOST_TEXT:g}"
+            f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}",
+            expected=f"a finite number below {MOST_TEXT:g}",
         )
     return f"{value:.{digits}f}"
 
@@ -61,7 +61,8 @@ def single(value: float, ping: Ping, what: str) -> float:
     """
     if not abs(value) < 3.4e38:
         raise DataError(
-            f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}, expected a finite number below 3.4e38"
+            f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}",
+            expected="a finite number below 3.4e38",
         )
     return float(np.float32(value))
 
@@ -75,8 +76,11 @@ def steps_of(time_ns: int, step_ns: int, least: int, most: int, ping: Ping) -> i
     steps = (time_ns + step_ns // 2) // step_ns
     if not least <= steps <= most:
         raise DataError(
-            f"ping {ping.number}: its time, {time_ns} ns, lies outside the record's clock, "
-            f"{least * step_ns} to {most * step_ns} ns"
+            (
+                f"its time, {time_ns} ns, lies outside the record's clock, {least * step_ns} to "
+                f"{most * step_ns} ns"
+            ),
+            place=f"ping {ping.number}",
         )
     return steps
 

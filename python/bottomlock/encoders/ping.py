@@ -65,22 +65,34 @@ class Ping:
         place = f"ping {self.number} at {self.time_ns} ns"
         if np.shape(self.range_m) != (n,):
             raise DataError(
-                f"{place}: range_m has shape {np.shape(self.range_m)}, expected ({n},), one per beam"
+                f"has shape {np.shape(self.range_m)}",
+                place=place,
+                key="range_m",
+                expected=f"({n},), one per beam",
             )
         if self.transmission_ns < self.time_ns or self.sent_ns > self.time_ns:
             raise DataError(
-                f"{place}: trigger_ns {self.sent_ns}, time_ns and transmission_ns {self.transmission_ns} are out of "
-                "order, expected trigger, reflection, transmission"
+                (
+                    f"trigger_ns {self.sent_ns}, time_ns and transmission_ns {self.transmission_ns} "
+                    "are out of order"
+                ),
+                place=place,
+                expected="trigger, reflection, transmission",
             )
         if self.interval_ns < 0 or self.number < 1:
             raise DataError(
-                f"{place}: interval_ns is {self.interval_ns}, expected 0 or more, and number from 1 on"
+                f"is {self.interval_ns}",
+                place=place,
+                key="interval_ns",
+                expected="0 or more, and number from 1 on",
             )
         water = np.full(n, np.nan) if self.water_velocity_mps is None else self.water_velocity_mps
         if np.shape(water) != (n,) or not 0.0 <= self.water_range_m < np.inf:
             raise DataError(
-                f"{place}: water_velocity_mps has shape {np.shape(water)} and water_range_m is {self.water_range_m}, "
-                f"expected ({n},), one per beam, and 0 m or more"
+                f"has shape {np.shape(water)} and water_range_m is {self.water_range_m}",
+                place=place,
+                key="water_velocity_mps",
+                expected=f"({n},), one per beam, and 0 m or more",
             )
         if (
             np.isinf(self.beam_velocity_mps).any()
@@ -89,22 +101,24 @@ class Ping:
             or np.isinf(self.range_m).any()
         ):
             raise DataError(
-                f"{place}: a beam is infinite or its range negative, expected NaN for a lost beam"
+                "a beam is infinite or its range negative", place=place, expected="NaN for a lost beam"
             )
         self._check_velocity(place)
 
     def _check_velocity(self, place: str) -> None:
         if (self.velocity_p_mps is None) != (self.covariance_m2ps2 is None):
             raise DataError(
-                f"{place}: a velocity and its covariance come together, got one without the other"
+                "a velocity and its covariance come together, got one without the other", place=place
             )
         if self.velocity_p_mps is None or self.covariance_m2ps2 is None:
             return
         if np.shape(self.velocity_p_mps) != (3,) or np.shape(self.covariance_m2ps2) != (3, 3):
-            raise DataError(f"{place}: expected a velocity (3,) and its covariance (3, 3)")
+            raise DataError(place=place, expected="a velocity (3,) and its covariance (3, 3)")
         if not (np.isfinite(self.velocity_p_mps).all() and np.isfinite(self.covariance_m2ps2).all()):
             raise DataError(
-                f"{place}: velocity or covariance is not finite; None stands for an invalid velocity"
+                "velocity or covariance is not finite",
+                place=place,
+                hint="None stands for an invalid velocity",
             )
 
     @property

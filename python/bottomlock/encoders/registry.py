@@ -121,8 +121,8 @@ def encoder(name: str, geometry: BeamGeometry, *, start_ns: int = 0) -> Encoder:
     found = format_named(name)
     if found.beams not in {None, geometry.beams}:
         raise ScenarioError(
-            f"format {name} holds {found.beams} beams, the geometry has {geometry.beams}; use another format, or a "
-            f"geometry of {found.beams} beams"
+            f"format {name} holds {found.beams} beams, the geometry has {geometry.beams}",
+            hint=f"use another format, or a geometry of {found.beams} beams",
         )
     down = np.clip(np.asarray(geometry.directions_p)[:, 2], -1.0, 1.0)
     return Encoder(found, Instrument(float(np.mean(np.arccos(down))), start_ns))

@@ -31,14 +31,18 @@ def check_formats(formats: Sequence[str], *, has_origin: bool = True, has_positi
     """
     if not formats:
         raise ScenarioError(
-            f"--export names no format, expected of {', '.join(FORMATS)}, separated by commas"
+            "names no format", key="--export", expected=f"of {', '.join(FORMATS)}, separated by commas"
         )
     for name in formats:
         if name not in FORMATS:
-            raise ScenarioError(f"--export: '{name}' is no format, expected of {', '.join(FORMATS)}")
+            raise ScenarioError(
+                "is no format", place="--export", key=f"'{name}'", expected=f"of {', '.join(FORMATS)}"
+            )
         if not has_position and name in POSITIONS:
             raise DataError(
-                f'--export: {name} needs positions, and mode = "velocity" estimates none; export csv or mcap'
+                f'{name} needs positions, and mode = "velocity" estimates none',
+                place="--export",
+                hint="export csv or mcap",
             )
         if not has_origin and name in EARTH:
             raise DataError(NO_ORIGIN)

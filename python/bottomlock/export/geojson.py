@@ -24,10 +24,12 @@ def geojson(title: str, tracks: Sequence[ExportTrack]) -> str:
 
 def _feature(title: str, track: ExportTrack) -> dict[str, Any]:
     if len(track.time_ns) < 2:
-        raise DataError(f"{track.name}: has one point, expected two or more for a line of GeoJSON")
+        raise DataError("has one point", place=track.name, expected="two or more for a line of GeoJSON")
     if crosses_antimeridian(track):
         raise DataError(
-            f"{track.name}: crosses 180° of longitude, where GeoJSON wants lines cut; export another format"
+            "crosses 180° of longitude, where GeoJSON wants lines cut",
+            place=track.name,
+            hint="export another format",
         )
     properties: dict[str, Any] = {
         "name": track.name,

@@ -69,7 +69,7 @@ def export_live(
         config, log, estimates=collected.estimate, bytes_of=collected.entry if "mcap" in formats else None
     )
     if not collected.estimates:
-        raise DataError(f"{log}: gives no estimate to export; its last state is {replayed.state}")
+        raise DataError("gives no estimate to export", place=log, hint=f"its last state is {replayed.state}")
     return replayed, write_export(
         _export(config, log, collected, replayed, origin), results, force=force, folder=None
     )
@@ -88,7 +88,7 @@ def _digest(log: Path) -> str:
         with log.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise DataError(f"{log}: cannot be read ({error.strerror or error})") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=log) from error
 
 
 @dataclass

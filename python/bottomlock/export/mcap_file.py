@@ -71,7 +71,7 @@ def mcap(export: Export) -> bytes:
     for time_ns, channel, content in heapq.merge(*streams, key=lambda one: one[:2]):
         if time_ns < 0:
             raise DataError(
-                f"MCAP holds no time before 0, and a track has {time_ns} ns; export another format"
+                f"MCAP holds no time before 0, and a track has {time_ns} ns", hint="export another format"
             )
         data = json.dumps(content, allow_nan=False).encode()
         writer.add_message(channel_id=channel, log_time=time_ns, publish_time=time_ns, data=data)

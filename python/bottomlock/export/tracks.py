@@ -105,5 +105,5 @@ def chosen_methods(methods: Sequence[str], known: Sequence[str], place: str) -> 
     """
     for method in methods:
         if method not in known:
-            raise ScenarioError(f"'{method}': is not in {place}, expected of {', '.join(known)}")
+            raise ScenarioError(f"is not in {place}", place=f"'{method}'", expected=f"of {', '.join(known)}")
     return list(dict.fromkeys(methods))

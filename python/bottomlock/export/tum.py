@@ -20,7 +20,9 @@ def tum(track: ExportTrack) -> str:
         orientation = np.tile(IDENTITY, (len(track.time_ns), 1))
     position = track.position_enu_m
     if position is None:
-        raise DataError(f"{track.name}: has velocities and no positions, which TUM needs; export csv or mcap")
+        raise DataError(
+            "has velocities and no positions, which TUM needs", place=track.name, hint="export csv or mcap"
+        )
     rows = np.hstack([position, orientation])
     lines = (
         " ".join([seconds(time_ns), *map(decimal, row)])

@@ -74,7 +74,7 @@ def _replace(path: Path, content: bytes | memoryview) -> None:
         _sync_folder(path.parent)
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot be written ({error.strerror or error}); nothing was changed"
+            f"cannot be written ({error.strerror or error})", place=path, hint="nothing was changed"
         ) from error
     finally:
         with contextlib.suppress(OSError):
@@ -129,9 +129,9 @@ def read_json(path: Path) -> dict[str, Any] | None:
     except FileNotFoundError:
         return None
     except RecursionError as error:
-        raise DataError(f"{path}: cannot be read as JSON (nested too deeply)") from error
+        raise DataError("cannot be read as JSON (nested too deeply)", place=path) from error
     except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read as JSON ({error})") from error
+        raise DataError(f"cannot be read as JSON ({error})", place=path) from error
     if not isinstance(content, dict):
-        raise DataError(f"{path}: expected a JSON object")
+        raise DataError(place=path, expected="a JSON object")
     return content

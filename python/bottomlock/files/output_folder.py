@@ -30,7 +30,9 @@ def is_occupied(out: Path) -> bool:
     try:
         return out.exists() and (not out.is_dir() or any(not _is_leftover(path) for path in out.iterdir()))
     except (OSError, ValueError) as error:
-        raise OutputError(f"{out}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+        raise OutputError(
+            f"cannot be read ({getattr(error, 'strerror', None) or error})", place=out
+        ) from error
 
 
 def _is_leftover(path: Path) -> bool:
@@ -57,7 +59,7 @@ def locked(out: Path) -> Iterator[None]:
     try:
         made = make_folder(out)
     except OSError as error:
-        raise OutputError(f"{out}: cannot be written ({error.strerror or error})") from error
+        raise OutputError(f"cannot be written ({error.strerror or error})", place=out) from error
     try:
         with _lock_file(out) as file:
             _take(out, file)
@@ -85,12 +87,14 @@ def _lock_file(out: Path) -> Iterator[IO[str]]:
             flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
             file = os.fdopen(os.open(path, flags, 0o666), "r+", encoding="utf-8")
         except OSError as error:
-            raise OutputError(f"{out}: cannot be written ({error.strerror or error})") from error
+            raise OutputError(f"cannot be written ({error.strerror or error})", place=out) from error
         with file:
             if not _lock(file, out):
                 file.seek(0)
                 raise OutputError(
-                    f"{out}: is in use by {_words(_holder(file))}; wait until it ends, or choose another directory"
+                    f"is in use by {_words(_holder(file))}",
+                    place=out,
+                    hint="wait until it ends, or choose another directory",
                 )
             # Whoever held it before may have removed the file between our opening and locking it.
             if _is_same(path, file):
@@ -130,7 +134,9 @@ def _take(out: Path, file: IO[str]) -> None:
     if before and before.get("host") not in {None, socket.gethostname()}:
         # Locks of one host are not always seen by another.
         raise OutputError(
-            f"{out}: is in use by {_words(before)}; if that process has ended, remove {out / LOCK}"
+            f"is in use by {_words(before)}",
+            place=out,
+            hint=f"if that process has ended, remove {out / LOCK}",
         )
     if before:
         note(f"{out}: was left by {_words(before)}, which has ended; taken over")

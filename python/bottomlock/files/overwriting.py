@@ -40,7 +40,9 @@ def check_free(*paths: Path, inputs: Iterable[Path] = (), force: bool = False) -
     check_apart(paths, inputs)
     for path in paths:
         if os.path.lexists(path) and not force:
-            raise OutputError(f"{path}: is there already; choose another name, or use --force to replace it")
+            raise OutputError(
+                "is there already", place=path, hint="choose another name, or use --force to replace it"
+            )
 
 
 def check_apart(paths: Iterable[Path], inputs: Iterable[Path]) -> None:
@@ -54,7 +56,9 @@ def check_apart(paths: Iterable[Path], inputs: Iterable[Path]) -> None:
         for one in read:
             if _is_same(path, one):
                 raise OutputError(
-                    f"{path}: is read by this command ({one}); choose another name for what it writes"
+                    f"is read by this command ({one})",
+                    place=path,
+                    hint="choose another name for what it writes",
                 )
 
 
@@ -108,13 +112,17 @@ class Result:
             record = read_record(self.record)
         except DataError as error:
             raise DataError(
-                f"{error}; remove it and the files of that result, or choose another directory"
+                error, hint="remove it and the files of that result, or choose another directory"
             ) from error
         if record is None:
             if not self.beside and is_occupied(self.out):
                 raise OutputError(
-                    f"{self.out}: is not empty and holds no result of `bottomlock {self.command}`, and not even "
-                    "--force replaces what is not of ours; choose another directory"
+                    (
+                        f"is not empty and holds no result of `bottomlock {self.command}`, and not "
+                        "even --force replaces what is not of ours"
+                    ),
+                    place=self.out,
+                    hint="choose another directory",
                 )
             return {}
         names: dict[str, str] = record[DIGESTS]
@@ -126,14 +134,17 @@ class Result:
         differing = sorted(key for key in keys if before.get(key) != self.made_from.get(key))
         if differing and not self.beside:
             raise OutputError(
-                f"{self.out}: holds a result of `bottomlock {self.command}` that differs in: {', '.join(differing)}; "
-                "choose another directory or use --force to replace it"
+                (f"holds a result of `bottomlock {self.command}` that differs in: {', '.join(differing)}"),
+                place=self.out,
+                hint="choose another directory or use --force to replace it",
             )
         is_finished = record.get("status") == "complete"
         for name, digest in names.items():
             if is_finished and not self.resumes and _has_changed(self.out / name, digest):
                 raise OutputError(
-                    f"{self.out / name}: has changed since it was written; move it away, or use --force to replace it"
+                    "has changed since it was written",
+                    place=self.out / name,
+                    hint="move it away, or use --force to replace it",
                 )
         return names
 
@@ -165,7 +176,9 @@ class Result:
             for name in there:
                 if name not in before:
                     raise OutputError(
-                        f"{self.out / name}: is there and not of ours, and not even --force replaces it; move it away"
+                        "is there and not of ours, and not even --force replaces it",
+                        place=self.out / name,
+                        hint="move it away",
                     )
             check_apart([self.out / name for name in contents], self.inputs)
             _check_names(self.out, {**before, **contents})
@@ -271,7 +284,7 @@ def remove_named(out: Path, names: Iterable[str]) -> None:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(f"{path}: cannot be removed ({error.strerror or error})") from error
+            raise OutputError(f"cannot be removed ({error.strerror or error})", place=path) from error
     folders = {folder for path in paths for folder in path.parents if out in folder.parents}
     for folder in sorted(folders, key=lambda one: len(one.parts), reverse=True):
         # One that holds something else stays.
@@ -285,12 +298,15 @@ def _check_names(out: Path, names: Iterable[str]) -> None:
         parts = PurePosixPath(name.replace("\\", "/")).parts
         if not parts or Path(name).is_absolute() or parts[0] == "/" or ".." in parts:
             raise OutputError(
-                f"{out}: a record names '{name}', which is no file below its folder; nothing was changed"
+                f"a record names '{name}', which is no file below its folder",
+                place=out,
+                hint="nothing was changed",
             )
         for k in range(1, len(parts) + 1):
             path = out.joinpath(*parts[:k])
             if path.is_symlink():
                 raise OutputError(
-                    f"{path}: is a symbolic link, and --force removes nothing through links; "
-                    "remove the link yourself, or choose another directory"
+                    "is a symbolic link, and --force removes nothing through links",
+                    place=path,
+                    hint="remove the link yourself, or choose another directory",
                 )

@@ -101,11 +101,11 @@ def check_parquet(path: Path) -> None:
         with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
             _check(data)
     except _DamagedError as error:
-        raise DataError(f"{path}: is damaged or not Parquet ({error})") from error
+        raise DataError(f"is damaged or not Parquet ({error})", place=path) from error
     except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read ({error})") from error
+        raise DataError(f"cannot be read ({error})", place=path) from error
     except (KeyError, TypeError, AttributeError) as error:
-        raise DataError(f"{path}: is damaged or not Parquet (its metadata lack a field)") from error
+        raise DataError("is damaged or not Parquet (its metadata lack a field)", place=path) from error
 
 
 def _check(data: mmap.mmap) -> None:

@@ -53,9 +53,9 @@ def read_record(path: Path) -> dict[str, Any] | None:
         return None
     own = content.pop(OWN_DIGEST, None)
     if own is None:
-        raise DataError(f"{path}: has no '{OWN_DIGEST}': it is of an older version, or damaged")
+        raise DataError(f"has no '{OWN_DIGEST}': it is of an older version, or damaged", place=path)
     if own != _own_digest(content) or not isinstance(content.get(DIGESTS), dict):
-        raise DataError(f"{path}: has changed since it was written ('{OWN_DIGEST}' is not its SHA-256)")
+        raise DataError(f"has changed since it was written ('{OWN_DIGEST}' is not its SHA-256)", place=path)
     return content
 
 
@@ -76,16 +76,16 @@ def read_recorded(path: Path, record: Mapping[str, Any], *, remedy: str) -> byte
     """
     stated = record[DIGESTS].get(path.name)
     if stated is None:
-        raise DataError(f"{path}: its record does not state it; {remedy}")
+        raise DataError("its record does not state it", place=path, hint=remedy)
     try:
         content = path.read_bytes()
     except FileNotFoundError as error:
-        raise MissingFileError(f"{path}: is missing; {remedy}") from error
+        raise MissingFileError("is missing", place=path, hint=remedy) from error
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error}); {remedy}") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path, hint=remedy) from error
     if hashlib.sha256(content).hexdigest() != stated:
         raise DataError(
-            f"{path}: has changed since it was written (its SHA-256 is not the recorded one); {remedy}"
+            "has changed since it was written (its SHA-256 is not the recorded one)", place=path, hint=remedy
         )
     return content
 
@@ -103,7 +103,9 @@ def read_recorded_table(
         return pl.read_parquet(io.BytesIO(content), columns=None if columns is None else list(columns))
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
-        raise DataError(f"{path}: cannot be read as the table it should be ({reason}); {remedy}") from error
+        raise DataError(
+            f"cannot be read as the table it should be ({reason})", place=path, hint=remedy
+        ) from error
 
 
 def record_of(path: Path) -> Path:

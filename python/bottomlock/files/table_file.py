@@ -27,13 +27,17 @@ def check_regular(path: Path) -> None:
     try:
         mode = path.stat().st_mode
     except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file") from error
+        raise DataError("no such file", place=path) from error
     except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+        raise DataError(
+            f"cannot be read ({getattr(error, 'strerror', None) or error})", place=path
+        ) from error
     if stat.S_ISDIR(mode):
-        raise DataError(f"{path}: is a folder, expected a file")
+        raise DataError("is a folder", place=path, expected="a file")
     if not stat.S_ISREG(mode):
-        raise DataError(f"{path}: is a pipe or a device, expected a file; save the data to a file first")
+        raise DataError(
+            "is a pipe or a device", place=path, expected="a file", hint="save the data to a file first"
+        )
 
 
 def check_memory(path: Path | str, needed_bytes: float) -> None:
@@ -49,8 +53,12 @@ def check_memory(path: Path | str, needed_bytes: float) -> None:
     available = available_memory_bytes()
     if needed_bytes > available:
         raise DataError(
-            f"{path}: reading it takes about {needed_bytes / 1e9:.1f} GB of memory, and {available / 1e9:.1f} GB are "
-            "available; cut it into parts of a dive each, or use a machine with more"
+            (
+                f"reading it takes about {needed_bytes / 1000000000.0:.1f} GB of memory, and "
+                f"{available / 1000000000.0:.1f} GB are available"
+            ),
+            place=path,
+            hint="cut it into parts of a dive each, or use a machine with more",
         )
 
 
@@ -113,7 +121,7 @@ def _read(path: Path, read: Callable[[], pl.DataFrame]) -> pl.DataFrame:
     # A damaged file makes the library raise anything, also a panic, which is no Exception.
     except (Exception, pl.exceptions.PanicException) as error:
         text = str(error).strip() or type(error).__name__
-        raise DataError(f"{path}: cannot be read ({text.splitlines()[0][:200]})") from error
+        raise DataError(f"cannot be read ({text.splitlines()[0][:200]})", place=path) from error
 
 
 @contextlib.contextmanager

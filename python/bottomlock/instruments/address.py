@@ -20,4 +20,4 @@ def parse_address(text: str, option: str) -> Address:
     try:
         return parse(text, KINDS, what="where an instrument sends", any_port=True)
     except ValueError as error:
-        raise OutputError(f"{option}: {error}") from error
+        raise OutputError(error, place=option) from error

@@ -54,9 +54,11 @@ def parse_faults(text: str | None) -> Faults:
         key, equals, number = (piece.strip() for piece in part.partition("="))
         if key not in known:
             hint = did_you_mean(key, known)
-            raise ScenarioError(f"--faults: '{key}' is unknown{hint} (known: {', '.join(known)})")
+            raise ScenarioError(
+                f"is unknown{hint} (known: {', '.join(known)})", place="--faults", key=f"'{key}'"
+            )
         if key in values:
-            raise ScenarioError(f"--faults: '{key}' is given twice")
+            raise ScenarioError("is given twice", place="--faults", key=f"'{key}'")
         try:
             value = float(number) if equals else math.nan
         except ValueError:
@@ -64,7 +66,7 @@ def parse_faults(text: str | None) -> Faults:
         most = 100_000.0 if key == "clock_step_s" else 1.0
         if not 0.0 <= value <= most:
             unit = "seconds" if key == "clock_step_s" else "a fraction of the pings"
-            raise ScenarioError(f"--faults: {key} is '{number}', expected {unit}, 0 to {most:g}")
+            raise ScenarioError(f"{key} is '{number}'", place="--faults", expected=f"{unit}, 0 to {most:g}")
         values[key] = value
     return Faults(**values)
 

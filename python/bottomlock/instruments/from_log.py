@@ -37,16 +37,21 @@ def readings_of_log(path: Path, *, geometry: str | None, altitude_m: float = 20.
         recording = read_recording(path)
         table, water, known = recording.table, recording.water, geometry or recording.geometry or None
     if known is None:
-        raise DataError(f"{path}: does not identify its instrument; name its geometry with --geometry")
+        raise DataError(
+            "does not identify its instrument", place=path, hint="name its geometry with --geometry"
+        )
     instrument = read_geometry(known)
     if not table.rows or table.beams != instrument.geometry.beams:
         raise DataError(
-            f"{path}: {table.rows} pings of {table.beams} beams, expected pings of {instrument.geometry.beams} beams "
-            f"as geometry {known} has"
+            f"{table.rows} pings of {table.beams} beams",
+            place=path,
+            expected=f"pings of {instrument.geometry.beams} beams as geometry {known} has",
         )
     beam_mps = np.where(table.valid, table.velocity_mps, np.nan)
     if water is not None and water.beams != table.beams:
-        raise DataError(f"{path}: its water has {water.beams} beams, expected {table.beams} as its pings")
+        raise DataError(
+            f"its water has {water.beams} beams", place=path, expected=f"{table.beams} as its pings"
+        )
     readings = Readings(
         name=path.name,
         geometry=instrument.geometry,

@@ -6,8 +6,7 @@ from pydantic import ValidationError
 
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.scenario_sections import Dvl
-from bottomlock.config.validation import explain
-from bottomlock.errors import ScenarioError
+from bottomlock.config.validation import refusal
 from bottomlock.instruments.readings import Floats, Readings, TrueStates, ranges_or_flat
 from bottomlock.io.beams import read_instrument_file
 from bottomlock.plant.telemetry import euler_rad
@@ -35,7 +34,7 @@ def with_geometry(scenario: Scenario, geometry: str) -> Scenario:
         dvl = Dvl.model_validate(kept | beams)
     except ValidationError as error:
         place = f"scenario {scenario.name} with geometry {geometry}: dvl"
-        raise ScenarioError(explain(error, place, Dvl)) from error
+        raise refusal(error, place, Dvl) from error
     return scenario.model_copy(update={"dvl": dvl})
 
 

@@ -77,7 +77,7 @@ class Readings:
         last_ns = self.first_ns + round(duration_s * 1e9)
         keep = self.time_ns <= last_ns
         if not keep.any():
-            raise DataError(f"{self.name}: no ping in the first {duration_s:g} s")
+            raise DataError(f"no ping in the first {duration_s:g} s", place=self.name)
         imu, depth, truth = self.imu, self.depth, self.truth
         if imu is not None:
             n = int(np.searchsorted(imu.time_ns, last_ns, side="right"))

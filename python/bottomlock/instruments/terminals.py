@@ -37,7 +37,9 @@ class _Line:
                     self._abandoned = True
                     return
             except OSError as error:
-                raise OutputError(f"{self.where}: cannot be written ({error.strerror or error})") from error
+                raise OutputError(
+                    f"cannot be written ({error.strerror or error})", place=self.where
+                ) from error
 
     async def _writable(self) -> bool:
         loop = asyncio.get_running_loop()
@@ -83,7 +85,9 @@ class Pty(_Line):
             self._line, self._device = os.openpty()
             tty.setraw(self._device)
         except (ImportError, OSError) as error:
-            raise OutputError(f"pty: this system gives none ({error}); use tcp or udp") from error
+            raise OutputError(
+                f"this system gives none ({error})", place="pty", hint="use tcp or udp"
+            ) from error
         os.set_blocking(self._line, False)
         device = os.ttyname(self._device)
         self.where = f"pty:{device}"
@@ -144,11 +148,13 @@ class Serial(_Line):
             import termios  # noqa: PLC0415 - not on Windows
             import tty  # noqa: PLC0415 - not on Windows
         except ImportError as error:
-            raise OutputError(f"{self.where}: serial devices need a POSIX system; use tcp or udp") from error
+            raise OutputError(
+                "serial devices need a POSIX system", place=self.where, hint="use tcp or udp"
+            ) from error
         speed = getattr(termios, f"B{self._baud}", None)
         if speed is None:
             raise OutputError(
-                f"{self.where}: {self._baud} baud is no speed of this system, expected 9600, 115200 ..."
+                f"{self._baud} baud is no speed of this system", place=self.where, expected="9600, 115200 ..."
             )
         try:
             self._line = os.open(self._path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -160,4 +166,4 @@ class Serial(_Line):
             with contextlib.suppress(OSError):
                 await super().close()
             why = error.args[-1] if error.args else error
-            raise OutputError(f"{self.where}: cannot be opened as a serial device ({why})") from error
+            raise OutputError(f"cannot be opened as a serial device ({why})", place=self.where) from error

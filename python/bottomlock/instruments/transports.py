@@ -61,8 +61,8 @@ class TcpServer:
         except OSError as error:
             why = os.strerror(error.errno) if error.errno else str(error)
             raise OutputError(
-                f"tcpin:{self._host}:{self._port}: cannot listen ({why}); is the port in use? expected a free port, "
-                "or 0 for any"
+                f"tcpin:{self._host}:{self._port}: cannot listen ({why})",
+                hint="is the port in use? expected a free port, or 0 for any",
             ) from error
         self._port = self._server.sockets[0].getsockname()[1]
         self.where = f"tcp:{self._host}:{self._port}"
@@ -130,7 +130,7 @@ class Udp:
                 asyncio.DatagramProtocol, remote_addr=self._remote
             )
         except OSError as error:
-            raise OutputError(f"{self.where}: cannot be reached ({error.strerror or error})") from error
+            raise OutputError(f"cannot be reached ({error.strerror or error})", place=self.where) from error
 
     async def ready(self) -> None:
         """Nobody announces that they read datagrams."""
@@ -165,10 +165,10 @@ class File:
             self._stream = self._path.open("wb" if self._force else "xb")
         except FileExistsError as error:
             raise OutputError(
-                f"{self._path}: is there already; choose another name, or use --force to replace it"
+                "is there already", place=self._path, hint="choose another name, or use --force to replace it"
             ) from error
         except OSError as error:
-            raise OutputError(f"{self._path}: cannot be written ({error.strerror or error})") from error
+            raise OutputError(f"cannot be written ({error.strerror or error})", place=self._path) from error
 
     async def ready(self) -> None:
         """A file is always ready."""
@@ -180,7 +180,7 @@ class File:
         try:
             self._stream.write(data)
         except OSError as error:
-            raise OutputError(f"{self._path}: cannot be written ({error.strerror or error})") from error
+            raise OutputError(f"cannot be written ({error.strerror or error})", place=self._path) from error
 
     async def reconnect(self) -> None:
         """There is no connection."""

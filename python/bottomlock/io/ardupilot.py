@@ -113,7 +113,7 @@ def streams(data: bytes, place: str) -> LogStreams:
     found = parse(data, place, account)
     if set(found) <= {"FMT"}:
         raise DataError(
-            f"{place}: holds no record of a sensor ({account.read} records, {account.lost} damaged parts)"
+            f"holds no record of a sensor ({account.read} records, {account.lost} damaged parts)", place=place
         )
     _check_one_boot(found, place)
     offset_ns, clock = _utc(found)
@@ -146,8 +146,9 @@ def _check_one_boot(found: dict[str, Records], place: str) -> None:
             before, after = times[max(k - _AROUND, 0) : k], times[k : k + _AROUND]
             if min(len(before), len(after)) == _AROUND and np.median(after) < np.median(before) - _RESTART_NS:
                 raise DataError(
-                    f"{place}: TimeUS of {name} goes back at its record {k + 1} of {len(times)}; expected a log of one "
-                    "boot: are two joined?"
+                    f"TimeUS of {name} goes back at its record {k + 1} of {len(times)}",
+                    place=place,
+                    expected="a log of one boot: are two joined?",
                 )
 
 

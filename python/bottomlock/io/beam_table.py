@@ -153,8 +153,10 @@ class BeamTable:
         if wrong.size:
             row, beam = (int(index) for index in wrong[0])
             raise DataError(
-                f"{place}: row {row}, column 'beam{beam + 1}_mps' is not finite, but the beam is flagged valid; "
-                "expected a finite velocity or a cleared flag"
+                "is not finite, but the beam is flagged valid",
+                place=f"{place}: row {row}",
+                key=f"column 'beam{beam + 1}_mps'",
+                expected="a finite velocity or a cleared flag",
             )
         return table
 
@@ -234,7 +236,7 @@ def sha256_of(path: Path) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
 
 def write_recording(recording: Recording, to: Path, *, source: Path) -> None:

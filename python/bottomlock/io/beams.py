@@ -19,7 +19,7 @@ from bottomlock import units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
 from bottomlock.config.calibration import StatedCalibration
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
-from bottomlock.config.validation import explain
+from bottomlock.config.validation import refusal
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.table_file import read_table_file
 from bottomlock.io.account import Account
@@ -147,7 +147,7 @@ def _text_of(source: str | Path) -> tuple[str, str]:
         return read_text(path), str(path)
     if path.is_dir() and str(source):
         raise ScenarioError(
-            f"geometry '{source}' is a folder, expected a TOML file of a DVL or a packaged name"
+            f"geometry '{source}' is a folder", expected="a TOML file of a DVL or a packaged name"
         )
     packaged = resources.files("bottomlock.config") / "geometries" / f"{source}.toml"
     if packaged.is_file():
@@ -181,7 +181,7 @@ def read_instrument_file(source: str | Path) -> InstrumentFile:
     try:
         return InstrumentFile.model_validate(content)
     except ValidationError as error:
-        raise ScenarioError(explain(error, place, InstrumentFile)) from error
+        raise refusal(error, place, InstrumentFile) from error
 
 
 def read_geometry(source: str | Path) -> Instrument:
@@ -221,12 +221,15 @@ def instrument_of(settings: InstrumentFile, *, place: str) -> Instrument:
             sound_speed_scale=settings.sound_speed_scale * scale,
         )
     except KernelError as error:
-        raise ScenarioError(f"{place}: {error}") from error
+        raise ScenarioError(error, place=place) from error
     noise = settings.beam_noise_mps
     sd = np.full(geometry.beams, noise) if isinstance(noise, float) else np.array(noise)
     if sd.shape != (geometry.beams,):
         raise ScenarioError(
-            f"{place}: 'beam_noise_mps' has {len(sd)} entries, expected {geometry.beams}, one per beam"
+            f"has {len(sd)} entries",
+            place=place,
+            key="'beam_noise_mps'",
+            expected=f"{geometry.beams}, one per beam",
         )
     return Instrument(
         geometry=geometry,
@@ -252,8 +255,9 @@ def check_steps(time_ns: NDArray[np.int64], least_ns: int, place: str, column: s
     if len(rising) < 9 or float(np.median(rising)) >= least_ns:
         return
     raise DataError(
-        f"{place}: column '{column}' rises by {np.median(rising):.0f} ns a row in the median, expected {least_ns} or "
-        "more, since no instrument is that fast: is it in micro- or milliseconds?"
+        f"column '{column}' rises by {np.median(rising):.0f} ns a row in the median",
+        place=place,
+        expected=f"{least_ns} or more, since no instrument is that fast: is it in micro- or milliseconds?",
     )
 
 
@@ -267,9 +271,13 @@ def times_as_they_stand(
     """
     if columns.time not in table.columns and columns.time == Columns().time:
         raise DataError(
-            f"{place}: column '{columns.time}' is missing (there are {column_names(table)}); "
-            f"`bottomlock convert {place} --init --out MAP.toml` writes a map of other names, with which "
-            "`bottomlock convert` makes the table to be read here"
+            f"is missing (there are {column_names(table)})",
+            place=place,
+            key=f"column '{columns.time}'",
+            hint=(
+                f"`bottomlock convert {place} --init --out MAP.toml` writes a map of other names, "
+                "with which `bottomlock convert` makes the table to be read here"
+            ),
         )
     if columns.time_unit == "ns":
         series = number_series(table, columns.time, place, pl.Int64())
@@ -278,7 +286,7 @@ def times_as_they_stand(
         series = nanoseconds(units, columns.time, place, columns.time_unit)
     missing = series.is_null().arg_true()
     if len(missing):
-        raise DataError(f"{place}: row {missing[0]}, column '{columns.time}' has no time")
+        raise DataError("has no time", place=f"{place}: row {missing[0]}", key=f"column '{columns.time}'")
     times = np.asarray(series.to_numpy(), dtype=np.int64)
     check_steps(times, least_ns, place, columns.time)
     return times
@@ -296,8 +304,10 @@ def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.
         row = int(steps[0]) + 1
         what = "repeats the time" if times[row] == times[row - 1] else "goes back in time from that"
         raise DataError(
-            f"{place}: row {row}, column '{columns.time}' is {times[row]} ns and {what} of row {row - 1}, expected "
-            "rising times"
+            f"is {times[row]} ns and {what} of row {row - 1}",
+            place=f"{place}: row {row}",
+            key=f"column '{columns.time}'",
+            expected="rising times",
         )
     return times
 
@@ -314,7 +324,10 @@ def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray
         bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
         if len(bad):
             raise DataError(
-                f"{place}: row {bad[0]}, column '{name}' is {series[int(bad[0])]}, expected 0, 1, true or false"
+                f"is {series[int(bad[0])]}",
+                place=f"{place}: row {bad[0]}",
+                key=f"column '{name}'",
+                expected="0, 1, true or false",
             )
         flags.append(series.to_numpy() == 1.0)
     return np.stack(flags, axis=1)
@@ -362,9 +375,13 @@ def _stated_flags(
         return np.isfinite(velocity)
     if columns.valid is None and not any(name in table.columns for name in names):
         raise DataError(
-            f"{place}: no column says which beams are valid, expected {', '.join(names)} (there are "
-            f"{column_names(table)}); name yours in the column map, valid = [...], or state "
-            "lost_when_empty = true if a lost beam's cell is empty"
+            "no column says which beams are valid",
+            place=place,
+            expected=f"{', '.join(names)} (there are {column_names(table)})",
+            hint=(
+                "name yours in the column map, valid = [...], or state lost_when_empty = true if a "
+                "lost beam's cell is empty"
+            ),
         )
     return read_flags(table, names, place)
 
@@ -378,7 +395,7 @@ def read_validity(path: Path, *, beams: int) -> tuple[NDArray[np.int64], NDArray
     """
     table = read_table_file(path)
     if table.height < 2:
-        raise DataError(f"{path}: has {table.height} rows, expected 2 or more")
+        raise DataError(f"has {table.height} rows", place=path, expected="2 or more")
     names = [f"beam{k + 1}_valid" for k in range(beams)]
     return read_times(table, Columns(), str(path)), read_flags(table, names, str(path))
 
@@ -426,7 +443,10 @@ def read_beams(
     for kind, names in (("velocity", velocity_names), ("valid", valid_names)):
         if len(names) != beams:
             raise DataError(
-                f"{place}: columns.{kind} names {len(names)} columns, expected {beams}, one per beam"
+                f"names {len(names)} columns",
+                place=place,
+                key=f"columns.{kind}",
+                expected=f"{beams}, one per beam",
             )
     if columns.velocity is None and "beam1_mps" in table.columns:
         check_beam_count(place, _beams_of(table, beams), beams)
@@ -441,7 +461,9 @@ def read_beams(
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
         raise DataError(
-            f"{place}: row {row}, column '{velocity_names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
+            f"is not finite, but beam {beam + 1} is flagged valid",
+            place=f"{place}: row {row}",
+            key=f"column '{velocity_names[beam]}'",
         )
     prior_velocity, prior_sd = _prior(table, place)
     instrument_valid = _instrument_flag(table, columns.instrument_valid, place)
@@ -484,7 +506,10 @@ def _prior(table: pl.DataFrame, place: str) -> tuple[NDArray[np.float64] | None,
         bad = np.flatnonzero(~np.isfinite(column) | (column <= 0.0 if "_sd_" in name else False))
         if bad.size:
             raise DataError(
-                f"{place}: row {bad[0]}, column '{name}' is {column[bad[0]]}, expected a finite number"
+                f"is {column[bad[0]]}",
+                place=f"{place}: row {bad[0]}",
+                key=f"column '{name}'",
+                expected="a finite number",
             )
     stacked = np.stack(values, axis=1)
     return stacked[:, :3], stacked[:, 3:]

@@ -43,7 +43,7 @@ def require_toml(path: Path) -> None:
         OutputError: naming it.
     """
     if path.suffix.lower() != ".toml":
-        raise OutputError(f"{path}: expected a name that ends in .toml")
+        raise OutputError(place=path, expected="a name that ends in .toml")
 
 
 def mounting_lines(rpy_rad: NDArray[np.float64]) -> list[str]:

@@ -55,7 +55,7 @@ def read_rows(path: Path) -> pl.DataFrame:
     check_converted(path)
     table = read_table_file(path)
     if not table.height:
-        raise DataError(f"{path}: has no rows")
+        raise DataError("has no rows", place=path)
     return table
 
 
@@ -66,7 +66,7 @@ def named_column(table: pl.DataFrame, name: str, place: str) -> pl.Series:
         DataError: for a missing column, listing the columns of the file.
     """
     if name not in table.columns:
-        raise DataError(f"{place}: column '{name}' is missing (there are {column_names(table)})")
+        raise DataError(f"is missing (there are {column_names(table)})", place=place, key=f"column '{name}'")
     return table[name]
 
 
@@ -88,7 +88,7 @@ def number_series(
     if column.dtype == pl.String:
         return numbers_of_text(column, name, place, dtype, words=words)
     if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
-        raise DataError(f"{place}: column '{name}' is {column.dtype}, expected numbers")
+        raise DataError(f"is {column.dtype}", place=place, key=f"column '{name}'", expected="numbers")
     return _cast(column, name, place, dtype)
 
 
@@ -103,7 +103,10 @@ def _cast(column: pl.Series, name: str, place: str, dtype: pl.DataType) -> pl.Se
     if len(bad):
         row = int(bad[0])
         raise DataError(
-            f"{place}: row {row}, column '{name}' is {column[row]}, expected a whole number that 64 bits can hold"
+            f"is {column[row]}",
+            place=f"{place}: row {row}",
+            key=f"column '{name}'",
+            expected="a whole number that 64 bits can hold",
         )
     return numbers
 
@@ -133,7 +136,9 @@ def numbers_of_text(
     if len(bad):
         expected = f"a number, or a flag as {', '.join(FLAG_WORDS)}" if words else "a number"
         found = printable(text[int(bad[0])])
-        raise DataError(f"{place}: row {bad[0]}, column '{name}' is '{found}', expected {expected}")
+        raise DataError(
+            f"is '{found}'", place=f"{place}: row {bad[0]}", key=f"column '{name}'", expected=expected
+        )
     return numbers
 
 

@@ -31,16 +31,18 @@ def check_converted(path: Path) -> None:
             return
         digests = (read_record(account) or {}).get(DIGESTS, {})
     except DataError as error:
-        raise DataError(f"{error}; {_REMEDY}") from error
+        raise DataError(error, hint=_REMEDY) from error
     if len(digests) < tables:
         return
     try:
         with path.open("rb") as file:
             found = hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
     # Both may have been renamed together.
     if found not in digests.values():
         raise DataError(
-            f"{path}: has changed since `bottomlock convert` wrote it ({account.name} has another SHA-256); {_REMEDY}"
+            (f"has changed since `bottomlock convert` wrote it ({account.name} has another SHA-256)"),
+            place=path,
+            hint=_REMEDY,
         )

@@ -81,8 +81,8 @@ class Records:
         implied, stated = _FACTORS.get(self.formats[column]), self.factors.get(column)
         if implied is not None and stated is not None and not math.isclose(implied, stated, rel_tol=1e-6):
             raise DataError(
-                f"{where} has the factor {stated:g} by its MULT and {implied:g} by its type "
-                f"'{self.formats[column]}'; expected one, is the log damaged?"
+                f"{where} has the factor {stated:g} by its MULT and {implied:g} by its type '{self.formats[column]}'",
+                expected="one, is the log damaged?",
             )
         chosen = implied if stated is None else stated
         factor = 1.0 if chosen is None else chosen
@@ -93,7 +93,9 @@ class Records:
             theirs = _SI.get(found)
             if theirs is None or theirs[0] != wanted:
                 raise DataError(
-                    f"{where} is in {found} by the log's own UNIT, expected {unit}; is it a log of ArduPilot?"
+                    f"{where} is in {found} by the log's own UNIT",
+                    expected=unit,
+                    hint="is it a log of ArduPilot?",
                 )
             if theirs[1] != size:
                 factor *= theirs[1] / size
@@ -204,8 +206,9 @@ def _define(body: bytes, place: str, at: int, lengths: list[int], formats: _Form
         if kind == _FMT:
             return
         raise DataError(
-            f"{place}: record type {kind} is {formats[kind][0]} and, from byte {at} on, {name}; expected one log in a "
-            "file, are two joined?"
+            f"record type {kind} is {formats[kind][0]} and, from byte {at} on, {name}",
+            place=place,
+            expected="one log in a file, are two joined?",
         )
     lengths[kind] = length
     known = len(names) == len(types) == len(set(names)) and all(c in _TYPES for c in types)

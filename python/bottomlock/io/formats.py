@@ -131,7 +131,7 @@ def _content(path: Path) -> bytes:
         check_memory(path, _TIMES_ITS_SIZE * path.stat().st_size)
         return path.read_bytes()
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
 
 def detect(path: Path) -> str:
@@ -148,17 +148,25 @@ def detect(path: Path) -> str:
     if path.suffix.lower() in {".csv", ".txt"} and b"," in head.split(b"\n", 1)[0] and head.isascii():
         columns = show(head.split(b"\n", 1)[0])
         raise DataError(
-            f"{path}: its first line, '{columns}', names no documented columns (time_ns, beam1_mps, beam1_valid ...); "
-            f"`bottomlock convert {path} --init --out MAP.toml` writes a map of yours for --columns MAP.toml; or name "
-            "the format with --format"
+            (
+                f"its first line, '{columns}', names no documented columns (time_ns, beam1_mps, "
+                "beam1_valid ...)"
+            ),
+            place=path,
+            hint=(
+                f"`bottomlock convert {path} --init --out MAP.toml` writes a map of yours for "
+                "--columns MAP.toml; or name the format with --format"
+            ),
         )
     if path.is_dir():
         raise DataError(
-            f"{path}: is a folder without the metadata.yaml of a ROS 2 bag, expected a file of the log"
+            "is a folder without the metadata.yaml of a ROS 2 bag", place=path, expected="a file of the log"
         )
     raise DataError(
-        f"{path}: format not recognised from the content, expected one of {', '.join(NAMES)}; name it with --format, "
-        "or map its columns with --columns"
+        "format not recognised from the content",
+        place=path,
+        expected=f"one of {', '.join(NAMES)}",
+        hint="name it with --format, or map its columns with --columns",
     )
 
 
@@ -211,8 +219,9 @@ def converted_first(path: str | Path, time: str = "time_ns") -> Iterator[None]:
         if name in {None, table.NAME} or time.encode() in head.split(b"\n", 1)[0]:
             raise
         raise DataError(
-            f"{place}: is a log of format {name}, not a table; convert it first: "
-            f"bottomlock convert {place} --out {place.with_suffix('.parquet').name}"
+            f"is a log of format {name}, not a table",
+            place=place,
+            hint=(f"convert it first: bottomlock convert {place} --out {place.with_suffix('.parquet').name}"),
         ) from error
 
 
@@ -221,7 +230,7 @@ def _head(path: Path) -> bytes:
         with path.open("rb") as stream:
             return stream.read(_HEAD)
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
 
 def read_recording(path: str | Path, *, format: str | None = None, options: Options = PLAIN) -> Recording:  # noqa: A002
@@ -240,7 +249,7 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
     place = Path(path)
     if format is not None and format not in NAMES:
         hint = did_you_mean(format, NAMES) or ","
-        raise DataError(f"--format is '{format}'{hint} expected one of {', '.join(NAMES)}")
+        raise DataError(f"is '{format}'{hint} expected one of {', '.join(NAMES)}", key="--format")
     _check_there(place)
     name = format or (table.NAME if options.columns is not None else detect(place))
     for by_path in PATHS:
@@ -248,5 +257,5 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
             return by_path.read(place, str(place), options)
     (by_bytes,) = (one for one in BYTES if one.name == name)
     if place.is_dir():
-        raise DataError(f"{place}: is a folder, expected a file")
+        raise DataError("is a folder", place=place, expected="a file")
     return by_bytes.read(_content(place), str(place), options)

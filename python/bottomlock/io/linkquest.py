@@ -44,7 +44,10 @@ def _columns(header: bytes, place: str) -> dict[str, int]:
     for name in _NEEDED:
         if name not in at:
             raise DataError(
-                f"{place}: column 'field.{name}' is missing, expected a log of a LinkQuest NavQuest"
+                "is missing",
+                place=place,
+                key=f"column 'field.{name}'",
+                expected="a log of a LinkQuest NavQuest",
             )
     return at
 

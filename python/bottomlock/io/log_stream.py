@@ -102,7 +102,7 @@ def finish(log: LogStreams, place: str) -> LogStreams:
     """
     if not log.streams:
         why = "; ".join(log.notes) or "no message of a sensor"
-        raise DataError(f"{place}: holds no stream that a replay could use ({why})")
+        raise DataError(f"holds no stream that a replay could use ({why})", place=place)
     if log.account.lost:
         lost = ", ".join(
             f"{one.count} {why} (first at byte {one.first})" for why, one in log.account.skipped.items()
@@ -163,7 +163,7 @@ def content(path: Path, times_its_size: float) -> bytes:
         check_memory(path, times_its_size * path.stat().st_size)
         return path.read_bytes()
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
 
 def velocity_of_displacements(
@@ -267,7 +267,7 @@ def velocities_recording(log: LogStreams, place: str, name: str, options: Option
             if found
             else f"it holds {others}: bottomlock replay --init takes it beside the log of a DVL"
         )
-        raise DataError(f"{place}: holds {held}; {what}")
+        raise DataError(f"holds {held}", place=place, hint=what)
     if options.topic is not None:
         found = [one for one in found if one.name == options.topic]
     if len(found) != 1:
@@ -275,7 +275,9 @@ def velocities_recording(log: LogStreams, place: str, name: str, options: Option
             "choose one with --topic" if found else "expected VISO, VISV, VISION_POSITION_DELTA or the like"
         )
         wanted = f" named '{printable(options.topic)}'" if options.topic is not None else ""
-        raise DataError(f"{place}: holds {len(found)} velocities{wanted} ({words or 'none'}); {choose}")
+        raise DataError(
+            f"holds {len(found)} velocities{wanted} ({words or 'none'})", place=place, hint=choose
+        )
     (one,) = found
     rows = len(one.time_ns)
     velocity = np.stack([one.columns[axis] for axis in VELOCITY], axis=1)

@@ -86,8 +86,9 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     table = _table(data, pings.where(in_beams), account, options)
     if not account.kept and not in_beams.all() and not options.water_alone:
         raise DataError(
-            f"{place}: {np.count_nonzero(~in_beams)} bottom-track records hold no beam velocities; set CY=BEAM for "
-            "bottom track (SETBT) and record again"
+            f"{np.count_nonzero(~in_beams)} bottom-track records hold no beam velocities",
+            place=place,
+            hint="set CY=BEAM for bottom track (SETBT) and record again",
         )
     water = _water(data, found, account, options)
     raise_if_empty(account, place, "bottom-track record (DF20)", water, options)

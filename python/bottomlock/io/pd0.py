@@ -325,15 +325,21 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     counts = np.bincount(pings.frame, minlength=len(FRAMES)).tolist()
     if count and not any(counts):
         raise DataError(
-            f"{place}: none of {count} ensembles has bottom track (data type 0600h), expected it in some; "
-            f"switch it on (BP1) and record it (PD0){lost(account)}"
+            f"none of {count} ensembles has bottom track (data type 0600h)",
+            place=place,
+            expected="it in some",
+            hint=f"switch it on (BP1) and record it (PD0){lost(account)}",
         )
     most = counts.index(max(counts))
     if any(counts) and not counts[0] and not options.instrument_only:
         raise DataError(
-            f"{place}: {sum(counts)} pings in {ADVICE[FRAMES[most]]} hold no beam velocities; set the instrument to "
-            "beam coordinates (EX00000) and record again, recover the beams from solutions of four with "
-            "--beams-from-axes, or convert its own velocity with --instrument-only"
+            f"{sum(counts)} pings in {ADVICE[FRAMES[most]]} hold no beam velocities",
+            place=place,
+            hint=(
+                "set the instrument to beam coordinates (EX00000) and record again, recover the "
+                "beams from solutions of four with --beams-from-axes, or convert its own velocity "
+                "with --instrument-only"
+            ),
         )
     use = 0 if counts[0] and not options.instrument_only else most
     account.skip_where("clock out of range", ~pings.on_clock, pings.position)
@@ -397,7 +403,10 @@ def _in_beams(e: Ensembles, place: str) -> Ensembles:
             "do not state the angle of their beams" if angle is None else "are of an instrument that looks up"
         )
         raise DataError(
-            f"{place}: --beams-from-axes needs a known transducer that looks down; its ensembles {why}"
+            "needs a known transducer that looks down",
+            place=place,
+            key="--beams-from-axes",
+            hint=f"its ensembles {why}",
         )
     beams = e.beams(e.velocity_mps, np.arange(len(e.position)), angle)
     return replace(e, velocity_mps=beams, frame=np.zeros_like(e.frame))

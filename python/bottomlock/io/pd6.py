@@ -39,7 +39,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> NoReturn:  # noqa
     Raises:
         DataError: always.
     """
-    raise DataError(f"{place}: PD6 holds no beam velocities; {ADVICE}")
+    raise DataError("PD6 holds no beam velocities", place=place, hint=ADVICE)
 
 
 def read_binary(data: bytes, place: str, options: Options = PLAIN) -> NoReturn:  # noqa: ARG001 - as every reader
@@ -48,4 +48,4 @@ def read_binary(data: bytes, place: str, options: Options = PLAIN) -> NoReturn: 
     Raises:
         DataError: always.
     """
-    raise DataError(f"{place}: PD3, PD4 and PD5 hold no beam velocities; {ADVICE}")
+    raise DataError("PD3, PD4 and PD5 hold no beam velocities", place=place, hint=ADVICE)

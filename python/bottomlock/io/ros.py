@@ -74,7 +74,9 @@ def _messages(path: Path, options: Options, place: str) -> Iterator[tuple[int, A
             connections = [c for c in connections if c.topic == options.topic]
         elif len(topics) > 1:
             raise DataError(
-                f"{place}: topics {printable(', '.join(topics))} hold messages of a DVL; choose one with --topic"
+                f"topics {printable(', '.join(topics))} hold messages of a DVL",
+                place=place,
+                hint="choose one with --topic",
             )
         if not connections:
             wanted = f"topic '{options.topic}' with " if options.topic else "topic of "
@@ -82,7 +84,7 @@ def _messages(path: Path, options: Options, place: str) -> Iterator[tuple[int, A
                 ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:12]) or "none"
             )
             raise DataError(
-                f"{place}: no {wanted}{TYPES[0]}{_undefined(reader)}; topics: {printable(others)}"
+                f"no {wanted}{TYPES[0]}{_undefined(reader)}", place=place, hint=f"topics: {printable(others)}"
             )
         for connection, arrival_ns, raw in reader.messages(connections=connections):
             yield arrival_ns, reader.deserialize(raw, connection.msgtype)
@@ -127,7 +129,7 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     except Exception as error:
         reason = printable(str(error).splitlines()[0])[:200] if str(error) else type(error).__name__
         if not rows.time_ns and not others:
-            raise DataError(f"{place}: cannot be read as a bag ({reason})") from error
+            raise DataError(f"cannot be read as a bag ({reason})", place=place) from error
         account.skip("the bag breaks off here", account.read + 1, reason)
     if others:
         return ros_waterlinked.recording(NAME, others, account, place, options)

@@ -324,4 +324,4 @@ def raise_if_empty(
         return
     others = ", ".join(f"{reason.count} {name}" for name, reason in in_file_order(account.other))
     found = f"; there are {others}" if others else ""
-    raise DataError(f"{place}: no {what} could be read{found}{lost(account)}")
+    raise DataError(f"no {what} could be read{found}{lost(account)}", place=place)

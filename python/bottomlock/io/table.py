@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from bottomlock.config.toml_file import parse_toml, read_text
-from bottomlock.config.validation import explain
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.config.validation import refusal
+from bottomlock.errors import DataError
 from bottomlock.files.table_file import check_memory, check_regular, read_table_file
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
 from bottomlock.io.beams import Columns, beam_flags, read_flags, read_times
@@ -45,7 +45,7 @@ def read_map(path: Path) -> Columns:
     try:
         return Columns.model_validate(content.get("columns", content))
     except ValidationError as error:
-        raise ScenarioError(explain(error, str(path), Columns)) from error
+        raise refusal(error, str(path), Columns) from error
 
 
 def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
@@ -67,7 +67,7 @@ def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Optio
         DataError: as `read_path`.
     """
     if not frame.height:
-        raise DataError(f"{place}: has no rows")
+        raise DataError("has no rows", place=place)
     velocity_names, valid_names = _beam_columns(frame, columns, place, options)
     beams = len(velocity_names)
     time_ns = read_times(frame, columns, place)
@@ -79,7 +79,9 @@ def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Optio
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
         raise DataError(
-            f"{place}: row {row}, column '{velocity_names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
+            f"is not finite, but beam {beam + 1} is flagged valid",
+            place=f"{place}: row {row}",
+            key=f"column '{velocity_names[beam]}'",
         )
     rows = Rows(beams, account)
     _add_rows(rows, frame, columns, place, time_ns, velocity, valid)
@@ -119,13 +121,22 @@ def _beam_columns(
         valid = tuple(f"beam{k + 1}_valid" for k in range(len(velocity)))
     if len(valid) != len(velocity):
         raise DataError(
-            f"{place}: columns.valid names {len(valid)} columns, expected {len(velocity)}, one per beam"
+            f"names {len(valid)} columns",
+            place=place,
+            key="columns.valid",
+            expected=f"{len(velocity)}, one per beam",
         )
     if not velocity and not options.instrument_only:
         raise DataError(
-            f"{place}: no beam velocities: no column 'beam1_mps', and no map that names others (there are "
-            f"{column_names(frame)}); record the beams, or convert the instrument's own velocity, "
-            "mapped as 'instrument', with --instrument-only"
+            (
+                "no beam velocities: no column 'beam1_mps', and no map that names others (there "
+                f"are {column_names(frame)})"
+            ),
+            place=place,
+            hint=(
+                "record the beams, or convert the instrument's own velocity, mapped as "
+                "'instrument', with --instrument-only"
+            ),
         )
     return velocity, valid
 
@@ -135,7 +146,7 @@ def _floats(frame: pl.DataFrame, names: tuple[str, ...] | None, width: int, plac
     if names is None:
         return np.full((frame.height, width), np.nan)
     if len(names) != width:
-        raise DataError(f"{place}: the column map names {', '.join(names)}, expected {width} columns")
+        raise DataError(f"the column map names {', '.join(names)}", place=place, expected=f"{width} columns")
     parts = [column_numbers(frame, name, place) for name in names]
     return np.stack(parts, axis=1) if parts else np.empty((frame.height, 0))
 

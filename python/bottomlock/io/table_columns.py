@@ -43,17 +43,19 @@ class TableColumns:
             DataError: for one that is missing or of another type.
         """
         if name not in self.frame.columns:
-            raise DataError(f"{self.place}: column '{name}' is missing; {self.remedy}")
+            raise DataError("is missing", place=self.place, key=f"column '{name}'", hint=self.remedy)
         found = self.frame[name]
         if found.dtype not in {dtype, pl.Null()}:
-            raise DataError(f"{self.place}: column '{name}' is {found.dtype}, expected {dtype}")
+            raise DataError(f"is {found.dtype}", place=self.place, key=f"column '{name}'", expected=dtype)
         return found.cast(dtype)
 
     def integers(self, name: str, lacking: str) -> Integers:
         """(n,) integers; DataError in the words `lacking` for an empty one."""
         series = self.series(name, pl.Int64())
         if series.null_count():
-            raise DataError(f"{self.place}: row {series.is_null().arg_max()}, column '{name}' {lacking}")
+            raise DataError(
+                f"column '{name}' {lacking}", place=f"{self.place}: row {series.is_null().arg_max()}"
+            )
         return np.asarray(series.to_numpy())
 
     def times(self, name: str) -> Integers:
@@ -63,7 +65,9 @@ class TableColumns:
         if steps.size:
             row = int(steps[0]) + 1
             raise DataError(
-                f"{self.place}: row {row}, column '{name}' is {time_ns[row]} ns and does not rise"
+                f"is {time_ns[row]} ns and does not rise",
+                place=f"{self.place}: row {row}",
+                key=f"column '{name}'",
             )
         return time_ns
 

@@ -181,12 +181,16 @@ def streams(data: bytes, place: str) -> LogStreams:
     found, vehicles = _messages(data, account)
     if not found:
         lost = f", {account.lost} damaged parts" if account.lost else ""
-        raise DataError(f"{place}: holds no message of a sensor ({account.read} messages{lost})")
+        raise DataError(f"holds no message of a sensor ({account.read} messages{lost})", place=place)
     if len(vehicles) > 1:
         systems = ", ".join(map(str, sorted(vehicles)))
         raise DataError(
-            f"{place}: holds autopilots of the systems {systems}; expected one vehicle: write a log of one with "
-            "`mavlogdump.py --source-system` of pymavlink, or record each on its own"
+            f"holds autopilots of the systems {systems}",
+            place=place,
+            hint=(
+                "expected one vehicle: write a log of one with `mavlogdump.py --source-system` of "
+                "pymavlink, or record each on its own"
+            ),
         )
     log = LogStreams(
         [], account, "the autopilot's, laid on the ground station's UTC by the least delayed message"

@@ -76,7 +76,10 @@ def read_track(path: Path, columns: Mapping[str, str] | None = None) -> Track:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise DataError(
-            f"{path}: '{path.suffix}' is no trajectory, expected a table with times, one of {', '.join(SUFFIXES)}"
+            "is no trajectory",
+            place=path,
+            key=f"'{path.suffix}'",
+            expected=f"a table with times, one of {', '.join(SUFFIXES)}",
         )
     return _of_table(_named(read_rows(path), columns or {}, str(path)), str(path))
 
@@ -86,11 +89,17 @@ def _named(table: pl.DataFrame, columns: Mapping[str, str], place: str) -> pl.Da
     for name, theirs in columns.items():
         if name not in COLUMNS:
             raise DataError(
-                f"{place}: trajectory.columns has no key '{name}'{did_you_mean(name, COLUMNS) or ','} expected one of "
-                f"{', '.join(COLUMNS)}"
+                (
+                    f"has no key '{name}'{did_you_mean(name, COLUMNS) or ','} expected one of "
+                    f"{', '.join(COLUMNS)}"
+                ),
+                place=place,
+                key="trajectory.columns",
             )
         if theirs not in table.columns:
-            raise DataError(f"{place}: column '{theirs}' is missing (there are {column_names(table)})")
+            raise DataError(
+                f"is missing (there are {column_names(table)})", place=place, key=f"column '{theirs}'"
+            )
     free = table.drop([name for name in columns if name in table.columns and name not in columns.values()])
     return free.rename({theirs: name for name, theirs in columns.items()})
 
@@ -115,8 +124,11 @@ def _full(table: pl.DataFrame, name: str, place: str) -> Floats:
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         raise DataError(
-            f"{place}: row {bad[0]}, column '{name}' is empty or no finite number, expected one in every row; "
-            "leave out rows without a position"
+            "is empty or no finite number",
+            place=f"{place}: row {bad[0]}",
+            key=f"column '{name}'",
+            expected="one in every row",
+            hint="leave out rows without a position",
         )
     return values
 
@@ -135,8 +147,12 @@ def _position(table: pl.DataFrame, place: str) -> tuple[Floats, tuple[float | No
             _check_geodetic(latitude, longitude, unit, place)
             return _flat(latitude, longitude, place), (float(latitude[0]), float(longitude[0])), names
     raise DataError(
-        f"{place}: no position, expected columns north_m and east_m, or latitude_deg and longitude_deg (there are "
-        f'{column_names(table)}); other names are given by the key columns, as in columns = {{ north_m = "x" }}'
+        "no position",
+        place=place,
+        expected=(
+            f"columns north_m and east_m, or latitude_deg and longitude_deg (there are {column_names(table)})"
+        ),
+        hint='other names are given by the key columns, as in columns = { north_m = "x" }',
     )
 
 
@@ -158,8 +174,10 @@ def _check_geodetic(latitude: Floats, longitude: Floats, unit: str, place: str) 
                 else "are latitude and longitude exchanged, or is it a projected coordinate in metres?"
             )  # fmt: skip
             raise DataError(
-                f"{place}: row {bad[0]}: {name} {shown:g} {unit}, expected at most {np.rad2deg(bound):g} deg; "
-                f"{likely}"
+                f"{name} {shown:g} {unit}",
+                place=f"{place}: row {bad[0]}",
+                expected=f"at most {np.rad2deg(bound):g} deg",
+                hint=likely,
             )
 
 
@@ -178,8 +196,10 @@ def _flat(latitude: Floats, longitude: Floats, place: str) -> Floats:
     if far.size:
         distance_km = np.hypot(north, east)[far[0]] / 1000.0
         raise DataError(
-            f"{place}: row {far[0]} is {distance_km:.0f} km from the first one, expected at most "
-            f"{FARTHEST_M / 1000:g} km; is a row at latitude 0, longitude 0 a position that was missing?"
+            f"row {far[0]} is {distance_km:.0f} km from the first one",
+            place=place,
+            expected=f"at most {FARTHEST_M / 1000:g} km",
+            hint="is a row at latitude 0, longitude 0 a position that was missing?",
         )
     return np.stack([north, east, np.zeros_like(north)], axis=1)
 
@@ -201,8 +221,10 @@ def _time_s(table: pl.DataFrame, place: str) -> tuple[Floats, list[str]]:
         return (values - values[0]) * (scale * 1e-9), [name]
     if "time" not in table.columns:
         raise DataError(
-            f"{place}: has no times, expected a column time_s (there are {column_names(table)}); "
-            'waypoints are flown with trajectory.kind = "waypoints"'
+            "has no times",
+            place=place,
+            expected=f"a column time_s (there are {column_names(table)})",
+            hint='waypoints are flown with trajectory.kind = "waypoints"',
         )
     return iso_seconds(table["time"].cast(pl.String).to_list(), place), ["time"]
 
@@ -227,8 +249,9 @@ def iso_seconds(texts: list[str | None], place: str) -> Floats:
     bad = parsed.is_null().arg_true()
     if len(bad):
         raise DataError(
-            f"{place}: row {bad[0]}: time '{texts[int(bad[0])]}' is no ISO 8601 time such as 2026-05-01T10:00:00Z; "
-            "call a column of numbers time_s, time_ms, time_us or time_ns"
+            f"time '{texts[int(bad[0])]}' is no ISO 8601 time such as 2026-05-01T10:00:00Z",
+            place=f"{place}: row {bad[0]}",
+            hint="call a column of numbers time_s, time_ms, time_us or time_ns",
         )
     stamps = parsed.dt.timestamp("ns").to_numpy()
     return np.asarray((stamps - stamps[0]) * 1e-9, np.float64)
@@ -242,7 +265,10 @@ def _angles(table: pl.DataFrame, place: str) -> tuple[dict[str, Floats], list[st
         bad = np.flatnonzero(np.abs(np.linalg.norm(values, axis=1) - 1.0) > 1e-3)
         if bad.size:
             raise DataError(
-                f"{place}: row {bad[0]}: attitude_t_p has norm {np.linalg.norm(values[bad[0]]):.4g}, expected 1"
+                f"has norm {np.linalg.norm(values[bad[0]]):.4g}",
+                place=f"{place}: row {bad[0]}",
+                key="attitude_t_p",
+                expected="1",
             )
         yaw, pitch, roll = Rotation.from_quat(values[:, [1, 2, 3, 0]]).as_euler("ZYX").T
         return {"roll": roll, "pitch": pitch, "yaw": yaw}, ["attitude_t_p"]
@@ -252,7 +278,7 @@ def _angles(table: pl.DataFrame, place: str) -> tuple[dict[str, Floats], list[st
         known = [f"{name}_{unit}" for name in names for unit in ("deg", "rad")]
         there = [name for name in known if name in table.columns]
         if len(there) > 1:
-            raise DataError(f"{place}: {angle} is there twice, as {' and '.join(there)}; keep one")
+            raise DataError(f"{angle} is there twice, as {' and '.join(there)}", place=place, hint="keep one")
         if there:
             values = _full(table, there[0], place)
             found[angle] = values if there[0].endswith("_rad") else np.deg2rad(values)

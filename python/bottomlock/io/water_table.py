@@ -102,19 +102,23 @@ class WaterTable:
         unsorted = np.flatnonzero((step_ns < 0) | ((step_ns == 0) & (cells <= 0)))
         if unsorted.size:
             raise DataError(
-                f"{place}: row {unsorted[0] + 1} is not later, or of a later cell, than the one before"
+                f"row {unsorted[0] + 1} is not later, or of a later cell, than the one before", place=place
             )
         low = np.flatnonzero(self.cell < 1)
         if low.size:
             raise DataError(
-                f"{place}: row {low[0]}, column 'cell' is {self.cell[low[0]]}, expected 1 or more"
+                f"is {self.cell[low[0]]}",
+                place=f"{place}: row {low[0]}",
+                key="column 'cell'",
+                expected="1 or more",
             )
         wrong = np.argwhere(self.valid & ~(np.isfinite(self.velocity_mps) & (self.range_m >= 0.0)[:, None]))
         if wrong.size:
             row, beam = (int(index) for index in wrong[0])
             raise DataError(
-                f"{place}: row {row}, beam {beam + 1} is flagged valid, expected a finite velocity and a range of 0 m "
-                "or more, or a cleared flag"
+                f"beam {beam + 1} is flagged valid",
+                place=f"{place}: row {row}",
+                expected="a finite velocity and a range of 0 m or more, or a cleared flag",
             )
 
 

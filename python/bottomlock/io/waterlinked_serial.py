@@ -161,7 +161,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     _clear_unsure(pings, account)
     with_beams = bool(pings.joined.any())
     if len(pings.position) and not with_beams and not options.instrument_only:
-        raise DataError(f"{place}: {ADVICE}; --instrument-only converts the velocities as they are")
+        raise DataError(ADVICE, place=place, hint="--instrument-only converts the velocities as they are")
     absolute = bool(pings.validity_us) and None not in pings.validity_us
     table, water = _table(pings, account, options, beams=_BEAMS if with_beams else 0, absolute=absolute)
     raise_if_empty(account, place, "velocity report")

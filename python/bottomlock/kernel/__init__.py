@@ -240,8 +240,8 @@ def fix_method(name: str) -> FixMethod:
             return long
     if name in METHODS:
         raise KernelError(
-            f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator); of single "
-            f"pings there are {', '.join(FIX_METHODS)}"
+            (f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator)"),
+            hint=f"of single pings there are {', '.join(FIX_METHODS)}",
         )
     hint = did_you_mean(name, [*FIX_METHODS, *FIX_METHODS.values()])
     raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(FIX_METHODS)})")
@@ -300,7 +300,8 @@ def make_geometry(
         )
     if geometry.beams >= 3 and geometry.rank < 3:
         raise KernelError(
-            f"the {geometry.beams} beams see only {geometry.rank} directions, expected 3: check azimuths and tilts"
+            f"the {geometry.beams} beams see only {geometry.rank} directions",
+            expected="3: check azimuths and tilts",
         )
     return geometry
 

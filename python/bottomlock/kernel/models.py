@@ -345,7 +345,7 @@ class Model(Settings):
         """
         found = getattr(self, kind.place)
         if not isinstance(found, kind):
-            raise KernelError(f"model.{kind.place} is None, expected a {kind.__name__}")
+            raise KernelError("is None", key=f"model.{kind.place}", expected=f"a {kind.__name__}")
         return found
 
 

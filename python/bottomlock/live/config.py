@@ -9,7 +9,7 @@ from pydantic import ValidationError, model_validator
 from bottomlock import units
 from bottomlock.config.effort import require_one_use
 from bottomlock.config.toml_file import parse_toml, read_text
-from bottomlock.config.validation import explain
+from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.live.navigator_config import NavigatorConfig, kernel_settings
 from bottomlock.live.sections import (
@@ -180,8 +180,9 @@ class LiveConfig(NavigatorConfig):
             if section.to.startswith("ros:") and not one.ros_type:
                 named = ", ".join(name for name, make in PORTS.items() if getattr(make, "ros_type", ""))
                 raise ScenarioError(
-                    f"port {section.port}: is sent to '{section.to}', and is no message of ROS 2, expected one of "
-                    f"{named}"
+                    f"is sent to '{section.to}', and is no message of ROS 2",
+                    place=f"port {section.port}",
+                    expected=f"one of {named}",
                 )
         first: dict[tuple[str, tuple[int, int]], MavlinkPort] = {}
         for section, one in zip(self.port, ports, strict=True):
@@ -197,7 +198,8 @@ class LiveConfig(NavigatorConfig):
         for key in ("geometry", "max_rate_hz"):
             if key in settings:
                 raise ScenarioError(
-                    f"port {section.port}: settings.{key} cannot be set here: set dvl.geometry and rate_hz of the port"
+                    (f"settings.{key} cannot be set here: set dvl.geometry and rate_hz of the port"),
+                    place=f"port {section.port}",
                 )
         if "geometry" in known:
             settings["geometry"] = self.instrument().geometry
@@ -232,7 +234,7 @@ def load_config(path: str | Path) -> LiveConfig:
     """
     path = Path(path)
     if not path.is_file():
-        raise ScenarioError(f"{path}: no such configuration; `bottomlock live --init` writes one")
+        raise ScenarioError("no such configuration", place=path, hint="`bottomlock live --init` writes one")
     return parse_config(read_text(path), place=str(path), folder=path.parent)
 
 
@@ -248,11 +250,11 @@ def parse_config(text: str, *, place: str, folder: Path | None = None) -> LiveCo
     try:
         config = LiveConfig.model_validate(content)
     except ValidationError as error:
-        raise ScenarioError(explain(error, place, LiveConfig)) from error
+        raise refusal(error, place, LiveConfig) from error
     try:
         return config.checked()
     except (ScenarioError, ValueError) as error:
-        raise ScenarioError(f"{place}: {error}") from error
+        raise ScenarioError(error, place=place) from error
 
 
 _PATHS = (("dvl", "geometry"), ("log", "folder"), ("checkpoint", "file"))

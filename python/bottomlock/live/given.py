@@ -67,11 +67,13 @@ def checked(reading: Any, beams: int) -> Any:  # noqa: ANN401 - of the same clas
     ]
     if kind is AttitudeReading and abs(math.hypot(*values[0]) - 1.0) > ROUNDING:
         raise KernelError(
-            f"AttitudeReading.attitude_t_s is {values[0]}, expected a quaternion of unit length, scalar first"
+            f"AttitudeReading.attitude_t_s is {values[0]}",
+            expected="a quaternion of unit length, scalar first",
         )
     if kind is GpsReading and not is_on_earth(values[0], values[1]):
         raise KernelError(
-            f"GpsReading is at latitude {values[0]}, longitude {values[1]}, expected degrees, latitude first"
+            f"GpsReading is at latitude {values[0]}, longitude {values[1]}",
+            expected="degrees, latitude first",
         )
     return kind(_time_ns(reading), *values)
 
@@ -81,7 +83,8 @@ def _checked_beams(reading: Ping | WaterReading, beams: int) -> Ping | WaterRead
         shape = np.shape(getattr(reading, name))
         if shape != (beams,):
             raise KernelError(
-                f"{type(reading).__name__}.{name} has shape {shape}, expected ({beams},): the DVL has {beams} beams"
+                f"{type(reading).__name__}.{name} has shape {shape}",
+                expected=f"({beams},): the DVL has {beams} beams",
             )
     return replace(reading, time_ns=_time_ns(reading))
 
@@ -92,9 +95,9 @@ def _time_ns(reading: Any) -> int:  # noqa: ANN401 - any reading
         time_ns = operator.index(given)
     except TypeError:
         hint = ": of seconds, round(seconds * 1e9)" if isinstance(given, float | np.floating) else ""
-        raise KernelError(f"{name}.time_ns is {given!r}, expected whole nanoseconds{hint}") from None
+        raise KernelError(f"{name}.time_ns is {given!r}", expected=f"whole nanoseconds{hint}") from None
     if not -_BOUND_NS <= time_ns < _BOUND_NS:
-        raise KernelError(f"{name}.time_ns is {time_ns}, expected nanoseconds in 64 bits")
+        raise KernelError(f"{name}.time_ns is {time_ns}", expected="nanoseconds in 64 bits")
     return time_ns
 
 
@@ -109,10 +112,10 @@ def _numbers(kind: type, name: str, given: Any, count: int, of: str) -> Any:  # 
             array = np.array(None)
         if array.dtype.kind not in "fiu" or array.shape != ((count,) if count else ()):
             wanted = f"{count} numbers" if count else "a number"
-            raise KernelError(f"{kind.__name__}.{name} is {_short(given)}, expected {wanted}, {of}")
+            raise KernelError(f"{kind.__name__}.{name} is {_short(given)}", expected=f"{wanted}, {of}")
         values = array.astype(np.float64).reshape(-1).tolist()
     if not all(map(math.isfinite, values)):
-        raise KernelError(f"{kind.__name__}.{name} is {_short(given)}, expected finite numbers, {of}")
+        raise KernelError(f"{kind.__name__}.{name} is {_short(given)}", expected=f"finite numbers, {of}")
     return tuple(values) if count else values[0]
 
 

@@ -52,7 +52,7 @@ class PingReader:
         """
         if self.format not in LIVE:
             raise DataError(
-                f"format '{self.format}' is no stream of beams, expected one of {', '.join(LIVE)}"
+                f"format '{self.format}' is no stream of beams", expected=f"one of {', '.join(LIVE)}"
             )
         chosen = LIVE[self.format]
         assert chosen.stream is not None

@@ -72,7 +72,9 @@ class RawLog:
             folder.mkdir(parents=True, exist_ok=True)
             self.path, self._file = _new_file(folder, name)
         except OSError as error:
-            raise OutputError(f"{folder}: no raw log can be written ({error.strerror or error})") from error
+            raise OutputError(
+                f"no raw log can be written ({error.strerror or error})", place=folder
+            ) from error
         self._writer = mcap.writer.Writer(
             self._file,
             use_chunking=False,
@@ -106,7 +108,7 @@ class RawLog:
             self._messages = (self._messages + 1) % _NUMBERS
             self._writer.add_message(self._channels[kind, place], time_ns, data, time_ns, self._messages)
         except OSError as error:
-            raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
+            raise OutputError(f"cannot be written ({error.strerror or error})", place=self.path) from error
         self.bytes += len(data)
 
     def flush(self) -> None:
@@ -118,7 +120,7 @@ class RawLog:
         try:
             self._file.flush()
         except OSError as error:
-            raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
+            raise OutputError(f"cannot be written ({error.strerror or error})", place=self.path) from error
 
     def close(self) -> None:
         """Ends the file."""
@@ -163,7 +165,7 @@ def read_raw_log(path: Path) -> ReadLog:
     try:
         file = path.open("rb")
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
     end, damaged, sound = _end_of(path)
     start: dict[str, bytes] = {}
     records = _records(path, file, sound)
@@ -172,7 +174,7 @@ def read_raw_log(path: Path) -> ReadLog:
             start[record.name.removeprefix(f"{START}/")] = record.data
         elif kind == "Channel":
             return ReadLog(start, _entries(path, record, records), end, damaged)
-    raise DataError(f"{path}: has no channels, expected a raw log of `bottomlock live`")
+    raise DataError("has no channels", place=path, expected="a raw log of `bottomlock live`")
 
 
 def _end_of(path: Path) -> tuple[str, bool, int]:
@@ -235,7 +237,7 @@ def _records(path: Path, file: IO[bytes], sound: int) -> Iterator[tuple[str, Any
         except EndOfFile:
             return
         except (McapError, ValueError, OSError, struct.error) as error:
-            raise DataError(f"{path}: is no raw log, or damaged ({error})") from error
+            raise DataError(f"is no raw log, or damaged ({error})", place=path) from error
 
 
 def _entries(path: Path, first: Any, records: Iterator[tuple[str, Any]]) -> Iterator[Entry]:  # noqa: ANN401
@@ -244,7 +246,9 @@ def _entries(path: Path, first: Any, records: Iterator[tuple[str, Any]]) -> Iter
     def add(channel: Any) -> None:  # noqa: ANN401 - untyped library
         kind, place = channel.metadata.get("kind"), channel.metadata.get("place", "")
         if kind not in {"in", "connected", "out"} or not place.isdigit():
-            raise DataError(f"{path}: channel '{channel.topic}' is none of a raw log of `bottomlock live`")
+            raise DataError(
+                f"channel '{channel.topic}' is none of a raw log of `bottomlock live`", place=path
+            )
         channels[channel.id] = kind, int(place)
 
     add(first)

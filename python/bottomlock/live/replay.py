@@ -88,8 +88,12 @@ def replay_log(
     for entry in log.entries:
         if entry.kind != "out" and entry.place >= len(config.source):
             raise DataError(
-                f"{path}: has bytes of source {entry.place + 1}, and the configuration has {len(config.source)} "
-                "sources; expected the configuration with which the log was written"
+                (
+                    f"has bytes of source {entry.place + 1}, and the configuration has "
+                    f"{len(config.source)} sources"
+                ),
+                place=path,
+                expected="the configuration with which the log was written",
             )
         if bytes_of is not None:
             bytes_of(entry)

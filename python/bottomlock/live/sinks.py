@@ -200,7 +200,9 @@ class _File(Sink):
             try:
                 self._file = Path(address.path).open("ab")  # noqa: SIM115 - open while the program runs
             except OSError as error:
-                raise OutputError(f"{address.path}: cannot be written ({error.strerror or error})") from error
+                raise OutputError(
+                    f"cannot be written ({error.strerror or error})", place=address.path
+                ) from error
         self.state = "writing"
 
     def write(self, data: bytes) -> None:

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from bottomlock.config.effort import require_one_use
 from bottomlock.config.scenario_sections import ImuErrors
-from bottomlock.config.validation import explain
+from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import METHODS, KernelError, Navigator, Report
@@ -226,9 +226,9 @@ def start(
         config.start_is_known(by_attitude=isinstance(config.imu, ImuFromAttitude))
         require_one_use(config.thrust, config.effort)
     except ValidationError as error:
-        raise ScenarioError(explain(error, PLACE, NavigatorConfig)) from error
+        raise refusal(error, PLACE, NavigatorConfig) from error
     except ValueError as error:
-        raise ScenarioError(f"{PLACE}: {error}") from error
+        raise ScenarioError(error, place=PLACE) from error
     # A method of one's own is none of a live configuration's, and known by now.
     config = config.model_copy(update={"navigation": config.navigation.model_copy(update={"method": name})})
     instrument = dvl if isinstance(dvl, Instrument) else config.instrument()
@@ -246,7 +246,9 @@ def _each_is_given_once(
         keys = sections.get(section)
         if keys is not None and not isinstance(keys, Mapping):
             raise ScenarioError(
-                f'{PLACE}: {section} is {keys!r}, expected keys of [{section}], as depth={{"sd_m": 0.1}}'
+                f"{section} is {keys!r}",
+                place=PLACE,
+                expected=f'keys of [{section}], as depth={{"sd_m": 0.1}}',
             )
     twice = {
         "latitude_deg": ("origin", True),
@@ -256,7 +258,9 @@ def _each_is_given_once(
     }
     for key, (section, is_argument) in twice.items():
         if is_argument and key in (sections.get(section) or {}):
-            raise ScenarioError(f"{PLACE}: '{section}.{key}' is given, expected the argument {key} alone")
+            raise ScenarioError(
+                "is given", place=PLACE, key=f"'{section}.{key}'", expected=f"the argument {key} alone"
+            )
 
 
 def _method(method: AnyMethod) -> str:
@@ -264,12 +268,13 @@ def _method(method: AnyMethod) -> str:
     try:
         name = name_of(method)
     except KernelError as error:
-        raise ScenarioError(f"{PLACE}: {error}") from error
+        raise ScenarioError(error, place=PLACE) from error
     names = [one for one in known_names() if one != DEAD_RECKONING]
     if name not in names:
         raise ScenarioError(
-            f"{PLACE}: method is '{name}'{did_you_mean(name, names)} (known: {', '.join(names)}; your own: "
-            "a class, MODULE:CLASS or FILE.py:CLASS)"
+            f"method is '{name}'{did_you_mean(name, names)} (known: {', '.join(names)}",
+            place=PLACE,
+            hint="your own: a class, MODULE:CLASS or FILE.py:CLASS)",
         )
     return name
 
@@ -285,8 +290,12 @@ def _dvl(dvl: object) -> Mapping[str, Any]:
             "; .instrument of it is one" if isinstance(getattr(dvl, "instrument", None), Instrument) else ""
         )
         raise ScenarioError(
-            f"{PLACE}: dvl is {_kind(dvl)}, expected a packaged geometry's name, its file, the keys of [dvl], or an "
-            f"Instrument, as read_geometry returns it{hint}"
+            f"dvl is {_kind(dvl)}",
+            place=PLACE,
+            expected=(
+                "a packaged geometry's name, its file, the keys of [dvl], or an Instrument, as "
+                f"read_geometry returns it{hint}"
+            ),
         )
     return {"geometry": str(dvl)}
 
@@ -297,8 +306,9 @@ def _imu(imu: object) -> Mapping[str, Any]:
         return dict.fromkeys(_IMU_ERRORS, 0.0)
     if not isinstance(imu, str | Mapping):
         raise ScenarioError(
-            f"{PLACE}: imu is {_kind(imu)}, expected a grade's name (see bottomlock list grades), the keys of [imu], "
-            "or an ImuModel"
+            f"imu is {_kind(imu)}",
+            place=PLACE,
+            expected="a grade's name (see bottomlock list grades), the keys of [imu], or an ImuModel",
         )
     return imu if isinstance(imu, Mapping) else {"grade": imu}
 

@@ -85,9 +85,9 @@ class Aiding:
         """
         for beam in self.beams:
             if not 1 <= beam <= beams:
-                raise DataError(f"aiding: there is no beam {beam}, expected 1 to {beams}")
+                raise DataError(f"there is no beam {beam}", place="aiding", expected=f"1 to {beams}")
         if len(set(self.beams)) != len(self.beams):
-            raise DataError(f"aiding: a beam is named twice in {self.beams}")
+            raise DataError(f"a beam is named twice in {self.beams}", place="aiding")
         flags = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "beams"}
         return flags | {"beams": np.isin(np.arange(beams) + 1, self.beams)}
 

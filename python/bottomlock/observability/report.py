@@ -124,12 +124,13 @@ def _check_schedule(scenario: Scenario, own: Aiding, every: Schedule) -> None:
     """
     if own == Aiding():
         raise ScenarioError(
-            f"scenario {scenario.name}: nothing aids it, no beam returns and no other sensor measures"
+            "nothing aids it, no beam returns and no other sensor measures", place=f"scenario {scenario.name}"
         )
     if len(every.time_ns) > MOST_EPOCHS:
         raise ScenarioError(
-            f"scenario {scenario.name}: its sensors measure at {len(every.time_ns)} times, expected at most "
-            f"{MOST_EPOCHS}: a shorter trajectory.duration_s or slower sensors"
+            f"its sensors measure at {len(every.time_ns)} times",
+            place=f"scenario {scenario.name}",
+            expected=f"at most {MOST_EPOCHS}: a shorter trajectory.duration_s or slower sensors",
         )
 
 

@@ -64,10 +64,15 @@ class Schedule:
         for name in others:
             if name not in SENSORS:
                 hint = did_you_mean(name, SENSORS) or ","
-                raise DataError(f"schedule: there is no sensor '{name}'{hint} expected {', '.join(SENSORS)}")
+                raise DataError(
+                    f"there is no sensor '{name}'{hint} expected {', '.join(SENSORS)}", place="schedule"
+                )
         if beam_valid.ndim != 2 or len(beam_valid) != len(dvl_time_ns):
             raise DataError(
-                f"schedule: beam_valid has shape {beam_valid.shape}, expected ({len(dvl_time_ns)}, beams)"
+                f"has shape {beam_valid.shape}",
+                place="schedule",
+                key="beam_valid",
+                expected=f"({len(dvl_time_ns)}, beams)",
             )
         samples = {name: _samples(sample_ns, times, name) for name, times in others.items()}
         pings = _samples(sample_ns, dvl_time_ns, "dvl")
@@ -106,7 +111,8 @@ def _samples(sample_ns: Times, times: Times, name: str) -> NDArray[np.int64]:
     outside = (times < sample_ns[0]) | (times > sample_ns[-1])
     if outside.any():
         raise DataError(
-            f"schedule: {name} at {int(times[outside][0])} ns is outside the truth, expected "
-            f"{int(sample_ns[0])} to {int(sample_ns[-1])} ns"
+            f"{name} at {int(times[outside][0])} ns is outside the truth",
+            place="schedule",
+            expected=f"{int(sample_ns[0])} to {int(sample_ns[-1])} ns",
         )
     return np.searchsorted(sample_ns, times)

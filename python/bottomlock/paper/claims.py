@@ -208,19 +208,21 @@ def parse_paper(text: str, *, place: str) -> Paper:
     try:
         paper = Paper.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{place}: {error}") from error
+        raise DataError(error, place=place) from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise DataError(f"{place}: {where}: {first['msg']}") from error
+        raise DataError(f"{where}: {first['msg']}", place=place) from error
     seen: set[str] = set()
     for claim in paper.claim:
         if claim.id in seen:
-            raise DataError(f"{place}: two claims have the id '{claim.id}'")
+            raise DataError(f"two claims have the id '{claim.id}'", place=place)
         if claim.rule not in paper.rules:
-            raise DataError(f"{place}: claim '{claim.id}': rule '{claim.rule}' has no words under [rules]")
+            raise DataError(
+                f"claim '{claim.id}': rule '{claim.rule}' has no words under [rules]", place=place
+            )
         if isinstance(claim, DriftClaim) and claim.pattern != "oscillating" and claim.window_s is None:
-            raise DataError(f"{place}: claim '{claim.id}': pattern '{claim.pattern}' needs window_s")
+            raise DataError(f"claim '{claim.id}': pattern '{claim.pattern}' needs window_s", place=place)
         if isinstance(claim, BiasClaim):
             _check_biases(claim, place)
         seen.add(claim.id)
@@ -231,7 +233,11 @@ def _check_biases(claim: BiasClaim, place: str) -> None:
     for bias in claim.biases:
         if bias not in BIASES:
             raise DataError(
-                f"{place}: claim '{claim.id}': unknown bias '{bias}', expected one of {', '.join(BIASES)}"
+                f"claim '{claim.id}': unknown bias '{bias}'",
+                place=place,
+                expected=f"one of {', '.join(BIASES)}",
             )
     if (claim.pattern == "more") != (claim.than_trajectory is not None):
-        raise DataError(f"{place}: claim '{claim.id}': pattern 'more', and it alone, needs than_trajectory")
+        raise DataError(
+            f"claim '{claim.id}': pattern 'more', and it alone, needs than_trajectory", place=place
+        )

@@ -33,8 +33,12 @@ class ReturnLimits:
     def __post_init__(self) -> None:
         if not 0.0 <= self.min_range_m < self.max_range_m or not 0.0 < self.max_incidence_rad <= 0.5 * np.pi:
             raise ScenarioError(
-                f"beam limits: range {self.min_range_m:g} to {self.max_range_m:g} m, incidence "
-                f"{self.max_incidence_rad:g} rad; expected 0 <= min < max range and an incidence within 0 to 90 deg"
+                (
+                    f"range {self.min_range_m:g} to {self.max_range_m:g} m, incidence "
+                    f"{self.max_incidence_rad:g} rad"
+                ),
+                place="beam limits",
+                expected="0 <= min < max range and an incidence within 0 to 90 deg",
             )
 
     def valid(self, footprints: Footprints) -> BoolArray:
@@ -69,10 +73,12 @@ def scheduled(time_ns: IntArray, beams: int, outages: Sequence[Outage]) -> BoolA
     for number, outage in enumerate(outages, start=1):
         for beam in outage.beams:
             if not 1 <= beam <= beams:
-                raise ScenarioError(f"outage {number}: beam {beam} does not exist; expected 1 to {beams}")
+                raise ScenarioError(
+                    f"beam {beam} does not exist", place=f"outage {number}", expected=f"1 to {beams}"
+                )
         if not outage.end_s > outage.start_s:
             raise ScenarioError(
-                f"outage {number}: end_s {outage.end_s:g} must be after start_s {outage.start_s:g}"
+                f"end_s {outage.end_s:g} must be after start_s {outage.start_s:g}", place=f"outage {number}"
             )
         within = (time_ns >= round(outage.start_s * 1e9)) & (
             time_ns < round(min(outage.end_s, _FOREVER_S) * 1e9)
@@ -92,8 +98,10 @@ class MarkovDropout:
     def __post_init__(self) -> None:
         if not (self.mean_up_s > 0.0 and self.mean_down_s > 0.0):
             raise ScenarioError(
-                f"Markov dropout: mean_up_s is {self.mean_up_s:g}, mean_down_s {self.mean_down_s:g}, expected both "
-                "above 0 s"
+                f"is {self.mean_up_s:g}, mean_down_s {self.mean_down_s:g}",
+                place="Markov dropout",
+                key="mean_up_s",
+                expected="both above 0 s",
             )
 
     @property
@@ -160,12 +168,16 @@ def replayed(time_ns: IntArray, recorded_time_ns: IntArray, recorded_valid: Bool
     stamps, pattern = np.asarray(recorded_time_ns), np.asarray(recorded_valid, dtype=np.bool_)
     if pattern.ndim != 2 or len(stamps) != len(pattern) or len(stamps) < 2:
         raise ScenarioError(
-            f"recorded validity: {len(stamps)} times and a pattern of shape {pattern.shape}; expected (pings, beams)"
+            f"{len(stamps)} times and a pattern of shape {pattern.shape}",
+            place="recorded validity",
+            expected="(pings, beams)",
         )
     steps = np.diff(stamps)
     if (steps <= 0).any():
         row = int(np.flatnonzero(steps <= 0)[0]) + 2
-        raise ScenarioError(f"recorded validity: the time of row {row} is not after that of row {row - 1}")
+        raise ScenarioError(
+            f"the time of row {row} is not after that of row {row - 1}", place="recorded validity"
+        )
     period = int(stamps[-1] - stamps[0] + np.median(steps))
     phase = (np.asarray(time_ns) - int(time_ns[0])) % period + int(stamps[0])
     return np.asarray(pattern[np.searchsorted(stamps, phase, side="right") - 1])

@@ -75,8 +75,9 @@ def navigation_error(block: TruthBlock, estimate: Estimate) -> FloatArray:
     if not np.isfinite(error).all():
         run = int(np.flatnonzero(~np.isfinite(error).all(axis=1))[0])
         raise ScenarioError(
-            f"run {run}: the estimate at {block.time_ns[-1] * 1e-9:.2f} s is not finite, expected finite position, "
-            "attitude and velocity"
+            f"the estimate at {block.time_ns[-1] * 1e-9:.2f} s is not finite",
+            place=f"run {run}",
+            expected="finite position, attitude and velocity",
         )
     return error
 
@@ -108,7 +109,7 @@ class VehicleGroup:
         earth: Literal["ellipsoid", "tangent_plane"] = "tangent_plane",
     ) -> None:
         if runs < 1:
-            raise ScenarioError(f"runs: expected at least 1, got {runs}")
+            raise ScenarioError(place="runs", expected=f"at least 1, got {runs}")
         self.mission = mission
         self.runs = runs
         self._latitude_rad, self._gravity_mps2 = latitude_rad, gravity_mps2

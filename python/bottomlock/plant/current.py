@@ -37,10 +37,10 @@ class Current:
     def __post_init__(self) -> None:
         values = (*self.mean_mps, *self.shear_ps, self.wander_sd_mps, self.wander_time_s, self.turn_radps)
         if not all(math.isfinite(value) for value in values):
-            raise ScenarioError("current: every number must be finite")
+            raise ScenarioError("every number must be finite", place="current")
         if self.wander_sd_mps < 0.0 or self.wander_time_s <= 0.0:
             raise ScenarioError(
-                "current: wander_sd_mps must not be negative and wander_time_s must be positive"
+                "wander_sd_mps must not be negative and wander_time_s must be positive", place="current"
             )
 
     @classmethod

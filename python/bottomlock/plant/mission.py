@@ -26,7 +26,9 @@ class DepthProfile:
         times = [time for time, _ in self.knots]
         if not self.knots or any(later <= earlier for earlier, later in pairwise(times)):
             raise ScenarioError(
-                f"depth profile: times {times}, expected at least one (time, depth) pair and strictly rising times"
+                f"times {times}",
+                place="depth profile",
+                expected="at least one (time, depth) pair and strictly rising times",
             )
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:

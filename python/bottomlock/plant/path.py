@@ -95,12 +95,15 @@ def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[Pat
     """
     points = np.asarray(waypoints_m, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
-        raise ScenarioError("waypoints: expected at least two rows of finite north, east in metres")
+        raise ScenarioError(place="waypoints", expected="at least two rows of finite north, east in metres")
     legs = np.diff(points, axis=0)
     lengths = np.hypot(legs[:, 0], legs[:, 1])
     for repeated in np.flatnonzero(lengths <= 0.0):
         raise ScenarioError(
-            f"waypoint {repeated + 2}: equals waypoint {repeated + 1}, expected distinct positions; remove one of them"
+            f"equals waypoint {repeated + 1}",
+            place=f"waypoint {repeated + 2}",
+            expected="distinct positions",
+            hint="remove one of them",
         )
     headings = np.arctan2(legs[:, 1], legs[:, 0])
     turns = np.arctan2(np.sin(np.diff(headings)), np.cos(np.diff(headings)))
@@ -111,8 +114,8 @@ def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[Pat
         straight = float(length - cut[index] - cut[index + 1])
         if straight < 0.0:
             raise ScenarioError(
-                f"waypoint {index + 2}: the leg of {length:.1f} m is too short "
-                f"for turns of radius {turn_radius_m:g} m"
+                f"the leg of {length:.1f} m is too short for turns of radius {turn_radius_m:g} m",
+                place=f"waypoint {index + 2}",
             )
         if straight > 0.0:
             builder.line(straight)

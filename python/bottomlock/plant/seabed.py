@@ -35,8 +35,10 @@ class PlaneSeabed:
     def __post_init__(self) -> None:
         if not np.isfinite([self.depth_m, self.slope_north, self.slope_east]).all() or self.depth_m <= 0.0:
             raise ScenarioError(
-                f"seabed: depth_m is {self.depth_m:g}, slopes {self.slope_north:g} and {self.slope_east:g}, expected a "
-                "positive depth and finite slopes"
+                f"is {self.depth_m:g}, slopes {self.slope_north:g} and {self.slope_east:g}",
+                place="seabed",
+                key="depth_m",
+                expected="a positive depth and finite slopes",
             )
 
     def intersect(self, origin_t_m: FloatArray, direction_t: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -67,16 +69,21 @@ class GridSeabed:
         )
         for name, axis in (("north_m", north), ("east_m", east)):
             if axis.ndim != 1 or len(axis) < 2 or not (np.diff(axis) > 0.0).all():
-                raise ScenarioError(f"seabed grid: {name} must hold at least two rising values")
+                raise ScenarioError(f"{name} must hold at least two rising values", place="seabed grid")
             if not np.allclose(np.diff(axis), axis[1] - axis[0], rtol=1e-6):
-                raise ScenarioError(f"seabed grid: {name} must be evenly spaced")
+                raise ScenarioError(f"{name} must be evenly spaced", place="seabed grid")
         if depth.shape != (len(north), len(east)):
             raise ScenarioError(
-                f"seabed grid: depth_m has shape {depth.shape}, expected ({len(north)}, {len(east)})"
+                f"has shape {depth.shape}",
+                place="seabed grid",
+                key="depth_m",
+                expected=f"({len(north)}, {len(east)})",
             )
         if not np.isfinite(depth).all():
             row, column = np.argwhere(~np.isfinite(depth))[0]
-            raise ScenarioError(f"seabed grid: depth_m at row {row + 1}, column {column + 1} is not finite")
+            raise ScenarioError(
+                f"depth_m at row {row + 1}, column {column + 1} is not finite", place="seabed grid"
+            )
 
     def depth_at(self, north_m: FloatArray, east_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Depth (m) and its slopes to the north and east at positions (...,); NaN beyond the edges."""
@@ -141,7 +148,9 @@ def rolling_seabed(
         ScenarioError: for a length that is not positive, or a relief of the depth or more.
     """
     if min(depth_m, wavelength_m, half_width_m, spacing_m) <= 0.0 or not 0.0 <= relief_m < depth_m:
-        raise ScenarioError("rolling seabed: lengths must be positive and the relief less than the depth")
+        raise ScenarioError(
+            "lengths must be positive and the relief less than the depth", place="rolling seabed"
+        )
     count = 2 * int(np.ceil(half_width_m / spacing_m)) + 1
     axis: FloatArray = spacing_m * (np.arange(count, dtype=np.float64) - count // 2)
     phase = 2.0 * np.pi * axis / wavelength_m
@@ -165,9 +174,11 @@ def load_grid(path: Path) -> GridSeabed:
             content = parse_toml(read_text(path), place=str(path))
             tables = {name: np.asarray(content[name], dtype=np.float64) for name in names}
     except KeyError as error:
-        raise ScenarioError(f"seabed grid {path}: {error} is missing; expected {', '.join(names)}") from error
+        raise ScenarioError(
+            f"{error} is missing", place=f"seabed grid {path}", expected=f"{', '.join(names)}"
+        ) from error
     except (OSError, ValueError, TypeError, EOFError, RecursionError, zipfile.BadZipFile) as error:
-        raise ScenarioError(f"seabed grid {path}: cannot be read: {error}") from error
+        raise ScenarioError(f"cannot be read: {error}", place=f"seabed grid {path}") from error
     return GridSeabed(**tables)
 
 

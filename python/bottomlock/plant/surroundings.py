@@ -26,7 +26,7 @@ class GpsReception:
 
     def __init__(self, antenna_depth_m: float = 0.3, acquire_s: float = 5.0) -> None:
         if not acquire_s >= 0.0:
-            raise ScenarioError(f"gps: acquire_s is {acquire_s:g}, expected >= 0 s")
+            raise ScenarioError(f"is {acquire_s:g}", place="gps", key="acquire_s", expected=">= 0 s")
         self._antenna_depth_m, self._acquire_ns = antenna_depth_m, round(acquire_s * 1e9)
         self._last_under_ns: IntArray | None = None
 
@@ -74,8 +74,11 @@ def world_magnetic_model(
         geomag = import_module("pygeomag")
     except ImportError as error:
         raise ScenarioError(
-            f"magnetometer: the World Magnetic Model needs the package pygeomag: {install('magnetic')}, "
-            "or give the declination itself"
+            (
+                f"the World Magnetic Model needs the package pygeomag: {install('magnetic')}, or "
+                "give the declination itself"
+            ),
+            place="magnetometer",
         ) from error
     try:
         found = geomag.GeoMag(base_year=decimal_year).calculate(
@@ -86,7 +89,7 @@ def world_magnetic_model(
         )
     except ValueError as error:
         raise ScenarioError(
-            f"magnetometer: the World Magnetic Model is not valid in {decimal_year:g}: {error}"
+            f"the World Magnetic Model is not valid in {decimal_year:g}: {error}", place="magnetometer"
         ) from error
     return MagneticField(math.radians(found.d), math.radians(found.i), float(found.f))
 
@@ -135,7 +138,7 @@ class Pressure:
 
     def __post_init__(self) -> None:
         if min(self.density_kgpm3, self.assumed_density_kgpm3) <= 0.0:
-            raise ScenarioError("pressure: densities must be positive")
+            raise ScenarioError("densities must be positive", place="pressure")
 
     def pressure_pa(self, depth_m: FloatArray, gravity_mps2: float) -> FloatArray:
         """Pressure over the assumed standard atmosphere at depths below mean sea level, Pa."""

@@ -163,26 +163,33 @@ def check_mission(vehicle: AnyVehicle, mission: Mission) -> None:
     finned = isinstance(vehicle, Vehicle)
     if finned and mission.heading_rad is not None:
         raise ScenarioError(
-            f"mission {mission.name}: heading_deg is given, but vehicle {vehicle.name} has fins and points along its "
-            "path; expected a vehicle with thrusters"
+            f"is given, but vehicle {vehicle.name} has fins and points along its path",
+            place=f"mission {mission.name}",
+            key="heading_deg",
+            expected="a vehicle with thrusters",
         )
     if not finned and mission.stuck is not None:
         raise ScenarioError(
-            f"mission {mission.name}: stuck_fin is given, but vehicle {vehicle.name} has no fins"
+            f"is given, but vehicle {vehicle.name} has no fins",
+            place=f"mission {mission.name}",
+            key="stuck_fin",
         )
     limits = vehicle.limits
     if not limits.min_speed <= mission.speed_mps <= limits.max_speed:
         raise ScenarioError(
-            f"mission {mission.name}: speed {mission.speed_mps:g} m/s is outside the vehicle's "
-            f"{limits.min_speed:g} to {limits.max_speed:g} m/s"
+            (
+                f"speed {mission.speed_mps:g} m/s is outside the vehicle's {limits.min_speed:g} to "
+                f"{limits.max_speed:g} m/s"
+            ),
+            place=f"mission {mission.name}",
         )
     depth, _ = mission.depth.at(np.linspace(0.0, mission.duration_s, 1001))
     for value in (float(depth.min()), float(depth.max())):
         if not 0.0 <= value <= limits.max_depth:
             raise ScenarioError(
-                f"mission {mission.name}: depth {value:.1f} m is outside 0 to {limits.max_depth:g} m"
+                f"depth {value:.1f} m is outside 0 to {limits.max_depth:g} m", place=f"mission {mission.name}"
             )
     if mission.duration_s <= 0.0:
         raise ScenarioError(
-            f"mission {mission.name}: duration must be positive, got {mission.duration_s:g} s"
+            f"duration must be positive, got {mission.duration_s:g} s", place=f"mission {mission.name}"
         )

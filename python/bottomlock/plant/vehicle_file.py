@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
-from bottomlock.config.validation import explain
+from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.vehicle import Vehicle
@@ -45,7 +45,7 @@ def parse_vehicle(tables: dict[str, Any], label: str) -> AnyVehicle:
     try:
         return kind.model_validate(tables)
     except ValidationError as error:
-        raise ScenarioError(explain(error, f"vehicle {label}", kind)) from error
+        raise refusal(error, f"vehicle {label}", kind) from error
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str]:

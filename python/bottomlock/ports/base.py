@@ -41,8 +41,10 @@ class PortBase:
         """As `Port.encode`."""
         if self._last_ns is not None and estimate.time_ns <= self._last_ns:
             raise DataError(
-                f"port {self.name}: time_ns is {estimate.time_ns}, expected later than the estimate before, "
-                f"{self._last_ns}"
+                f"is {estimate.time_ns}",
+                place=f"port {self.name}",
+                key="time_ns",
+                expected=f"later than the estimate before, {self._last_ns}",
             )
         self._last_ns = estimate.time_ns
         refusal = self._refusal(estimate)
@@ -95,7 +97,7 @@ class PortBase:
         """
         number = self._finite(key, value)
         if number <= 0.0:
-            raise ScenarioError(f"port {self.name}: {key} is {value}, expected > 0")
+            raise ScenarioError(f"{key} is {value}", place=f"port {self.name}", expected="> 0")
         return number
 
     def _finite(self, key: str, value: object) -> float:
@@ -105,7 +107,7 @@ class PortBase:
             ScenarioError: naming port, key and value.
         """
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected a finite number")
+            raise ScenarioError(f"{key} is {value!r}", place=f"port {self.name}", expected="a finite number")
         return float(value)
 
     def _word(self, key: str, value: object) -> str:
@@ -115,7 +117,9 @@ class PortBase:
             ScenarioError: naming port, key and value.
         """
         if not isinstance(value, str) or not value or "\x00" in value:
-            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected the name of a frame")
+            raise ScenarioError(
+                f"{key} is {value!r}", place=f"port {self.name}", expected="the name of a frame"
+            )
         return value
 
     def _whole(self, key: str, value: object, least: int, most: int) -> int:
@@ -126,7 +130,9 @@ class PortBase:
         """
         if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
             raise ScenarioError(
-                f"port {self.name}: {key} is {value!r}, expected an integer from {least} to {most}"
+                f"{key} is {value!r}",
+                place=f"port {self.name}",
+                expected=f"an integer from {least} to {most}",
             )
         return value
 
@@ -139,7 +145,7 @@ class PortBase:
         if value not in known:
             hint = did_you_mean(str(value), known) or ","
             raise ScenarioError(
-                f"port {self.name}: {key} is {value!r}{hint} expected one of {', '.join(known)}"
+                f"{key} is {value!r}{hint} expected one of {', '.join(known)}", place=f"port {self.name}"
             )
         return value
 

@@ -50,15 +50,20 @@ class DistanceSensor(MavlinkPort):
         self._directions = np.asarray(geometry.directions_p)
         if bool((self._directions[:, 2] < math.cos(math.radians(60.0))).any()):
             raise ScenarioError(
-                f"port {self.name}: a beam points more than 60 degrees away from down: its range is no distance to the "
-                "bottom below the vehicle"
+                (
+                    "a beam points more than 60 degrees away from down: its range is no distance "
+                    "to the bottom below the vehicle"
+                ),
+                place=f"port {self.name}",
             )
         self._least_m = self._positive("min_distance_m", min_distance_m)
         self._most_m = self._positive("max_distance_m", max_distance_m)
         if not self._least_m < self._most_m <= 655.0:
             raise ScenarioError(
-                f"port {self.name}: max_distance_m is {max_distance_m}, expected more than min_distance_m, "
-                f"{min_distance_m}, and at most 655"
+                f"is {max_distance_m}",
+                place=f"port {self.name}",
+                key="max_distance_m",
+                expected=f"more than min_distance_m, {min_distance_m}, and at most 655",
             )
         self._sent: Beams | None = None
 

@@ -64,7 +64,7 @@ class Beams:
             values = _array(name, getattr(self, name), velocity.shape)
             if bool((values <= 0.0).any()):
                 raise DataError(
-                    f"beams: {name} is {values.tolist()}, expected positive numbers, NaN for none"
+                    f"{name} is {values.tolist()}", place="beams", expected="positive numbers, NaN for none"
                 )
             object.__setattr__(self, name, values)
 
@@ -124,7 +124,9 @@ class Estimate:
         for name, known in _WORDS.items():
             if getattr(self, name) not in known:
                 raise DataError(
-                    f"estimate: {name} is '{getattr(self, name)}', expected one of {', '.join(known)}"
+                    f"{name} is '{getattr(self, name)}'",
+                    place="estimate",
+                    expected=f"one of {', '.join(known)}",
                 )
         for name, least, most in (
             ("time_ns", 0, 2**63 - 1),
@@ -133,7 +135,9 @@ class Estimate:
         ):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-                raise DataError(f"estimate: {name} is {value!r}, expected an integer from {least} to {most}")
+                raise DataError(
+                    f"{name} is {value!r}", place="estimate", expected=f"an integer from {least} to {most}"
+                )
         self._check_numbers()
 
     def _check_numbers(self) -> None:
@@ -143,7 +147,8 @@ class Estimate:
         finite = np.isfinite(self.covariance_m2ps2)
         if not (finite.all() if whole else np.array_equal(finite, np.outer(there, there))):
             raise DataError(
-                "estimate: covariance_m2ps2 must be finite exactly for the components of velocity_p_mps that are"
+                ("covariance_m2ps2 must be finite exactly for the components of velocity_p_mps that are"),
+                place="estimate",
             )
         known = self.covariance_m2ps2 if whole else self.covariance_m2ps2[np.ix_(there, there)]
         _check_covariance("covariance_m2ps2", known)
@@ -151,10 +156,12 @@ class Estimate:
         for name in ("observed_velocity_p_mps", "position_t_m", "omega_p_radps", "attitude_t_p"):
             value = getattr(self, name)
             if value is not None and not all(map(math.isfinite, value.tolist())):
-                raise DataError(f"estimate: {name} is {value.tolist()}, expected finite numbers")
+                raise DataError(f"{name} is {value.tolist()}", place="estimate", expected="finite numbers")
         attitude = self.attitude_t_p
         if attitude is not None and abs(math.hypot(*attitude.tolist()) - 1.0) > 1e-6:
-            raise DataError(f"estimate: attitude_t_p is {attitude.tolist()}, expected a unit quaternion")
+            raise DataError(
+                f"is {attitude.tolist()}", place="estimate", key="attitude_t_p", expected="a unit quaternion"
+            )
         if self.mode == "navigation":
             absent = [
                 name
@@ -162,11 +169,13 @@ class Estimate:
                 if getattr(self, name) is None
             ]
             if absent:
-                raise DataError(f"estimate: {absent[0]} is missing in mode navigation")
+                raise DataError(f"{absent[0]} is missing in mode navigation", place="estimate")
             if not whole:
                 raise DataError(
-                    f"estimate: velocity_p_mps is {self.velocity_p_mps.tolist()}, "
-                    "expected three finite components in mode navigation"
+                    f"is {self.velocity_p_mps.tolist()}",
+                    place="estimate",
+                    key="velocity_p_mps",
+                    expected="three finite components in mode navigation",
                 )
         if self.navigation_covariance is not None:
             _check_covariance("navigation_covariance", self.navigation_covariance)
@@ -214,8 +223,9 @@ class Estimate:
         if not sources <= _MEASURED:
             assumed = ", ".join(sorted(sources - _MEASURED))
             raise DataError(
-                f"estimate: the fix is of method '{assumed}', which adds an assumption or a prior; "
-                "expected measurements alone: solve with method 'info'"
+                f"the fix is of method '{assumed}', which adds an assumption or a prior",
+                place="estimate",
+                expected="measurements alone: solve with method 'info'",
             )
         solved = fixes.component[row] == _SOLVED
         seen = np.where(solved, 1.0, np.nan)
@@ -324,11 +334,11 @@ def _array(name: str, value: ArrayLike, shape: tuple[int, ...] | None) -> Floats
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise DataError(f"estimate: {name} holds something else than numbers") from error
+        raise DataError(f"{name} holds something else than numbers", place="estimate") from error
     if shape is None and array.ndim != 1:
-        raise DataError(f"estimate: {name} has shape {array.shape}, expected one number a beam")
+        raise DataError(f"{name} has shape {array.shape}", place="estimate", expected="one number a beam")
     if shape is not None and array.shape != shape:
-        raise DataError(f"estimate: {name} has shape {array.shape}, expected {shape}")
+        raise DataError(f"{name} has shape {array.shape}", place="estimate", expected=shape)
     array.flags.writeable = False
     return array
 
@@ -342,13 +352,13 @@ def _check_covariance(name: str, matrix: Floats) -> None:
     if matrix.size == 0 or _has_factor(matrix):
         return
     if not np.isfinite(matrix).all() or (np.abs(matrix - matrix.T) > 1e-12 * np.abs(matrix)).any():
-        raise DataError(f"estimate: {name} must be finite and symmetric")
+        raise DataError(f"{name} must be finite and symmetric", place="estimate")
     # In units of each state's own σ: position and misalignment differ by orders of magnitude.
     variance = matrix.diagonal()
     scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
     least = float(np.linalg.eigvalsh(matrix / scale / scale[:, None])[0])
     if bool((variance < 0.0).any()) or least < -_ROUNDING * len(scale):
-        raise DataError(f"estimate: {name} has a negative eigenvalue, expected a covariance")
+        raise DataError(f"{name} has a negative eigenvalue", place="estimate", expected="a covariance")
 
 
 def _has_factor(matrix: Floats) -> bool:

@@ -97,7 +97,9 @@ class MavlinkPort(PortBase):
         super().__init__(max_rate_hz=max_rate_hz)
         self._factor = self._positive("variance_factor", variance_factor)
         if self._factor < 1.0:
-            raise ScenarioError(f"port {self.name}: variance_factor is {variance_factor}, expected >= 1")
+            raise ScenarioError(
+                f"is {variance_factor}", place=f"port {self.name}", key="variance_factor", expected=">= 1"
+            )
         self._dialect = dialect()
         self._link = self._dialect.MAVLink(
             None,

@@ -60,8 +60,10 @@ class MicroStrain(PortBase):
         self._timebase = self._one_of("timebase", timebase, ("external", "arrival"))
         if (self._timebase == "arrival") != (latency_s is not None):
             raise ScenarioError(
-                f"port {self.name}: latency_s is {latency_s!r} with timebase '{timebase}', "
-                "expected seconds with 'arrival' and nothing with 'external'"
+                f"is {latency_s!r} with timebase '{timebase}'",
+                place=f"port {self.name}",
+                key="latency_s",
+                expected="seconds with 'arrival' and nothing with 'external'",
             )
         self._latency_ns = 0 if latency_s is None else ns_from_s(self._positive("latency_s", latency_s))
         self._offset_ns = ns_from_s(self._finite("time_offset_s", time_offset_s))

@@ -61,8 +61,10 @@ class Odometry(MavlinkPort):
         self._ardupilot = self._one_of("receiver", receiver, ("px4", "ardupilot")) == "ardupilot"
         if self._ardupilot != (receiver_noise_mps is not None):
             raise ScenarioError(
-                f"port {self.name}: receiver_noise_mps is {receiver_noise_mps!r} with receiver '{receiver}', expected "
-                "VISO_VEL_M_NSE with 'ardupilot' and nothing with 'px4'"
+                f"is {receiver_noise_mps!r} with receiver '{receiver}'",
+                place=f"port {self.name}",
+                key="receiver_noise_mps",
+                expected="VISO_VEL_M_NSE with 'ardupilot' and nothing with 'px4'",
             )
         self._noise = (
             None if receiver_noise_mps is None else self._positive("receiver_noise_mps", receiver_noise_mps)

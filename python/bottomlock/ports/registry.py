@@ -50,18 +50,18 @@ def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of 
     """
     make = PORTS.get(name)
     if make is None:
-        raise ScenarioError(f"port: unknown name '{name}'{_nearest(name, list(PORTS))}")
+        raise ScenarioError(f"unknown name '{name}'{_nearest(name, list(PORTS))}", place="port")
     parameters = inspect.signature(make).parameters
     for key in settings:
         if key not in parameters:
-            raise ScenarioError(f"port {name}: unknown key '{key}'{_nearest(key, list(parameters))}")
+            raise ScenarioError(f"unknown key '{key}'{_nearest(key, list(parameters))}", place=f"port {name}")
     for key, parameter in parameters.items():
         if parameter.default is parameter.empty and key not in settings:
-            raise ScenarioError(f"port {name}: '{key}' is missing")
+            raise ScenarioError("is missing", place=f"port {name}", key=f"'{key}'")
     geometry = settings.get("geometry")
     if "geometry" in settings and not isinstance(geometry, BeamGeometry):
         raise ScenarioError(
-            f"port {name}: geometry is of type {type(geometry).__name__}, expected a BeamGeometry"
+            f"geometry is of type {type(geometry).__name__}", place=f"port {name}", expected="a BeamGeometry"
         )
     return make(**settings)
 

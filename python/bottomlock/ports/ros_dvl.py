@@ -46,7 +46,7 @@ class RosDvl(PortBase):
         super().__init__(max_rate_hz=max_rate_hz)
         if geometry.beams != _BEAMS:
             raise ScenarioError(
-                f"port {self.name}: the geometry has {geometry.beams} beams, the message {_BEAMS}"
+                f"the geometry has {geometry.beams} beams, the message {_BEAMS}", place=f"port {self.name}"
             )
         self._directions = np.asarray(geometry.directions_p)
         self._frame_id = self._word("frame_id", frame_id)

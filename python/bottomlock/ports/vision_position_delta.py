@@ -63,7 +63,10 @@ class VisionPositionDelta(MavlinkPort):
         self._max = self._positive("max_noise_mps", max_noise_mps)
         if self._max <= self._min:
             raise ScenarioError(
-                f"port {self.name}: max_noise_mps is {max_noise_mps}, expected > min_noise_mps, {min_noise_mps}"
+                f"is {max_noise_mps}",
+                place=f"port {self.name}",
+                key="max_noise_mps",
+                expected=f"> min_noise_mps, {min_noise_mps}",
             )
         self._gap_ns = ns_from_s(self._positive("max_interval_s", max_interval_s))
         self._start: Estimate | None = None

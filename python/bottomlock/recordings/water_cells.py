@@ -156,7 +156,7 @@ def check_cells(table: CellTable, section: WaterCells) -> None:
     for cell in section.cells:
         if cell not in there:
             raise DataError(
-                f"water cell {cell} is in no ping, expected cells of {int(there[0])} to {int(there[-1])}"
+                f"water cell {cell} is in no ping", expected=f"cells of {int(there[0])} to {int(there[-1])}"
             )
 
 
@@ -170,14 +170,16 @@ def cell_size_m(table: CellTable) -> float:
 def _check(table: CellTable, geometry: BeamGeometry) -> None:
     beams = table.velocity_mps.shape[1]
     if beams != geometry.beams:
-        raise DataError(f"water cells have {beams} beams, expected the geometry's {geometry.beams}")
+        raise DataError(f"water cells have {beams} beams", expected=f"the geometry's {geometry.beams}")
     wrong = np.argwhere(
         table.valid & ~(np.isfinite(table.velocity_mps) & np.isfinite(table.range_m)[:, None])
     )
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
         raise DataError(
-            f"water cells: row {row}, beam {beam + 1} is valid and its velocity or range is not finite, expected both"
+            f"beam {beam + 1} is valid and its velocity or range is not finite",
+            place=f"water cells: row {row}",
+            expected="both",
         )
 
 

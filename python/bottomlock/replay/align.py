@@ -129,20 +129,29 @@ def start_time(case: Case, streams: Streams) -> tuple[int, int | None]:
         earliest = int(times[0]) + round(start.at_s * 1e9)
         if windowed and start.at_s < start.window_s:
             raise DataError(
-                f"start.at_s is {start.at_s:g} s, expected {start.window_s:g} s (start.window_s) or more: the "
-                "alignment averages the readings before the start"
+                f"is {start.at_s:g} s",
+                key="start.at_s",
+                expected=(
+                    f"{start.window_s:g} s (start.window_s) or more: the alignment averages the "
+                    "readings before the start"
+                ),
             )
     if earliest >= times[-1]:
         raise DataError(
-            f"{case.motion_file}: ends {(times[-1] - times[0]) * 1e-9:.3f} s after its first reading, before the "
-            f"start at {(earliest - times[0]) * 1e-9:.3f} s"
+            (
+                f"ends {(times[-1] - times[0]) * 1e-9:.3f} s after its first reading, before the "
+                f"start at {(earliest - times[0]) * 1e-9:.3f} s"
+            ),
+            place=case.motion_file,
         )
     if not start.from_reference:
         return int(times[np.searchsorted(times, earliest)]), None
     assert streams.reference is not None  # validated in Case
     row = int(np.searchsorted(streams.reference.time_ns, earliest))
     if row == len(streams.reference.time_ns) or streams.reference.time_ns[row] >= times[-1]:
-        raise DataError("[reference] has no row between the start and the end of the inertial readings")
+        raise DataError(
+            "has no row between the start and the end of the inertial readings", key="[reference]"
+        )
     return int(streams.reference.time_ns[row]), row
 
 
@@ -156,7 +165,8 @@ def _latest(times: Times, inputs: _AlignmentInputs, section: str, age_s: float) 
     row = int(np.searchsorted(times, inputs.start_ns, side="right")) - 1
     if row < 0 or inputs.start_ns - times[row] > age_s * 1e9:
         raise DataError(
-            f"[{section}] has no row in the {age_s:g} s before the start; set a later start with start.at_s"
+            f"[{section}] has no row in the {age_s:g} s before the start",
+            hint="set a later start with start.at_s",
         )
     return row
 
@@ -250,15 +260,19 @@ def _course(inputs: _AlignmentInputs) -> tuple[float, float, str]:
     assert stream is not None
     rows = np.arange(*np.searchsorted(positions.time_ns, [_window_ns(inputs), inputs.start_ns + 1]))
     if len(rows) < 2:
-        raise DataError(f"[gps] has {len(rows)} positions in the window before the start, expected 2 or more")
+        raise DataError(
+            f"has {len(rows)} positions in the window before the start", key="[gps]", expected="2 or more"
+        )
     north, east, _ = positions.position_t_m[rows[-1]] - positions.position_t_m[rows[0]]
     baseline_m = float(np.hypot(north, east))
     baseline_sd_m = float(np.sqrt(2.0) * max(stream.position_sd_m[:2]))
     if baseline_m < 2.0 * baseline_sd_m:
         raise DataError(
-            f'start.heading = "gps_course": the antenna moved {baseline_m:.2f} m over the window, expected more than '
-            f"{2.0 * baseline_sd_m:.2f} m, twice its own uncertainty: the course is not known; lengthen "
-            "start.window_s or use another source"
+            f'start.heading = "gps_course": the antenna moved {baseline_m:.2f} m over the window',
+            expected=(
+                f"more than {2.0 * baseline_sd_m:.2f} m, twice its own uncertainty: the course is not known"
+            ),
+            hint="lengthen start.window_s or use another source",
         )
     source = f"GPS course over {baseline_m:.1f} m, heading taken equal to it"
     sd = float(np.hypot(baseline_sd_m / baseline_m, SIDESLIP_SD_RAD))
@@ -274,8 +288,11 @@ def _gyrocompass(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[f
     rate = mean_over(window.omega_p_radps, "imu", inputs.case.start.window_s)
     if float(np.linalg.norm(rate.value)) > MAX_RATE_AT_REST_RADPS:
         raise DataError(
-            f'start.heading = "gyrocompass": the mean rate is {np.rad2deg(np.linalg.norm(rate.value)):.3g} deg/s over '
-            f"the window, expected less than {np.rad2deg(MAX_RATE_AT_REST_RADPS):.2g}: the vehicle must be at rest"
+            (
+                'start.heading = "gyrocompass": the mean rate is '
+                f"{np.rad2deg(np.linalg.norm(rate.value)):.3g} deg/s over the window"
+            ),
+            expected=f"less than {np.rad2deg(MAX_RATE_AT_REST_RADPS):.2g}: the vehicle must be at rest",
         )
     north, east, _ = _level_frame(roll, pitch, rate.value)
     horizontal = EARTH_RATE_RADPS * float(np.cos(inputs.streams.latitude_rad))
@@ -283,9 +300,14 @@ def _gyrocompass(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[f
     error = float(np.hypot(inputs.imu.gyro_bias_sd_radps, rate.sd.max()))
     if error > 0.5 * horizontal:
         raise DataError(
-            f'start.heading = "gyrocompass": the mean rate has an error of {error:.2g} rad/s (bias and scatter), '
-            f"expected at most half the Earth's horizontal rate here, {horizontal:.2g} rad/s: the gyros are not "
-            "accurate enough, or start.window_s is too short"
+            (
+                f'start.heading = "gyrocompass": the mean rate has an error of {error:.2g} rad/s '
+                "(bias and scatter)"
+            ),
+            expected=(
+                f"at most half the Earth's horizontal rate here, {horizontal:.2g} rad/s: the gyros "
+                "are not accurate enough, or start.window_s is too short"
+            ),
         )
     return heading, error / horizontal, f"gyrocompass over {inputs.case.start.window_s:g} s"
 
@@ -333,8 +355,12 @@ def _velocity(inputs: _AlignmentInputs) -> tuple[Floats, Floats, str]:
     )
     if not np.isfinite(fix.velocity_p_mps).all():
         raise DataError(
-            f'start.velocity = "beams": the ping {(inputs.start_ns - beams.time_ns[row]) * 1e-9:.3f} s before the '
-            "start has too few valid beams for a velocity; move start.at_s or give start.velocity_mps"
+            (
+                'start.velocity = "beams": the ping '
+                f"{(inputs.start_ns - beams.time_ns[row]) * 1e-9:.3f} s before the start has too "
+                "few valid beams for a velocity"
+            ),
+            hint="move start.at_s or give start.velocity_mps",
         )
     age = (inputs.start_ns - int(beams.time_ns[row])) * 1e-9
     # The stated velocity_sd_mps covers the change of speed since the ping.

@@ -25,14 +25,19 @@ def inertial_of(
         DataError: for a single attitude, and for a gap that is not declared.
     """
     if len(attitudes.time_ns) < 2:
-        raise DataError('[attitude] has a single row, expected two or more with imu.source = "attitude"')
+        raise DataError(
+            "has a single row", key="[attitude]", expected='two or more with imu.source = "attitude"'
+        )
     longest_s = max((fault.longest_s or 0.0) for fault in (report.gaps, report.jumps))
     refused = longest_s > imu.bridge_gaps_s and imu.limits.gap == "refuse"
     if refused:
         raise DataError(
-            f"[attitude]: the longest gap is {longest_s:.4g} s (steps over {report.gap_s:.4g} s: {report.gaps.text}), "
-            f"expected none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s: set it to bridge the gap by a "
-            "turn at a constant rate"
+            (f"the longest gap is {longest_s:.4g} s (steps over {report.gap_s:.4g} s: {report.gaps.text})"),
+            place="[attitude]",
+            expected=(
+                f"none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s: set it to bridge "
+                "the gap by a turn at a constant rate"
+            ),
         )
     whole_s = max(imu.bridge_gaps_s, report.gap_s)
     time_ns, attitude = divided(attitudes.time_ns, attitudes.attitude, longest_interval_s=whole_s)

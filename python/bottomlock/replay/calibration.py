@@ -88,8 +88,11 @@ def writing_method(case: Case, instrument: Instrument) -> str:
     method = next((name for name in WRITES if name in case.replay.methods), None)
     if method is None or case.calibration.prior(instrument.calibration) == Calibration():
         raise ScenarioError(
-            f"case {case.name}: no calibration to write: expected a section [calibration] with mounting_sd_deg or "
-            f"clock_sd_s, and one of the methods {', '.join(WRITES)}"
+            (
+                "no calibration to write: expected a section [calibration] with mounting_sd_deg or "
+                f"clock_sd_s, and one of the methods {', '.join(WRITES)}"
+            ),
+            place=f"case {case.name}",
         )
     return method
 

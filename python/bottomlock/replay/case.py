@@ -23,7 +23,7 @@ from bottomlock.config.scenario_sections import (
     known_methods,
 )
 from bottomlock.config.toml_file import parse_toml, read_text
-from bottomlock.config.validation import explain
+from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.io.water_table import water_file
 from bottomlock.kernel import METHODS
@@ -235,7 +235,7 @@ class Case(Section):
         try:
             return self.model_copy(update={"replay": Settings.model_validate(content)})
         except ValidationError as error:
-            raise ScenarioError(explain(error, f"case {self.name}: replay", Settings)) from error
+            raise refusal(error, f"case {self.name}: replay", Settings) from error
 
     @property
     def readings(self) -> ImuStream:
@@ -288,15 +288,15 @@ def load_case(path: str | Path) -> Case:
             out of range; one line per fault.
     """
     if not isinstance(path, str | os.PathLike):
-        raise ScenarioError(f"the case is of type {type(path).__name__}, expected the path of a TOML file")
+        raise ScenarioError(f"the case is of type {type(path).__name__}", expected="the path of a TOML file")
     path = Path(path)
     if path.is_dir():
         cases = ", ".join(sorted(one.name for one in path.glob("*.toml")))
         raise ScenarioError(
-            f"{path}: is a folder, expected a case file{f' (there: {cases})' if cases else ''}"
+            "is a folder", place=path, expected=f"a case file{(f' (there: {cases})' if cases else '')}"
         )
     if not path.is_file():
-        raise ScenarioError(f"{path}: no such case file")
+        raise ScenarioError("no such case file", place=path)
     return parse_case(read_text(path), place=str(path), folder=path.parent)
 
 
@@ -313,7 +313,7 @@ def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
     try:
         return Case.model_validate(content)
     except ValidationError as error:
-        raise ScenarioError(explain(error, place, Case)) from error
+        raise refusal(error, place, Case) from error
 
 
 def _from_folder(table: dict[str, Any], folder: Path) -> None:

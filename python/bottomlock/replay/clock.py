@@ -127,9 +127,15 @@ def _even_rate_times(
     worst = int(np.argmax(deviation))
     if deviation[worst] > round(clock.steady_within_s * 1e9):
         raise DataError(
-            f"{place}: row {worst} is stamped {(delay[worst] - offset) * 1e-9:+.4f} s off an even rate of "
-            f"{clock.rate_hz:g} Hz, expected within clock.steady_within_s = {clock.steady_within_s:g} s: rows are "
-            "missing, or clock.rate_hz is wrong"
+            (
+                f"row {worst} is stamped {(delay[worst] - offset) * 1e-9:+.4f} s off an even rate "
+                f"of {clock.rate_hz:g} Hz"
+            ),
+            place=place,
+            expected=(
+                f"within clock.steady_within_s = {clock.steady_within_s:g} s: rows are missing, or "
+                "clock.rate_hz is wrong"
+            ),
         )
     return even + offset, float(deviation[worst]) * 1e-9
 
@@ -147,8 +153,10 @@ def _rising(times: NDArray[np.int64], clock: Clock, place: str) -> tuple[NDArray
             "repeats the time before it" if row in same else f"goes back from {before[row - 1] * 1e-9:.6f} s"
         )
         raise DataError(
-            f"{place}: row {row}, {times[row] * 1e-9:.6f} s, {what} ({same.size} rows repeat a time, {back.size} go "
-            'back), expected rising times; clock.unordered = "drop" leaves such rows out'
+            (f"{times[row] * 1e-9:.6f} s, {what} ({same.size} rows repeat a time, {back.size} go back)"),
+            place=f"{place}: row {row}",
+            expected="rising times",
+            hint='clock.unordered = "drop" leaves such rows out',
         )
     return np.flatnonzero(rises), _fault(same, times), _fault(back, times)
 

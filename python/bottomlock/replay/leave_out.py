@@ -125,11 +125,11 @@ def leave_out(
     """
     if geometry.beams <= geometry.rank or geometry.rank < 3:
         raise DataError(
-            f"the geometry has {geometry.beams} beams, rank {geometry.rank}, expected four or more, rank 3: "
-            "without redundancy no beam can be left out"
+            f"the geometry has {geometry.beams} beams, rank {geometry.rank}",
+            expected="four or more, rank 3: without redundancy no beam can be left out",
         )
     if not 1 <= beams < geometry.beams:
-        raise DataError(f"{beams} beams to leave out, expected 1 to {geometry.beams - 1}")
+        raise DataError(f"{beams} beams to leave out", expected=f"1 to {geometry.beams - 1}")
     noise, shown_before, sd_before = claimed_noise(len(valid)), valid, sd_mps
     if robust:
         noise = measure_noise(geometry, velocity_mps, valid, sd_mps, instrument_valid)
@@ -138,7 +138,9 @@ def leave_out(
     priors = random_walk(geometry, time_ns, velocity_mps, shown_before, sd_before, walk or VelocityWalk())
     scored = reference_pings(geometry, velocity_mps, valid, closure_gate)
     if not scored.any():
-        raise DataError("no ping has all beams valid, expected some: there is no reference to score against")
+        raise DataError(
+            "no ping has all beams valid", expected="some: there is no reference to score against"
+        )
     pings = _Scored(
         geometry,
         np.ascontiguousarray(velocity_mps[scored]),

@@ -164,18 +164,20 @@ def open_log(*files: str | Path, without: Sequence[str] = ()) -> Log:
     """
     paths = [_path(file) for file in files]
     if isinstance(without, str):
-        raise DataError(f"without is '{without}', expected a list of topics and messages: [{without!r}]")
+        raise DataError(f"without is '{without}'", expected=f"a list of topics and messages: [{without!r}]")
     if not paths:
         raise DataError(
-            "open_log is given no file, expected the log of a DVL and those of other sensors, or a case"
+            "is given no file",
+            key="open_log",
+            expected="the log of a DVL and those of other sensors, or a case",
         )
     if any(path.suffix == CASE for path in paths):
         if len(paths) > 1:
             raise DataError(
-                f"{next(p for p in paths if p.suffix == CASE)}: a case stands alone, it names its files"
+                "a case stands alone, it names its files", place=next(p for p in paths if p.suffix == CASE)
             )
         if without:
-            raise DataError(f"{paths[0]}: without is given with a case, expected with logs alone")
+            raise DataError("without is given with a case", place=paths[0], expected="with logs alone")
         case = load_case(paths[0])
         return Log(case, (), read_streams(case), tuple(case.files().values()))
     with TemporaryDirectory() as folder:
@@ -189,7 +191,7 @@ def open_log(*files: str | Path, without: Sequence[str] = ()) -> Log:
 def _path(file: object) -> Path:
     if not isinstance(file, str | os.PathLike):
         hint = ": open_log(*files)" if isinstance(file, list | tuple) else ""
-        raise DataError(f"open_log is given a {type(file).__name__}, expected paths{hint}")
+        raise DataError(f"is given a {type(file).__name__}", key="open_log", expected=f"paths{hint}")
     return Path(file)
 
 

@@ -40,12 +40,20 @@ def column_stamps(table: pl.DataFrame, clock: Clock, *, place: str) -> NDArray[n
     stamps = column_numbers(table, clock.column, place)
     absent = np.flatnonzero(~np.isfinite(stamps))
     if absent.size:
-        raise DataError(f"{place}: row {absent[0]}, column '{clock.column}' has no time, expected a number")
+        raise DataError(
+            "has no time",
+            place=f"{place}: row {absent[0]}",
+            key=f"column '{clock.column}'",
+            expected="a number",
+        )
     beyond = np.flatnonzero(np.abs(stamps) >= LATEST_NS / NS_OF[clock.unit])
     if beyond.size:
         raise DataError(
-            f"{place}: row {beyond[0]}, column '{clock.column}' is {stamps[beyond[0]]:g} {clock.unit}, expected a time "
-            "that 64 bits of nanoseconds can hold; check the unit of the clock"
+            f"is {stamps[beyond[0]]:g} {clock.unit}",
+            place=f"{place}: row {beyond[0]}",
+            key=f"column '{clock.column}'",
+            expected="a time that 64 bits of nanoseconds can hold",
+            hint="check the unit of the clock",
         )
     # Unix seconds in a float64 resolve 0.2 µs; whole seconds are split off so that the conversion loses no more.
     whole, part = np.divmod(stamps * NS_OF[clock.unit], 1e9)
@@ -87,10 +95,12 @@ def read_stream(
     if incomplete.size and not optional:
         row = int(incomplete[0])
         name = names[int(np.flatnonzero(~np.isfinite(values[row]))[0])]
-        raise DataError(f"{place}: row {row}, column '{name}' is empty, expected a number in every row")
+        raise DataError(
+            "is empty", place=f"{place}: row {row}", key=f"column '{name}'", expected="a number in every row"
+        )
     keep = np.flatnonzero(whole[timed.rows])[:: stream.every]
     if not keep.size:
-        raise DataError(f"{place}: no row holds a number in each of {', '.join(names)}")
+        raise DataError(f"no row holds a number in each of {', '.join(names)}", place=place)
     rows = timed.rows[keep]
     kept = TimedRows(rows, timed.time_ns[keep], _report(timed, incomplete, keep))
     return np.ascontiguousarray(values[rows]), kept, table

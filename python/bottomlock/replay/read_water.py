@@ -36,7 +36,7 @@ def read_water(
     assert section is not None
     table = read_water_table(file)
     if not table.rows:
-        raise DataError(f"{file}: has no row, expected cells of water; leave [water_track] out")
+        raise DataError("has no row", place=file, expected="cells of water", hint="leave [water_track] out")
     bottom = _bottom_ranges(dvl, instrument) if dvl.source == "beams" else None
     try:
         check_cells(table, section)
@@ -44,7 +44,7 @@ def read_water(
             table, instrument.geometry, section, beam_sd_mps=instrument.beam_sd_mps, bottom=bottom
         )
     except DataError as error:
-        raise DataError(f"{file}: {error}") from error
+        raise DataError(error, place=file) from error
     clock = Clock(column="time_ns", unit="ns", offset_s=dvl.clock.offset_s)
     timed = row_times(beams.time_ns, len(beams.time_ns), clock, place=str(file))
     clocks["water_track"] = timed.report

@@ -99,8 +99,9 @@ def read_streams(case: Case) -> Streams:
     latitude = origin.latitude_rad if origin is not None else np.deg2rad(latitude_deg or 0.0)
     if origin is None and latitude_deg is None:
         raise DataError(
-            "origin.latitude_deg is missing, expected it in a case without geodetic positions: gravity and the Earth's "
-            "rate depend on it"
+            "is missing",
+            key="origin.latitude_deg",
+            expected="it in a case without geodetic positions: gravity and the Earth's rate depend on it",
         )
     attitudes = None if case.attitude is None else _attitudes(case.attitude, clocks)
     if isinstance(case.imu, ImuFromAttitude):
@@ -150,7 +151,10 @@ def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) 
         if wrong.size:
             row = int(timed.rows[wrong[0]])
             raise DataError(
-                f"{imu.file}: row {row}, column '{imu.interval}' is {interval_s[wrong[0]]:g} s, expected more than 0"
+                f"is {interval_s[wrong[0]]:g} s",
+                place=f"{imu.file}: row {row}",
+                key=f"column '{imu.interval}'",
+                expected="more than 0",
             )
         force = force / interval_s[:, None] if imu.increments[0] else force
         omega = omega / interval_s[:, None] if imu.increments[1] else omega
@@ -174,9 +178,16 @@ def _reject_long_gaps(imu: ImuStream, report: ClockReport) -> None:
     if longest > imu.bridge_gaps_s and imu.limits.gap == "refuse":
         fault = report.jumps if report.jumps.count else report.gaps
         raise DataError(
-            f"{imu.file}: the longest gap of the IMU is {longest:.4g} s (steps over {report.gap_s:.4g} s: "
-            f"{fault.text}), expected none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s; set it to bridge "
-            'the gap by linear interpolation, or imu.limits.gap = "inflate" to add the uncertainty of longer ones'
+            (
+                f"the longest gap of the IMU is {longest:.4g} s (steps over {report.gap_s:.4g} s: "
+                f"{fault.text})"
+            ),
+            place=imu.file,
+            expected=f"none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s",
+            hint=(
+                'set it to bridge the gap by linear interpolation, or imu.limits.gap = "inflate" '
+                "to add the uncertainty of longer ones"
+            ),
         )
 
 
@@ -233,8 +244,10 @@ def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
         raise DataError(
-            f"{file}: row {rows[row]}, column 'beam{beam + 1}_sd_mps' is {sd[row, beam]}, expected more than 0: "
-            'dvl.beam_noise_from = "recording" needs it of every valid beam'
+            f"is {sd[row, beam]}",
+            place=f"{file}: row {rows[row]}",
+            key=f"column 'beam{beam + 1}_sd_mps'",
+            expected='more than 0: dvl.beam_noise_from = "recording" needs it of every valid beam',
         )
     return np.asarray(np.where(sd > 0.0, sd, 1.0))
 
@@ -257,14 +270,21 @@ def _revolutions(thrust: ThrustStream, clocks: dict[str, ClockReport]) -> Revolu
     revolutions_hz = values[:, 0] * REVOLUTIONS_SI[thrust.unit]
     if not revolutions_hz.any():
         raise DataError(
-            f"{thrust.file}: column '{thrust.column}' is 0 in every row, expected revolutions; leave [thrust] out"
+            "is 0 in every row",
+            place=thrust.file,
+            key=f"column '{thrust.column}'",
+            expected="revolutions",
+            hint="leave [thrust] out",
         )
     speed_mps = thrust.advance_m * float(np.median(np.abs(revolutions_hz[revolutions_hz != 0.0])))
     if speed_mps > FASTEST_MPS:
         raise DataError(
-            f"{thrust.file}: column '{thrust.column}' in {thrust.unit} and thrust.advance_m = {thrust.advance_m:g} m "
-            f"are {speed_mps:.3g} m/s in the median, expected at most {FASTEST_MPS:g} m/s: check thrust.unit and "
-            "thrust.advance_m"
+            (
+                f"column '{thrust.column}' in {thrust.unit} and thrust.advance_m = "
+                f"{thrust.advance_m:g} m are {speed_mps:.3g} m/s in the median"
+            ),
+            place=thrust.file,
+            expected=f"at most {FASTEST_MPS:g} m/s: check thrust.unit and thrust.advance_m",
         )
     return Revolutions(timed.time_ns, revolutions_hz)
 
@@ -274,7 +294,10 @@ def _forces(effort: EffortStream, clocks: dict[str, ClockReport]) -> Forces:
     clocks["effort"] = timed.report
     if not values.any():
         raise DataError(
-            f"{effort.file}: columns {', '.join(effort.force)} are 0 in every row, expected forces; leave [effort] out"
+            f"columns {', '.join(effort.force)} are 0 in every row",
+            place=effort.file,
+            expected="forces",
+            hint="leave [effort] out",
         )
     linear, quadratic = np.array(effort.linear_drag_kg_per_s), np.array(effort.quadratic_drag_kg_per_m)
     force_n = np.median(np.abs(values), axis=0)
@@ -282,8 +305,12 @@ def _forces(effort: EffortStream, clocks: dict[str, ClockReport]) -> Forces:
         drag = linear[axis] * FASTEST_MPS + quadratic[axis] * FASTEST_MPS**2
         if 0.0 < drag < force_n[axis]:
             raise DataError(
-                f"{effort.file}: column '{name}' is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s "
-                f"the drag is {drag:.3g} N: check the unit of the forces, and linear and quadratic drag"
+                (
+                    f"is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s the drag "
+                    f"is {drag:.3g} N: check the unit of the forces, and linear and quadratic drag"
+                ),
+                place=effort.file,
+                key=f"column '{name}'",
             )
     return Forces(timed.time_ns, values)
 
@@ -357,7 +384,9 @@ def _tangent(stream: PositionStream, table: dict[str, Floats], origin: Place | N
     if stream.geodetic:
         if origin is None:
             raise DataError(
-                f"{stream.file}: has latitudes, but origin.longitude_deg is missing; give it in [origin]"
+                "has latitudes, but origin.longitude_deg is missing",
+                place=stream.file,
+                hint="give it in [origin]",
             )
         unit = ANGLE_SI[stream.angle_unit]
         if "down" in table:

@@ -90,13 +90,20 @@ def read_replay(folder: str | Path) -> ReplayTables:
     folder = Path(folder)
     if folder.is_file():
         raise DataError(
-            f"{folder}: is a file, expected the directory of a replay; `bottomlock replay` makes one"
+            "is a file",
+            place=folder,
+            expected="the directory of a replay",
+            hint="`bottomlock replay` makes one",
         )
     manifest = read_record(folder / "manifest.json")
     if manifest is None or manifest.get("kind") != "replay":
-        raise DataError(f"{folder}: holds no replay (no manifest.json of one); `bottomlock replay` makes one")
+        raise DataError(
+            "holds no replay (no manifest.json of one)", place=folder, hint="`bottomlock replay` makes one"
+        )
     if manifest.get("status") != "complete":
-        raise DataError(f"{folder}: its replay was interrupted; the same `bottomlock replay` writes it again")
+        raise DataError(
+            "its replay was interrupted", place=folder, hint="the same `bottomlock replay` writes it again"
+        )
 
     def table(name: str) -> pl.DataFrame:
         return read_recorded_table(

@@ -140,8 +140,11 @@ def _with_good_readings(case: Case, streams: Streams, imu: ImuModel) -> Streams:
     good = np.delete(np.arange(len(inertial.time_ns)), rejected["row"])
     if not good.size:
         raise DataError(
-            f"{case.motion_file}: every inertial reading is rejected, the first since {rejected['reason'][0]}: check "
-            f"{_units_of(case)} and imu.limits"
+            (
+                f"every inertial reading is rejected, the first since {rejected['reason'][0]}: "
+                f"check {_units_of(case)} and imu.limits"
+            ),
+            place=case.motion_file,
         )
     return replace(
         streams,
@@ -161,7 +164,9 @@ def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, T
         wanted_ns = streams.reference.time_ns
         rows = np.flatnonzero((wanted_ns >= start_ns) & (wanted_ns <= times[-1]))
         if not rows.size:
-            raise DataError("[reference] has no row between the start and the end of the inertial readings")
+            raise DataError(
+                "has no row between the start and the end of the inertial readings", key="[reference]"
+            )
         wanted_ns = wanted_ns[rows]
     else:
         step_ns = round(case.replay.sample_s * 1e9)

@@ -268,7 +268,7 @@ def _sha256(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+        raise DataError(f"cannot be read ({error.strerror})", place=path) from error
 
 
 @contextmanager
@@ -301,13 +301,17 @@ def _check_owner(out: Path, configuration: str, *, force: bool) -> bool:
     try:
         manifest = read_record(out / MANIFEST) if out.is_dir() else None
     except DataError as error:
-        raise DataError(f"{error}; remove the directory, or choose another one") from error
+        raise DataError(error, hint="remove the directory, or choose another one") from error
     if manifest is None or manifest.get("kind") != KIND:
-        raise OutputError(f"{out}: is not empty and holds no replay, expected a new directory or a replay's")
+        raise OutputError(
+            "is not empty and holds no replay", place=out, expected="a new directory or a replay's"
+        )
     other = bool(manifest.get("configuration_hash") != configuration)
     if other and not force:
         raise OutputError(
-            f"{out}: holds a replay of another configuration; choose another directory or use --force to start over"
+            "holds a replay of another configuration",
+            place=out,
+            hint="choose another directory or use --force to start over",
         )
     return other
 

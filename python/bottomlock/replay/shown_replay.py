@@ -147,7 +147,7 @@ class Replay:
         """
         if not isinstance(other, Replay):
             raise DataError(
-                f"compare is given a {type(other).__name__}, expected a replay, as Replay(FOLDER)"
+                f"compare is given a {type(other).__name__}", expected="a replay, as Replay(FOLDER)"
             )
         ours, theirs = self.manifest["files"], other.manifest["files"]
         # What-if cases and noise may be of other files: they are settings.
@@ -278,7 +278,7 @@ class Replay:
         if methods is None:
             return featured_in(self.manifest, summary_table(self.runs), what_if)
         if isinstance(methods, str):
-            raise DataError(f"methods is {methods!r}, expected a list of names, such as [{methods!r}]")
+            raise DataError(f"methods is {methods!r}", expected=f"a list of names, such as [{methods!r}]")
         return [_known("methods", one, self.methods) for one in methods]
 
     def _states(self, method: str | None, what_if: str | None, which: str) -> tuple[pl.DataFrame, str, str]:
@@ -296,7 +296,7 @@ class Replay:
         if axes is None:
             axes = stacked_axes(shown_figure(timeline_size_in(panels)), panels)
         if len(axes) != len(panels):
-            raise DataError(f"axes are {len(axes)}, expected {len(panels)}, one for each panel")
+            raise DataError(f"axes are {len(axes)}", expected=f"{len(panels)}, one for each panel")
         draw_panels(axes, panels, self._start_ns, utc=is_utc(self._start_ns))
         return list(axes)
 

@@ -20,7 +20,9 @@ def beams_returned(what_if: WhatIf, time_ns: Times, beams: int, *, start_ns: int
     """
     for beam in what_if.beams_named:
         if beam > beams:
-            raise DataError(f"what_if '{what_if.name}': beam {beam} does not exist, expected 1 to {beams}")
+            raise DataError(
+                f"beam {beam} does not exist", place=f"what_if '{what_if.name}'", expected=f"1 to {beams}"
+            )
     outages = [beam_loss.Outage(outage.beams, outage.from_s, outage.to_s) for outage in what_if.outages]
     throughout = beam_loss.Outage(what_if.beams_lost, 0.0, float("inf"))
     return beam_loss.scheduled(time_ns - start_ns, beams, [throughout, *outages])

@@ -27,8 +27,9 @@ def mean_over(values: Floats, section: str, window_s: float) -> Mean:
     """
     if len(values) < BLOCKS:
         raise DataError(
-            f"[{section}] has {len(values)} rows in the {window_s:g} s before the start, expected {BLOCKS} or more; "
-            "lengthen start.window_s or set a later start.at_s"
+            f"[{section}] has {len(values)} rows in the {window_s:g} s before the start",
+            expected=f"{BLOCKS} or more",
+            hint="lengthen start.window_s or set a later start.at_s",
         )
     return Mean(values.mean(axis=0), scatter_of_mean(values))
 

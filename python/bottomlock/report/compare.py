@@ -62,12 +62,13 @@ def compare(
     found = campaign_folders([Path(folder) for folder in folders])
     if len(found) < 2:
         raise DataError(
-            f"{len(found)} campaign is named, expected two or more, or a folder of variants (bottomlock run --set)"
+            f"{len(found)} campaign is named",
+            expected="two or more, or a folder of variants (bottomlock run --set)",
         )
     reference = next(iter(found)) if against is None else against
     if reference not in found:
         hint = did_you_mean(reference, found) or ","
-        raise DataError(f"--against is '{reference}'{hint} expected one of {', '.join(found)}")
+        raise DataError(f"is '{reference}'{hint} expected one of {', '.join(found)}", key="--against")
     result = None if out is None else _result(Path(out), folders, found, reference)
     if result is not None:
         result.check(force=force)
@@ -75,8 +76,8 @@ def compare(
     theirs = {name for label, one in campaigns.items() if label != reference for name in one.trajectories}
     if theirs.isdisjoint(campaigns[reference].trajectories):
         raise DataError(
-            f"no other campaign has a trajectory of {reference} "
-            f"({', '.join(campaigns[reference].trajectories)}); scenarios of one name are compared"
+            f"no other campaign has a trajectory of {reference} ({', '.join(campaigns[reference].trajectories)})",
+            hint="scenarios of one name are compared",
         )
     table, unpaired = comparison_table(campaigns, reference), _unpaired(campaigns, reference)
     if result is None:

@@ -104,7 +104,7 @@ def standing(published: pl.DataFrame, method: str) -> Standing:
     """
     chosen = published.filter(pl.col("method") == method)
     if chosen.is_empty():
-        raise DataError(f"{FILE}: holds no cell of method '{method}'")
+        raise DataError(f"holds no cell of method '{method}'", place=FILE)
     verdict = pl.col("verdict")
     counts = chosen.select(
         (verdict == CONSISTENT).sum().alias("consistent"),

@@ -68,6 +68,9 @@ def check_by_hand(config: LiveConfig, place: str) -> None:
     for key, address in named:
         if not address.startswith(_BY_HAND) or "/../" in address:
             raise ScenarioError(
-                f"{place}: '{key}' is '{address}', expected tcp, udp or a serial line where the set-up page runs "
-                "it; run this one with `bottomlock live`"
+                f"is '{address}'",
+                place=place,
+                key=f"'{key}'",
+                expected="tcp, udp or a serial line where the set-up page runs it",
+                hint="run this one with `bottomlock live`",
             )

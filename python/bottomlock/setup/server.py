@@ -149,7 +149,8 @@ class SetupServer(HttpServer):
             form = SetupForm.model_validate(content)
         except ValidationError as error:
             found = [
-                {"field": key.partition(".")[0], "words": words} for key, words in faults(error, SetupForm)
+                {"field": fault.key.partition(".")[0], "words": fault.words}
+                for fault in faults(error, SetupForm)
             ]
             return _json(422, {"faults": found})
         self._folder.save(form)

@@ -106,7 +106,7 @@ class Simulation:
         """
         if self.vehicle is None or self.mission is None:
             motion = "its truth is analytic" if self.path is None else "its trajectory is a file"
-            raise ScenarioError(f"scenario {self.scenario.name}: {motion} and has no vehicle")
+            raise ScenarioError(f"{motion} and has no vehicle", place=f"scenario {self.scenario.name}")
         flight = fly(
             self.vehicle,
             self.mission,
@@ -138,7 +138,7 @@ class Simulation:
         """
         name = self.scenario.name
         if self.path is None:
-            raise ScenarioError(f"scenario {name}: its trajectory is not from a file")
+            raise ScenarioError("its trajectory is not from a file", place=f"scenario {name}")
         try:
             truth, summary = path_truth(
                 self.path,
@@ -150,7 +150,7 @@ class Simulation:
             )
             return self._on_the_earth(truth), summary
         except DataError as error:
-            raise ScenarioError(f"scenario {name}: trajectory.file: {error}") from error
+            raise ScenarioError(f"trajectory.file: {error}", place=f"scenario {name}") from error
 
 
 def build_simulation(scenario: Scenario | str | Path) -> Simulation:
@@ -248,7 +248,7 @@ def geometry_of(scenario: Scenario) -> kernel.BeamGeometry:
             sound_speed_scale=dvl.sound_speed_scale,
         )
     except kernel.KernelError as error:
-        raise ScenarioError(f"scenario {scenario.name}: dvl: {error}") from error
+        raise ScenarioError(f"dvl: {error}", place=f"scenario {scenario.name}") from error
 
 
 def _recorded(scenario: Scenario) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
@@ -258,7 +258,7 @@ def _recorded(scenario: Scenario) -> tuple[NDArray[np.int64], NDArray[np.bool_]]
     try:
         return read_validity(Path(path), beams=scenario.dvl.beams)
     except DataError as error:
-        raise ScenarioError(f"scenario {scenario.name}: dvl.replay_validity: {error}") from error
+        raise ScenarioError(f"dvl.replay_validity: {error}", place=f"scenario {scenario.name}") from error
 
 
 def _field(scenario: Scenario) -> MagneticField | None:

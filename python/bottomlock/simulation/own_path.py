@@ -25,8 +25,10 @@ def own_path(scenario: Scenario) -> Path:
     assert settings.file is not None
     if "speed_mps" in settings.model_fields_set:
         raise ScenarioError(
-            f"scenario {scenario.name}: trajectory.speed_mps is given, but the times of {settings.file} state the "
-            "speed; leave it out"
+            f"is given, but the times of {settings.file} state the speed",
+            place=f"scenario {scenario.name}",
+            key="trajectory.speed_mps",
+            hint="leave it out",
         )
     try:
         return Path(
@@ -36,7 +38,7 @@ def own_path(scenario: Scenario) -> Path:
             depth_m=scenario.environment.depth_m,
         )
     except DataError as error:
-        raise ScenarioError(f"scenario {scenario.name}: trajectory.file: {error}") from error
+        raise ScenarioError(f"trajectory.file: {error}", place=f"scenario {scenario.name}") from error
 
 
 def with_path(scenario: Scenario, path: Path) -> Scenario:
@@ -56,8 +58,10 @@ def with_path(scenario: Scenario, path: Path) -> Scenario:
     stated = environment.model_fields_set
     if "latitude_deg" in stated and abs(environment.latitude_deg - latitude_deg) > _LATITUDE_TOLERANCE_DEG:
         raise ScenarioError(
-            f"scenario {scenario.name}: environment.latitude_deg is {environment.latitude_deg:g}, but "
-            f"{path.track.place} begins at {latitude_deg:.4f}; leave the key out"
+            (f"is {environment.latitude_deg:g}, but {path.track.place} begins at {latitude_deg:.4f}"),
+            place=f"scenario {scenario.name}",
+            key="environment.latitude_deg",
+            hint="leave the key out",
         )
     found = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}
     update = {key: value for key, value in found.items() if key not in stated}

@@ -68,7 +68,7 @@ def read_run_errors(campaign: CampaignTables, trajectory: str) -> RunErrors:
         times.append(time_ns.to_numpy() * 1e-9)
         if not np.array_equal(times[0], times[-1]):
             place = campaign.folder / "chunks" / trajectory
-            raise DataError(f"{place}: the chunks were sampled at different times")
+            raise DataError("the chunks were sampled at different times", place=place)
         for name, values in _norms(samples, shape).items():
             norms.setdefault(name, []).append(values)
         mean_squares.append(_normalised_mean_squares(samples, shape))

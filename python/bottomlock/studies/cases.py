@@ -65,7 +65,9 @@ def masked(scenario: Scenario, mask: tuple[int, ...]) -> Scenario:
     beams = scenario.dvl.beams
     if not mask or not set(mask) <= set(range(1, beams + 1)):
         raise ScenarioError(
-            f"scenario {scenario.name}: a mask of beams {list(mask)}, expected one or more of 1 to {beams}"
+            f"a mask of beams {list(mask)}",
+            place=f"scenario {scenario.name}",
+            expected=f"one or more of 1 to {beams}",
         )
     if scenario.trajectory.feedback == "estimate":
         scenario = scenario.with_trajectory(feedback="truth", pilot="own")
@@ -113,8 +115,9 @@ def in_world(scenario: Scenario, world: Scenario) -> Scenario:
     """
     if scenario.trajectory.source != "vehicle":
         raise ScenarioError(
-            f"scenario {scenario.name}: its trajectory has no vehicle and so no current, expected trajectory.source "
-            f'"vehicle" to fly it in the world of {world.name}'
+            "its trajectory has no vehicle and so no current",
+            place=f"scenario {scenario.name}",
+            expected=f'trajectory.source "vehicle" to fly it in the world of {world.name}',
         )
     mission = {key: value for key, value in scenario.mission.items() if key != "current"}
     mission |= {key: value for key, value in world.mission.items() if key == "current"}

@@ -19,10 +19,10 @@ def check(frame: pl.DataFrame, columns: Mapping[str, pl.DataType], *, place: str
     """
     for name, dtype in columns.items():
         if name not in frame.columns:
-            raise DataError(f"{place}: column '{name}' is missing, expected {', '.join(columns)}")
+            raise DataError("is missing", place=place, key=f"column '{name}'", expected=", ".join(columns))
         if frame.schema[name] != dtype:
-            raise DataError(f"{place}: column '{name}' is {frame.schema[name]}, expected {dtype}")
+            raise DataError(f"is {frame.schema[name]}", place=place, key=f"column '{name}'", expected=dtype)
     extra = [name for name in frame.columns if name not in columns]
     if extra:
-        raise DataError(f"{place}: column '{extra[0]}' is unknown, expected {', '.join(columns)}")
+        raise DataError("is unknown", place=place, key=f"column '{extra[0]}'", expected=", ".join(columns))
     return frame.select(list(columns))

@@ -60,7 +60,7 @@ def read_campaign_tables(folder: Path) -> CampaignTables:
     """
     if not folder.is_dir():
         found = "is a file, expected a directory" if folder.exists() else "no such directory"
-        raise DataError(f"{folder}: {found}; `bottomlock run` makes one")
+        raise DataError(found, place=folder, hint="`bottomlock run` makes one")
     manifest = _manifest(folder)
     runs, ensemble, consistency = (
         check(_table(folder / f"{name}.parquet", manifest), columns, place=str(folder / f"{name}.parquet"))
@@ -115,22 +115,24 @@ def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / "manifest.json"
     manifest = read_record(path)
     if manifest is None or not isinstance(manifest.get("scenarios"), dict) or "version" not in manifest:
-        raise DataError(f"{folder}: holds no campaign of ours (no manifest.json of `bottomlock run`)")
+        raise DataError("holds no campaign of ours (no manifest.json of `bottomlock run`)", place=folder)
     version = importlib.metadata.version("bottomlock")
     if manifest["version"] != version:
         raise DataError(
-            f"{path}: the campaign is of version {manifest['version']} and this is {version}; "
-            f"install that version, or run it again with `bottomlock run --force`"
+            f"the campaign is of version {manifest['version']} and this is {version}",
+            place=path,
+            hint="install that version, or run it again with `bottomlock run --force`",
         )
     if manifest.get("status") != "complete":
         raise DataError(
-            f"{path}: the campaign is not finished (status '{manifest.get('status')}'); "
-            f"the same `bottomlock run` resumes it"
+            f"the campaign is not finished (status '{manifest.get('status')}')",
+            place=path,
+            hint="the same `bottomlock run` resumes it",
         )
     for name, scenario in manifest["scenarios"].items():
         for key in ("runs", "runs_per_chunk", "seed", "methods", "configuration"):
             if not isinstance(scenario, dict) or key not in scenario:
-                raise DataError(f"{path}: scenario '{name}' lacks '{key}'")
+                raise DataError(f"scenario '{name}' lacks '{key}'", place=path)
     return manifest
 
 
@@ -145,7 +147,9 @@ def _optional(
     """A table that a campaign may have; additional columns are kept. None where no record states it."""
     if record is None or path.name not in record[DIGESTS]:
         if path.exists():
-            raise DataError(f"{path}: is not stated by the records of this campaign; {AGAIN}, or remove it")
+            raise DataError(
+                "is not stated by the records of this campaign", place=path, hint=f"{AGAIN}, or remove it"
+            )
         return None
     frame = _table(path, record)
     return check(frame.select([name for name in frame.columns if name in columns]), columns, place=str(path))
@@ -155,7 +159,7 @@ def _sweep_record(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any] |
     path = record_of(folder / "sweep.parquet")
     record = read_record(path)
     if record is not None and record.get("configuration_hash") != manifest["configuration_hash"]:
-        raise DataError(f"{path}: is of another campaign; {AGAIN}")
+        raise DataError("is of another campaign", place=path, hint=AGAIN)
     return record
 
 
@@ -165,25 +169,28 @@ def _agree(path: Path, table: pl.DataFrame, manifest: dict[str, Any]) -> None:
         found = set(table.filter(pl.col("trajectory") == name)["method"].unique().to_list())
         if found != set(scenario["methods"]):
             raise DataError(
-                f"{path}: trajectory '{name}' has the methods {', '.join(sorted(found)) or 'none'}; "
-                f"the manifest names {', '.join(sorted(scenario['methods']))}"
+                f"trajectory '{name}' has the methods {', '.join(sorted(found)) or 'none'}",
+                place=path,
+                hint=f"the manifest names {', '.join(sorted(scenario['methods']))}",
             )
     strange = set(table["trajectory"].unique().to_list()) - set(manifest["scenarios"])
     if strange:
-        raise DataError(f"{path}: trajectory '{min(strange)}' is not in the manifest")
+        raise DataError(f"trajectory '{min(strange)}' is not in the manifest", place=path)
 
 
 def _chunk(path: Path, methods: Sequence[str], runs: int) -> pl.DataFrame:
     columns = [name for name in SAMPLES if name not in ("trajectory", "nees_velocity_attitude")]
     record = read_record(path.with_name(f"{path.stem.replace('samples', 'record')}.json"))
     if record is None:
-        raise DataError(f"{path}: its chunk has no record; {AGAIN}")
+        raise DataError("its chunk has no record", place=path, hint=AGAIN)
     frame = _table(path, record, columns).sort("run", "method", "time_ns")
     times = frame["time_ns"].n_unique()
     if frame.height != runs * len(methods) * times or frame["run"].n_unique() != runs:
         raise DataError(
-            f"{path}: has {frame.height} rows, expected {runs} runs × {len(methods)} methods × {times} times"
+            f"has {frame.height} rows",
+            place=path,
+            expected=f"{runs} runs × {len(methods)} methods × {times} times",
         )
     if set(frame["method"].unique()) != set(methods):
-        raise DataError(f"{path}: its methods are not those of the manifest")
+        raise DataError("its methods are not those of the manifest", place=path)
     return frame

@@ -42,7 +42,7 @@ def campaign_folders(folders: list[Path]) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for folder in folders:
         if not folder.is_dir():
-            raise DataError(f"{folder}: no such directory; `bottomlock run` makes one")
+            raise DataError("no such directory", place=folder, hint="`bottomlock run` makes one")
         record = read_record(folder / VARIANTS)
         if record is None or record.get("kind") != KIND:
             inside = {_label(folder, folders): folder}
@@ -51,7 +51,7 @@ def campaign_folders(folders: list[Path]) -> dict[str, Path]:
             inside = {f"{parent}{name}": folder / name for name in record["variants"]}
         for label, path in inside.items():
             if path.resolve() in {other.resolve() for other in found.values()}:
-                raise DataError(f"{path}: is named twice")
+                raise DataError("is named twice", place=path)
             found[label] = path
     return found
 

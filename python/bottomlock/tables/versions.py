@@ -70,7 +70,7 @@ def check_identity(
         DataError: naming the record, what differs, and the remedy.
     """
     if record.get("configuration_hash") != identity["configuration_hash"]:
-        raise DataError(f"{place}: is of another configuration; {remedy}")
+        raise DataError("is of another configuration", place=place, hint=remedy)
     other = versions_in_words(dict(record.get("versions", {})), identity["versions"])
     if other:
-        raise DataError(f"{place}: was made with {other}; {remedy}")
+        raise DataError(f"was made with {other}", place=place, hint=remedy)

@@ -150,10 +150,12 @@ def analytic_motion(settings: Trajectory) -> Motion:
             f"trajectory.kind '{settings.kind}' has no analytic motion: set trajectory.source = 'vehicle'"
         )
     if settings.kind == "lawn_mower" and settings.turn_s <= 2.0 * _BLEND_S:
-        raise DataError(f"trajectory.turn_s is {settings.turn_s} s, expected more than {2.0 * _BLEND_S} s")
+        raise DataError(
+            f"is {settings.turn_s} s", key="trajectory.turn_s", expected=f"more than {2.0 * _BLEND_S} s"
+        )
     if settings.kind == "lawn_mower" and settings.dive_angle_deg > 0.0 and settings.dive_s < _BLEND_S:
         raise DataError(
-            f"trajectory.dive_s is {settings.dive_s} s, expected at least {_BLEND_S} s for a dive"
+            f"is {settings.dive_s} s", key="trajectory.dive_s", expected=f"at least {_BLEND_S} s for a dive"
         )
     motion = _MOTIONS[settings.kind](settings)
     with np.errstate(invalid="ignore"):
@@ -226,7 +228,7 @@ def analytic_truth(scenario: Scenario | str | Path, gravity_mps2: float) -> Trut
     motion = analytic_motion(scenario.trajectory)
     time_ns = sample_times_ns(scenario.trajectory.duration_s, scenario.imu.rate_hz)
     if len(time_ns) < 2:
-        raise DataError("trajectory.duration_s is shorter than one IMU interval")
+        raise DataError("is shorter than one IMU interval", key="trajectory.duration_s")
     return sample_motion(
         motion,
         time_ns,

@@ -135,10 +135,14 @@ def manoeuvre_truth(
     """
     times: NDArray[np.int64] = sample_times_ns(manoeuvre.duration_s, rate_hz)
     if len(times) < 2:
-        raise DataError(f"manoeuvre {manoeuvre.name}: {rate_hz:g} Hz is less than two samples in its window")
+        raise DataError(
+            f"{rate_hz:g} Hz is less than two samples in its window", place=f"manoeuvre {manoeuvre.name}"
+        )
     for joint_s in manoeuvre.joints_s:
         if not 0.0 < joint_s < manoeuvre.duration_s:
-            raise DataError(f"manoeuvre {manoeuvre.name}: joint at {joint_s:g} s lies outside its window")
+            raise DataError(
+                f"joint at {joint_s:g} s lies outside its window", place=f"manoeuvre {manoeuvre.name}"
+            )
         joint_ns = round(joint_s * 1e9)
         times = np.union1d(times, [joint_ns, joint_ns + 1])
     return sample_motion(

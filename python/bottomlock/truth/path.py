@@ -107,8 +107,9 @@ class Path:
         if slow.size and not {"pitch", "yaw"} <= self._angles.keys():
             at = float(time_s[slow[0]])
             raise DataError(
-                f"{self._at(at)}: {level[slow[0]]:.3f} m/s over ground, so that the track gives no heading or pitch; "
-                "give the columns yaw_deg and pitch_deg, or cut the file here"
+                (f"{level[slow[0]]:.3f} m/s over ground, so that the track gives no heading or pitch"),
+                place=self._at(at),
+                hint="give the columns yaw_deg and pitch_deg, or cut the file here",
             )
         zero = np.zeros_like(time_s)
         roll, roll_rate = self._angle("roll", time_s, lambda: (zero, zero))
@@ -118,8 +119,10 @@ class Path:
         if steep.size:
             at = float(time_s[steep[0]])
             raise DataError(
-                f"{self._at(at)}: pitch {np.rad2deg(pitch[steep[0]]):.0f} deg, expected at most 85 deg; a track "
-                "without attitude climbs this steeply where its depth jumps"
+                f"pitch {np.rad2deg(pitch[steep[0]]):.0f} deg",
+                place=self._at(at),
+                expected="at most 85 deg",
+                hint="a track without attitude climbs this steeply where its depth jumps",
             )
         still = np.zeros((len(time_s), 3))
         state = Attitudes(roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate, still, still)
@@ -170,12 +173,13 @@ def path_truth(
     wanted_s = path.duration_s if duration_s is None else duration_s
     if wanted_s > path.duration_s + 1e-9:
         raise DataError(
-            f"{path.track.place}: lasts {path.duration_s:.3f} s, expected at least the {wanted_s:g} s of "
-            "trajectory.duration_s"
+            f"lasts {path.duration_s:.3f} s",
+            place=path.track.place,
+            expected=f"at least the {wanted_s:g} s of trajectory.duration_s",
         )
     time_ns = sample_times_ns(wanted_s, rate_hz)
     if len(time_ns) < 2:
-        raise DataError(f"{path.track.place}: lasts {wanted_s:g} s, shorter than one IMU interval")
+        raise DataError(f"lasts {wanted_s:g} s, shorter than one IMU interval", place=path.track.place)
     time_s = np.asarray(time_ns * 1e-9, np.float64)
     state = path.attitudes(time_s)
     summary = summarised(path, time_s, state)
@@ -226,7 +230,7 @@ def truth_from_path(
     path = Path(read_track(FilePath(file), columns), limits, max_gap_s=max_gap_s, depth_m=depth_m)
     latitude = path.track.latitude_rad if latitude_rad is None else latitude_rad
     if latitude is None:
-        raise DataError(f"{file}: has no latitude, expected latitude_rad, for the rate of the Earth")
+        raise DataError("has no latitude", place=file, expected="latitude_rad, for the rate of the Earth")
     truth, _ = path_truth(
         path,
         rate_hz=rate_hz,

@@ -70,7 +70,9 @@ def check_rows(track: Track, limits: Limits, *, max_gap_s: float | None) -> None
     """
     time_s = track.time_s
     if len(time_s) <= DEGREE:
-        raise DataError(f"{track.place}: {len(time_s)} rows, expected at least {DEGREE + 1}; {WAYPOINTS}")
+        raise DataError(
+            f"{len(time_s)} rows", place=track.place, expected=f"at least {DEGREE + 1}", hint=WAYPOINTS
+        )
     _check_rising(time_s, track.place)
     steps_m, steps_s = np.linalg.norm(np.diff(track.position_t_m, axis=0), axis=1), np.diff(time_s)
     _check_units(track, steps_m, steps_s, limits)
@@ -79,17 +81,23 @@ def check_rows(track: Track, limits: Limits, *, max_gap_s: float | None) -> None
     if fast.size:
         row = int(fast[0]) + 1
         raise DataError(
-            f"{track.place}: row {row} is {steps_m[row - 1]:.3g} m from row {row - 1}, {steps_s[row - 1]:.3g} s before "
-            f"({speed[row - 1]:.3g} m/s), expected at most {limits.speed_mps:g} m/s: a jump in the file; take the row "
-            "out, or cut the file there (trajectory.limits.speed_mps)"
+            (
+                f"row {row} is {steps_m[row - 1]:.3g} m from row {row - 1}, {steps_s[row - 1]:.3g} "
+                f"s before ({speed[row - 1]:.3g} m/s)"
+            ),
+            place=track.place,
+            expected=f"at most {limits.speed_mps:g} m/s: a jump in the file",
+            hint="take the row out, or cut the file there (trajectory.limits.speed_mps)",
         )
     longest_s = max_gap_s or max(1.0, _GAP * float(np.median(steps_s)))
     gaps = np.flatnonzero(steps_s > longest_s)
     if gaps.size:
         row = int(gaps[0]) + 1
         raise DataError(
-            f"{track.place}: row {row} is {steps_s[row - 1]:.3g} s after row {row - 1}, expected at most "
-            f"{longest_s:.3g} s: a gap; cut the file there, or set trajectory.max_gap_s; {WAYPOINTS}"
+            f"row {row} is {steps_s[row - 1]:.3g} s after row {row - 1}",
+            place=track.place,
+            expected=f"at most {longest_s:.3g} s: a gap",
+            hint=f"cut the file there, or set trajectory.max_gap_s; {WAYPOINTS}",
         )
 
 
@@ -104,7 +112,10 @@ def _check_rising(time_s: Array, place: str) -> None:
             else "rows out of order, or two files joined"
         )
         raise DataError(
-            f"{place}: row {row}: time is {step:g} s after that of row {row - 1}, expected it to rise; {likely}"
+            f"time is {step:g} s after that of row {row - 1}",
+            place=f"{place}: row {row}",
+            expected="it to rise",
+            hint=likely,
         )
 
 
@@ -128,8 +139,10 @@ def _check_units(track: Track, steps_m: Array, steps_s: Array, limits: Limits) -
         "least_speed_mps", f"at least {least:g}"
     )  # fmt: skip
     raise DataError(
-        f"{track.place}: rows 0 to {len(steps_m)}: {shown}, expected {bound} m/s; "
-        f"{' '.join(likely) or 'check the units'} (trajectory.limits.{key})"
+        f"rows 0 to {len(steps_m)}: {shown}",
+        place=track.place,
+        expected=f"{bound} m/s",
+        hint=f"{' '.join(likely) or 'check the units'} (trajectory.limits.{key})",
     )
 
 
@@ -161,8 +174,11 @@ def check_angles(track: Track, time_s: Array) -> None:
         wrong, right = ("deg", "rad") if name.endswith("_deg") else ("rad", "deg")
         row = int(np.flatnonzero(moving)[0])
         raise DataError(
-            f"{track.place}: from row {row} on {name} is off the direction of the track, and as {right} it is not: "
-            f"call the column {name.removesuffix(wrong)}{right}"
+            (
+                f"from row {row} on {name} is off the direction of the track, and as {right} it is "
+                f"not: call the column {name.removesuffix(wrong)}{right}"
+            ),
+            place=track.place,
         )
 
 
@@ -187,7 +203,11 @@ def check_smooth(place: str, peaks: Mapping[str, Peak], limits: Limits) -> None:
         peak = peaks[name]
         if peak.value * scale > bound:
             raise DataError(
-                f"{place}: row {peak.row}, {peak.time_s:.2f} s: {name} {peak.value * scale:.3g} {unit}, expected "
-                f"at most {bound:g}: a jump in the file, or noise of a log, expected samples of a smooth motion; "
-                f"{WAYPOINTS}; trajectory.limits.{key} allows more"
+                f"{peak.time_s:.2f} s: {name} {peak.value * scale:.3g} {unit}",
+                place=f"{place}: row {peak.row}",
+                expected=(
+                    f"at most {bound:g}: a jump in the file, or noise of a log, expected samples of "
+                    "a smooth motion"
+                ),
+                hint=f"{WAYPOINTS}; trajectory.limits.{key} allows more",
             )

@@ -48,7 +48,7 @@ class Truth:
         ):  # fmt: skip
             values = getattr(self, name)
             if values.shape != (count, width):
-                raise DataError(f"truth {name} has shape {values.shape}, expected ({count}, {width})")
+                raise DataError(f"truth {name} has shape {values.shape}", expected=f"({count}, {width})")
             bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
             if bad.size:
                 raise DataError(f"truth {name} is not finite at row {bad[0]}")
@@ -56,7 +56,8 @@ class Truth:
         bad = np.flatnonzero(np.abs(norms - 1.0) > 1e-6)
         if bad.size:
             raise DataError(
-                f"truth attitude_t_p has norm {norms[bad[0]]:.6g} at row {bad[0]}, expected 1 (scalar first)"
+                f"truth attitude_t_p has norm {norms[bad[0]]:.6g} at row {bad[0]}",
+                expected="1 (scalar first)",
             )
 
     @classmethod
@@ -71,7 +72,7 @@ class Truth:
         """
         wanted = {field.name for field in fields(cls)} - {"time_ns", "latitude_rad", "gravity_mps2"}
         if set(arrays) != wanted:
-            raise DataError(f"truth arrays are {sorted(arrays)}, expected {sorted(wanted)}")
+            raise DataError(f"truth arrays are {sorted(arrays)}", expected=sorted(wanted))
         times = np.ascontiguousarray(time_ns)
         if not np.issubdtype(times.dtype, np.integer):
             raise DataError("truth time_ns must be integer nanoseconds")

@@ -73,9 +73,9 @@ def read_any_table(path: Path) -> AnyTable:
     try:
         raw = path.read_bytes()
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
     if b"\0" in raw[:_HEAD]:
-        raise DataError(f"{path}: holds binary data of no known format")
+        raise DataError("holds binary data of no known format", place=path)
     try:
         text, latin = raw.decode("utf-8-sig"), False
     except UnicodeDecodeError:
@@ -90,8 +90,11 @@ def _read_text(path: Path, text: str, *, plain: bool) -> AnyTable:
     separator = _separator([lines[k] for k in data[:60]])
     if separator is None or len(data) < 2:
         raise DataError(
-            f"{path}: is in no format that `bottomlock convert` knows and is no table: expected two or more columns, "
-            "separated by commas, semicolons, tabs or spaces"
+            (
+                "is in no format that `bottomlock convert` knows and is no table: expected two or "
+                "more columns, separated by commas, semicolons, tabs or spaces"
+            ),
+            place=path,
         )
     width = len(_cells(lines[data[-1]], separator))
     first = next((k for k in data if len(_cells(lines[k], separator)) == width), data[0])
@@ -197,9 +200,11 @@ def _frame(path: Path, lines: list[str], header: list[str], separator: str) -> p
             truncate_ragged_lines=True,
         )
     except (Exception, pl.exceptions.PanicException) as error:
-        raise DataError(f"{path}: cannot be read as a table ({str(error).splitlines()[0][:200]})") from error
+        raise DataError(
+            f"cannot be read as a table ({str(error).splitlines()[0][:200]})", place=path
+        ) from error
     if frame.width < len(header):
-        raise DataError(f"{path}: has {frame.width} columns, and its header names {len(header)}")
+        raise DataError(f"has {frame.width} columns, and its header names {len(header)}", place=path)
     frame = frame.select(frame.columns[: len(header)])
     frame.columns = header
     return frame.select(pl.all().str.strip_chars().str.strip_chars('"'))

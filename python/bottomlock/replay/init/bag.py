@@ -113,7 +113,7 @@ def bag_tables(path: Path) -> list[AnyTable]:
     except Exception as error:
         reason = printable(str(error).splitlines()[0])[:200] if str(error) else type(error).__name__
         if not rows:
-            raise DataError(f"{path}: cannot be read as a bag ({reason})") from error
+            raise DataError(f"cannot be read as a bag ({reason})", place=path) from error
         remarks = {
             topic: "; ".join(filter(None, (of, f"the bag breaks off ({reason})")))
             for topic, of in remarks.items()

@@ -21,15 +21,16 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
         OutputError: for a name that does not end in .toml, or a file that exists.
     """
     if to.suffix.lower() != ".toml":
-        raise OutputError(f"{to}: expected a name that ends in .toml, the column map to write")
+        raise OutputError(place=to, expected="a name that ends in .toml, the column map to write")
     check_free(to, inputs=[file], force=force)
     table = read_any_table(file)
     times = table_times(table, "dvl")
     if not table.plain or not times.column:
         how = table.words or times.why
         raise DataError(
-            f"{file}: a column map needs commas, a header and a column of numbers as times, but {how}; "
-            "bottomlock replay --init reads it as it is"
+            f"a column map needs commas, a header and a column of numbers as times, but {how}",
+            place=file,
+            hint="bottomlock replay --init reads it as it is",
         )
     section = Section(
         "", [f"Column map of {file.name}: bottomlock convert {file.name} --out OUT --columns {to.name}"]
@@ -67,7 +68,7 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
         section.put("velocity_scale", SPEED_SI[unit.unit], unit.unit_why)
     else:
         raise DataError(
-            f"{file}: none of its columns is known as a beam or a velocity ({column_names(table.frame)})"
+            f"none of its columns is known as a beam or a velocity ({column_names(table.frame)})", place=file
         )
     write_text(to, section.text())
 

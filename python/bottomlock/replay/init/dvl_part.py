@@ -242,7 +242,7 @@ def dvl_of_velocity(found: Found) -> DvlPart:
     """
     times = found.times.time_ns
     if times is None:
-        raise DataError(f"{found.table.path}: has velocities but no column of times")
+        raise DataError("has velocities but no column of times", place=found.table.path)
     values = found.values("v0", "v1", "v2")
     hint = found.units.get("v0", "").replace(" ", "")
     p95 = float(np.nanpercentile(np.abs(values), 95))

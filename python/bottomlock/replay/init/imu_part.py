@@ -114,7 +114,7 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
     even_hz = None
     if found.times.time_ns is None:
         if duration_s is None:
-            raise DataError(f"{place}: has no column of times, and no other stream gives the IMU's rate")
+            raise DataError("has no column of times, and no other stream gives the IMU's rate", place=place)
         even_hz = float(f"{len(values) / duration_s:.3g}")
         time_ns = np.round(np.arange(len(values)) * 1e9 / even_hz).astype(np.int64)
     else:
@@ -124,7 +124,7 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
     rows = np.flatnonzero(whole & rises)
     if len(rows) < 50:
         raise DataError(
-            f"{place}: has {len(rows)} rows with six numbers and a rising time, expected 50 or more"
+            f"has {len(rows)} rows with six numbers and a rising time", place=place, expected="50 or more"
         )
     time_ns, force, omega = time_ns[rows], values[rows, :3], values[rows, 3:]
     step_s = float(np.median(np.diff(time_ns))) * 1e-9
@@ -138,9 +138,10 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
     if of_force is None:
         size = float(np.median(np.linalg.norm(force, axis=1)))
         raise DataError(
-            f"{place}: |f| of {found.columns['force0']} ... has a median of {size:.3g}, expected gravity in it, "
-            "9.8 m/s², "
-            "1 g or 1000 mg; is gravity removed? log the raw accelerations"
+            f"|f| of {found.columns['force0']} ... has a median of {size:.3g}",
+            place=place,
+            expected="gravity in it, 9.8 m/s², 1 g or 1000 mg",
+            hint="is gravity removed? log the raw accelerations",
         )
     force = force * FORCE_SI[of_force.value] * of_force.factor
     of_omega = omega_is or omega_unit(

@@ -99,8 +99,9 @@ def choose(sources: Sources) -> Parts:
         dvl = dvl_of_recording(sources.recording)
     elif sources.recording is not None:
         raise DataError(
-            f"{sources.log}: holds velocities without beams; convert it with --instrument-only and write the "
-            "case by hand"
+            "holds velocities without beams",
+            place=sources.log,
+            hint="convert it with --instrument-only and write the case by hand",
         )
     else:
         dvl = dvl_of_velocity(velocities[0])
@@ -154,8 +155,11 @@ def _made(sources: Sources, attitudes: list[Found]) -> ImuPart | None:
     made = imu_of_attitude(attitudes)
     if made is None:
         raise DataError(
-            f"no file holds specific force and angular rate ({_held(sources)}); a replay needs both, or an attitude "
-            "with times: name the table of the IMU, with columns such as ax, ay, az, wx, wy, wz"
+            f"no file holds specific force and angular rate ({_held(sources)})",
+            hint=(
+                "a replay needs both, or an attitude with times: name the table of the IMU, with "
+                "columns such as ax, ay, az, wx, wy, wz"
+            ),
         )
     return made
 

@@ -74,13 +74,15 @@ def read_sources(files: Sequence[Path], without: Sequence[str] = ()) -> Sources:
         if one not in found.parts:
             hint = did_you_mean(one, found.parts) or ","
             held = ", ".join(found.parts) or "none"
-            raise DataError(f"--without is '{one}'{hint} expected a topic or message of the logs: {held}")
+            raise DataError(
+                f"is '{one}'{hint} expected a topic or message of the logs: {held}", key="--without"
+            )
     return found
 
 
 def _take(found: Sources, path: Path, recording: Recording) -> None:
     if found.recording is not None:
-        raise DataError(f"{path}: is the second log of a DVL, after {found.log}; name one of them")
+        raise DataError(f"is the second log of a DVL, after {found.log}", place=path, hint="name one of them")
     found.recording, found.log = recording, path
     beams = recording.table.beams
     what = f"{recording.table.rows} pings of {beams} beams" if beams else f"{recording.table.rows} velocities"
@@ -128,8 +130,12 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
     ]
     if not streams and columns is None:
         raise DataError(
-            f"{path}: none of its columns has a known name ({column_names(one.frame)}); name them as ax, ay, az, wx, "
-            "wy, wz (IMU), roll, pitch, yaw, depth, latitude, longitude, vx, vy, vz or beam1_mps ..., with time"
+            f"none of its columns has a known name ({column_names(one.frame)})",
+            place=path,
+            hint=(
+                "name them as ax, ay, az, wx, wy, wz (IMU), roll, pitch, yaw, depth, latitude, "
+                "longitude, vx, vy, vz or beam1_mps ..., with time"
+            ),
         )
     if streams:
         rows = one.frame.height

@@ -130,7 +130,7 @@ class Recording:
             streams = {DVL_CLOCK: ("dvl",), ATTITUDE_CLOCK: ("attitude", "heading")}.get(one.key, ())
             later_s = values.get(one.key, one.start) - one.start
             if streams and abs(later_s) > MARGIN_S:
-                raise KernelError(f"{one.key} is {later_s:g} s off, expected at most {MARGIN_S:g} s")
+                raise KernelError(f"{one.key} is {later_s:g} s off", expected=f"at most {MARGIN_S:g} s")
             later |= dict.fromkeys(streams, round(later_s * 1e9))
         return later
 

@@ -44,10 +44,12 @@ def require_free(path: Path, out: Path, *, inputs: Iterable[Path] = (), force: b
             folder, and a file that is there already without `force`.
     """
     if out.suffix.lower() != ".toml":
-        raise OutputError(f"{out}: expected a name that ends in .toml, the tuned case to write")
+        raise OutputError(place=out, expected="a name that ends in .toml, the tuned case to write")
     if out.parent.resolve() != path.parent.resolve():
         raise OutputError(
-            f"{out}: the case names its files relative to {path.parent}; write the tuned case into the same folder"
+            f"the case names its files relative to {path.parent}",
+            place=out,
+            hint="write the tuned case into the same folder",
         )
     check_apart([record_of(out)], [path, *inputs])
     check_free(out, dvl_file_of(out), inputs=[path, *inputs], force=force)

@@ -226,7 +226,7 @@ def tune_case(
     """
     if not 0.2 <= fraction <= 0.8:
         raise ScenarioError(
-            f"fraction is {fraction:g}, expected 0.2 to 0.8: the rest of the recording judges"
+            f"fraction is {fraction:g}", expected="0.2 to 0.8: the rest of the recording judges"
         )
     if not methods or len(set(methods)) < len(methods) or not set(methods) <= set(MEASURED):
         unknown = [one for one in methods if one not in known_names()]
@@ -249,7 +249,8 @@ def tune_case(
     horizons = horizons_of(part_s)
     if not horizons:
         raise DataError(
-            f"the first {fraction:.0%} of the recording last {part_s:.0f} s, expected 80 s or more to tune on"
+            f"the first {fraction:.0%} of the recording last {part_s:.0f} s",
+            expected="80 s or more to tune on",
         )
     executor = ThreadPoolExecutor(threads or os.cpu_count())
     try:
