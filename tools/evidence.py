@@ -125,8 +125,11 @@ def summed(table: pl.DataFrame) -> tuple[list[str], list[list[Any]]]:
     for method in table["method"].unique(maintain_order=True):
         here = table.filter(method=method)
         ranges = [_range(here.filter(pl.col("returning").is_in(beams))) for beams in ([3, 4], [2], [1])]
-        rows.append([f"`{method}`", standing(world, method).words, *ranges])
-    return ["method", "cells", "3 or 4 beams, m/s", "2 beams, m/s", "1 beam, m/s"], rows
+        found = standing(world, method)
+        counts = [found.cells, found.consistent, found.overconfident, found.overconfident_core]
+        rows.append([f"`{method}`", *counts, *ranges])
+    heads = ["method", "cells", "consistent", "overconfident", "in velocity and attitude"]
+    return [*heads, "3 or 4 beams, m/s", "2 beams, m/s", "1 beam, m/s"], rows
 
 
 def _range(cells: pl.DataFrame) -> str:

@@ -46,20 +46,6 @@ class Standing:
     overconfident: int
     overconfident_core: int
 
-    @property
-    def words(self) -> str:
-        """The count in words.
-
-        >>> Standing(45, 45, 0, 0).words, Standing(45, 38, 0, 0).words
-        ('consistent in 45 of 45', 'never overconfident; consistent in 38 of 45')
-        >>> Standing(45, 35, 10, 2).words
-        'overconfident in 10 of 45 (velocity and attitude: 2)'
-        """
-        if self.overconfident:
-            return self.count_overconfident("")
-        counted = f"consistent in {self.consistent} of {self.cells}"
-        return counted if self.consistent == self.cells else f"never overconfident; {counted}"
-
     def count_overconfident(self, where: str) -> str:
         """The overconfident cells in words, with what cells they are."""
         count = f"overconfident in {self.overconfident} of {self.cells}{where}"
