@@ -81,7 +81,7 @@ int main() {
         navigator.push_position(time_ns - 1, zero, two);
         navigator.push_acoustic_position(time_ns, zero, two);
     }
-    EXPECT(thrown([&] { navigator.push_imu(1, zero, level); }) == BL_STATUS_TOO_LATE);
+    EXPECT(thrown([&] { navigator.push_imu(1, zero, level); }) == BL_STATUS_TIME_NOT_INCREASING);
     EXPECT(thrown([&] { navigator.push_imu(1, zero, still); }) == BL_STATUS_INVALID_VALUE);
     EXPECT(thrown([&] { navigator.push_depth(INT64_C(1) << 60, 0.0, 0.1); }) == BL_STATUS_TOO_FAR_AHEAD);
     EXPECT(navigator.late_events().front() == std::make_pair(std::string("imu"), std::uint64_t{1}));
