@@ -168,28 +168,6 @@ def test_a_cross_current_makes_ground_sway(tauv: Vehicle) -> None:
     assert np.linalg.norm(flight.truth.velocity_p_mps[-1]) == pytest.approx(2.0, rel=0.02)
 
 
-def test_a_cross_current_biases_nullified_sway(tauv: Vehicle) -> None:
-    """Beams 1 and 2 with "sway is zero" miss sway by 0.3 m/s and invent heave of tan 20° sin 45° of it.
-
-    Eqs (31) to (33) of Tal et al. 2017, literally. Whole campaigns of both methods are compared elsewhere.
-    """
-    mission = straight(duration_s=30.0, current=Current.towards(0.3, np.pi / 2))
-    flight = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
-    true = flight.truth.velocity_p_mps[-1]
-    tilt, azimuth = np.deg2rad(20.0), np.deg2rad([45.0, 135.0])
-    rows = np.stack(
-        [np.cos(azimuth) * np.sin(tilt), np.sin(azimuth) * np.sin(tilt), np.full(2, np.cos(tilt))], axis=1
-    )
-    measured = rows @ true
-    surge, heave = np.linalg.solve(rows[:, [0, 2]], measured)
-    assert true[1] == pytest.approx(0.3, abs=0.01)
-    assert surge == pytest.approx(true[0], abs=1e-9)
-    assert heave - true[2] == pytest.approx(np.tan(tilt) * np.sin(np.pi / 4) * true[1], rel=1e-9)
-    # the exact velocity explains both beams; the one with nullified sway explains them only by inventing
-    # heave
-    assert rows @ np.array([surge, 0.0, heave]) == pytest.approx(measured)
-
-
 def test_constant_bearing_follows_the_target(tauv: Vehicle) -> None:
     """Flown at a moving target the vehicle stays near the path and near the target's place on it."""
     mission = replace(lawn_mower(duration_s=120.0), law="constant_bearing")

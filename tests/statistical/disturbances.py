@@ -79,7 +79,7 @@ def cases() -> list[tuple[str, tuple[int, ...], str, str, bool]]:
     return list(product(DISTURBANCES, MASKS, IMUS, TRAJECTORIES, (False, True)))
 
 
-def disturbed(number: int, methods: list[Method], *, robust: bool = True) -> Disturbed:
+def disturbed(number: int, methods: list[Method]) -> Disturbed:
     """Case `number` of the seeded cases: those of `cases` in turn, each time with other draws."""
     what, mask, imu, trajectory, has_depth = cases()[number % len(cases())]
     rng = np.random.default_rng([SEED, number])
@@ -89,9 +89,7 @@ def disturbed(number: int, methods: list[Method], *, robust: bool = True) -> Dis
     if imu == "fibre_optic":
         initial = model.initial.replace(attitude_sd_rad=[3.5e-4, 3.5e-4, 1.7e-3], velocity_sd_mps=[0.02] * 3)
         model = model.replace(imu=FIBRE_OPTIC, initial=initial)
-    options = scenario.kernel_options().replace(inflate_after_rejections=5)
-    if robust:
-        options = options.replace(robust=Robust())
+    options = scenario.kernel_options().replace(inflate_after_rejections=5, robust=Robust())
     schedule: Any = dict(measurement_schedule(simulation, truth))
     schedule["beam_valid"] = np.ones((len(schedule["dvl_time_ns"]), 4), dtype=bool)
     if has_depth:

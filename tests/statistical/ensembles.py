@@ -33,11 +33,6 @@ class Ensemble:
         errors: Array = self.batch["error"][:, self.methods.index(method)]
         return errors
 
-    def squares(self, method: str) -> Array:
-        """Squares of error over claimed sigma, (runs, T, 9)."""
-        sd: Array = self.batch["sd"][:, self.methods.index(method)]
-        return (self.errors(method) / sd) ** 2
-
 
 @lru_cache(maxsize=8)
 def run_ensemble(
@@ -45,14 +40,13 @@ def run_ensemble(
     methods: tuple[Method, ...],
     runs: int = RUNS,
     every_s: int = 5,
-    changes: tuple[tuple[str, Any], ...] = (),
 ) -> Ensemble:
-    """Flies a packaged scenario on its analytic truth; `changes` are filter settings other than the packaged ones."""
+    """Flies a packaged scenario on its analytic truth."""
     simulation = analytic_simulation(name)
     scenario, truth = simulation.scenario, simulation.truth()
     schedule = bottomlock.measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][every_s - 1 :: every_s]
-    options = scenario.kernel_options().replace(**dict(changes))
+    options = scenario.kernel_options()
     model = scenario.kernel_model(simulation.gravity_mps2)
     arrays: Any = truth.kernel_arrays()
     batch: Any = bottomlock.run_batch(

@@ -6,7 +6,7 @@ second: the filter on the measurements alone then knows the velocity to several 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -81,8 +81,6 @@ WORLDS = {
     "MEMS, ramp": World(ramp(0.002), imu=MEMS, seconds=200),
     "ramp to the other side": World(ramp(-0.002), seconds=200),
     "ramp after 60 s of four beams": World(ramp(0.002, 60.0), whole_s=60, seconds=260),
-    "ramp, twice as fast": World(ramp(0.004), seconds=200),
-    "MEMS, diagonal pair, ramp": World(ramp(0.002), lost=(2, 4), imu=MEMS, seconds=200),
     "as assumed": World(wandering(0.02, 5.0)),
 }
 SLIPS = {
@@ -109,11 +107,11 @@ class Setting:
     options: Any
 
 
-def setting(world: World, water: Mapping[str, Any]) -> Setting:
-    """Sensors, times and options of a world, with keys of `[filter.water]`."""
+def setting(world: World) -> Setting:
+    """Sensors, times and options of a world."""
     model = settings.table_2()
     options: Any = settings.options(gate="joint", gate_probability=0.9973)
-    options["water"] = Filter.model_validate({"water": dict(water)}).kernel_options()["water"]
+    options["water"] = Filter().kernel_options()["water"]
     if world.paper:
         alone: Any = settings.schedule(world.seconds, lost=world.lost)
         return Setting(model, alone | {"sample_time_ns": alone["dvl_time_ns"][4::5]}, options)
@@ -141,16 +139,16 @@ def truth_of(world: World, number: int) -> Any:  # noqa: ANN401 - the arrays of 
 
 
 @lru_cache(maxsize=16)
-def run(name: str, runs: int, vehicle: str = "torpedo", first: int = 0) -> dict[str, Any]:
+def run(name: str, runs: int) -> dict[str, Any]:
     """Runs of a world, every 5 s: NEES of velocity and attitude, errors and σ of velocity; (runs, methods, T, …)."""
     world = (WORLDS | SLIPS)[name]
-    made = setting(world, {"vehicle": vehicle})
+    made = setting(world)
     batches: list[Any] = [
         bottomlock.run_batch(
             geometry(world), truth_of(world, number), made.model, made.model, made.options, made.schedule, METHODS,
             seed=SEED, trajectory_key=31, first_run=number, runs=1, threads=1,
         )
-        for number in range(first, first + runs)
+        for number in range(runs)
     ]  # fmt: skip
     joined = {
         key: np.concatenate([batch[key] for batch in batches])

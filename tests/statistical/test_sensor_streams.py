@@ -175,21 +175,3 @@ def test_streams_are_independent_of_each_other() -> None:
     # Bonferroni over all pairs at 0.1 %.
     limit = stats.norm.ppf(1 - 5e-4 / len(pairs)) / np.sqrt(RUNS)
     assert np.abs(pairs).max() < limit
-
-
-def test_switching_something_off_shifts_nothing_else() -> None:
-    """Lost beams are drawn like the others, and a sensor without epochs leaves every other stream bit for bit."""
-    everything, two_beams = draw(3), draw(3, lost=(1, 3))
-    for key in everything:
-        if key in {"initial", "dvl_valid", "dvl_velocity_mps"}:
-            continue
-        np.testing.assert_array_equal(everything[key], two_beams[key], err_msg=key)
-    left = [1, 3]
-    np.testing.assert_array_equal(
-        everything["dvl_velocity_mps"][:, left], two_beams["dvl_velocity_mps"][:, left]
-    )
-    bare = bottomlock.simulate_sensors(
-        JANUS, motion(), MODEL, settings.schedule(SECONDS), seed=SEED, trajectory_key=5, run=3
-    )
-    for key in ("imu_omega_p_radps", "imu_force_p_mps2", "dvl_velocity_mps", "dvl_scale_factor"):
-        np.testing.assert_array_equal(everything[key], bare[key], err_msg=key)

@@ -19,9 +19,9 @@ WANDERING = ("tactical, 20 s", "MEMS, 20 s", "tactical, 120 s", "MEMS, diagonal 
 RAMPS = ("ramp", "MEMS, ramp", "ramp to the other side", "ramp after 60 s of four beams")
 
 
-def check_swaying(name: str, runs: int, vehicle: str = "torpedo") -> None:
+def check_swaying(name: str, runs: int) -> None:
     """NEES in its band or not above tc's, and no velocity RMS above tc's."""
-    batch = swaying.run(name, runs, vehicle)
+    batch = swaying.run(name, runs)
     ours, tight = swaying.nees(batch, "consistent"), swaying.nees(batch, "tc")
     excess = ours - tight
     assert ours.mean() < chi_squared.mean_band(ours, 6)[1] or excess.mean() < 3 * excess.std(
@@ -41,18 +41,6 @@ def test_a_swaying_vehicle_in_short() -> None:
 @pytest.mark.parametrize("name", [*WANDERING, *RAMPS])
 def test_claims_no_more_than_the_data_allow(name: str) -> None:
     check_swaying(name, 30)
-
-
-@pytest.mark.long
-@pytest.mark.statistical
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [*WANDERING, *RAMPS])
-def test_the_prior_of_the_vehicle_holds_from_the_start(name: str) -> None:
-    """With `vehicle = "hovering"`: NEES as above, and no velocity RMS above tc's.
-
-    It is more than with the torpedo's prior, whose heave holds in these worlds: the hovering one assumes nothing of it.
-    """
-    check_swaying(name, 30, "hovering")
 
 
 def test_a_published_cell_of_slip_comes_out_again() -> None:
