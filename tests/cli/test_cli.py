@@ -84,6 +84,19 @@ def test_what_ships_is_listed(tmp_path: Path, kind: str, known: str) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ([] if copied.returncode else [f"{known}.toml"])
 
 
+def test_without_out_results_go_beside_the_scenario(tmp_path: Path) -> None:
+    """A folder named as the scenarios; of packaged ones in the current directory."""
+    (tmp_path / "own").mkdir()
+    assert (
+        command("list", "scenarios", "--copy", "straight", "--to", "own/s.toml", cwd=tmp_path).returncode == 0
+    )
+    for words, folder in ((["own/s.toml"], "own/s"), (["straight"], "straight")):
+        done = command("run", *words, *RUN[2:], cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert f"tables in {folder}" in " ".join(done.stdout.split())
+        assert (tmp_path / folder / "runs.parquet").is_file()
+
+
 def test_fix_turns_pings_into_velocities(tmp_path: Path) -> None:
     """Beams of a known velocity come back as that velocity, with status and covariance."""
     janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))

@@ -16,7 +16,12 @@ from bottomlock.simulation.own_path import resolved
 from bottomlock.studies.cases import in_world
 
 CampaignOut = Annotated[
-    Path, Parameter(alias="-o", help="Directory for the results: new, or of the same campaign to resume.")
+    Path,
+    Parameter(
+        alias="-o",
+        help="Directory for the results: new, or of the same campaign to resume; by default one named as the "
+        "scenarios, beside the first file, or in this directory.",
+    ),
 ]
 StudyOut = Annotated[
     Path, Parameter(alias="-o", help="Directory for the results: new, or of the same study to resume.")
@@ -48,13 +53,6 @@ Robust = Annotated[
     bool,
     Parameter(
         help="Measure the beam noise and its tail on the closure of the log, and reject outliers among the beams."
-    ),
-]
-Recover = Annotated[
-    bool,
-    Parameter(
-        negative="",
-        help="Go on where a manifest is damaged or missing; finished parts that are whole are kept.",
     ),
 ]
 
