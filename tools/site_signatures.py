@@ -64,7 +64,8 @@ def of_python(function: Any, *, method: bool) -> Signature:  # noqa: ANN401 - an
 def of_fields(cls: Any) -> Signature:  # noqa: ANN401 - a dataclass
     """The fields of a dataclass as parameters, inherited ones too, with the values of their defaults."""
     stated: dict[str, str] = {}
-    for base in filter(dataclasses.is_dataclass, reversed(cls.__mro__)):
+    bases: list[Any] = [base for base in reversed(cls.__mro__) if dataclasses.is_dataclass(base)]
+    for base in bases:
         (node,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
         assert isinstance(node, ast.ClassDef)
         stated |= {

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import cyclopts
 import pytest
 
 from bottomlock.cli.app import COMMANDS
@@ -71,9 +70,8 @@ def test_a_vehicles_computer_needs_numpy_alone() -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_list_and_the_command_say_the_same(name: str) -> None:
     """The help line stands in the list, so that it needs no import, and in the command's docstring."""
-    module, line = COMMANDS[name]
-    function = getattr(importlib.import_module(f"bottomlock.cli.{module}"), name.replace("-", "_"))
-    # A group of commands has a help line in place of a docstring.
-    words = function.help if isinstance(function, cyclopts.App) else inspect.getdoc(function)
-    first, *_ = (words or "").splitlines()
+    place, line = COMMANDS[name]
+    module, _, function = place.partition(":")
+    command = getattr(importlib.import_module(f"bottomlock.cli.{module}"), function or name.replace("-", "_"))
+    first, *_ = (inspect.getdoc(command) or "").splitlines()
     assert first == line

@@ -64,6 +64,7 @@ def test_results_are_a_line_and_a_table(results: Results) -> None:
 
 def test_results_are_compared_as_the_command_does(results: Results, tmp_path: Path) -> None:
     """The table of `bottomlock report A B`; the pairs are those of equal runs."""
+    assert results.folder is not None
     other = run_campaign([short(runs=3).replace({"dvl.beams_lost": [2]})], tmp_path / "other")
     table = other.compare(results, labels=("other", results.folder.name))
     written = compare([results.folder, tmp_path / "other"], tmp_path / "out").table
@@ -90,6 +91,7 @@ def test_results_without_a_common_trajectory_are_not_compared(results: Results) 
         DataError, match="compare is given a PosixPath, expected Results, such as read_results"
     ):
         results.compare(results.folder)  # type: ignore[arg-type]
+    assert results.folder is not None
     with pytest.raises(DataError, match=r"manifest\.json: is a file, expected a directory"):
         read_results(results.folder / "manifest.json")
 
