@@ -92,6 +92,12 @@ def test_a_saved_navigator_goes_on_in_c(here: Path, root: Path, tmp_path: Path, 
     assert printed[8:] == ["saved", str(len(navigator.save())), fnv_1a(navigator.save())]
 
 
+def test_times_are_printed(here: Path, root: Path, tmp_path: Path) -> None:
+    words = run(here, *write_dive(root, tmp_path, "tc"), "time", cwd=tmp_path).split()
+    assert words[::2] == ["pushes", "median_us", "p99_us", "greatest_us", "core_percent"]
+    assert int(words[1]) > 3000
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_arm_has_the_same_bits(
     here: Path, arm: list[str | Path], root: Path, tmp_path: Path, method: str

@@ -190,19 +190,6 @@ def test_local_earth_is_that_of_geodesy() -> None:
         assert np.abs(here["rotation_t_n"][k] - wanted).max() < 1e-10
 
 
-def test_the_papers_scenarios_are_on_the_plane() -> None:
-    """Their numbers are those of a plane; every other scenario is on the ellipsoid."""
-    on = {
-        name: load_scenario(name).environment.earth
-        for name in ("straight", "figure_eight", "lawn_mower", "survey")
-    }
-    assert on == {
-        "straight": "tangent_plane",
-        "figure_eight": "tangent_plane",
-        "lawn_mower": "tangent_plane",
-    } | {"survey": "ellipsoid"}
-
-
 def test_a_short_mission_hardly_differs() -> None:
     """250 s of the straight way: 2 cm of level, and readings to 0.1 mg."""
     scenario = load_scenario("straight").with_trajectory(source="analytic", kind="straight")
@@ -211,12 +198,6 @@ def test_a_short_mission_hardly_differs() -> None:
     assert np.abs(curved.position_t_m - flat.position_t_m).max() < 0.03
     assert np.abs(curved.force_p_mps2 - flat.force_p_mps2).max() < 1e-3
     assert np.abs(curved.omega_p_radps - flat.omega_p_radps).max() < 2.0 / 6.3e6
-
-
-def test_an_unknown_earth_is_rejected() -> None:
-    """The model names what it expects."""
-    with pytest.raises(kernel.KernelError, match="earth"):
-        models.Environment(latitude_rad=0.5, gravity_mps2=9.8, earth="sphere")  # type: ignore[arg-type]
 
 
 def samples(north_m: list[float], down_m: list[float]) -> pl.DataFrame:
