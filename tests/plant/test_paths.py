@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant import DepthProfile, lawn_mower, load_vehicle, swim, waypoint_mission
+from bottomlock.plant import DepthProfile, lawn_mower, load_vehicle
 from bottomlock.plant.guidance import line_of_sight, offset_and_heading
 from bottomlock.plant.maths import SCALAR
 from bottomlock.plant.path import (
@@ -20,7 +20,6 @@ from bottomlock.plant.path import (
     target_along,
     through_waypoints,
 )
-from tests.plant.helpers import GRAVITY_MPS2
 
 
 @given(
@@ -99,18 +98,6 @@ def test_the_command_is_continuous_over_every_joint() -> None:
         early = law(*place, rows[index + 1], nothing)
         assert math.remainder(late[0] - early[0], 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
         assert late[1:] == pytest.approx(early[1:], abs=1e-12)
-
-
-def test_a_users_waypoints_are_swum() -> None:
-    points = np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 60.0], [0.0, 60.0]])
-    mission = waypoint_mission(
-        "box", points, turn_radius_m=15.0, depth=DepthProfile(((0.0, 10.0), (60.0, 16.0)))
-    )
-    history = swim(load_vehicle("tauv"), mission, gravity_mps2=GRAVITY_MPS2)
-    offset, _ = cross_track_m(list(mission.segments), history.state[:, :2])
-    assert np.sqrt(np.mean(offset**2)) < 0.5
-    assert np.hypot(*(history.state[-1, :2] - points[-1])) < 3.0
-    assert history.state[-1, 2] == pytest.approx(16.0, abs=0.5)
 
 
 def test_depth_profiles_are_smooth_and_meet_their_rates() -> None:
