@@ -20,6 +20,8 @@ ROWS = {row.name: row for row in rows()}
         ("right: beams of json, dive 4", "yes"),
         ("mistake: deg/s named rad/s", "yes"),
         ("mistake: DVL clock 1.5 s late", "yes"),
+        ("case: 04 zeros when lost", "yes"),
+        ("case: 05 code -32.768", "yes"),
         ("mistake: gyro z reversed", "no"),
         ("mistake: DVL turned by 30 deg", "no"),
         ("mistake: beams 2 and 3 exchanged", "no"),
@@ -27,7 +29,7 @@ ROWS = {row.name: row for row in rows()}
     ],
 )
 def test_answers(name: str, verdict: str) -> None:
-    """Right logs are trusted, units and clocks are put right, what cannot be put right is called wrong."""
+    """Right logs are trusted, units, clocks and codes put right, and what cannot be put right is called wrong."""
     found = run(ROWS[name])
     assert (found["verdict"], found["outcome"]) == (verdict, "right")
     if verdict == "yes":
