@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.files.records import write_recorded_table
 from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
 from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.results import read_campaign_tables
-from bottomlock.tables.studies import CURRENT, PUBLISHED, SWEEP
+from bottomlock.tables.studies import PUBLISHED
 from tests.recorded import add_table
 from tests.report.synthetic_campaign import edit_manifest, write_campaign
 
@@ -27,14 +25,6 @@ def test_references_are_not_advice(tmp_path: Path) -> None:
     """A campaign of references alone advises nothing and still has its page."""
     folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "lc"], runs=2)
     assert "No method of this campaign is consistent" in make_report(folder).page.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(("method", "said"), [("sway_current", True), ("lc", False)])
-def test_the_page_says_for_which_vehicles_the_advice_holds(tmp_path: Path, method: str, said: bool) -> None:
-    """Beside the advice of a method with an assumption on sway."""
-    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", method], runs=12)
-    text = make_report(folder).page.read_text(encoding="utf-8")
-    assert ("assume a slender vehicle unless" in text) is said
 
 
 def _overconfident(folder: Path, trajectory: str, method: str) -> None:
@@ -136,29 +126,6 @@ def test_a_method_without_sway_is_recommended_only_if_a_current_tested_it(
     tested = world == "survey" or speed_mps > 0.0
     assert ("weak_sway" in part.recommended) == tested
     assert tested or "tests in a current" in part.consistent_here_only["weak_sway"]
-
-
-@pytest.mark.long
-def test_the_page_says_why_a_method_of_still_water_is_not_recommended(tmp_path: Path) -> None:
-    """Its cells in the studies, its error in the swept current, and that still water does not test it."""
-    folder = write_campaign(tmp_path / "c", trajectories=["straight"], runs=12)
-    speeds = (("0", 0.04), ("0.1", 3.0), ("0.3", 24.8))
-    rows = [(CURRENT, speed, "straight", "nsv", error, 1.3, 19.9, None) for speed, error in speeds]
-    sweep = pl.DataFrame(rows, schema=dict(SWEEP), orient="row")
-    write_recorded_table(folder / "sweep.parquet", sweep, {"configuration_hash": "0" * 64})
-    summary = make_report(folder).page.read_text(encoding="utf-8").split('<h2 id="claims">')[0]
-    words = re.sub(r"<[^>]*>", "", summary)
-    (counted,) = {line for line in words.splitlines() if line.startswith("nsv") and "24.8" in line}
-    assert re.fullmatch(
-        r"nsv 0.100 m/s: overconfident in .* with beams 1,2 .*; 24.8 m/s and NEES 19.9 in a current of 0.3 m/s .*",
-        counted,
-    )
-    assert "does not test the assumption of nsv" in words
-    edit_manifest(
-        folder,
-        lambda m: m["scenarios"]["straight"]["configuration"].update(mission={"current": {"speed_mps": 0.3}}),
-    )
-    assert "does not test the assumption" not in make_report(folder).page.read_text(encoding="utf-8")
 
 
 def test_a_method_whose_gate_rejects_most_fixes_is_not_recommended(tmp_path: Path) -> None:
