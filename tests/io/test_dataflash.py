@@ -143,9 +143,7 @@ def test_a_board_pads_its_last_page(filler: bytes) -> None:
 
 
 def test_two_logs_in_a_file_are_refused() -> None:
-    with pytest.raises(
-        DataError, match=r"TimeUS of IMU goes back at its record 401 of 800; expected a log of one"
-    ):
+    with pytest.raises(DataError, match=r"TimeUS of IMU goes back at its record 401 of 800"):
         ardupilot.streams(whole(200) + whole(200), "x")
     other = b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", 129, 11, b"POS", b"Q", b"TimeUS")
     with pytest.raises(

@@ -108,7 +108,7 @@ def test_gap_of_the_imu_is_refused_unless_declared(tmp_path: Path) -> None:
     ("columns", "message"),
     [
         ({"ay": [0.0] * 7 + [float("nan")] + [0.0] * 43}, "row 7: column 'ay' is empty"),
-        ({"t": [0.1 * k for k in range(50)] + [1.0]}, "row 50, 1.000000 s, goes back"),
+        ({"t": [0.1 * k for k in range(50)] + [1.0]}, "row 50: 1.000000 s, goes back"),
     ],
 )
 def test_faults_name_file_row_and_column(
