@@ -146,9 +146,7 @@ def test_two_logs_in_a_file_are_refused() -> None:
     with pytest.raises(DataError, match=r"TimeUS of IMU goes back at its record 401 of 800"):
         ardupilot.streams(whole(200) + whole(200), "x")
     other = b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", 129, 11, b"POS", b"Q", b"TimeUS")
-    with pytest.raises(
-        DataError, match=r"record type 129 is IMU and, from byte \d+ on, POS; expected one log"
-    ):
+    with pytest.raises(DataError, match=r"record type 129 is IMU and, from byte \d+ on, POS"):
         dataflash.parse(whole() + other, "x", Account(unit="byte"))
 
 
