@@ -245,6 +245,8 @@ def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # no
 
 
 @pytest.mark.first_cases(1)
+# Its worker may come after the client.
+@pytest.mark.filterwarnings("ignore:.*has no worker:bottomlock.errors.Note")
 @needs_dask
 @pytest.mark.slow
 @pytest.mark.parametrize("pause_s", [0.0, 0.5])

@@ -1,14 +1,13 @@
 """The engine that sends chunks to the workers of a Dask cluster. Imported only on request.
 
-Built scenarios go to the workers once, with the content of every file that they name; chunks name their runs. The
-tables come back to the client, which alone writes. Workers need neither a shared file system nor the scenario's files.
-When a worker dies, the scheduler gives its chunks to another one.
+Built scenarios go to the workers once, with the content of every file that they name, so workers need neither a shared
+file system nor these files. The tables come back to the client, which alone writes. When a worker dies, the scheduler
+gives its chunks to another one.
 """
 
 import logging
 import signal
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
@@ -29,13 +28,6 @@ from bottomlock.tables.versions import bit_versions, versions_in_words
 CONNECT_S, PATIENCE_S, POLL_S = 10.0, 60.0, 2.0
 """How long a scheduler may take to answer, and a client waits without any worker; how often it looks, s."""
 
-CHUNKS_PER_THREAD = 2
-"""Chunks in progress per worker thread: one runs, one waits. They bound the memory of the cluster."""
-
-
-def _same(built: BuiltScenario) -> BuiltScenario:
-    return built
-
 
 def _work(built: BuiltScenario, chunk: Chunk) -> tuple[dict[str, str], ChunkTables]:
     """Runs a chunk on a worker: its versions, and the tables."""
@@ -55,22 +47,23 @@ def _run(
         KernelError: for input that the kernel rejects.
         EngineError: when the scheduler is lost, no worker is left, or a worker has other versions.
     """
-    waiting, running, last_seen_s = deque(chunks), dict[Any, Chunk](), time.monotonic()
+    waiting, running, last_seen_s = list(reversed(chunks)), dict[Any, Chunk](), time.monotonic()
     try:
         with _one_error(client, place):
             # A truth of ten minutes is more than Dask expects in a task, and goes out once.
             with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):
                 # Results, not data: the scheduler makes them again when the worker that holds them dies.
-                held = {one.scenario.name: client.submit(_same, one, pure=False) for one in scenarios}
+                held = {b.scenario.name: client.submit(lambda it: it, b, pure=False) for b in scenarios}
             while waiting or running:
                 threads = sum(client.nthreads().values())
                 last_seen_s = time.monotonic() if threads else last_seen_s
                 if time.monotonic() - last_seen_s > PATIENCE_S:
                     words = "finished chunks are kept: the same command resumes"
                     raise EngineError(f"{place} has had no worker for {PATIENCE_S:.0f} s", hint=words)
-                while waiting and len(running) < CHUNKS_PER_THREAD * max(1, threads):
+                # Two for each thread, of which one waits: more would fill the memory of the cluster.
+                while waiting and len(running) < 2 * max(1, threads):
                     # The remaining number as priority: chunks start in order.
-                    priority, chunk = len(waiting), waiting.popleft()
+                    priority, chunk = len(waiting), waiting.pop()
                     future = client.submit(_work, held[chunk.scenario], chunk, pure=False, priority=priority)
                     running[future] = chunk
                 # A worker that dies before its result is fetched costs a time-out; its chunk is run again.
@@ -140,7 +133,6 @@ def open_cluster(
                 )
             )  # fmt: skip
             place = "the local cluster"
-        # Failures come back as exceptions.
         opened.enter_context(silence_logging_cmgr(logging.CRITICAL))
         try:
             client = opened.enter_context(Client(target, timeout=CONNECT_S, set_as_default=False))
