@@ -8,10 +8,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock import BeamGeometry
 from bottomlock.audit import defects
 from bottomlock.audit.logs import BeamLog, read_depths, read_inertial, read_log, read_reference
-from bottomlock.audit.run import audit_file, converter_findings
+from bottomlock.audit.run import audit_file, audit_log, converter_findings
 from bottomlock.errors import DataError
+from tests.audit.synthetic import Array
 
 
 def log(time_s: list[float], y: np.ndarray[tuple[int, int], np.dtype[np.float64]] | None = None) -> BeamLog:
@@ -136,3 +138,35 @@ def test_beams_and_geometry_that_differ_in_number(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", time_ns=[0, 1], beam1_mps=[1.0, 2.0], beam1_valid=[1, 1])
     with pytest.raises(DataError, match="has 1 beams, expected 4"):
         audit_file(path, geometry="x_janus_20")
+
+
+def unlocked(y: Array, valid: bool, own_valid: bool | None) -> BeamLog:
+    flags = None if own_valid is None else np.full(len(y), own_valid)
+    own = None if own_valid is None else np.zeros((len(y), 3))
+    return BeamLog("air", np.arange(len(y)) * 10**8, y, np.full(y.shape, valid), None, own, flags)
+
+
+@pytest.mark.parametrize(
+    "log",
+    [
+        unlocked(np.random.default_rng(1).normal(size=(300, 4)), valid=True, own_valid=False),
+        unlocked(np.full((300, 4), np.nan), valid=False, own_valid=None),
+        unlocked(np.zeros((300, 4)), valid=True, own_valid=None),
+        unlocked(np.full((300, 4), -10.117), valid=False, own_valid=False),
+    ],
+    ids=["noise-in-air", "empty", "zeros", "one-number"],
+)
+def test_a_log_that_never_had_lock(log: BeamLog) -> None:
+    for stated in (BeamGeometry.janus(np.deg2rad(22.0)), None):
+        (found,) = audit_log(log, stated=stated).findings
+        assert found.kind == "never_locked"
+
+
+def test_a_table_of_empty_beams_is_audited(tmp_path: Path) -> None:
+    """The table that `convert` writes of a log without a valid beam."""
+    columns: dict[str, object] = {"time_ns": np.arange(50) * 10**8}
+    for k in range(4):
+        columns |= {f"beam{k + 1}_mps": [None] * 50, f"beam{k + 1}_valid": [False] * 50}
+    pl.DataFrame(columns).write_parquet(tmp_path / "air.parquet")
+    (found,) = audit_file(tmp_path / "air.parquet").findings
+    assert found.kind == "never_locked"

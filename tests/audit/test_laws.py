@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bottomlock.audit.beam_order import match, orders_by_closure
-from bottomlock.audit.closure import Slope, closure_of, closure_slope, null_space, suspects
+from bottomlock.audit.closure import closure_of, closure_slope, null_space
 from bottomlock.audit.matrix import READINGS_TO_VELOCITY, find_matrix
-from bottomlock.audit.robust import fit_linear
+from bottomlock.audit.robust import BLOCKS, LEAST_BLOCKS, blocks_of, fit_linear, sigmas_for
+from bottomlock.statistics.correlation import correlation_rows
 from tests.audit.synthetic import janus, motion
 from tests.oracle import closure as oracle
 
@@ -56,23 +57,6 @@ def test_closure_statistics_by_hand() -> None:
     assert one.beam_sigma_mps == pytest.approx(one.sigma_mps / 2.0)
 
 
-@given(st.integers(0, 500), st.integers(0, 3), st.floats(-0.1, 0.1))
-def test_suspect_is_exact_without_noise(seed: int, beam: int, turned: float) -> None:
-    """The slope of the closure on the velocity of least squares gives back the beam that was moved, exactly."""
-    rows = beams(seed)
-    true = rows.copy()
-    tilt, azimuth = np.arccos(rows[beam, 2]) + turned, np.arctan2(rows[beam, 1], rows[beam, 0])
-    true[beam] = [np.cos(azimuth) * np.sin(tilt), np.sin(azimuth) * np.sin(tilt), np.cos(tilt)]
-    n = null_space(rows)[:, 0]
-    # A beam with less than a tenth of the weight in the closure is no suspect.
-    assume(abs(n[beam]) > 0.2)
-    v = np.eye(3)
-    slope = np.asarray(np.linalg.solve(v @ true.T @ np.linalg.pinv(rows).T, v @ true.T @ n), dtype=np.float64)
-    (found,) = (one for one in suspects(Slope(slope, 1e-8 * np.eye(3), 1), n, rows) if one.beam == beam)
-    assert found.tilt_change_rad == pytest.approx(turned, abs=1e-9)
-    assert found.angle_rad == pytest.approx(abs(turned), abs=1e-6)
-
-
 def test_slope_needs_instruments() -> None:
     """One noisy beam makes the closure move with the velocity of its ping; neighbours do not share its noise."""
     rng = np.random.default_rng(0)
@@ -116,3 +100,15 @@ def test_standard_deviations_of_correlated_noise() -> None:
         said.append(float(np.std(fit.resampled[:, 0])))
     # 200 logs: the ratio of two spreads has a standard deviation of 5 %.
     assert 0.8 < np.mean(said) / np.std(errors) < 1.2
+
+
+def test_few_blocks_claim_nothing() -> None:
+    """Blocks hold two correlation times; from fewer than eight of them nothing is significant."""
+    noise = np.repeat(np.random.default_rng(2).normal(size=400), 20)
+    lasting = correlation_rows(noise)
+    assert lasting == pytest.approx(20.0, rel=0.4)
+    blocks = int(blocks_of(len(noise), lasting)[-1]) + 1
+    assert blocks == BLOCKS
+    assert int(blocks_of(200, lasting)[-1]) + 1 < LEAST_BLOCKS
+    assert sigmas_for(LEAST_BLOCKS - 1) == np.inf
+    assert sigmas_for(10_000) == pytest.approx(4.417 / np.sqrt(0.75), abs=0.01)

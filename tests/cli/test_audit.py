@@ -44,7 +44,7 @@ def test_what_is_written_and_said(planted: Path, tmp_path: Path) -> None:
     found = json.loads((out / "audit.json").read_text())
     kinds = [one["kind"] for one in found["findings"]]
     # Stated 20°, found 22°; the order is wrong as well.
-    assert kinds == ["swapped_beams", "wrong_tilt", "stale_pings"]
+    assert kinds == ["swapped_beams", "mistilted_beam", "stale_pings"]
     np.testing.assert_allclose(np.rad2deg(found["matrix"]["tilt_rad"]), 22.0, atol=0.02)
     assert pl.read_parquet(out / "findings.parquet").height == len(kinds)
     assert pl.read_parquet(out / "beams.parquet")["stated_beam"].to_list() == [2, 1, 3, 4]

@@ -97,9 +97,7 @@ def test_pd0_numbering(recordings: Path, tmp_path: Path) -> None:
     path = tmp_path / "beams.parquet"
     write_recording(pd0.read(source.read_bytes(), str(source)), path, source=source)
     audit = audit_file(path, geometry="x_janus_20")
-    # At one speed throughout a bias of 471 mm/s is not excluded: both are named, with their probabilities.
-    (order,) = (one for one in audit.findings if one.kind == "order_or_bias")
-    assert "probability" in order.text
+    (order,) = (one for one in audit.findings if one.kind == "swapped_beams")
     assert order.size > 5.0
     np.testing.assert_allclose(audit.assessment.closures[0].weights, [1, 1, -1, -1], atol=1e-6)
 
@@ -155,7 +153,7 @@ def test_akit_from_the_imu_alone(recordings: Path) -> None:
 
 @pytest.mark.parametrize("run", [pytest.param("night1", marks=pytest.mark.long), "night2"])
 def test_robosub_says_what_it_cannot_see(recordings: Path, run: str) -> None:
-    """Too slow for a mounting; rolls show the velocity 45° off the platform's y in both runs, named a suspicion."""
+    """Too slow for a mounting."""
     folder = need(recordings / "robosub_eecs568")
     dvl, ahrs, imu = (pl.read_csv(folder / f"{run}_{what}.csv").to_numpy() for what in ("dvl", "ahrs", "imu"))
     zero = ahrs[0, 0]
@@ -165,7 +163,4 @@ def test_robosub_says_what_it_cannot_see(recordings: Path, run: str) -> None:
         log, reference=Reference(times[1], ahrs[:, 1:4], None),
         imu=Inertial(times[2], imu[:, 4:7] / imu[:, 7:], imu[:, 1:4] / imu[:, 7:]),
     )  # fmt: skip
-    kinds = {one.kind: one for one in audit.findings}
-    assert "mounting_not_observable" in kinds
-    assert abs(kinds["rate_signature"].size) == pytest.approx(45.0, abs=10.0)
-    assert "not conclusive" in kinds["rate_signature"].evidence
+    assert "mounting_not_observable" in {one.kind for one in audit.findings}

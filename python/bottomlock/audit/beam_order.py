@@ -90,13 +90,16 @@ class Order:
     closure_mps: float
 
 
-def closure_size(readings_mps: Array, rows: Array) -> float:
-    """Robust size about zero, m/s, of the closure of readings (n, beams) with unit weights; NaN without a closure."""
+def closure_size(readings_mps: Array, rows: Array, *, biased: bool = False) -> float:
+    """Robust size, m/s, of the closure of readings (n, beams) with unit weights; NaN without a closure.
+
+    The size is about zero, or about the median where the closure may be biased.
+    """
     weights = null_space(rows)
     if not weights.size:
         return float("nan")
     values = readings_mps @ (weights / np.linalg.norm(weights, axis=0))
-    return float(rms([sigma(np.concatenate([column, -column])) for column in values.T]))
+    return float(rms([sigma(one if biased else np.concatenate([one, -one])) for one in values.T]))
 
 
 def orders_by_closure(readings_mps: Array, stated: Array) -> list[Order]:

@@ -5,26 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.audit.beam_order import Match, Order, match, orders_by_closure
-from bottomlock.audit.closure import (
-    Closure,
-    Slope,
-    Suspect,
-    closure_of,
-    closure_slope,
-    null_space,
-    null_space_cov,
-    suspects,
-)
+from bottomlock.audit.beam_order import Match, match
+from bottomlock.audit.closure import Closure, Slope, closure_of, closure_slope, null_space, null_space_cov
 from bottomlock.audit.closure_findings import (
     closure_findings,
     combination_findings,
     order_findings,
     slope_findings,
 )
-from bottomlock.audit.explanation_findings import explanation_findings, sure
-from bottomlock.audit.explanations import Explanation, explain
-from bottomlock.audit.findings import SIGNIFICANCE
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix
 from bottomlock.audit.matrix_findings import (
@@ -36,7 +24,6 @@ from bottomlock.audit.matrix_findings import (
     tilt_findings,
     unobservable_findings,
 )
-from bottomlock.audit.order_odds import order_odds
 from bottomlock.audit.robust import Array
 from bottomlock.recordings.finding import Finding
 
@@ -52,11 +39,8 @@ class BeamAssessment:
         rows: (beams, 3) geometry used for the closure, in the order and with the signs of the log; or None.
         closures: statistics, one for each combination in the null space; empty for three beams.
         slope: of the first closure on the velocity, or None.
-        suspects: single beams that would explain the slope; empty where it is not significant.
-        orders: beam orders ranked by closure, the best first; empty where they were not tried.
         ambiguous: another order explains the closure as simply as that of `rows`.
         findings: unranked.
-        explained: causes of a matrix that is not the stated one, the most probable first; empty where not tried.
     """
 
     full: NDArray[np.bool_]
@@ -65,11 +49,8 @@ class BeamAssessment:
     rows: Array | None = None
     closures: list[Closure] = field(default_factory=list)
     slope: Slope | None = None
-    suspects: list[Suspect] = field(default_factory=list)
-    orders: list[Order] = field(default_factory=list)
     ambiguous: bool = False
     findings: list[Finding] = field(default_factory=list)
-    explained: list[Explanation] = field(default_factory=list)
 
 
 def assess_beams(
@@ -89,13 +70,12 @@ def assess_beams(
         return found
     readings = log.velocity_mps[full]
     if found.rows is None:
-        notes, closures = combination_findings(readings, np.flatnonzero(found.full))
+        notes, closures = combination_findings(readings)
         return replace(found, closures=closures, findings=found.findings + notes)
     if log.beams >= 4:
-        orders = orders_by_closure(readings, found.rows)
-        odds = order_odds(readings, found.rows, orders)
-        notes, rows, ambiguous = order_findings(orders, odds, found.rows)
-        found = replace(found, orders=orders, rows=rows, ambiguous=ambiguous, findings=found.findings + notes)
+        regressed = found.matrix is not None and found.rows is found.matrix.rows
+        notes, rows, ambiguous = order_findings(readings, found.rows, regressed=regressed)
+        found = replace(found, rows=rows, ambiguous=ambiguous, findings=found.findings + notes)
     return _with_closures(found, readings)
 
 
@@ -111,34 +91,14 @@ def _against_velocity(
         rows = None if stated is None else np.array(stated)
         findings = unobservable_findings(log, matrix, int(solved.sum()))
         return BeamAssessment(full, matrix, rows=rows, findings=findings)
-    matched = None if stated is None else match(matrix.directions, stated)
-    if matched is not None and stated is not None:
-        findings = match_findings(matrix, matched, copies)
-    else:
-        findings = self_findings(matrix, copies)
-    parallel = parallel_beams(findings, copies)
-    causes, rows, explained = _causes(matrix, matched, stated, parallel)
-    return BeamAssessment(full, matrix, matched, rows, findings=findings + causes, explained=explained)
-
-
-def _causes(
-    matrix: Matrix, matched: Match | None, stated: Array | None, parallel: set[int]
-) -> tuple[list[Finding], Array, list[Explanation]]:
-    """What explains the matrix, in place of an accusation of every beam; the beams as they then are (beams, 3)."""
-    base = None
-    if matched is not None and stated is not None:
-        base = matched.rotation.apply(matched.sign[:, None] * stated[matched.beam])
-    explained: list[Explanation] = []
-    if not parallel and (base is not None or len(matrix.rows) == 4):
-        explained = explain(matrix, base)
-        best = explained[0]
-        told = explanation_findings(explained, matrix, stated=base is not None)
-        if best.fits and sure(best, matrix) and told:
-            return told, best.rows, explained
-    findings = scale_findings(matrix, 1.0 if base is None else np.linalg.norm(base, axis=1))
-    if matched is not None and stated is not None:
-        findings = tilt_findings(matrix, matched, stated, parallel) + findings
-    return findings, matrix.rows, explained
+    if stated is None:
+        findings = self_findings(matrix, copies) + scale_findings(matrix)
+        return BeamAssessment(full, matrix, rows=matrix.rows, findings=findings)
+    matched = match(matrix.directions, stated)
+    findings = match_findings(matrix, matched, copies)
+    findings += tilt_findings(matrix, matched, stated, parallel_beams(findings, copies))
+    findings += scale_findings(matrix, np.linalg.norm(stated[matched.beam], axis=1))
+    return BeamAssessment(full, matrix, matched, matrix.rows, findings=findings)
 
 
 def _with_closures(found: BeamAssessment, readings: Array) -> BeamAssessment:
@@ -156,23 +116,21 @@ def _with_closures(found: BeamAssessment, readings: Array) -> BeamAssessment:
             for one in closures
         ]
     slope: Slope | None = None
-    explaining: list[Suspect] = []
+    biases = bias_findings(matrix, closures) if matrix is not None and against else []
+    # A bias that the instrument's velocity shows leaves no doubt of the order.
+    findings = [one for one in found.findings if not (biases and one.kind == "order_or_bias")]
+    doubtful = any(one.kind == "order_or_bias" for one in findings)
     dependence: list[Finding] = []
     # Rows from a regression on the velocity leave no part of the closure that follows it.
-    if closures and not (matrix is not None and rows is matrix.rows and not exact):
+    if closures and not doubtful and not (matrix is not None and rows is matrix.rows and not exact):
         velocity = readings @ np.linalg.pinv(rows).T
         slope = closure_slope(closures[0].values_mps, velocity, np.flatnonzero(found.full))
         if slope is not None and matrix is not None and rows is matrix.rows:
             slope = slope.with_rows_uncertain(null_space_cov(rows, matrix.resampled, weights[:, 0]))
-        if slope is not None and slope.p_value < SIGNIFICANCE:
-            explaining = suspects(slope, weights[:, 0], rows)
-            dependence = slope_findings(slope, explaining, rows, velocity)
-    biases = bias_findings(matrix, closures) if matrix is not None and against else []
-    # A bias that the instrument's velocity shows leaves no doubt of the order.
-    before = [one for one in found.findings if not (biases and one.kind == "order_or_bias")]
-    doubtful = any(one.kind == "order_or_bias" for one in before)
-    findings = before + dependence + biases
+        if slope is not None:
+            dependence = slope_findings(slope, velocity)
+    findings += dependence + biases
     for closure in closures:
         # The median of a closure that depends on the velocity is no bias, and a named bias is named once.
         findings += closure_findings(closure, unbiased=bool(dependence or biases) or doubtful)
-    return replace(found, closures=closures, slope=slope, suspects=explaining, findings=findings)
+    return replace(found, closures=closures, slope=slope, findings=findings)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, f, norm
+from scipy.stats import f, norm
 
 from bottomlock.audit.robust import (
     LEAST_BLOCKS,
@@ -217,52 +217,6 @@ def closure_slope(values_mps: Array, velocity_mps: Array, row: NDArray[np.int64]
     )
 
 
-@dataclass(frozen=True)
-class Suspect:
-    """One beam that would explain a slope: its direction off by `angle_rad`, or its scale off by `scale`.
-
-    `share_turned` and `share_scaled` are the probabilities of either, of all single beams, equal before the log (BIC).
-    """
-
-    beam: int
-    angle_rad: float
-    angle_sd_rad: float
-    tilt_change_rad: float
-    scale: float
-    p_turned: float
-    p_scaled: float
-    scale_sd: float = 0.0
-    share_turned: float = 0.0
-    share_scaled: float = 0.0
-
-
-def _suspect(beam: int, delta: Array, cov: Array, row: Array) -> Suspect:
-    """A beam whose row is off by `delta` (3,) with this covariance: what of it a direction or a scale explains.
-
-    Each is the generalised least-squares estimate under its constraint: the part of `delta` that the motion excites
-    little is left to the constraint.
-    """
-    length = float(np.linalg.norm(row))
-    unit, new = row / length, row + delta
-    along = new / max(float(np.linalg.norm(new)), 1e-12)
-    grown, given = float(np.linalg.norm(new) - length), max(float(along @ cov @ along), 1e-18)
-    kept = new - cov @ along * grown / given
-    kept = kept / max(float(np.linalg.norm(kept)), 1e-12)
-    cosine = float(np.clip(unit @ kept, -1.0, 1.0))
-    aside = kept - cosine * unit
-    aside = aside / max(float(np.linalg.norm(aside)), 1e-12)
-    cov_kept = cov - np.outer(cov @ along, cov @ along) / given
-    turned, before = (float(np.arctan2(np.hypot(v[0], v[1]), v[2])) for v in (np.asarray(kept), unit))
-    weighted = np.linalg.solve(cov, row)
-    scale, scale_sd = float(weighted @ delta / (weighted @ row)), float(1.0 / np.sqrt(weighted @ row))
-    left = np.asarray(delta - scale * row)
-    return Suspect(
-        beam, float(np.arccos(cosine)),
-        float(np.sqrt(max(float(aside @ cov_kept @ aside), 0.0))) / length, turned - before, scale,
-        float(chi2.sf(grown**2 / given, 1)), float(chi2.sf(left @ np.linalg.solve(cov, left), 2)), scale_sd,
-    )  # fmt: skip
-
-
 def null_space_cov(rows: Array, resampled: Array, weights: Array) -> Array:
     """(3, 3) covariance that the uncertainty of the rows gives the slope of the closure `weights` (beams,).
 
@@ -274,29 +228,3 @@ def null_space_cov(rows: Array, resampled: Array, weights: Array) -> Array:
         k = int(np.argmax(np.abs(weights @ n)))
         slopes.append((n[:, k] * (weights @ weights) / (weights @ n[:, k])) @ rows)
     return np.atleast_2d(np.cov(np.array(slopes), rowvar=False))
-
-
-def suspects(slope: Slope, weights: Array, rows: Array) -> list[Suspect]:
-    """Single beams that would explain the slope, the best first.
-
-    If beam k alone is off by δ, the least-squares velocity is A⁺ (A + e_k δᵀ) v, and the slope a on that velocity obeys
-    (n − A⁺ᵀ a)ᵀ (A + e_k δᵀ) = 0, so that δ = a / (n − A⁺ᵀ a)_k. A wrong direction keeps the row's length (one test); a
-    wrong scale keeps its direction (two tests).
-    """
-    found = []
-    for beam, weight in enumerate(weights - np.linalg.pinv(rows).T @ slope.slope):
-        if abs(weight) < 0.1:
-            continue
-        found.append(_suspect(beam, slope.slope / weight, slope.cov / weight**2, rows[beam]))
-    # A direction has two numbers, a scale one.
-    pairs = [
-        (chi2.isf(max(one.p_turned, 1e-300), 1), chi2.isf(max(one.p_scaled, 1e-300), 2)) for one in found
-    ]
-    cost = np.array([(t + 2.0 * np.log(slope.pings), s + np.log(slope.pings)) for t, s in pairs])
-    weight = np.exp(-0.5 * (cost - cost.min()))
-    shares = np.asarray(weight / weight.sum())
-    told = [
-        replace(one, share_turned=float(t), share_scaled=float(s))
-        for one, (t, s) in zip(found, shares, strict=True)
-    ]
-    return sorted(told, key=lambda one: -max(one.share_turned, one.share_scaled))

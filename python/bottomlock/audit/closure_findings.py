@@ -1,30 +1,25 @@
-"""Findings from the closure: opposite beams, beam order, bias, heavy tails, and a beam with a wrong direction."""
-
-from typing import NamedTuple
+"""Findings from the closure: opposite beams, beam order, bias, heavy tails, and beams that differ from the matrix."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binom, norm
 
-from bottomlock.audit.beam_order import Order, closing_combination
-from bottomlock.audit.closure import GAUSSIAN_BEYOND_3, Closure, Slope, Suspect, closure_of, null_space
-from bottomlock.audit.findings import (
-    MATERIAL_MPS,
-    MATERIAL_RAD,
-    MATERIAL_SCALE,
-    SIGNIFICANCE,
-    beam_words,
-)
-from bottomlock.audit.nearest_janus import nearest_janus
-from bottomlock.audit.order_odds import BETTER, Odds
+from bottomlock.audit.beam_order import Order, closing_combination, closure_size, orders_by_closure
+from bottomlock.audit.closure import GAUSSIAN_BEYOND_3, Closure, Slope, closure_of
+from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_SCALE, SIGNIFICANCE, beam_words
 from bottomlock.audit.robust import Array, sigmas_for
 from bottomlock.recordings.finding import Finding
 
+BETTER, FAR_BETTER = 0.5, 0.2
+"""An order is considered whose closure is smaller than this of the stated one's; of a matrix by regression, than this.
+
+A fault of one channel in the record alone shows in every row of such a matrix, and another order may halve its closure.
+"""
+
+CLEARER = 2.0
+"""A combination of readings is named where the next best spreads as many times more."""
+
 HEAVY_FRACTION = 0.01
 """Heavy tails are reported when a larger fraction lies beyond three robust sigmas; Gaussian noise has 0.0027."""
-
-NAMED_SIGMAS = 3.0
-"""A beam is named as the cause whose scale or direction is off by as many of its standard deviations."""
 
 ROUNDING_MPS = 1e-9
 """Beams that close as well as this close exactly: no other order closes better."""
@@ -35,13 +30,8 @@ FREE = (
 )
 
 
-def combination_findings(readings: Array, row: NDArray[np.int64]) -> tuple[list[Finding], list[Closure]]:
-    """Findings with neither a velocity nor a stated geometry: which beams are opposite each other.
-
-    Args:
-        readings: (n, beams) of full pings.
-        row: (n,) their rows in the log.
-    """
+def combination_findings(readings: Array) -> tuple[list[Finding], list[Closure]]:
+    """Findings with neither a velocity nor a stated geometry: how readings (n, beams) of full pings close."""
     if readings.shape[1] < 4:
         note = Finding(
             "beams_alone", "note", 0.0,
@@ -50,70 +40,49 @@ def combination_findings(readings: Array, row: NDArray[np.int64]) -> tuple[list[
             "State a geometry.",
         )  # fmt: skip
         return [note], []
-    found = nearest_janus(readings, row)
     best = closing_combination(readings)
     listed = " ".join(f"{w:+.2f}" for w in best.weights)
-    evidence = (
-        f"Of least spread are the weights {listed}: a unit combination closes to {1e3 * best.spread_mps:.1f} mm/s, "
-        f"the next best to {1e3 * best.next_mps:.1f}. {FREE}"
-    )
-    moved = best.next_mps > MATERIAL_MPS
-    if readings.shape[1] != 4 or found is None or not moved:
-        clear = moved and readings.shape[1] > 4 and best.next_mps > 2.0 * best.spread_mps
-        words = (
-            f"The beams close with weights {listed}."
-            if clear
-            else "The order of the beams is not observable in this log: no combination of them closes clearly better "
-            "than the others."
-        )
-        advice = "State a geometry." if clear else "Record surge, sway and heave well above the noise."
-        return [
-            Finding(
-                "beams_alone",
-                "note",
-                0.0,
-                words,
-                evidence,
-                advice,
-                size=best.spread_mps,
-                unit="m/s",
-            )
-        ], []
-    pairs = [np.flatnonzero(found.weights > 0.0), np.flatnonzero(found.weights < 0.0)]
-    faces = f"{beam_words(pairs[0])} face each other, and {beam_words(pairs[1])}"
-    words = f"The beams close as a Janus in which {faces}."
-    if found.departs:
-        words = (
-            f"The beams are nearest to a Janus in which {faces}, but its closure follows the velocity: a beam has "
-            "another scale or direction, or the instrument is no Janus."
-        )
-        assert found.slope is not None
-        evidence = (
-            f"{1e3 * found.effect_mps:.0f} mm/s RMS of closure (p {found.slope.p_value:.1g}). {evidence}"
-        )
-    closure = closure_of(found.weights, readings)
+    clear = best.next_mps > max(MATERIAL_MPS, CLEARER * best.spread_mps)
     note = Finding(
-        "beams_alone",
-        "warning" if found.departs else "note",
-        0.0,
-        words,
-        f"Probability of this pairing {found.share:.4g}. {evidence}",
-        "Compare with the manufacturer's beam numbering.",
-        size=best.spread_mps,
-        unit="m/s",
-    )
-    return [note, *closure_findings(closure, unbiased=found.departs)], [closure]
+        "beams_alone", "note", 0.0,
+        f"The beams close with weights {listed}: of four beams of a Janus those of one sign face each other."
+        if clear
+        else "The order of the beams is not observable in this log: no combination of them closes clearly better than "
+        "the others.",
+        f"Of least spread are the weights {listed}: a unit combination closes to {1e3 * best.spread_mps:.1f} mm/s, the "
+        f"next best to {1e3 * best.next_mps:.1f}. {FREE}",
+        "Compare with the manufacturer's beam numbering, or state a geometry."
+        if clear
+        else "Record surge, sway and heave well above the noise.",
+        size=best.spread_mps, unit="m/s",
+    )  # fmt: skip
+    if not clear:
+        return [note], []
+    closure = closure_of(best.weights, readings)
+    # Fitted weights leave a part of the velocity in the closure, so that its median is no bias.
+    return [note, *closure_findings(closure, unbiased=True)], [closure]
 
 
-def order_findings(orders: list[Order], odds: Odds | None, rows: Array) -> tuple[list[Finding], Array, bool]:
+def order_findings(
+    readings: Array, rows: Array, *, regressed: bool = False
+) -> tuple[list[Finding], Array, bool]:
     """The simplest order in which the beams close far better than in the stated one, if any.
 
-    A closure that is not zero may also be a bias in the stated order: where the log does not exclude it, both are named
-    with their odds. Returns the findings, the rows in the order that is more probable, and whether it is ambiguous.
+    A wrong order gives a steady course a constant closure, as a bias in the stated order does: where the closure of the
+    stated order scatters about its median as little as the best closes, both are named.
+
+    Args:
+        readings: (n, beams) of full pings.
+        rows: (beams, 3) in the stated order.
+        regressed: the rows are a matrix by regression, not a stated geometry.
+
+    Returns:
+        The findings, the rows in the order that closes best, and whether it is ambiguous.
     """
-    plain = next(one for one in orders if one.steps == 0)
-    best = min(orders, key=lambda one: one.closure_mps)
-    if best.closure_mps > BETTER * plain.closure_mps or plain.closure_mps < ROUNDING_MPS:
+    orders = orders_by_closure(readings, rows)
+    plain, best = next(one for one in orders if one.steps == 0), orders[0]
+    better = FAR_BETTER if regressed else BETTER
+    if best.closure_mps > better * plain.closure_mps or plain.closure_mps < ROUNDING_MPS:
         return [], rows, False
     equal = [one for one in orders if one.closure_mps < 1.1 * best.closure_mps]
     fewest = min(one.steps for one in equal)
@@ -124,43 +93,30 @@ def order_findings(orders: list[Order], odds: Odds | None, rows: Array) -> tuple
     reordered = np.array(chosen.sign)[:, None] * rows[list(chosen.beam)]
     flips = any(s < 0 for s in chosen.sign)
     ratio = plain.closure_mps / max(best.closure_mps, 1e-12)
+    scatter = closure_size(readings, rows, biased=True)
     evidence = (
-        f"Robust closure of a unit combination {1e3 * plain.closure_mps:.1f} mm/s as stated, "
-        f"{1e3 * best.closure_mps:.1f} mm/s after the change."
+        f"Robust closure of a unit combination {1e3 * plain.closure_mps:.1f} mm/s as stated "
+        f"({1e3 * scatter:.1f} about its median), {1e3 * best.closure_mps:.1f} mm/s after the change."
     )
-    stays = -np.inf if odds is None else odds.log_stated
-    if odds is not None and stays > np.log(SIGNIFICANCE):
+    if BETTER * scatter < best.closure_mps:
         doubt = Finding(
             "order_or_bias", "fault", 1.0,
-            f"Either the order is not the stated one ({named}: probability {-np.expm1(stays):.2g}), or the closure has "
-            f"a bias of {1e3 * odds.bias_mps:+.1f} mm/s (probability {np.exp(stays):.2g}).",
+            f"Either the order is not the stated one ({named}), or the closure has a bias.",
             f"{evidence} The vehicle's velocity varies too little to decide.",
             "Record the vehicle on two courses, or the instrument's own velocity.",
             size=ratio, unit="times", beams=tuple(sorted(k + 1 for k in moved)),
         )  # fmt: skip
-        return [doubt], reordered if stays < np.log(0.5) else rows, True
+        return [doubt], rows, True
     finding = Finding(
         "sign_flipped" if flips and fewest == 1 else "swapped_beams", "fault", 1.0,
         f"The beams do not close as stated, and close {ratio:.1f} times better with {named}.",
-        f"{evidence} A bias in the stated order instead: odds {_odds_words(stays)}.",
+        evidence,
         "Closure cannot distinguish these; record the instrument's velocity, or a known motion."
         if len(simple) > 1
         else "Use the geometry file that this audit writes.",
         size=ratio, unit="times", beams=tuple(sorted(k + 1 for k in moved)),
     )  # fmt: skip
     return [finding], reordered, len(simple) > 1
-
-
-def _odds_words(log_share: float) -> str:
-    """Odds against, in words.
-
-    >>> _odds_words(np.log(1e-7)), _odds_words(-np.inf)
-    ('1 in 1e+07', 'none')
-    """
-    if not np.isfinite(log_share):
-        return "none"
-    digits = -log_share / np.log(10.0)
-    return f"1 in {np.exp(-log_share):.0e}" if digits < 300 else f"1 in 10^{digits:.0f}"
 
 
 def _order_words(order: Order) -> str:
@@ -223,68 +179,24 @@ def _chance_of_tails(closure: Closure) -> float:
     return float(np.average(tails, weights=norm.pdf(error)))
 
 
-class _Cause(NamedTuple):
-    """A beam that may explain a slope: its share among all, the probability, its size in standard deviations, words."""
-
-    share: float
-    p_value: float
-    sigmas: float
-    beam: int
-    words: str
-
-
-def slope_findings(slope: Slope, blamed: list[Suspect], rows: Array, velocity: Array) -> list[Finding]:
+def slope_findings(slope: Slope, velocity: Array) -> list[Finding]:
     """A closure that depends on the velocity: the beam directions or scales differ from the matrix."""
     effect = float(np.sqrt(slope.slope @ np.cov(velocity, rowvar=False) @ slope.slope))
-    best = blamed[0]
-    turned = best.share_turned >= best.share_scaled
-    size = best.angle_rad if turned else abs(best.scale)
-    if size < (MATERIAL_RAD if turned else MATERIAL_SCALE) or effect < MATERIAL_MPS:
+    # A beam of full weight that is off by a direction or a scale, rad or relative, gives a slope of that size.
+    size = float(np.linalg.norm(slope.slope))
+    if slope.p_value > SIGNIFICANCE or size < MATERIAL_SCALE or effect < MATERIAL_MPS:
         return []
-    # A share compares single beams with each other; the probability says whether the beam explains the slope at all.
-    causes = [
-        *(
-            _Cause(
-                one.share_turned, one.p_turned, one.angle_rad / one.angle_sd_rad, one.beam, _turned_words(one)
-            )
-            for one in blamed
-        ),
-        *(
-            _Cause(one.share_scaled, one.p_scaled, one.scale / one.scale_sd, one.beam, _scaled_words(one))
-            for one in blamed
-        ),
-    ]
-    causes = sorted(
-        (one for one in causes if one.share > 0.01 and one.p_value > 1e-3), key=lambda one: -one.share
-    )
-    named = causes[0] if causes and abs(causes[0].sigmas) >= NAMED_SIGMAS else None
-    if named is not None:
-        told = f"Possible cause: {' or '.join(f'{one.words} (share {one.share:.2g})' for one in causes)}."
-    else:
-        told = "The velocity varies too little to say which." if causes else "No single beam explains it."
     sd = np.sqrt(np.diag(slope.cov))
     listed = ", ".join(f"{value:+.3f} ± {spread:.2g}" for value, spread in zip(slope.slope, sd, strict=True))
     return [
         Finding(
-            "closure_depends_on_velocity" if named is None else ("mistilted_beam" if turned else "beam_scale"),
-            "fault", float(min(np.linalg.norm(slope.slope) / np.sum(np.abs(null_space(rows)[:, 0])), 1.0)),
-            f"The closure depends on the velocity: the beams differ from the matrix. {told}",
-            f"Slope on x, y, z {listed} (p {slope.p_value:.1g}); {1e3 * effect:.0f} mm/s RMS of closure. Neighbours "
+            "closure_depends_on_velocity", "fault", min(size, 1.0),
+            f"The closure depends on the velocity, by {1e3 * effect:.0f} mm/s RMS: the directions or scales of the "
+            "beams differ from the matrix.",
+            f"Slope on x, y, z {listed} (p {slope.p_value:.1g}). Neighbours "
             f"{slope.lag} {'ping' if slope.lag == 1 else 'pings'} away serve as instrumental variable.",
-            "Closure observes three numbers of the twelve, so that a single beam is assumed: check the named beam "
-            "against the manufacturer's drawing, or calibrate with a reference.",
-            size=float(np.rad2deg(size)) if turned else 100.0 * size,
-            unit="deg" if turned else "%", beams=(named.beam + 1,) if named is not None else (),
+            "Closure observes three numbers of the twelve and names no beam: check the beams against the "
+            "manufacturer's drawing, or calibrate with a reference.",
+            size=1e3 * effect, unit="mm/s",
         )
     ]  # fmt: skip
-
-
-def _turned_words(one: Suspect) -> str:
-    return (
-        f"the direction of beam {one.beam + 1} off by {np.rad2deg(one.angle_rad):.1f} ± "
-        f"{np.rad2deg(one.angle_sd_rad):.1g} deg ({np.rad2deg(one.tilt_change_rad):+.1f} deg of it tilt)"
-    )
-
-
-def _scaled_words(one: Suspect) -> str:
-    return f"the scale of beam {one.beam + 1} off by {100.0 * one.scale:+.1f} ± {100.0 * one.scale_sd:.1g} %"

@@ -11,9 +11,9 @@ from bottomlock.audit.robust import LEAST_BLOCKS, Array, sigmas_for
 from bottomlock.recordings.finding import Finding
 
 NOT_UNIQUE = (
-    "No single beam, common tilt, scale or rotation explains the matrix. It is the one of an instrument that solves "
-    "these readings by least squares; with four beams a matrix with another multiple of the closure in each column "
-    "fits as well."
+    "It is the matrix of an instrument that solves these readings by least squares. With four beams a matrix with "
+    "another multiple of the closure in each column fits as well, so that a channel changed after the instrument "
+    "solved shows in every beam."
 )
 
 
@@ -124,28 +124,28 @@ def parallel_beams(findings: list[Finding], copies: list[tuple[int, ...]]) -> se
 
 
 def tilt_findings(matrix: Matrix, matched: Match, stated: Array, parallel: set[int]) -> list[Finding]:
-    """Beams off their stated direction, where no single cause explains the matrix."""
-    place = (
-        f"Tilts {_degrees(matrix.tilt_rad)} deg, azimuths {_degrees(matrix.azimuth_rad, 1)} deg "
-        f"from {matrix.pings} pings. {NOT_UNIQUE}"
-    )
+    """Beams off their stated direction."""
     expected = matched.rotation.apply(matched.sign[:, None] * stated[matched.beam])
     sure = matched.off_rad > np.maximum(MATERIAL_RAD, sigmas_for(matrix.blocks) * matrix.direction_sd_rad)
     off = [int(k) for k in np.flatnonzero(sure) if int(k) not in parallel]
+    if not off:
+        return []
     # The tilt from the nearer end of the z axis, so that a reversed beam has the tilt of the others.
     lean, meant = (np.minimum(tilt(v), np.pi - tilt(v)) for v in (matrix.directions, expected))
-    change = lean - meant
+    worst = max(off, key=lambda k: float(matched.off_rad[k]))
+    listed = ", ".join(
+        f"{np.rad2deg(matched.off_rad[k]):.2f} ± {np.rad2deg(matrix.direction_sd_rad[k]):.2g}" for k in off
+    )
     return [
         Finding(
-            "mistilted_beam", "fault", float(np.sin(matched.off_rad[k])),
-            f"Beam {k + 1} is {np.rad2deg(matched.off_rad[k]):.2f} deg off its stated direction "
-            f"(tilt {np.rad2deg(lean[k]):.2f} deg, stated {np.rad2deg(meant[k]):.2f}).",
-            f"± {np.rad2deg(matrix.direction_sd_rad[k]):.2g} deg; {np.rad2deg(change[k]):+.2f} deg of it is tilt. "
-            f"{place}",
-            "This is the matrix that the instrument uses; correct the stated geometry.",
-            size=float(np.rad2deg(matched.off_rad[k])), unit="deg", beams=(k + 1,),
+            "mistilted_beam", "fault", float(np.sin(matched.off_rad[worst])),
+            f"In the matrix that the instrument uses {beam_words(off)} {'is' if len(off) == 1 else 'are'} off the "
+            f"stated direction by up to {np.rad2deg(matched.off_rad[worst]):.2f} deg.",
+            f"Off by {listed} deg; tilts {_degrees(lean)} deg, stated {_degrees(meant)}; azimuths "
+            f"{_degrees(matrix.azimuth_rad, 1)} deg; from {matrix.pings} pings. {NOT_UNIQUE}",
+            "Compare with the manufacturer's drawing; correct the stated geometry, or the channel.",
+            size=float(np.rad2deg(matched.off_rad[worst])), unit="deg", beams=tuple(k + 1 for k in off),
         )
-        for k in off
     ]  # fmt: skip
 
 

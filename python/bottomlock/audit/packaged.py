@@ -11,8 +11,8 @@ from bottomlock.io.beams import read_geometry
 from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.recordings.finding import Finding
 
-OTHER_INSTRUMENT = {"swapped_beams", "sign_flipped", "order_or_bias", "rotated_geometry", "wrong_tilt"}
-"""Findings that another geometry may explain; so does a tilt of every single beam."""
+OTHER_INSTRUMENT = {"swapped_beams", "sign_flipped", "order_or_bias", "rotated_geometry"}
+"""Findings that another geometry may explain; so does a wrong direction of every beam."""
 
 
 def packaged_findings(
@@ -89,8 +89,10 @@ def _open(found: BeamAssessment, stated: Array | None) -> bool:
     """No geometry is stated, or what is found against it may be that of another instrument."""
     if stated is None:
         return True
-    kinds = [one.kind for one in found.findings]
-    return not OTHER_INSTRUMENT.isdisjoint(kinds) or kinds.count("mistilted_beam") == len(stated)
+    return any(
+        one.kind in OTHER_INSTRUMENT or (one.kind == "mistilted_beam" and len(one.beams) == len(stated))
+        for one in found.findings
+    )
 
 
 def _fits(log: BeamLog, found: BeamAssessment, rows: Array, copies: list[tuple[int, ...]]) -> bool:

@@ -20,7 +20,6 @@ from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import Mounting, find_mounting
 from bottomlock.audit.mounting_findings import mounting_findings
 from bottomlock.audit.packaged import packaged_findings
-from bottomlock.audit.signature import find_signature, signature_findings
 from bottomlock.audit.single_beams import noisy_findings, stuck_findings
 from bottomlock.audit.water import WaterAgreement, water_agreement, water_findings
 from bottomlock.io.beams import check_beam_count, read_geometry
@@ -170,8 +169,6 @@ def _against_reference(
     if reference is not None:
         mounting = find_mounting(log.time_ns[rows], velocity[rows], reference, imu)
         findings += mounting_findings(mounting, mounted)
-        if mounting is None or not mounting.follows:
-            findings += signature_findings(find_signature(log.time_ns[rows], velocity[rows], reference, imu))
     return depth, mounting, findings
 
 
