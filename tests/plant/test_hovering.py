@@ -32,18 +32,13 @@ from bottomlock.plant import (
 from bottomlock.plant.equations import acceleration
 from bottomlock.plant.hovering import thruster_steering
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
-from bottomlock.plant.matrices import (
-    added_mass_coriolis_matrix,
-    added_mass_matrix,
-    restoring_vector,
-    rigid_body_coriolis_matrix,
-    rigid_body_mass_matrix,
-)
+from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.steering import Motion, Wanted
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import check_stability, start_state
 from bottomlock.plant.vehicle_file import parse_vehicle
 from tests.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD, finned
+from tests.plant.matrices import added_mass_coriolis_matrix, restoring_vector, rigid_body_coriolis_matrix
 
 HEADING_RAD = math.radians(30.0)
 ACROSS = Current.towards(0.15, math.pi / 2)

@@ -112,12 +112,12 @@ def test_truth_refuses_nonsense() -> None:
     arrays = {name: value[:5] for name, value in truth.kernel_arrays().items() if name != "time_ns"}
 
     def make(times: list[int] | list[float], **change: NDArray[np.float64]) -> Truth:
-        return Truth.from_arrays(latitude_rad=0.5, gravity_mps2=9.8, time_ns=times, **(arrays | change))
+        return Truth(time_ns=np.array(times), latitude_rad=0.5, gravity_mps2=9.8, **(arrays | change))
 
     make([0, 1, 2, 3, 4])
     with pytest.raises(DataError, match="does not increase at row 2"):
         make([0, 1, 1, 3, 4])
-    with pytest.raises(DataError, match="integer nanoseconds"):
+    with pytest.raises(DataError, match="one-dimensional int64 array"):
         make([0.0, 1.0, 2.0, 3.0, 4.0])
     with pytest.raises(DataError, match=r"velocity_p_mps has shape \(4, 3\)"):
         make([0, 1, 2, 3, 4], velocity_p_mps=arrays["velocity_p_mps"][:4])

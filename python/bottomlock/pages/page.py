@@ -1,4 +1,4 @@
-"""A result laid out once, title, answer, and parts of text, figures and tables; and its writers to HTML and Markdown.
+"""A result laid out once, title, answer, and parts of text, figures and tables; and its writer to HTML.
 
 Texts are Markdown: paragraphs, lists, `code`, **bold** and *emphasis*. A method in code is shown with its look where
 there are colours. Tables are of strings, in which `<br>` begins a line.
@@ -215,46 +215,6 @@ def _linked(blocks: Sequence[Block]) -> bool:
     )
 
 
-def markdown(page: Page) -> str:
-    """The page in Markdown, without its figures.
-
-    >>> print(markdown(Page("A study", ["None."], [Part("a", "Of what", [Table(["a", "b"], [["1", "2"]])])], "")))
-    # A study
-    <BLANKLINE>
-    1. None.
-    <BLANKLINE>
-    ## Of what
-    <BLANKLINE>
-    | a | b |
-    | --- | ---: |
-    | 1 | 2 |
-    <BLANKLINE>
-    """
-    lines = [f"# {page.title}"]
-    if page.headline:
-        lines.append(f"**{' '.join(page.headline)}**")
-    if page.answer:
-        lines.append(_numbered(page.answer))
-    lines += page.intro
-    for part in page.parts:
-        lines += [f"## {part.heading}", *_markdown_blocks(part.blocks)]
-    return "\n\n".join(lines) + "\n"
-
-
-def _markdown_blocks(blocks: Sequence[Block]) -> list[str]:
-    lines = []
-    for block in blocks:
-        if isinstance(block, str):
-            lines.append(block)
-        elif isinstance(block, Table):
-            lines += [*([block.caption] if block.caption else []), _markdown_table(block)]
-        elif isinstance(block, Terms):
-            lines.append(listed([f"**{term}**: {words}" for term, words in block.rows]))
-        elif isinstance(block, Folded):
-            lines += _markdown_blocks(block.blocks)
-    return lines
-
-
 def kind_of(text: str) -> str:
     """The colour of a text, "" for none."""
     return getattr(text, "kind", text if text in VERDICTS else "")
@@ -281,14 +241,6 @@ def plain_text(marked: str) -> str:
 
 def _numbered(lines: Sequence[str]) -> str:
     return "\n".join(f"{place}. {line}" for place, line in enumerate(lines, start=1))
-
-
-def _markdown_table(table: Table) -> str:
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cells) + " |"
-
-    ruler = ["---" if place < table.left else "---:" for place in range(len(table.columns))]
-    return "\n".join([line(table.columns), line(ruler), *(line(row) for row in table.rows)])
 
 
 def _code(tokens: Sequence[Token], place: int, *_: object) -> str:

@@ -91,24 +91,3 @@ def hull_wrench(
         return -axial * ahead * u, side, heave, -roll * abs(p) * p, pitch, yaw
 
     return wrench
-
-
-def hull_damping_matrix(vehicle: Vehicle, nu_r: FloatArray) -> FloatArray:
-    """D(nu_r) of the hull, shape (6, 6), symmetric and never negative.
-
-    D(nu_r) nu_r is minus the hull's damping wrench.
-    """
-    hull = vehicle.hull
-    u, v, w, p, q, r = nu_r
-    matrix = np.zeros((6, 6))
-    matrix[0, 0] = hull.axial_drag * abs(u)
-    matrix[3, 3] = hull.roll_drag * abs(p)
-    matrix[4, 4] = hull.pitch_drag * abs(q)
-    matrix[5, 5] = hull.yaw_drag * abs(r)
-    lines = [(hull.centre_of_pressure_x, hull.lift * abs(u))]
-    lines += [(x, k * float(np.hypot(v + x * r, w - x * q))) for x, k in cross_flow_strips(vehicle)]
-    for x, k in lines:
-        sideways = np.array([0.0, 1.0, 0.0, 0.0, 0.0, x])
-        downward = np.array([0.0, 0.0, 1.0, 0.0, -x, 0.0])
-        matrix += k * (np.outer(sideways, sideways) + np.outer(downward, downward))
-    return matrix

@@ -1,7 +1,6 @@
-"""The vectorial form of the equations of motion: M_RB, M_A, C_RB, C_A and g(eta) as matrices.
+"""Mass matrices M_RB and M_A of the equations of motion (Fossen 2021, chapters 3 and 6), and rotations.
 
-These are the reference form (Fossen 2021, chapters 3, 4, 6 and 8) for trim, linearisation and tests; the
-simulator runs the same terms written out on components (`equations`), and a test holds the two equal.
+The simulator runs the equations on components (`equations`); a test holds them equal to the vectorial form.
 """
 
 import numpy as np
@@ -39,26 +38,6 @@ def added_mass_matrix(vehicle: AnyVehicle) -> FloatArray:
     return matrix
 
 
-def rigid_body_coriolis_matrix(vehicle: AnyVehicle, nu: FloatArray) -> FloatArray:
-    """C_RB in the form free of linear velocity, shape (6, 6), skew; Fossen 2021, section 3.3.1, as MSS rbody.m.
-
-    This form keeps M_RB and C_RB valid for the velocity relative to an irrotational current.
-    """
-    body = vehicle.rigid_body
-    rate, offset = skew(nu[3:]), skew(centre_of_gravity_p_m(vehicle))
-    inertia = np.diag([body.inertia_xx, body.inertia_yy, body.inertia_zz])
-    return np.block(
-        [[body.mass * rate, -body.mass * rate @ offset], [body.mass * offset @ rate, -skew(inertia @ nu[3:])]]
-    )
-
-
-def added_mass_coriolis_matrix(vehicle: AnyVehicle, nu_r: FloatArray) -> FloatArray:
-    """C_A(nu_r), shape (6, 6), skew; as MSS m2c.m of M_A, which names Theorem 3.2 of Fossen."""
-    momentum = added_mass_matrix(vehicle) @ nu_r
-    linear, angular = skew(momentum[:3]), skew(momentum[3:])
-    return np.block([[np.zeros((3, 3)), -linear], [-linear, -angular]])
-
-
 def rotation_t_p(quaternion_t_p: FloatArray) -> FloatArray:
     """Rotation matrix of a unit quaternion (scalar first): platform vectors to tangent."""
     w, x, y, z = quaternion_t_p
@@ -69,13 +48,3 @@ def rotation_t_p(quaternion_t_p: FloatArray) -> FloatArray:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def restoring_vector(vehicle: AnyVehicle, quaternion_t_p: FloatArray, gravity_mps2: float) -> FloatArray:
-    """g(eta), shape (6,): what weight and buoyancy need to be held, N and N m; as MSS gRvect.m."""
-    body = vehicle.rigid_body
-    weight = body.mass * gravity_mps2
-    buoyancy = vehicle.water.density * body.displaced_volume * gravity_mps2
-    down_p = rotation_t_p(quaternion_t_p)[2]
-    moment = np.cross(centre_of_gravity_p_m(vehicle), weight * down_p)
-    return -np.concatenate([(weight - buoyancy) * down_p, moment])

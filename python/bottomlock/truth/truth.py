@@ -1,11 +1,11 @@
 """A true motion at the IMU's rate: what the sensors of a simulation are drawn from."""
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any, Self
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 
@@ -59,29 +59,6 @@ class Truth:
                 f"truth attitude_t_p has norm {norms[bad[0]]:.6g} at row {bad[0]}",
                 expected="1 (scalar first)",
             )
-
-    @classmethod
-    def from_arrays(
-        cls, *, latitude_rad: float, gravity_mps2: float, time_ns: ArrayLike, **arrays: ArrayLike
-    ) -> Self:
-        """A truth from array-likes under the attributes' names.
-
-        Raises:
-            DataError: for a wrong name or shape, time that does not increase, numbers that are not finite, or
-                quaternions that are not of length 1.
-        """
-        wanted = {field.name for field in fields(cls)} - {"time_ns", "latitude_rad", "gravity_mps2"}
-        if set(arrays) != wanted:
-            raise DataError(f"truth arrays are {sorted(arrays)}", expected=sorted(wanted))
-        times = np.ascontiguousarray(time_ns)
-        if not np.issubdtype(times.dtype, np.integer):
-            raise DataError("truth time_ns must be integer nanoseconds")
-        values: dict[str, Any] = {
-            name: np.ascontiguousarray(value, np.float64) for name, value in arrays.items()
-        }
-        return cls(
-            time_ns=times.astype(np.int64), latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, **values
-        )
 
     def kernel_arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays as the kernel takes them, contiguous and aligned; those of another process may be neither."""
