@@ -35,7 +35,6 @@ from bottomlock.io.rows import PLAIN, Options, longest_rising
 NAME = "ardupilot-bin"
 TIMES_ITS_SIZE = 4.0
 """Memory that reading a log takes, over its size (measured: 2.7)."""
-Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 GPS_EPOCH_S, WEEK_S, LEAP_S = 315_964_800, 604_800, 18

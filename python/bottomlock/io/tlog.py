@@ -40,7 +40,6 @@ from bottomlock.units import STANDARD_GRAVITY_MPS2
 NAME = "mavlink-tlog"
 TIMES_ITS_SIZE = 14.0
 """Memory that reading a log takes, over its size (measured: 12.4)."""
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _STAMP = 8

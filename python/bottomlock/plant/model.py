@@ -31,7 +31,6 @@ per metre), wanted depth, wanted sink rate, target (N, E, velocity N, velocity E
 
 Row: TypeAlias = Sequence[Number]
 Error: TypeAlias = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number]
-State: TypeAlias = Sequence[Number]
 Derivative: TypeAlias = Callable[
     [Sequence[Number], Row[Number], Segment[Number], Error[Number]], list[Number]
 ]

@@ -44,7 +44,6 @@ from bottomlock.replay.stream_sections import (
     kind_of_imu,
 )
 
-Angles = tuple[Finite, Finite, Finite]
 FROM_REFERENCE = "reference"
 
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from scipy.stats import chi2
 
 CONSISTENT, OVERCONFIDENT, CONSERVATIVE = "consistent", "overconfident", "conservative"
-VERDICTS = (CONSISTENT, OVERCONFIDENT, CONSERVATIVE)
 
 FALSE_ALARM = 0.01
 """Probability, at most, that any verdict of a family of consistent filters is another one."""

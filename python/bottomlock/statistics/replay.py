@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import polars as pl
 
 from bottomlock.statistics.rms import rms_column, root_mean
-from bottomlock.tables.replay import FORWARD, REPLAY_COMPARISON, REPLAY_RUNS, SIGMAS
+from bottomlock.tables.replay import REPLAY_COMPARISON, REPLAY_RUNS, SIGMAS
 from bottomlock.units import DEGREES_PER_RADIAN
 
 _KEYS = ["case", "what_if", "method", "pass"]
@@ -139,11 +139,6 @@ def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
     """A row per what-if case, method and pass: the numbers of the runs, and fixes; for a terminal and a report."""
     fixes = sum((pl.col(f"fixes_{name}") for name in _FATES), pl.lit(0))
     return runs.with_columns(fixes=fixes, rejected_fraction=pl.col("fixes_rejected") / fixes)
-
-
-def forward(frame: pl.DataFrame) -> pl.DataFrame:
-    """The rows of the forward pass."""
-    return frame.filter(pl.col("pass") == FORWARD)
 
 
 def track_table(samples: pl.DataFrame) -> pl.DataFrame:

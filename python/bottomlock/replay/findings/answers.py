@@ -2,7 +2,6 @@
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.findings.against_reckoning import metres
@@ -11,7 +10,6 @@ from bottomlock.replay.motion.closure import closure_sd
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.statistics.replay import track_table
 
-Floats = NDArray[np.float64]
 LEAST_APART_M = 0.01
 """Smaller distances between methods are not told."""
 

@@ -13,7 +13,6 @@ SEPARATORS = (",", ";", "\t", "|", " ")
 _HEAD = 65_536
 _TIMES_ITS_SIZE = 8.0
 """Memory that reading a text takes, over its size."""
-_DATE = re.compile(r"\d{4}[-/.]\d\d|\d\d?\.\d\d?\.\d{4}|\d\d?:\d\d:\d\d")
 _SUFFIXES = {".parquet", ".pq"}
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 FORCE, OMEGA, FIELD = "force", "omega", "field"
 VELOCITY_INCREMENT, ANGLE_INCREMENT = "velocity increment", "angle increment"
-VELOCITY, VELOCITY_NED, POSITION = "velocity", "velocity north east down", "position"
+VELOCITY, POSITION = "velocity", "position"
 
 _BASES = {
     FORCE: "acc accel acceleration accelerometer accelerations linearacceleration linacc linaccel linearaccel "
