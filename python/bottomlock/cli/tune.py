@@ -1,6 +1,5 @@
 """The command `bottomlock tune`: the noise of a recorded dive from the recording itself."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -11,12 +10,12 @@ from rich.text import Text
 from bottomlock.cli.console import console, errors, late_bar, narrow_table
 from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Threads, check_threads
-from bottomlock.errors import EXIT_INTERRUPTED, ScenarioError
+from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.judge import SUM_S, Judged, Term
 from bottomlock.replay.tune.parameters import SWAY_KEYS
 from bottomlock.replay.tune.passes import LEFT_OUT, MEASURED, METHODS
-from bottomlock.replay.tune.result import journal_of, record_of, require_free, write_tuned
+from bottomlock.replay.tune.result import record_of, require_free, write_tuned
 from bottomlock.replay.tune.run import CONSTANTS, SWAY, Part, Progress, Tuned, TunedParameter, tune_case
 
 
@@ -59,33 +58,15 @@ def tune(
     loaded = load_case(case)
     require_free(case, target, inputs=[Path(loaded.dvl.geometry), *loaded.files().values()], force=force)
     names = tuple(name.strip() for name in methods.split(",") if name.strip())
-    journal = journal_of(target, loaded, fraction, names)
-    if journal.passes:
-        console.print(f"going on from {record_of(target)}", highlight=False, soft_wrap=True)
     columns = (bars.TextColumn("tuning"), bars.BarColumn(bar_width=20), bars.TextColumn("{task.description}"))
-    before = journal.passes
-    try:
-        with late_bar(bars.Progress(*columns, console=errors)) as bar:
-            task = bar.add_task("", total=None)
+    with late_bar(bars.Progress(*columns, console=errors)) as bar:
+        task = bar.add_task("", total=None)
 
-            def report(now: Progress) -> None:
-                bar.start()
-                rate = (now.passes - before) / max(bar.tasks[0].elapsed or 0.0, 1e-3)
-                left_s = max(now.expected - now.passes, 0) / max(rate, 1e-3)
-                bar.update(
-                    task,
-                    total=max(now.expected, now.passes),
-                    completed=now.passes,
-                    description=f"{now.stage}, iteration {now.iteration}: {now.passes} passes, {rate:.1f} a second, "
-                    f"about {left_s:.0f} s left",
-                )
+        def report(now: Progress) -> None:
+            bar.start()
+            bar.update(task, description=f"{now.stage}, iteration {now.iteration}: {now.passes} passes")
 
-            tuned = tune_case(
-                loaded, fraction=fraction, methods=names, threads=threads, progress=report, journal=journal
-            )
-    except KeyboardInterrupt:
-        errors.print(f"interrupted; the same command goes on from {record_of(target)}")
-        sys.exit(EXIT_INTERRUPTED)
+        tuned = tune_case(loaded, fraction=fraction, methods=names, threads=threads, progress=report)
     write_tuned(case, tuned, target, force=force)
     print_tuned(tuned)
     console.print(

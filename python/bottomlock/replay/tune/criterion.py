@@ -74,10 +74,10 @@ class Criterion:
     is_central: bool = False
     weights: Floats = field(default_factory=lambda: np.zeros(0))
 
-    def candidates(self, places: Sequence[Floats], *, is_counted: bool = True) -> list[Candidate]:
-        """Candidates at several places, flown side by side; uncounted, `done` is not called."""
+    def candidates(self, places: Sequence[Floats]) -> list[Candidate]:
+        """Candidates at several places, flown side by side."""
         inputs = [self._inputs(one) for one in places]
-        jobs = [(given, one, is_counted) for given in inputs for one in self.passes]
+        jobs = [(given, one) for given in inputs for one in self.passes]
         flown = list(self.executor.map(self._fly, jobs))
         count = len(self.passes)
         return [self._candidate(one, flown[k * count : (k + 1) * count]) for k, one in enumerate(places)]
@@ -88,8 +88,8 @@ class Criterion:
         except KernelError:
             return None
 
-    def _fly(self, job: tuple[Inputs | None, Pass, bool]) -> list[tuple[Group, Part]] | None:
-        inputs, one, is_counted = job
+    def _fly(self, job: tuple[Inputs | None, Pass]) -> list[tuple[Group, Part]] | None:
+        inputs, one = job
         if inputs is None:
             return None
         try:
@@ -97,8 +97,7 @@ class Criterion:
         except KernelError:
             return None
         finally:
-            if is_counted:
-                self.done()
+            self.done()
         return [(group, part_of(group)) for group in groups]
 
     def _candidate(self, at: Floats, flown: Sequence[list[tuple[Group, Part]] | None]) -> Candidate:

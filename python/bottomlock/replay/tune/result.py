@@ -14,11 +14,10 @@ from bottomlock.config.toml_file import read_text
 from bottomlock.errors import OutputError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
-from bottomlock.files.records import read_record, write_record
+from bottomlock.files.records import write_record
 from bottomlock.io.beams import geometry_text
-from bottomlock.replay.case import Case, parse_case
+from bottomlock.replay.case import parse_case
 from bottomlock.replay.run import file_digests
-from bottomlock.replay.tune.journal import Journal
 from bottomlock.replay.tune.parameters import DVL_FILE
 from bottomlock.replay.tune.run import Tuned, TunedParameter
 from bottomlock.tables.versions import library_versions
@@ -109,28 +108,20 @@ def write_tuned(path: Path, tuned: Tuned, out: Path, *, force: bool = False) -> 
     write_record(record_of(out), {"status": "complete"} | record(tuned), digests)
 
 
-def identity(case: Case, fraction: float, methods: Sequence[str]) -> dict[str, Any]:
-    """What a search is of: versions, case, files by their SHA-256, and the command's settings."""
-    content: dict[str, Any] = {
-        "kind": KIND,
-        "version": kernel.kernel_version(),
-        "versions": library_versions(),
-        "case": case.name,
-        "configuration_hash": case.content_hash(),
-        "files": file_digests(case),
-        "dvl_file": hashlib.sha256(geometry_text(case.dvl.geometry).encode()).hexdigest(),
-        "fraction": fraction,
-        "methods": list(methods),
-    }
-    return content
-
-
 def record(tuned: Tuned) -> dict[str, Any]:
-    """What was found, as JSON holds it."""
-    whole = tuned.whole
+    """What was tuned, by versions, case and files with their SHA-256, and what was found, as JSON holds it."""
+    whole, case = tuned.whole, tuned.case
     content: dict[str, Any] = _finite(
-        identity(tuned.case, tuned.fraction, tuned.methods)
-        | {
+        {
+            "kind": KIND,
+            "version": kernel.kernel_version(),
+            "versions": library_versions(),
+            "case": case.name,
+            "configuration_hash": case.content_hash(),
+            "files": file_digests(case),
+            "dvl_file": hashlib.sha256(geometry_text(case.dvl.geometry).encode()).hexdigest(),
+            "fraction": tuned.fraction,
+            "methods": list(tuned.methods),
             "is_better": tuned.is_better,
             "parameters": [asdict(one) | {"is_written": one.key in tuned.values} for one in tuned.parameters],
             "horizons_s": list(tuned.horizons_s),
@@ -156,19 +147,3 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - a value of a record
     if isinstance(value, list | tuple):
         return [_finite(one) for one in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def journal_of(out: Path, case: Case, fraction: float, methods: Sequence[str]) -> Journal:
-    """The journal, kept in the record, of an interrupted search over the same files and settings; or a new one.
-
-    Raises:
-        DataError: for a record that is damaged.
-    """
-    its = identity(case, fraction, methods)
-    found = read_record(record_of(out)) or {}
-    is_its = found.get("status") == "running" and all(found.get(key) == value for key, value in its.items())
-
-    def save(content: Mapping[str, Any]) -> None:
-        write_record(record_of(out), its | {"status": "running", "journal": dict(content)}, {})
-
-    return Journal(**(found["journal"] if is_its else {}), save=save)

@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
 
@@ -15,7 +15,6 @@ from bottomlock.own_method import known_names
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.tune.criterion import Criterion
-from bottomlock.replay.tune.journal import Journal
 from bottomlock.replay.tune.judge import Judged, gain_of, judged
 from bottomlock.replay.tune.parameters import SLIP_EPOCHS, Parameter, coordinates_of
 from bottomlock.replay.tune.passes import (
@@ -31,7 +30,7 @@ from bottomlock.replay.tune.passes import (
     passes_with_two_beams,
 )
 from bottomlock.replay.tune.recording import LOOSE, MARGIN_S, Recording, cut, read_recording, without_outliers
-from bottomlock.replay.tune.search import Found, State, search
+from bottomlock.replay.tune.search import Found, search
 from bottomlock.replay.tune.uncertainty import uncertainty
 from bottomlock.support.nearest import did_you_mean
 
@@ -44,8 +43,6 @@ LOOSE_AFTER = 3.0
 NOISE, NOISE_AGAIN, CONSTANTS, CONSTANTS_AGAIN, SWAY, SWAY_AGAIN = (
     "noise", "noise again", "clock and mounting", "clock and mounting again", "sway", "sway again",
 )  # fmt: skip
-ITERATIONS = {NOISE: 8, CONSTANTS: 4, CONSTANTS_AGAIN: 2, NOISE_AGAIN: 4, SWAY: 5, SWAY_AGAIN: 2}
-"""Iterations of each stage that are usual, for the time left."""
 STEPS_S = 10.0
 """Blocks of the gradients where no outage is predicted: many steps each."""
 _FIXED_SLIP = {SLIP_EPOCHS: 1e9}
@@ -163,13 +160,11 @@ class Progress:
     Attributes:
         stage: what is searched.
         iteration, passes: done.
-        expected: passes in all, as far as can be told.
     """
 
     stage: str = ""
     iteration: int = 0
     passes: int = 0
-    expected: int = 0
 
 
 @dataclass(frozen=True)
@@ -207,7 +202,6 @@ def tune_case(
     methods: Sequence[str] = METHODS,
     threads: int = 0,
     progress: Callable[[Progress], None] = lambda _: None,
-    journal: Journal | None = None,
 ) -> Tuned:
     """Tunes a case by the likelihood of its recording; the result does not depend on the threads.
 
@@ -217,7 +211,6 @@ def tune_case(
         methods: whose predictions are scored, of `MEASURED`.
         threads: their number, 0 for one per core.
         progress: called after each pass over the recording, by its thread.
-        journal: of an interrupted search over the same case, which goes on to the same bits; a new one by default.
 
     Raises:
         ScenarioError: for a case that is not valid or has beams made from a velocity, a fraction outside 0.2 to 0.8,
@@ -254,9 +247,7 @@ def tune_case(
         )
     executor = ThreadPoolExecutor(threads or os.cpu_count())
     try:
-        session = Session(
-            recording, split_ns, horizons, tuple(methods), executor, progress, journal or Journal()
-        )
+        session = Session(recording, split_ns, horizons, tuple(methods), executor, progress)
         return session.run(fraction, started)
     finally:
         executor.shutdown(cancel_futures=True)
@@ -273,7 +264,6 @@ class Session:
         methods: tuple[str, ...],
         executor: ThreadPoolExecutor,
         progress: Callable[[Progress], None],
-        journal: Journal,
     ) -> None:
         self.recording, self.split_ns, self.horizons_s, self.methods = (
             recording,
@@ -281,17 +271,14 @@ class Session:
             horizons_s,
             methods,
         )
-        self.executor, self.progress, self.journal = executor, progress, journal
+        self.executor, self.progress = executor, progress
         self.block_s = horizons_s[-1] + RECOVERY_S
         # Clocks move pings over the ends of the recording.
         self.margin_s = MARGIN_S if recording.constants else 0.0
-        self.now, self.lock = Progress(passes=journal.passes), Lock()
-        self.started = 0.0
-        self.plan = self._plan()
+        self.now, self.lock = Progress(), Lock()
 
     def run(self, fraction: float, started: float) -> Tuned:
         """Estimates on the first part, and judges on the rest."""
-        self.started = started - self.journal.wall_s
         given = self.recording
         recording = replace(given, log=without_outliers(given, {}, LOOSE))
         noise = self._estimate(NOISE, recording, given.noise, {}, self._starts())
@@ -327,7 +314,7 @@ class Session:
             has_settled=all(one.has_settled for one in estimates),
             iterations=sum(one.iterations for one in estimates),
             passes=self.now.passes,
-            wall_s=time.perf_counter() - self.started,
+            wall_s=time.perf_counter() - started,
         )  # fmt: skip
 
     def constants(
@@ -433,9 +420,6 @@ class Session:
         is_last: bool = False,
     ) -> Estimate:
         """A stage: parameters beside other values; the last one of them takes all for determined."""
-        if stage in self.journal.finished:
-            content = self.journal.finished[stage]
-            return Estimate(**(content | {"determined": tuple(content["determined"])}))
 
         def values(at: Floats) -> dict[str, float]:
             return {one.key: one.value(float(x)) for one, x in zip(parameters, at, strict=True)}
@@ -448,24 +432,18 @@ class Session:
             (coordinates_of(parameters), prior_sd),
         )
         criterion.steps = np.array([one.step for one in parameters])
-        each_iteration = (len(parameters) + 2) * len(criterion.passes)
 
-        def note(state: State) -> None:
-            self.journal.note(stage, state, self.now.passes, time.perf_counter() - self.started)
-            left = max(ITERATIONS[stage] - state.iteration, 1) * each_iteration
+        def note(iteration: int) -> None:
             with self.lock:
-                self.now = Progress(
-                    stage, state.iteration, self.now.passes, self.now.passes + left + self._after(stage)
-                )
+                self.now = replace(self.now, stage=stage, iteration=iteration)
 
-        begun = self.journal.begun(stage)
-        found = search(criterion, [coordinates_of(parameters, one) for one in starts], note, begun)
+        found = search(criterion, [coordinates_of(parameters, one) for one in starts], note)
         known = uncertainty(criterion, found, STEPS_S if criterion.is_central else self.block_s)
         kept = [
             one for one, is_known in zip(parameters, known.is_determined, strict=True) if is_known or is_last
         ]
         new = values(found.best.at)
-        estimate = Estimate(
+        return Estimate(
             new,
             {one.key: one.sd(new[one.key], float(sd)) for one, sd in zip(parameters, known.sd, strict=True)},
             tuple(one.key for one in kept),
@@ -473,8 +451,6 @@ class Session:
             found.iterations,
             found.has_settled,
         )
-        self.journal.finish(stage, asdict(estimate), self.now.passes, time.perf_counter() - self.started)
-        return estimate
 
     def _gains(
         self,
@@ -515,28 +491,6 @@ class Session:
         horizons_s = SWAY_HORIZONS_S if stage == SWAY else self.horizons_s
         gain, gain_sd = gain_of(criterion, first, second, self.block_s)
         return Part(stage, keys, judged(first, horizons_s), judged(second, horizons_s), gain, gain_sd)
-
-    def _plan(self) -> dict[str, int]:
-        """Passes of each stage that are usual."""
-        recording = self.recording
-        plan = {}
-        count = len(self._passes(NOISE, recording, self.split_ns, 0))
-        sway = 1 if recording.sway else 0
-        sizes = {
-            NOISE: (recording.noise, count),
-            CONSTANTS: (recording.constants, 1),
-            SWAY: (recording.sway, sway),
-        }
-        for stage, iterations in ITERATIONS.items():
-            parameters, passes = next(value for key, value in sizes.items() if stage.startswith(key))
-            plan[stage] = iterations * (len(parameters) + 2) * passes if parameters else 0
-        return plan
-
-    def _after(self, stage: str) -> int:
-        """Passes that are usual after a stage, with those that judge."""
-        stages = list(ITERATIONS)
-        later = stages[stages.index(stage) + 1 :]
-        return sum(self.plan[one] for one in later)
 
     def _pass_done(self) -> None:
         """Counts a pass; the threads of the passes call it."""

@@ -36,57 +36,37 @@ class Found:
     has_settled: bool
 
 
-@dataclass(frozen=True)
-class State:
-    """All that a search goes on from, to the bit: coordinates (P,) of the best candidate, damping and iteration."""
-
-    at: tuple[float, ...]
-    damping: float = 1e-3
-    iteration: int = 0
-    has_settled: bool = False
-
-
 def search(
     criterion: Criterion,
     starts: Sequence[Floats],
-    progress: Callable[[State], None] = lambda _: None,
-    resume: State | None = None,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> Found:
     """The best candidate from the best of some starts on.
 
     Args:
         criterion: the criterion.
         starts: coordinates (P,) of each.
-        progress: called before each iteration, with the state from which the search goes on to the same bits.
-        resume: such a state, in place of the starts.
+        progress: called before each iteration with its number.
 
     Raises:
         DataError: where the filter fails at every start.
     """
-    if resume is None:
-        best = min(criterion.candidates(starts), key=lambda one: one.value)
-        if best.value >= WORST:
-            raise DataError(
-                "the filter ends in an error with every noise tried: replay the case and mend it first"
-            )
-        state = State(_tuple(best))
-    else:
-        best, state = criterion.candidates([np.array(resume.at)], is_counted=False)[0], resume
+    best = min(criterion.candidates(starts), key=lambda one: one.value)
+    if best.value >= WORST:
+        raise DataError(
+            "the filter ends in an error with every noise tried: replay the case and mend it first"
+        )
+    damping, iteration, has_settled = 1e-3, 0, False
     while True:
-        progress(state)
+        progress(iteration)
         slopes = criterion.slopes(best)
-        if state.has_settled or state.iteration == ITERATIONS:
-            return Found(best, slopes, state.iteration, state.has_settled)
-        better, damping = _stepped(criterion, best, slopes, state.damping)
+        if has_settled or iteration == ITERATIONS:
+            return Found(best, slopes, iteration, has_settled)
+        better, damping = _stepped(criterion, best, slopes, damping)
         gain, change = best.value - better.value, np.abs(better.at - best.at).max()
         if gain <= 0.0:
-            return Found(best, slopes, state.iteration + 1, has_settled=True)
-        best = better
-        state = State(_tuple(best), damping, state.iteration + 1, bool(gain < SETTLED and change < 0.05))
-
-
-def _tuple(one: Candidate) -> tuple[float, ...]:
-    return tuple(float(value) for value in one.at)
+            return Found(best, slopes, iteration + 1, has_settled=True)
+        best, iteration, has_settled = better, iteration + 1, bool(gain < SETTLED and change < 0.05)
 
 
 def _stepped(
