@@ -32,7 +32,7 @@ def test_with_the_velocity_one_geometry_is_named(physical: str, stated: str) -> 
         assert not found
         return
     assert found[0].text == f"This is {physical}, not {stated}."
-    assert f"--geometry {physical}." in found[0].advice
+    assert f"--geometry {physical}." in found[0].hint
     assert f" with {physical}" in found[0].evidence
     assert f" with {stated}" in found[0].evidence
 

@@ -72,7 +72,7 @@ def test_closure_alone_sees_neighbours_swapped_but_not_opposite_beams() -> None:
     # Exchanging 3 and 4 has the same closure as exchanging 1 and 2; the other two pairs have another.
     assert swapped.kind == "swapped_beams"
     assert swapped.text.endswith("beams 1 and 2 exchanged; or beams 3 and 4 exchanged.")
-    assert "cannot distinguish" in swapped.advice
+    assert "cannot distinguish" in swapped.hint
 
 
 @pytest.mark.parametrize("by_deg", [-3.0, 1.0, 3.0])

@@ -28,10 +28,10 @@ def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) ->
     _, kind, key = MISTAKES[name]
     assert findings[1]["kind"] == kind
     assert key in findings[1]["key"]
-    assert findings[1]["text"] in findings[0]["advice"]
+    assert findings[1]["text"] in findings[0]["hint"]
     assert manifest["answer"]["verdict"] == "no"
     assert manifest["answer"]["sentence"] == findings[1]["text"]
-    assert manifest["answer"]["change"] == findings[1]["advice"]
+    assert manifest["answer"]["change"] == findings[1]["hint"]
 
 
 def test_gyros_beyond_their_range_name_the_unit(tmp_path: Path) -> None:

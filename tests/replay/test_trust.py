@@ -137,7 +137,7 @@ def test_no_begins_with_the_cause(cause: Finding, method: str) -> None:
     verdict, state = verdict_finding(SEEN, cause, FAR)
     answer = answer_of(evidence(verdict=verdict, state=state, causes=(cause,), agreements=(FAR,)))
     assert (answer.verdict, answer.sentence, answer.change, answer.method) == (
-        "no", cause.text, cause.advice, method
+        "no", cause.text, cause.hint, method
     )  # fmt: skip
     assert "38.0 times what both claim" in answer.numbers[1]
 

@@ -21,7 +21,7 @@ def findings_table(findings: list[Finding]) -> pl.DataFrame:
     rows = [
         (
             rank, one.kind, one.severity, list(one.beams), one.size, one.unit, one.weight,
-            one.text, one.evidence, one.advice,
+            one.text, one.evidence, one.hint, one.place, one.expected,
         )
         for rank, one in enumerate(findings, start=1)
     ]  # fmt: skip

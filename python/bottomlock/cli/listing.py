@@ -41,7 +41,7 @@ def list_(
     json: Json = False,
     force: Force = False,
 ) -> None:
-    """List what ships with the package, or copy one to edit.
+    """List scenarios, vehicles, geometries, grades, methods or formats of the package, or copy one.
 
     Scenarios, vehicles, DVL geometries with a picture of their beams, grades of instruments with their sources,
     methods, and formats of recorded logs. A picture looks down from above: forward is up, starboard right; a beam's

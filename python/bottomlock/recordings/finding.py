@@ -19,8 +19,9 @@ class Finding:
             0 to 1; in a replay the chi-squared that the cause explains.
         text: the finding in one sentence.
         evidence: the numbers behind it.
-        advice: what to do.
+        hint: what to do.
         key: of a case, to change; "" for none.
+        expected: what a right recording shows in its place; "" where the text says it.
         size: magnitude, in `unit`.
         unit: of `size`.
         beams: numbers of the beams concerned, from 1.
@@ -31,17 +32,23 @@ class Finding:
     weight: float
     text: str
     evidence: str
-    advice: str
+    hint: str
     key: str = ""
     size: float = 0.0
     unit: str = ""
     beams: tuple[int, ...] = ()
+    expected: str = ""
+
+    @property
+    def place(self) -> str:
+        """The section of the key, or the beams concerned; "" for the whole recording."""
+        return self.key.partition(".")[0] or ", ".join(f"beam {beam}" for beam in self.beams)
 
     def to_json(self) -> dict[str, Any]:
         """As the manifest of a replay holds it."""
         return {
             "kind": self.kind, "severity": self.severity, "score": self.weight, "text": self.text,
-            "evidence": self.evidence, "advice": self.advice, "key": self.key,
+            "evidence": self.evidence, "hint": self.hint, "key": self.key, "place": self.place, "expected": self.expected,
         }  # fmt: skip
 
 

@@ -167,7 +167,7 @@ def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, thre
         causes = attitude_findings(case, prepared)
         if not causes:
             raise
-        raise DataError(f"{error}. {causes[0].text} {causes[0].evidence} {causes[0].advice}") from error
+        raise DataError(f"{error}. {causes[0].text} {causes[0].evidence} {causes[0].hint}") from error
 
 
 def _told(case: Case, answer: Answer) -> str:

@@ -14,5 +14,7 @@ FINDINGS: Mapping[str, pl.DataType] = {
     "fraction": pl.Float64(),
     "text": pl.String(),
     "evidence": pl.String(),
-    "advice": pl.String(),
+    "hint": pl.String(),
+    "place": pl.String(),
+    "expected": pl.String(),
 }

@@ -74,6 +74,7 @@ def _unit(case: Case, ratio: float, correlation: float, turns: Turns) -> Finding
         f"Slope of the gyros over the turns of the recorded attitude: {ratio:.3g} as stated, {ratio / factor:.3g} with "
         f"{right}, expected 1; correlation {correlation:.2f} over {len(turns.gyros)} intervals of {STEP_S:g} s.",
         f'Set imu.omega_unit = "{right}" (now "{stated}"), and imu.errors anew: {ANEW}.', "imu.omega_unit",
+        expected="a slope of 1",
     )  # fmt: skip
 
 

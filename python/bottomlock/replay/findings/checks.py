@@ -134,7 +134,7 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
         "expected +1.",
         f"Set depth.up = {str(not case.depth.up).lower()}." if wrong_way else "Check depth.unit and "
         "depth.water_density_kg_per_m3.",
-        "depth.up" if wrong_way else "depth.unit",
+        "depth.up" if wrong_way else "depth.unit", expected="a slope of +1",
     )  # fmt: skip
 
 

@@ -175,12 +175,12 @@ def answer_of(evidence: Evidence) -> Answer:
     if evidence.state == WRONG or faulty or _refuted(evidence):
         first = cause or evidence.verdict
         reckons = evidence.reckoned and (cause is None or cause.kind in OF_FILTERS_ALONE)
-        return Answer("no", first.text, numbers, first.advice, METHOD if reckons else "", vehicle)
+        return Answer("no", first.text, numbers, first.hint, METHOD if reckons else "", vehicle)
     method = recommended(evidence)
     doubts = [one for one in (*evidence.causes, *evidence.further) if one.severity != "note"]
     if evidence.verdict.severity != "note" and evidence.state != ABSORBED:
         doubts = [evidence.verdict, *doubts]
-    reasons = [(one.text, one.advice) for one in doubts]
+    reasons = [(one.text, one.hint) for one in doubts]
     reasons += [(rule.sentence(evidence), rule.change) for rule in RULES if rule.applies(evidence)]
     for sentence, change in reasons[:1]:
         return Answer("partly", sentence, numbers, change, method, vehicle)

@@ -101,7 +101,7 @@ def verdict_finding(
         agreement: of that method with dead reckoning; None without dead reckoning.
     """
     state, severity, text, advice = CONSISTENT, "note", "Nothing is wrong with the filter's innovations.", ""
-    likeliest = "" if cause is None else f"The likeliest cause: {cause.text} {cause.advice}"
+    likeliest = "" if cause is None else f"The likeliest cause: {cause.text} {cause.hint}"
     if agreement is not None and (agreement.leaves or agreement.lost):
         state, severity, text = WRONG, "fault", departure(agreement)
         advice = likeliest or (
@@ -123,7 +123,7 @@ def verdict_finding(
     elif cause is not None:
         state, severity = ABSORBED, "warning"
         text = "The innovations look consistent, but the filter has absorbed an error."
-        advice = f"The likeliest: {cause.text} {cause.advice}"
+        advice = f"The likeliest: {cause.text} {cause.hint}"
     elif seen.nis > seen.high:
         text = "NIS is a little high: the claimed noise of the beams or the IMU is a little small."
     elif seen.nis < seen.low:
