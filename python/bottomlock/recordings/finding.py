@@ -48,7 +48,8 @@ class Finding:
         """As the manifest of a replay holds it."""
         return {
             "kind": self.kind, "severity": self.severity, "score": self.weight, "text": self.text,
-            "evidence": self.evidence, "hint": self.hint, "key": self.key, "place": self.place, "expected": self.expected,
+            "evidence": self.evidence, "hint": self.hint, "key": self.key,
+            "place": self.place, "expected": self.expected,
         }  # fmt: skip
 
 
