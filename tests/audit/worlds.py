@@ -1,4 +1,4 @@
-"""Logs with what stands beside them, simulated or flown by the plant, and defects of a mounting to plant in them."""
+"""Simulated logs with what stands beside them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
 from bottomlock.audit.logs import BeamLog, Reference
-from bottomlock.audit.robust import resolution
 from bottomlock.audit.run import Audit, audit_log
-from bottomlock.config.scenario import load_scenario
-from bottomlock.instruments.from_scenario import with_geometry
 from bottomlock.io.beams import read_geometry
-from bottomlock.plant.telemetry import euler_rad
-from bottomlock.recordings.streams import Depths, Inertial
-from bottomlock.simulation.build import build_simulation
-from bottomlock.simulation.sensor_streams import sensor_streams
+from bottomlock.recordings.streams import Depths
 
 Array = NDArray[np.float64]
-REFERENCE_STEP_S = 0.1
-ATTITUDE_SD_RAD = np.deg2rad(0.02)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +23,11 @@ class World:
     """A log with what the audit is given beside it.
 
     Attributes:
-        name: in the table.
+        name: of the log.
         log: the pings.
         geometry: stated, or None.
         mounting_rpy_rad: (3,) stated mounting, which the geometry contains.
-        reference, imu, depths: recordings beside the log, or None.
+        reference, depths: recordings beside the log, or None.
     """
 
     name: str
@@ -44,7 +36,6 @@ class World:
     mounting_rpy_rad: Array
     reference: Reference | None = None
     depths: Depths | None = None
-    imu: Inertial | None = None
 
     def with_log(self, log: BeamLog) -> World:
         """The same with another log."""
@@ -152,61 +143,6 @@ def simulated(
     )  # fmt: skip
 
 
-def flown(
-    scenario: str, seed: int, *, reference_sd_mps: float | None = 0.005, geometry: str = "waterlinked_a50",
-    duration_s: float = 900.0,
-) -> World:  # fmt: skip
-    """A dive of the plant in a packaged scenario, with its beams' losses, outliers and noise, as an instrument logs it.
-
-    The DVL's own bias and scale are none: what is planted is all there is.
-
-    Args:
-        scenario: packaged name.
-        seed: of the campaign; the reference's noise has it too.
-        reference_sd_mps: noise of the velocity beside the log; None for the IMU in its place, as a vehicle has it.
-        geometry: packaged name of the instrument; its noise and losses are the scenario's.
-        duration_s: at most the scenario's own.
-    """
-    told = with_geometry(load_scenario(scenario), geometry)
-    told = told.with_trajectory(duration_s=min(duration_s, told.trajectory.duration_s))
-    dvl = told.dvl.model_copy(update={"beam_bias_mps": 0.0, "scale_factor_percent": 0.0})
-    told = told.model_copy(update={"dvl": dvl, "campaign": told.campaign.model_copy(update={"seed": seed})})
-    simulation = build_simulation(told)
-    truth = simulation.truth()
-    streams = sensor_streams(simulation, truth)
-    stated = simulation.geometry
-    names = range(1, stated.beams + 1)
-    beams = streams["beams"]
-    valid = beams.select(f"beam{k}_valid" for k in names).to_numpy()
-    y = np.nan_to_num(beams.select(f"beam{k}_mps" for k in names).fill_null(np.nan).to_numpy())
-    y = np.round(y / 0.001) * 0.001
-    own, solved = _own(y, valid, np.asarray(stated.directions_p), 0.001)
-    log = BeamLog(scenario, beams["time_ns"].to_numpy(), y, valid, None, own, solved)
-
-    rng = np.random.default_rng(seed)
-    every = max(1, round(REFERENCE_STEP_S * 1e9 / float(np.median(np.diff(truth.time_ns)))))
-    at = slice(None, None, every)
-    turned = euler_rad(truth.attitude_t_p[at])
-    rpy = turned + ATTITUDE_SD_RAD * rng.normal(size=turned.shape)
-    velocity_t, imu = None, None
-    if reference_sd_mps is None:
-        table = streams["imu"]
-        force, rate = (
-            table.select(f"{name}_{axis}_{unit}" for axis in "xyz").to_numpy()
-            for name, unit in (("force", "mps2"), ("omega", "radps"))
-        )
-        imu = Inertial(table["time_ns"].to_numpy(), force, rate)
-    else:
-        velocity_t = Rotation.from_euler("ZYX", turned[:, ::-1]).apply(truth.velocity_p_mps[at])
-        velocity_t = velocity_t + reference_sd_mps * rng.normal(size=velocity_t.shape)
-    depth = truth.position_t_m[at][:, 2] + 0.005 * rng.normal(size=len(turned))
-    beside = "IMU" if reference_sd_mps is None else f"{1e3 * reference_sd_mps:.0f} mm/s"
-    return World(
-        f"{scenario}, {beside}", log, stated, np.zeros(3), Reference(truth.time_ns[at], rpy, velocity_t),
-        Depths(truth.time_ns[at], depth), imu,
-    )  # fmt: skip
-
-
 def _own(y: Array, valid: NDArray[np.bool_], rows: Array, step: float) -> tuple[Array, NDArray[np.bool_]]:
     """Least squares of the valid beams, rounded; and whether there are three of them."""
     own = np.zeros((len(y), 3))
@@ -222,58 +158,5 @@ def audited(world: World) -> Audit:
     """The audit of a log with all that is beside it."""
     return audit_log(
         world.log, stated=world.geometry, geometry_name="stated", mounting_rpy_rad=world.mounting_rpy_rad,
-        reference=world.reference, imu=world.imu, depths=world.depths,
+        reference=world.reference, depths=world.depths,
     )  # fmt: skip
-
-
-def rows_of(world: World) -> Array:
-    """(beams, 3) stated rows."""
-    assert world.geometry is not None
-    return np.asarray(world.geometry.directions_p)
-
-
-def _rounded(world: World, y: Array) -> Array:
-    """Readings in the steps of the log: unrounded ones never repeat by chance, as those of an instrument do.
-
-    Before, they are spread over the step that they were rounded to: a change of less than a step is lost otherwise.
-    """
-    step = resolution(world.log.velocity_mps.ravel())
-    spread = np.random.default_rng(7).uniform(-0.5, 0.5, y.shape)
-    return np.asarray(np.round(y / step + spread) * step)
-
-
-def clock_behind(world: World, behind_s: float) -> World:
-    """The DVL's clock is behind."""
-    return world.with_log(replace(world.log, time_ns=world.log.time_ns - round(behind_s * 1e9)))
-
-
-def _moved(world: World, change_mps: Array) -> World:
-    """The instrument's velocity and its beams with a change (n, 3) of the velocity that the instrument measures."""
-    own = world.log.instrument_mps
-    assert own is not None
-    moved = np.where(world.log.solved[:, None], change_mps, 0.0)
-    y = world.log.velocity_mps + np.where(world.log.valid, moved @ rows_of(world).T, 0.0)
-    return world.with_log(replace(world.log, velocity_mps=_rounded(world, y), instrument_mps=own + moved))
-
-
-def yawed(world: World, angle_deg: float) -> World:
-    """What beams in an instrument turned to starboard read of the same motion."""
-    own = np.nan_to_num(np.asarray(world.log.instrument_mps))
-    return _moved(world, Rotation.from_euler("z", angle_deg, degrees=True).inv().apply(own) - own)
-
-
-def scaled(world: World, factor: float) -> World:
-    """All beams read this many times the velocity."""
-    return _moved(world, (factor - 1.0) * np.nan_to_num(np.asarray(world.log.instrument_mps)))
-
-
-def lever_arm_of(world: World, ahead_m: float) -> World:
-    """The DVL sits ahead of the reference's point."""
-    reference = world.reference
-    assert reference is not None
-    attitude = Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1])
-    rate = (
-        (attitude[:-2].inv() * attitude[2:]).as_rotvec() / np.diff(reference.time_ns)[:, None].mean() / 2e-9
-    )
-    at = [np.interp(world.log.time_ns, reference.time_ns[1:-1], column) for column in rate.T]
-    return _moved(world, np.cross(np.stack(at, axis=1), [ahead_m, 0.0, 0.0]))

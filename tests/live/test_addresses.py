@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
 import subprocess
 import sys
@@ -15,7 +14,6 @@ import pytest
 
 from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.connections import Connection, cancel
-from bottomlock.live.sink import Sink
 from bottomlock.live.sinks import open_sink
 from tests.live.world import World
 
@@ -108,22 +106,6 @@ def test_stdin_and_stdout(tmp_path: Path) -> None:
     lines = done.stdout.splitlines()
     assert len(lines) >= 1
     assert all(line.startswith(b"$PBLK") for line in lines)
-
-
-async def written(
-    address: str, collect: Callable[[bytearray], contextlib.AbstractContextManager[None]]
-) -> bytes:
-    """What arrives at a target where `DATA` is written to it."""
-    found = bytearray()
-    sink: Sink = open_sink(sink_address(address), lambda _: None)
-    task = asyncio.create_task(sink.run())
-    with collect(found):
-        await until(lambda: sink.state in {"connected", "writing"})
-        sink.write(DATA)
-        await until(lambda: len(found) >= len(DATA))
-    await cancel(task)
-    assert sink.dropped == 0
-    return bytes(found)
 
 
 def test_a_file_as_target(tmp_path: Path) -> None:

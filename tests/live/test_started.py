@@ -164,14 +164,7 @@ def test_every_kind_of_reading_is_taken() -> None:
     assert not nav.unused
 
 
-ALL: dict[str, Any] = {
-    "attitude": {"grade": "mti_ahrs", "aids": "heading"},
-    "gps": {},
-    "origin": {"longitude_deg": 10.0},
-    "acoustic_position": {},
-    "thrust": {"advance_m": 0.3},
-}
-AT, HALF = 6000 * MS, float(np.sqrt(0.5))
+HALF = float(np.sqrt(0.5))
 NONE, FORCE = (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY)
 
 

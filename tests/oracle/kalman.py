@@ -71,8 +71,3 @@ def update_information(
 def nis(H: Array, P: Array, R: Array, residual: Array) -> float:
     """Normalised innovation squared."""
     return float(residual @ np.linalg.inv(H @ P @ H.T + R) @ residual)
-
-
-def nees(error: Array, P: Array) -> float:
-    """Normalised estimation error squared."""
-    return float(error @ np.linalg.inv(P) @ error)
