@@ -21,7 +21,7 @@ class BottomlockError(Exception):
         hint: what to do, or the likely mistake; "" for none.
 
     Attributes:
-        place, key, expected, hint: as given, as text; a key without its quotes.
+        place, key, expected, hint: as text; of a key what stands within its quotes.
 
     Examples:
         >>> error = DataError("is empty", place="imu.csv: row 3", key="column 'time_s'", expected="a number")
@@ -41,7 +41,8 @@ class BottomlockError(Exception):
         hint: object = "",
     ) -> None:
         self.place, self.expected, self.hint = str(place), str(expected), str(hint)
-        self.key = key.strip("'")
+        _, quote, rest = key.partition("'")
+        self.key = rest.removesuffix("'") if quote else key
         text = " ".join(part for part in (key, str(found)) if part)
         text = ", ".join(part for part in (text, f"expected {expected}" if self.expected else "") if part)
         text = ": ".join(part for part in (self.place, text) if part)

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.support.nearest import guess
 
 Table = TypeVar("Table", bound=BaseModel)
 
@@ -147,8 +147,13 @@ def checked_table(kinds: dict[str, type[Table]], table: dict[str, Any], place: s
     """
     kind = table.get("kind")
     if kind not in kinds:
-        hint = did_you_mean(str(kind), kinds, f" (known: {', '.join(kinds)})")
-        raise ScenarioError(f"is {kind!r}{hint}", place=place, key="'kind'")
+        raise ScenarioError(
+            f"is {kind!r}",
+            place=place,
+            key="'kind'",
+            expected=f"one of {', '.join(kinds)}",
+            hint=guess(kind, kinds),
+        )
     try:
         return kinds[kind].model_validate(table)
     except ValidationError as error:

@@ -34,7 +34,7 @@ from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_free
 from bottomlock.kernel import models
 from bottomlock.own_method import AnyMethod
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.support.nearest import guess
 
 Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
@@ -313,8 +313,12 @@ def load_scenario(source: Scenario | str | Path) -> Scenario:
             for entry in (resources.files("bottomlock.config") / "scenarios").iterdir()
             if entry.name.endswith(".toml")
         )
-        hint = did_you_mean(str(source), names, f" (packaged: {', '.join(names)})")
-        raise ScenarioError(f"scenario '{source}' is neither a file nor a packaged scenario{hint}")
+        raise ScenarioError(
+            "is neither a file nor a packaged scenario",
+            key=f"scenario '{source}'",
+            expected=f"a file, or one of {', '.join(names)}",
+            hint=guess(str(source), names),
+        )
     return parse_scenario(read_text(path), place=str(path), folder=path.parent)
 
 
@@ -375,8 +379,12 @@ def copy_packaged(kind: str, name: str, destination: str | Path, *, force: bool 
     folder = resources.files("bottomlock.config") / kind
     texts = {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir()}
     if name not in texts:
-        hint = did_you_mean(name, texts, f" (packaged: {', '.join(sorted(texts))})")
-        raise ScenarioError(f"is not among the packaged {kind}{hint}", key=f"'{name}'")
+        raise ScenarioError(
+            f"is not among the packaged {kind}",
+            key=f"'{name}'",
+            expected=f"one of {', '.join(sorted(texts))}",
+            hint=guess(name, texts),
+        )
     check_free(destination, force=force)
     write_text(destination, texts[name].read_text(encoding="utf-8"))
     return destination

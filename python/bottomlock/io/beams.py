@@ -34,7 +34,7 @@ from bottomlock.io.columns import (
 from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
 from bottomlock.support.later import pl
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.support.nearest import guess
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
@@ -155,8 +155,10 @@ def _text_of(source: str | Path) -> tuple[str, str]:
         return packaged.read_text(encoding="utf-8"), f"geometry {source}"
     names = packaged_geometries()
     raise ScenarioError(
-        f"geometry '{source}' is neither a file nor packaged{did_you_mean(str(source), names)} "
-        f"(packaged: {', '.join(names)})"
+        "is neither a file nor packaged",
+        key=f"geometry '{source}'",
+        expected=f"a file, or one of {', '.join(names)}",
+        hint=guess(str(source), names),
     )
 
 

@@ -11,7 +11,7 @@ from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.vehicle import Vehicle
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.support.nearest import guess
 
 
 def packaged_vehicles() -> list[str]:
@@ -56,8 +56,10 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
     path = Path(name_or_path)
     if not path.is_file():
         known = packaged_vehicles()
-        hint = did_you_mean(str(name_or_path), known)
         raise ScenarioError(
-            f"vehicle '{name_or_path}' is neither a packaged vehicle nor a file{hint} (packaged: {', '.join(known)})"
+            "is neither a packaged vehicle nor a file",
+            key=f"vehicle '{name_or_path}'",
+            expected=f"a file, or one of {', '.join(known)}",
+            hint=guess(str(name_or_path), known),
         )
     return read_text(path), str(path)

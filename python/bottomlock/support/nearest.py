@@ -20,6 +20,11 @@ def nearest(name: object, known: Iterable[str], *, alike: float = ALIKE) -> str 
     return by_lower[close[0]] if close else None
 
 
+def guess(name: object, known: Iterable[str]) -> str:
+    """The hint of an error on a name: "did you mean 'straight'?", or "" where none is alike."""
+    return did_you_mean(name, known).removeprefix(", ")
+
+
 def did_you_mean(name: object, known: Iterable[str], otherwise: str = "") -> str:
     """Words that follow the name in a message: ", did you mean 'straight'?", or `otherwise` where none is alike.
 
