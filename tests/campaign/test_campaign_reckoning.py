@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,11 +14,7 @@ from bottomlock.campaign.build import BuiltScenario, build_scenarios, build_simu
 from bottomlock.campaign.chunk import Chunk, ChunkTables, run_chunk
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
-from bottomlock.dead_reckoning.track import Velocities
 from bottomlock.errors import ScenarioError
-from bottomlock.kernel.models import Environment, InitialState
-from bottomlock.recordings.streams import Attitudes
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
 from bottomlock.simulation.sensor_streams import sensor_streams
@@ -116,44 +111,6 @@ def test_the_yaw_is_that_of_the_latest_heading() -> None:
     )
     assert both.height > 50
     assert both["err_misalignment_down_rad"].to_numpy() == pytest.approx(both["off"].to_numpy(), abs=2e-3)
-
-
-def test_the_gyros_turn_a_tilted_vehicle_on_from_a_reading() -> None:
-    """A start that is 10° off in yaw, a true reading after a second, and a constant rate about a tilted axis."""
-    time_ns = np.arange(1, 2001, dtype=np.int64) * 10_000_000
-    rate, gravity = np.array([0.02, 0.05, 0.1]), 9.8
-    begun = Rotation.from_euler("ZYX", [0.3, 0.5, -0.7])
-    true = begun * Rotation.from_rotvec(rate * (time_ns * 1e-9)[:, None])
-    none: list[int] = []
-    sensors = Sensors(
-        imu_ns=time_ns,
-        omega_p_radps=np.tile(rate, (len(time_ns), 1)),
-        force_p_mps2=true.inv().apply([0.0, 0.0, -gravity]),
-        ping_ns=np.array(none),
-        beam_mps=np.zeros((0, 4)),
-        beam_valid=np.zeros((0, 4), dtype=np.bool_),
-        depths=None,
-        attitudes=Attitudes(time_ns[99:100], true[99:100]),
-        heading_ns=np.array(none),
-        heading_rad=np.zeros(0),
-    )
-    scenario_model = load_scenario("straight").kernel_model(gravity)
-    at_rest = Environment(latitude_rad=0.5, gravity_mps2=gravity, earth_rate_radps=0.0)
-    off = Rotation.from_euler("z", np.deg2rad(10.0)) * begun
-    start = InitialState(
-        time_ns=0,
-        position_t_m=np.zeros(3),
-        attitude_t_p=off.as_quat(scalar_first=True),
-        velocity_p_mps=np.zeros(3),
-    )
-    still = Velocities(np.array(none), np.zeros((0, 3)), np.zeros((0, 3, 3)))
-    found = attitudes_of(sensors, start, replace(scenario_model, environment=at_rest), still)
-    rows = np.searchsorted(time_ns, found.time_ns[1:])
-    angle = np.rad2deg((found.attitude[1:] * true[rows].inv()).magnitude())
-    before = found.time_ns[1:] < time_ns[99]
-    assert angle[before] == pytest.approx(np.full(before.sum(), 10.0), abs=0.1)
-    # Force is sampled here, not averaged: half a sample of the turn, 0.03°.
-    assert angle[~before].max() < 0.03
 
 
 def test_with_sensors_without_errors_it_is_on_the_truth() -> None:

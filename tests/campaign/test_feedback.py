@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-import polars as pl
 import pytest
 
 from bottomlock.campaign import chunk
@@ -94,19 +93,3 @@ def test_an_analytic_truth_cannot_be_steered() -> None:
         run_closed_loop(
             analytic_simulation("straight"), ["tc"], pilot="own", trajectory_key=0, first_run=0, runs=1
         )
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("seconds", "runs"), [(100.0, 30)])
-def test_the_better_the_navigation_the_less_astray(tmp_path: Any, seconds: float, runs: int) -> None:  # noqa: ANN401
-    """A dive (and a leg): INS alone has the largest cross-track error, LC the least; fixed beforehand.
-
-    The RMS of eight runs scatters by a quarter of it; LC stays under half of TC, and INS above eight times TC.
-    """
-    flight = scenario(seconds=seconds, runs=runs, methods=("ins", "lc", "tc"))
-    table = run_campaign([flight], tmp_path / "o", threads=1).runs
-    astray = dict(
-        table.group_by("method").agg((pl.col("cross_track_rms_over_time_m") ** 2).mean().sqrt()).iter_rows()
-    )
-    assert astray["lc"] < astray["tc"]
-    assert astray["ins"] > 5.0 * astray["tc"]

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -16,6 +15,7 @@ import pytest
 import bottomlock
 from tests.cli.calls import command, process
 
+DASK = ["run", "straight", "--out", "o", "--engine", "dask", "--scheduler"]
 RUN = ["run", "straight", "--runs", "2", "--methods", "lc,tc", "--threads", "1"]
 
 
@@ -151,10 +151,8 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
         (["run", "straight", "--out", "o", "--runz", "3"], "--runz"),
         (["run", "straight", "--out", "o", "--engine", "spark"], "engine 'spark' is not known"),
         (["run", "straight", "--out", "o", "--scheduler", "tcp://a:1"], "only dask has schedulers"),
-        (
-            ["run", "straight", "--out", "o", "--engine", "dask", "--scheduler", "a"],
-            "such as tcp://host:8786",
-        ),
+        ([*DASK, "a"], "such as tcp://host:8786"),
+        ([*DASK, "tcp://a:1", "--threads", "2"], "whose workers bring their own"),
         (["list", "scenarios", "--copy", "bent"], "not among the packaged scenarios"),
         (
             ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.parquet"],
@@ -207,19 +205,3 @@ def test_control_characters_are_printed_as_codes(tmp_path: Path, name: str, show
     )
     assert done.returncode == 2
     assert not set(done.stdout + done.stderr) & {"\x1b", "\x07", "\x08", "\x9b", "\r", "\u202e"}
-
-
-def test_a_file_that_has_changed_is_told_on_one_line(tmp_path: Path) -> None:
-    """The report refuses it; the same run puts it right, says so, and the report is made."""
-    assert command(*RUN, "--out", "o", cwd=tmp_path).returncode == 0
-    for path in (tmp_path / "o" / "runs.parquet", next((tmp_path / "o").glob("chunks/*/samples-*"))):
-        content = bytearray(path.read_bytes())
-        content[len(content) // 2] ^= 16
-        path.write_bytes(content)
-    done = command("report", "o", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("bottomlock: o/runs.parquet: has changed since it was written")
-    done = command(*RUN, "--out", "o", cwd=tmp_path)
-    assert done.returncode == 0
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("bottomlock: note: ")]
-    assert re.search(r"samples-\S+: has changed since it was written .*; the chunk is run again", line)

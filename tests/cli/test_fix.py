@@ -67,17 +67,6 @@ def test_without_it_the_fixes_are_those_of_the_kernel(log: Path) -> None:
     assert abs(bad["surge_mps"] - 1.0) > 5.0 * np.sqrt(bad["cov_surge_surge_m2ps2"])
 
 
-def test_log_that_cannot_be_measured(log: Path) -> None:
-    """Beam 4 lost throughout: the claimed noise is used, and said to be."""
-    pl.read_csv(log).with_columns(pl.lit(False).alias("beam4_valid")).write_csv(log)
-    frame, words = fixes(log)
-    assert "not measured (0 pings with every beam, fewer than 100); the claimed sd is used" in words
-    assert "400 untested" in words
-    assert frame["beam_sd_factor"].to_list() == [1.0] * PINGS
-    plain, _ = fixes(log, "--no-robust")
-    assert frame.select(plain.columns).equals(plain)
-
-
 @pytest.mark.parametrize(
     ("changed", "why"),
     [

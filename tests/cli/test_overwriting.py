@@ -13,8 +13,6 @@ import pytest
 
 from bottomlock.audit.logs import BeamLog
 from bottomlock.errors import OutputError
-from bottomlock.files.overwriting import digest_of
-from bottomlock.files.records import read_record
 from bottomlock.replay.init.files import Files
 from tests.audit.synthetic import make_log
 from tests.cli.calls import command
@@ -69,14 +67,6 @@ def test_a_file_is_replaced_with_force_alone(here: Path, words: tuple[str, ...])
     assert pl.read_parquet(here / "f.parquet").height > 0
 
 
-def _itself(_: Path) -> str:
-    return "a.parquet"
-
-
-def _by_another_path(here: Path) -> str:
-    return f"../{here.name}/a.parquet"
-
-
 def _by_link(here: Path) -> str:
     (here / "link.parquet").symlink_to("a.parquet")
     return "link.parquet"
@@ -87,7 +77,7 @@ def _by_hard_link(here: Path) -> str:
     return "hard.parquet"
 
 
-@pytest.mark.parametrize("name", [_itself, _by_another_path, _by_link, _by_hard_link])
+@pytest.mark.parametrize("name", [_by_link, _by_hard_link])
 @pytest.mark.parametrize("words", [FIX, LEAVE_OUT], ids=["fix", "leave_out"])
 def test_the_log_is_never_written_over(
     here: Path, words: tuple[str, ...], name: Callable[[Path], str]
@@ -298,28 +288,3 @@ def test_a_campaign_does_not_remove_its_own_path(root: Path, tmp_path: Path) -> 
     assert done.returncode == 2
     assert done.stderr.startswith("bottomlock: o/truth.parquet: is read by this command (link.csv)")
     assert contents(tmp_path / "o") == before
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("undrawn")
-def test_a_replay_with_other_methods_leaves_no_old_figure(root: Path, tmp_path: Path) -> None:
-    """Report and figures are those of the tables beside them, and one's own figure stays."""
-    case = root / "data" / "logs" / "robosub" / "case.toml"
-    words = ("replay", case, "--out", "o", "--methods")
-    assert command(*words, "lc,tc,ins,plcf,info", cwd=tmp_path).returncode == 0
-    out = tmp_path / "o"
-    first = {path.name for path in (out / "figures").iterdir()}
-    (out / "figures" / "mine.png").touch()
-    done = command(*words, "tc", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "use --force" in done.stderr
-    assert command(*words, "tc", "--force", cwd=tmp_path).returncode == 0
-    drawn = {path.name for path in (out / "figures").iterdir()} - {"mine.png"}
-    assert drawn < first
-    assert (out / "figures" / "mine.png").exists()
-    stated = read_record(out / "report.record.json")
-    assert stated is not None
-    assert set(stated["digests"]) == {"report.html", *(f"figures/{name}" for name in drawn)}
-    manifest = read_record(out / "manifest.json")
-    assert manifest is not None
-    assert stated["made_from"] == {"manifest.json": digest_of(manifest)}

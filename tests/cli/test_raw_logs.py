@@ -8,7 +8,6 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
@@ -113,17 +112,3 @@ def test_beam_noise_of_a_geometry_file(tmp_path: Path, pings: int, noise: int, m
         assert 3 * least < found < 6e-3
     else:
         assert found == pytest.approx(least, rel=1e-3)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_beams_that_close_exactly_are_no_measurement(tmp_path: Path) -> None:
-    """Beams computed from a velocity give no noise to write."""
-    beams = tmp_path / "beams.csv"
-    columns: dict[str, object] = {"time_ns": np.arange(60) * 10**9}
-    columns |= {f"beam{k}_mps": 0.01 * np.arange(60) for k in range(1, 5)}
-    columns |= {f"beam{k}_valid": np.ones(60, dtype=int) for k in range(1, 5)}
-    pl.DataFrame(columns).write_csv(beams)
-    toml = tmp_path / "found.toml"
-    done = bottomlock("audit", beams, "--geometry", "teledyne_20", "--out", tmp_path / "o", "--write", toml)
-    assert done.returncode == 2
-    assert "are the beams computed from a velocity?" in done.stderr

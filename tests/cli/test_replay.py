@@ -58,31 +58,6 @@ def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> N
     assert "is not empty and holds no replay" in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('column = "data"', 'column = "depth"', "column 'depth' is missing"),
-        ('"night2_depth.csv"', '"night3_depth.csv"', "night3_depth.csv: no such file"),
-        ("rate_hz = 62.5 }  #", "rate_hz = 60.0 }  #", "rows are missing, or clock.rate_hz is wrong"),
-        ("at_s = 1.0", "at_s = 100.0", "before the start at 100.000 s"),
-        ("latitude_deg = 42.29", "", "origin.latitude_deg is missing"),
-        ("beams_lost = [3, 4]", "beams_lost = [3, 5]", "beam 5 does not exist"),
-        ('geometry = "dvl.toml"', 'geometry = "x_janus"', "is neither a file nor packaged"),
-    ],
-)
-def test_mistakes_end_with_a_line(root: Path, tmp_path: Path, old: str, new: str, message: str) -> None:
-    shutil.copytree(root / EXAMPLE, tmp_path / "case")
-    path = tmp_path / "case" / "case.toml"
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
-    done = command("replay", str(path), "--out", str(tmp_path / "out"))
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 def test_score_of_a_beam_table(tmp_path: Path) -> None:
     janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
     rng = np.random.default_rng(2)

@@ -215,12 +215,6 @@ def test_nulls_of_polars_are_not_numbers() -> None:
         made.push_beams(0, np.zeros(4), pl.Series([True, None, True, True]), sd_mps=np.full(4, 0.05))
 
 
-def test_vectors_of_a_push_have_names() -> None:
-    with pytest.raises(TypeError):
-        navigator().push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])  # type: ignore[call-arg]
-    assert "rad/s" in str(kernel.Navigator.push_imu.__doc__)
-
-
 @pytest.mark.parametrize("step", [200, 200_000])
 def test_pings_in_milli_and_microseconds_are_named(step: int, tmp_path: Path) -> None:
     """By `fix` and `audit`, which have no filter that would refuse them; 5 Hz in nanoseconds is taken."""

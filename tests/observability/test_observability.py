@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator, error_model
+from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator
 from bottomlock.kernel.models import DepthModel, DvlModel, InitialState, Model
 from bottomlock.observability.analysis import LEAST_GAP, Aiding, Finding, deviations, observe
 from bottomlock.observability.figure import deviation_figure, deviation_panels
@@ -163,25 +162,6 @@ def test_transition_is_the_integral_of_the_error_model(
     np.testing.assert_allclose(found.rows[3:, :], phi[:3], rtol=1e-5, atol=1e-6)
 
 
-def test_error_model_is_the_filters(eight: Truth) -> None:
-    """The oracle's F, against which Φ is judged, is the F that the filter uses."""
-    k = 777
-    ours = error_model(
-        model(eight),
-        attitude_t_p=eight.attitude_t_p[k], velocity_p_mps=eight.velocity_p_mps[k],
-        omega_p_radps=eight.omega_p_radps[k], force_p_mps2=eight.force_p_mps2[k],
-    )  # fmt: skip
-    R = matrix_from_quaternion(eight.attitude_t_p[k])
-    theirs = f_full(
-        R,
-        eight.velocity_p_mps[k],
-        eight.omega_p_radps[k],
-        np.array([0, 0, eight.gravity_mps2]),
-        np.zeros(3),
-    )
-    np.testing.assert_allclose(ours["f"], theirs, atol=1e-12)
-
-
 @pytest.mark.parametrize("beams", [(1, 2, 3, 4), (1, 2)])
 def test_deviations_are_the_filters(eight: Truth, beams: tuple[int, ...]) -> None:
     """Covariance analysis against the navigator itself, fed perfect readings."""
@@ -285,21 +265,6 @@ def test_the_papers_table_is_what_the_documentation_says() -> None:
     assert (table["gap"] >= LEAST_GAP).all()
     held = table.filter(verdict="as printed")["case"].unique().to_list()
     assert set(held) == {case.name for case in PAPER_CASES} - {"DVL, turn at 10 m/s"}
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_a_scenario_to_tables_and_a_figure(tmp_path: Path) -> None:
-    scenario = tmp_path / "short.toml"
-    assert load_scenario("straight").name == "straight"
-    text = (resources.files("bottomlock.config") / "scenarios" / "straight.toml").read_text(encoding="utf-8")
-    scenario.write_text(text.replace("duration_s = 250.0", "duration_s = 20.0"), encoding="utf-8")
-    made = observe_scenario(scenario, tmp_path / "o")
-    table = pl.read_parquet(tmp_path / "o" / "observability.parquet")
-    assert table.columns == list(OBSERVABILITY)
-    assert table["mask"].to_list()[:5] == ["1", "2", "3", "4", "12"]
-    assert made.own == "beams 12"
-    assert {path.name for path in (tmp_path / "o").iterdir()} >= {"deviations.png", "deviations.svg"}
 
 
 def test_the_figure_has_every_state_once(eight: Truth) -> None:

@@ -160,29 +160,6 @@ def test_rates_and_silence_reach_the_schedule() -> None:
 @pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
-    """Its own row stands beside the mask on which all beams would stay, and shows no more than that."""
-    path = tmp_path / "gaps.toml"
-    path.write_text(
-        short(dvl={"outages": [{"beams": [1, 2, 3], "from_s": 5.0, "to_s": 35.0}]}), encoding="utf-8"
-    )
-    made = observe_scenario(path, tmp_path / "o")
-    assert made.own == "beams 1234, as they return"
-    assert made.table.height == 16
-    own = made.table.row(15, named=True)
-    steady = made.table.row(14, named=True)
-    assert own["aiding"] == made.own
-    assert own["mask"] == steady["mask"] == "1234"
-    assert made.history is not None
-    sway = made.history.sd[:, made.history.states.index("velocity y")]
-    # One beam for half a minute: the sideways velocity is forgotten until the others return.
-    assert sway[30] > 3.0 * sway[3]
-    assert sway[-1] < 0.5 * sway[30]
-
-
-@pytest.mark.long
-@pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
 def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> None:
     path = tmp_path / "fifteen.toml"
     path.write_text(short(filter={"estimate_dvl": False}), encoding="utf-8")
