@@ -1,6 +1,7 @@
 """Text tables as loggers write them: separators, comment lines, rows of units, missing headers, decimal commas."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,12 @@ _HEAD = 65_536
 _TIMES_ITS_SIZE = 8.0
 """Memory that reading a text takes, over its size."""
 _SUFFIXES = {".parquet", ".pq"}
+_COMMENTS = ("#", "%", "//")
+NAMES = (
+    "name them as ax, ay, az, wx, wy, wz (IMU), roll, pitch, yaw, depth, latitude, longitude, vx, vy, vz or "
+    "beam1_mps ..., with time"
+)
+"""What to do about columns that are not known by their names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +70,7 @@ def read_any_table(path: Path) -> AnyTable:
     """Reads Parquet, or text with any of the usual separators.
 
     Raises:
-        DataError: for what is not a table of two columns and two rows or more.
+        DataError: for what is not a table of two columns and two rows or more, and one without names of its columns.
     """
     if path.suffix.lower() in _SUFFIXES:
         return AnyTable(path, read_parquet(path), plain=True, units={}, words="Parquet")
@@ -85,7 +92,7 @@ def read_any_table(path: Path) -> AnyTable:
 def _read_text(path: Path, text: str, *, plain: bool) -> AnyTable:
     lines = text.splitlines()
     rows = [k for k, line in enumerate(lines[:400]) if line.strip()]
-    data = [k for k in rows if not lines[k].lstrip().startswith(("#", "%", "//"))]
+    data = [k for k in rows if not lines[k].lstrip().startswith(_COMMENTS)]
     separator = _separator([lines[k] for k in data[:60]])
     if separator is None or len(data) < 2:
         raise DataError(
@@ -95,20 +102,14 @@ def _read_text(path: Path, text: str, *, plain: bool) -> AnyTable:
             ),
             place=path,
         )
-    width = len(_cells(lines[data[-1]], separator))
-    first = next((k for k in data if len(_cells(lines[k], separator)) == width), data[0])
-    header, first_row = _header(lines, rows, first, separator, width)
+    header, first_row = _header(path, lines, rows, data, separator)
     units: dict[str, str] = {}
     body_cells = _cells(lines[first_row], separator)
     next_rows = [k for k in data if k > first_row]
-    if (
-        next_rows
-        and not any(map(_numeric, [c for c in body_cells if c]))
-        and _mostly_numbers(_cells(lines[next_rows[0]], separator))
-    ):
+    if next_rows and not _has_number(body_cells) and _has_number(_cells(lines[next_rows[0]], separator)):
         units = {name: cell.strip("[]() ") for name, cell in zip(header, body_cells, strict=False)}
         first_row = next_rows[0]
-    comments = [lines[k] for k in rows if k > first_row and lines[k].lstrip().startswith(("#", "%", "//"))]
+    comments = [lines[k] for k in rows if k > first_row and lines[k].lstrip().startswith(_COMMENTS)]
     frame = _frame(path, lines[first_row:], header, separator)
     simple = (
         plain and separator == "," and first_row == 1 and not comments and not units
@@ -153,18 +154,22 @@ def _numeric(cell: str) -> bool:
     return is_number(cell) or is_number(cell.replace(",", ".", 1))
 
 
-def _mostly_numbers(cells: list[str]) -> bool:
-    return sum(map(_numeric, cells)) > len(cells) // 2
+def _has_number(cells: Sequence[str]) -> bool:
+    return any(_numeric(cell) for cell in cells if cell)
 
 
 def _header(
-    lines: list[str], rows: list[int], first: int, separator: str, width: int
+    path: Path, lines: list[str], rows: list[int], data: list[int], separator: str
 ) -> tuple[list[str], int]:
-    """Names of the columns, and the line where what is below them begins."""
+    """Names of the columns, and the line where what is below them begins.
+
+    Raises:
+        DataError: where neither the first line nor a comment above it names them.
+    """
+    width = len(_cells(lines[data[-1]], separator))
+    first = next((k for k in data if len(_cells(lines[k], separator)) == width), data[0])
     cells = _cells(lines[first], separator)
-    if not _mostly_numbers(cells) and not any(
-        re.match(r"\d{4}[-/.]\d\d|\d\d?\.\d\d?\.\d{4}|\d\d?:\d\d:\d\d", cell) for cell in cells
-    ):
+    if not _has_number(cells):
         return _unique(cells), next((k for k in rows if k > first), first)
     above = [k for k in rows if k < first]
     if above:
@@ -172,9 +177,15 @@ def _header(
         named = _cells(bare, separator)
         if len(named) != width and separator == ",":
             named = bare.split()
-        if len(named) == width and not _mostly_numbers(named):
+        if len(named) == width and not _has_number(named):
             return _unique(named), first
-    return [f"column_{k + 1}" for k in range(width)], first
+    shown = ", ".join([*cells[:8], *(["..."] if width > 8 else [])])
+    raise DataError(
+        f"names none of its {width} columns; the first row is {shown}",
+        place=path,
+        expected="a line of their names above the numbers",
+        hint=NAMES,
+    )
 
 
 def _unique(names: list[str]) -> list[str]:
@@ -186,7 +197,7 @@ def _unique(names: list[str]) -> list[str]:
 
 
 def _frame(path: Path, lines: list[str], header: list[str], separator: str) -> pl.DataFrame:
-    kept = [line for line in lines if line.strip() and not line.lstrip().startswith(("#", "%", "//"))]
+    kept = [line for line in lines if line.strip() and not line.lstrip().startswith(_COMMENTS)]
     if separator == " ":
         kept, separator = [",".join(line.split()) for line in kept], ","
     body = "\n".join(kept) + "\n"

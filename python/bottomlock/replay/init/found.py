@@ -7,10 +7,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.io.columns import FLAG_WORDS
+from bottomlock.errors import DataError
+from bottomlock.io.columns import FLAG_WORDS, column_names
 from bottomlock.replay.init import names
 from bottomlock.replay.init.any_table import AnyTable
-from bottomlock.replay.init.dates import written_times
 from bottomlock.replay.init.names import named, seconds_and_nanoseconds, split_unit, time_unit
 
 Floats = NDArray[np.float64]
@@ -21,6 +21,9 @@ EPOCHS = (("s", 5e8, 5e9), ("ms", 5e11, 5e12), ("us", 5e14, 5e15), ("ns", 5e17, 
 """Unix times from 1985 to 2128 in each unit."""
 RATES_HZ = {"imu": (8.0, 4000.0), "dvl": (0.05, 40.0)}
 ANY_RATE_HZ = (0.02, 1000.0)
+MOST_ABSENT = 0.05
+"""Part of the cells of a column of dates that may hold none."""
+_ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d")
 LEAST_EVEN, FEW, MOST_OFF_S = 50, 0.01, 1.1
 """Rows, part of them that does not rise, and greatest deviation from an even rate, s, of rows that count as even."""
 
@@ -129,7 +132,7 @@ def find_streams(table: AnyTable) -> list[Found]:
             triples.setdefault((what.quantity, stem), {}).setdefault(what.component, name)
         else:
             single.setdefault(what.quantity, name)
-    groups = {quantity: _best_triple(table, triples, quantity) for quantity in _GROUPS}
+    groups = {quantity: _triple(triples, quantity) for quantity in _GROUPS}
     found: list[tuple[str, dict[str, str], dict[str, str]]] = []
     found += _imu(groups, single)
     found += _others(table, groups, single)
@@ -144,30 +147,20 @@ def find_streams(table: AnyTable) -> list[Found]:
 
 _GROUPS = (
     names.FORCE, names.OMEGA, names.FIELD, names.VELOCITY_INCREMENT, names.ANGLE_INCREMENT, names.VELOCITY,
-    names.POSITION, "quaternion",
+    "quaternion",
 )  # fmt: skip
 
 
-def _best_triple(
-    table: AnyTable, triples: dict[tuple[str, str], dict[int, str]], quantity: str
-) -> tuple[str, ...] | None:
-    """The columns of a quantity: the first group with all components; of forces the one that holds gravity."""
+def _triple(triples: dict[tuple[str, str], dict[int, str]], quantity: str) -> tuple[str, ...] | None:
+    """The columns of a quantity: the first group with all components."""
     wanted = 4 if quantity == "quaternion" else 3
-    whole: list[tuple[str, ...]] = []
     for (what, _), columns in triples.items():
         if what != quantity or len(columns) < wanted:
             continue
         first = 1 if 0 not in columns else 0
         if all(first + k in columns for k in range(wanted)):
-            whole.append(tuple(columns[first + k] for k in range(wanted)))
-    if quantity == names.FORCE and len(whole) > 1:
-        # Gravity removed is no specific force: the group with the steadiest size has it.
-        def unsteady(columns: tuple[str, ...]) -> float:
-            size = np.linalg.norm(np.stack([numbers(table.frame[name]) for name in columns]), axis=0)
-            return float(np.nanstd(size) / max(np.nanmedian(size), 1e-9))
-
-        whole.sort(key=unsteady)
-    return whole[0] if whole else None
+            return tuple(columns[first + k] for k in range(wanted))
+    return None
 
 
 _Streams = list[tuple[str, dict[str, str], dict[str, str]]]
@@ -230,7 +223,11 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
 
 
 def table_times(table: AnyTable, kind: str) -> Times:
-    """Times of a table's rows: the best column by name, its unit by name, epoch or rate; else a column of dates."""
+    """Times of a table's rows: the best column by name, its unit by name, epoch or rate; else ISO 8601 dates.
+
+    Raises:
+        DataError: for a column of times with another kind of dates.
+    """
     frame = table.frame
     if table.part and frame.schema.get("time_ns") == pl.Int64:
         # A log's own: nothing is left to guess.
@@ -253,20 +250,49 @@ def table_times(table: AnyTable, kind: str) -> Times:
         if series.dtype == pl.Datetime:
             time_ns = np.asarray(series.dt.cast_time_unit("ns").cast(pl.Int64).to_numpy(), dtype=np.int64)
             return Times(time_ns, why=f"dates of {name}", epoch=True)
-        written = written_times(frame.select(name))
-        if written is not None and written[2]:
-            return Times(written[0], why=written[1], epoch=True)
+        written = iso_times(series)
+        if written is not None:
+            return Times(written, why=f"dates of {name}", epoch=True)
         value = numbers(series)
         if np.isfinite(value).mean() > 0.9 and np.nanmax(value) > np.nanmin(value):
             return _numeric_times(series, value, name, unit, kind)
-    written = written_times(frame)
-    if written is not None:
-        return Times(written[0], why=written[1], epoch=written[2])
+    for series in frame.select(pl.col(pl.String)):
+        written = iso_times(series)
+        if written is not None:
+            return Times(written, why=f"dates of {series.name}", epoch=True)
     first = frame.columns[0]
     value = numbers(frame[first])
     if named(first) is None and np.isfinite(value).all() and len(value) > 3 and _counts(value):
         return _numeric_times(frame[first], value, first, "", kind)
+    for name, _ in candidates:
+        cell = str(frame[name].first(ignore_nulls=True) or "").strip()
+        if cell and not np.isfinite(numbers(frame[name])).any():
+            raise DataError(
+                f"is '{cell}' in the first row (columns: {column_names(frame)})",
+                place=table.path,
+                key=f"column '{name}'",
+                expected="a number, or an ISO 8601 date and time such as 2024-05-01T12:00:00.5Z",
+            )
     return Times(None, why="no column of times")
+
+
+def iso_times(series: pl.Series) -> Integers | None:
+    """Unix times, ns, of dates and times after ISO 8601, UTC where they state no zone; None for other columns.
+
+    >>> iso_times(pl.Series(["1970-01-01T00:00:00.5Z", "1970-01-01T00:00:01Z"])).tolist()
+    [500000000, 1000000000]
+    """
+    if series.dtype != pl.String or not _ISO.match(str(series.first(ignore_nulls=True) or "").strip()):
+        return None
+    text = series.str.strip_chars().str.replace(" ", "T", literal=True).str.replace(",", ".", literal=True)
+    zoned = text.str.contains(r"(Z|[+-]\d\d:?\d\d)$")
+    parsed = pl.select(
+        pl.when(zoned).then(text).otherwise(text + "Z").str.to_datetime("%+", time_unit="ns", strict=False)
+    ).to_series()
+    if parsed.null_count() > MOST_ABSENT * len(parsed):
+        return None
+    filled = parsed.dt.timestamp("ns").fill_null(strategy="forward").fill_null(strategy="backward")
+    return np.asarray(filled.to_numpy(), dtype=np.int64)
 
 
 def _counts(value: Floats) -> bool:

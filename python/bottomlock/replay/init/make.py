@@ -8,6 +8,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import write_text
+from bottomlock.io.columns import column_names
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
 from bottomlock.replay.init.axes_part import set_axes, set_yaw_by_track, telling_track, track_yaw
@@ -90,9 +91,7 @@ def choose(sources: Sources) -> Parts:
     made = _made(sources, own)
     velocities = [one for one in sources.of("velocity") if one.times.time_ns is not None]
     if sources.recording is None and not velocities:
-        raise DataError(
-            f"no file holds a DVL ({_held(sources)}): name its log, or a table with columns such as vx, vy, vz"
-        )
+        raise _no_dvl(sources)
     velocities.sort(key=lambda one: "dvl" not in one.table.label)
     found_imu = made.found if made else max(sources.of("imu"), key=lambda one: one.table.frame.height)
     if sources.recording is not None and sources.recording.table.beams:
@@ -146,6 +145,18 @@ def choose(sources: Sources) -> Parts:
     }  # fmt: skip
     parts.unused = [one for one in sources.streams if id(one) not in used]
     return parts
+
+
+def _no_dvl(sources: Sources) -> DataError:
+    for one in sources.of("velocity"):
+        return DataError(
+            f"has a velocity and no column of times ({column_names(one.table.frame)})",
+            place=one.table.path,
+            hint="name a column time: numbers, or ISO 8601 such as 2024-05-01T12:00:00.5Z",
+        )
+    return DataError(
+        f"no file holds a DVL ({_held(sources)}): name its log, or a table with columns such as vx, vy, vz"
+    )
 
 
 def _made(sources: Sources, attitudes: list[Found]) -> ImuPart | None:

@@ -1,63 +1,53 @@
-"""Which quantity a column holds, by its name: the names that loggers, drivers and autopilots use."""
+"""Which quantity a column holds, by its name: a short table, within the prefixes of a message or a sensor."""
 
 import re
 from dataclasses import dataclass
 
 FORCE, OMEGA, FIELD = "force", "omega", "field"
 VELOCITY_INCREMENT, ANGLE_INCREMENT = "velocity increment", "angle increment"
-VELOCITY, POSITION = "velocity", "position"
+VELOCITY = "velocity"
 
 _BASES = {
-    FORCE: "acc accel acceleration accelerometer accelerations linearacceleration linacc linaccel linearaccel "
-    "specificforce force forces f a sf accl fb ab accbody bodyaccel rawacc rawaccel accraw fibb aib accelerationbody",
-    OMEGA: "gyr gyro gyroscope gyros omega w g rate rates angularrate angularvelocity angularvel angvel angvelocity "
-    "angrate rotationrate rotrate turnrate wb gb bodyrate rawgyro gyroraw gyrobody omegabody gyrorate ars wibb",
-    FIELD: "mag magnetometer magneticfield magfield m b field magnetic rawmag magraw compass",
-    VELOCITY_INCREMENT: "dvel deltav deltavel deltavelocity dv velocityincrement velinc deltavelo",
-    ANGLE_INCREMENT: "dtheta deltatheta deltaangle dang deltaang angleincrement anginc dalpha deltaa",
-    VELOCITY: "v vel velocity dvl dvlv dvlvel dvlvelocity bottomvelocity velbody vb bodyvelocity bt vbt btvel speed "
-    "linearvelocity velocitybody twistlinear twisttwistlinear instrument velocityinst",
-    POSITION: "pos position p poseposition poseposeposition location",
+    FORCE: "acc accel acceleration linearacceleration specificforce force f a",
+    OMEGA: "gyr gyro gyroscope omega angularrate angularvelocity w g",
+    FIELD: "mag magneticfield m",
+    VELOCITY_INCREMENT: "dvel deltav deltavelocity",
+    ANGLE_INCREMENT: "dtheta deltatheta deltaangle",
+    VELOCITY: "v vel velocity dvl linearvelocity twistlinear instrument velocityinst",
 }
 _OF_BASE = {base: quantity for quantity, bases in _BASES.items() for base in bases.split()}
 _WHOLE = {
-    "roll": "roll phi rollangle eulerx rpyx eulerroll attituderoll theta0 gammaroll rot0 rolldeg attroll",
-    "pitch": "pitch theta pitchangle eulery rpyy eulerpitch attitudepitch theta1 attpitch",
-    "yaw": "yaw psi heading hdg azimuth yawangle eulerz rpyz euleryaw attitudeyaw theta2 course compassheading head "
-    "headingtrue trueheading attyaw hdt",
-    "depth": "depth depthm vehicledepth tiefe waterdepth depthsensor depthbelowsurface relativedepth data",
-    "pressure": "pressure press pabs absolutepressure waterpressure fluidpressure pressureabs baropressure prs",
-    "latitude": "lat latitude gpslat latdeg positionlat",
-    "longitude": "lon lng long longitude gpslon gpslng londeg positionlon",
-    "height": "height alt altitude ellipsoidalheight elevation hgt",
-    "north": "n north northing posn posnorth positionnorth northm xnorth ned0 localnorth",
-    "east": "e east easting pose poseast positioneast eastm yeast ned1 localeast",
-    "down": "d down posd posdown positiondown downm zdown ned2 localdown",
-    "velocity_north": "vn vnorth velocitynorth veln velnorth northvelocity vnmps",
-    "velocity_east": "ve veast velocityeast vele veleast eastvelocity",
-    "velocity_down": "vd vdown velocitydown veld veldown downvelocity",
-    "interval": "dt interval deltat timestep",
-    "valid": "valid velocityvalid velvalid dvlvalid instrumentvalid velocityinstflag",
-    "surge": "surge u vforward velocityforward",
-    "sway": "sway vright velocityright vstarboard",
-    "heave": "heave vheave velocityheave",
-    "rollrate": "rollrate p rollspeed", "pitchrate": "pitchrate q pitchspeed", "yawrate": "yawrate r yawspeed",
-}  # fmt: skip
+    "roll": "roll phi theta0",
+    "pitch": "pitch theta theta1",
+    "yaw": "yaw heading hdg psi theta2",
+    "depth": "depth data",
+    "pressure": "pressure press",
+    "latitude": "latitude lat",
+    "longitude": "longitude lon lng long",
+    "height": "height altitude alt",
+    "north": "north northing n",
+    "east": "east easting e",
+    "down": "down d",
+    "velocity_north": "vn vnorth velocitynorth",
+    "velocity_east": "ve veast velocityeast",
+    "velocity_down": "vd vdown velocitydown",
+    "interval": "dt interval deltat",
+    "valid": "valid velocityvalid instrumentvalid velocityinstflag",
+    "surge": "surge u",
+    "sway": "sway",
+    "heave": "heave",
+    "rollrate": "rollrate p",
+    "pitchrate": "pitchrate q",
+    "yawrate": "yawrate r",
+}
 _OF_WHOLE = {name: quantity for quantity, names in _WHOLE.items() for name in names.split()}
-_TIME = {
-    "time", "t", "timestamp", "stamp", "timestamps", "sec", "seconds", "secs", "s", "times", "tsec", "utc",
-    "datetime", "epoch", "clock", "timeutc", "unixtime", "headerstamp", "rostime", "hosttime", "timens",
-    "timeus", "timems", "timesec", "ts", "elapsed", "elapsedtime", "gpstime", "tow", "systime", "localtime",
-    "timeofvalidity", "date", "recordtime", "logtime", "timesinceboot", "timebootms",
-}  # fmt: skip
+_TIME = {"time", "t", "timestamp", "stamp", "headerstamp", "sec", "seconds", "s", "utc", "datetime", "date", "epoch",
+         "unixtime"}  # fmt: skip
 _TIME_UNITS = {"ns": "ns", "nsec": "ns", "nanoseconds": "ns", "us": "us", "usec": "us", "µs": "us",
                "microseconds": "us", "ms": "ms", "msec": "ms", "milliseconds": "ms", "s": "s", "sec": "s",
                "secs": "s", "seconds": "s"}  # fmt: skip
-_PREFIXES = (
-    "field", "header", "imu", "ins", "ahrs", "sensor", "msg", "value", "vehicle", "auv", "rov", "raw", "body", "nav",
-    "data", "meas", "measured", "ref", "reference", "gt", "truth", "true", "est", "message", "filter", "mti", "vn100",
-    "gps", "gnss", "attitude", "odom", "odometry", "pose", "twist", "vector", "state", "run0", "phins", "xsens",
-)  # fmt: skip
+_PREFIXES = ("field", "header", "imu", "ins", "ahrs", "gps", "sensor", "vehicle", "body", "nav", "raw", "ref",
+             "truth", "odom", "pose", "twist", "attitude")  # fmt: skip
 _AXES = {"x": 0, "y": 1, "z": 2}
 _QUATERNION = re.compile(r"^(?:q|quat|quaternion|orientation|attitude|att|rot|rotation)(w|x|y|z|0|1|2|3)$")
 
@@ -139,7 +129,7 @@ Named(quantity='roll', component=0, unit='deg'))
     bare, own = split_unit(name)
     unit = own or unit
     words = re.sub(r"([a-z])([A-Z])", r"\1 \2", bare)
-    tokens = [token for token in re.split(r"[^A-Za-z0-9]+", words.lower()) if token]
+    tokens = [token for token in re.split(r"[^a-z0-9]+", words.lower()) if token]
     while tokens:
         found = _by_tokens(tokens, unit)
         if found is not None:

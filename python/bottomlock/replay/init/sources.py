@@ -12,12 +12,12 @@ from bottomlock.io.beam_table import Recording
 from bottomlock.io.columns import column_names
 from bottomlock.io.formats import format_of, read_recording
 from bottomlock.io.rows import Options
-from bottomlock.replay.init.any_table import AnyTable, read_any_table
+from bottomlock.replay.init.any_table import NAMES, AnyTable, read_any_table
 from bottomlock.replay.init.autopilot import autopilot_tables
 from bottomlock.replay.init.bag import bag_tables
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.found import Found, find_streams
-from bottomlock.replay.init.unnamed import named_by_content
+from bottomlock.replay.init.names import named
 from bottomlock.support.nearest import did_you_mean
 
 
@@ -69,7 +69,7 @@ def read_sources(files: Sequence[Path], without: Sequence[str] = ()) -> Sources:
         elif name is not None and name != table.NAME:
             _log(found, path, name)
         else:
-            _table(found, path, named_by_content(read_any_table(path)))
+            _table(found, path, read_any_table(path))
     for one in without:
         if one not in found.parts:
             hint = did_you_mean(one, found.parts) or ","
@@ -129,13 +129,14 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
         stream for stream in find_streams(one) if not (columns is not None and stream.kind == "velocity")
     ]
     if not streams and columns is None:
+        known = [name for name in one.frame.columns if named(name) is not None]
+        which = (
+            f"{', '.join(known)} alone make no stream" if known else "none of its columns has a known name"
+        )
         raise DataError(
-            f"none of its columns has a known name ({column_names(one.frame)})",
+            f"{which} ({column_names(one.frame)})",
             place=path,
-            hint=(
-                "name them as ax, ay, az, wx, wy, wz (IMU), roll, pitch, yaw, depth, latitude, "
-                "longitude, vx, vy, vz or beam1_mps ..., with time"
-            ),
+            hint=NAMES,
         )
     if streams:
         rows = one.frame.height
@@ -145,8 +146,6 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
             rate = f", {1.0 / step_s:.4g} Hz" if step_s > 0.0 else ""
         kinds = ", ".join(stream.kind for stream in streams)
         where = f" {one.part}" if one.part else ""
-        if one.words.startswith("no names"):
-            rate += f"; {one.words}"
         said = f"; {one.remark}" if one.remark else ""
         found.words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate}){said}")
     found.streams += streams

@@ -40,9 +40,7 @@ SLIP_FACTORS = (1.0, 0.2, 5.0)
 """Factors on the slip of the case from which its search may start."""
 LOOSE_AFTER = 3.0
 """Factor on the noise that was found with which outliers are looked for again."""
-NOISE, NOISE_AGAIN, CONSTANTS, CONSTANTS_AGAIN, SWAY, SWAY_AGAIN = (
-    "noise", "noise again", "clock and mounting", "clock and mounting again", "sway", "sway again",
-)  # fmt: skip
+NOISE, NOISE_AGAIN, CONSTANTS, SWAY = "noise", "noise again", "clock and mounting", "sway"
 STEPS_S = 10.0
 """Blocks of the gradients where no outage is predicted: many steps each."""
 _FIXED_SLIP = {SLIP_EPOCHS: 1e9}
@@ -323,44 +321,19 @@ class Session:
         """Clock and mounting beside the noise that was found, and their judgement."""
         if not recording.constants:
             return None, []
-        found = self.estimated_constants(recording, beside)
-        return found, [self.judged(CONSTANTS, recording, beside, dict(beside) | found.new, found.determined)]
-
-    def estimated_constants(self, recording: Recording, beside: Mapping[str, float]) -> Estimate:
-        """Clock and mounting beside other values; the search may start where the fit of the motion has them."""
+        # The search may start where the fit of the motion has them.
         starts = [{}, recording.fitted_constants(self.split_ns)]
-        return self._settled((CONSTANTS, CONSTANTS_AGAIN), recording, recording.constants, beside, starts)
+        found = self._estimate(CONSTANTS, recording, recording.constants, beside, starts)
+        return found, [self.judged(CONSTANTS, recording, beside, dict(beside) | found.new, found.determined)]
 
     def sway(self, recording: Recording, beside: Mapping[str, float]) -> tuple[Estimate | None, list[Part]]:
         """The prior of the slip beside the rest, and its judgement; None where no whole pings judge two beams."""
         if not recording.sway or not self._passes(SWAY, recording, self.split_ns, 0):
             return None, []
-        found = self.estimated_sway(recording, beside)
-        old = dict(beside) | _FIXED_SLIP
-        return found, [self.judged(SWAY, recording, old, old | found.new, found.determined)]
-
-    def estimated_sway(self, recording: Recording, beside: Mapping[str, float]) -> Estimate:
-        """The prior of the slip beside other values."""
-        slip = recording.sway[0]
+        slip, old = recording.sway[0], dict(beside) | _FIXED_SLIP
         starts = [{slip.key: slip.start * factor} for factor in SLIP_FACTORS]
-        return self._settled(
-            (SWAY, SWAY_AGAIN), recording, recording.sway, dict(beside) | _FIXED_SLIP, starts
-        )
-
-    def _settled(
-        self,
-        stages: tuple[str, str],
-        recording: Recording,
-        parameters: tuple[Parameter, ...],
-        beside: Mapping[str, float],
-        starts: Sequence[Mapping[str, float]],
-    ) -> Estimate:
-        """Parameters, of which those that are not determined stay as they are, and the others are found beside them."""
-        found = self._estimate(stages[0], recording, parameters, beside, starts)
-        if not found.determined or len(found.determined) == len(parameters):
-            return found
-        kept = _kept(parameters, found)
-        return found.refined(self._estimate(stages[1], recording, kept, beside, [found.new], is_last=True))
+        found = self._estimate(SWAY, recording, recording.sway, old, starts)
+        return found, [self.judged(SWAY, recording, old, old | found.new, found.determined)]
 
     def _starts(self) -> list[dict[str, float]]:
         """Noise from which the search may start: the case's, and multiples of the inertial part of it."""
@@ -381,9 +354,9 @@ class Session:
             passes = passes_with_two_beams(log, readings)
             scored = [one.scored_ns for one in passes if one.scored_ns is not None]
             return passes if all((times >= from_ns).any() for times in scored) else []
-        if stage.startswith(SWAY):
+        if stage == SWAY:
             return [Pass(log, None, None, is_of_slip=True)] if passes_with_two_beams(log, readings) else []
-        if stage.startswith(CONSTANTS) and not from_ns:
+        if stage == CONSTANTS and not from_ns:
             return passes_of(log, (), readings)
         return passes_of(log, self.horizons_s, readings)
 
@@ -398,14 +371,14 @@ class Session:
     ) -> Criterion:
         to_ns = int(recording.log["imu_time_ns"][-1]) if from_ns else self.split_ns
         passes = self._passes(stage, recording, to_ns, from_ns)
-        methods = (SWAY_METHOD,) if stage.startswith(SWAY) else self.methods
+        methods = (SWAY_METHOD,) if stage == SWAY else self.methods
         criterion = Criterion(
             recording.geometry, recording.start, passes, inputs, *prior, self.executor, self._pass_done, from_ns,
             methods,
         )  # fmt: skip
         if not from_ns:
             # The one step has most of what is known of constants, which are the same at every horizon, and of the slip.
-            criterion.is_central = stage.startswith(CONSTANTS)
+            criterion.is_central = stage == CONSTANTS
             criterion.are_alike = stage.startswith(NOISE)
         return criterion
 
