@@ -166,46 +166,33 @@ def test_nothing_of_the_simulation_is_linked(root: Path) -> None:
     assert not crates & {"rand", "rand_distr", "chacha20", "rayon", "rayon-core"}
 
 
-def test_messages_name_the_argument(c: CLibrary) -> None:
-    """Code and words of the likely mistakes."""
+def test_a_failure_has_its_code(c: CLibrary) -> None:
+    """The likely mistakes; that the words are Python's is a matter of `test_same_bits.py`."""
     status = c.header.constants
     model, options = c("model_preset", "tactical", 0.5), c("options_default")
     state = c("state_at_rest", 0)
     geometry = c("geometry_preset", "x_janus_20")
-    faults: list[tuple[tuple[Any, ...], str, str]] = [
-        (
-            ("model_set", model, "dvl.beam_noise_sd", 0.1),
-            "UNKNOWN_NAME",
-            "did you mean 'dvl.beam_noise_sd_mps'?",
-        ),
-        (("model_set", model, "depth.sd_m", -1.0), "INVALID_VALUE", "depth.sd_m is -1, expected"),
-        (("model_set", None, "depth.sd_m", 1.0), "NULL_POINTER", "model is NULL"),
-        (("model_set", model, "gps.position_sd_m", 1.0), "INVALID_VALUE", "expected 3 numbers"),
-        (
-            ("model_set_text", model, "environment.earth", "flat"),
-            "INVALID_VALUE",
-            "expected 'ellipsoid' or 'tangent_plane'",
-        ),
-        (("options_set", options, "imu_stuck_after", 1.5), "INVALID_VALUE", "expected a whole number"),
-        (("options_set", options, "water_track", 2.0), "INVALID_VALUE", "expected 0 or 1"),
-        (("geometry_janus", "x", 20.0), "INVALID_VALUE", "is it in degrees?"),
-        (("geometry_preset", "a50"), "UNKNOWN_NAME", "waterlinked_a50"),
-        (
-            ("navigator_new", geometry, model, None, "tight", state, -1),
-            "UNKNOWN_NAME",
-            "unknown method 'tight'",
-        ),
-        (("navigator_new", geometry, model, None, None, None, -1), "NULL_POINTER", "initial is NULL"),
-        (("navigator_new", geometry, model, None, None, state, 10**11), "INVALID_VALUE", "horizon_ns"),
+    faults: list[tuple[str, tuple[Any, ...]]] = [
+        ("UNKNOWN_NAME", ("model_set", model, "dvl.beam_noise_sd", 0.1)),
+        ("INVALID_VALUE", ("model_set", model, "depth.sd_m", -1.0)),
+        ("NULL_POINTER", ("model_set", None, "depth.sd_m", 1.0)),
+        ("INVALID_VALUE", ("model_set", model, "gps.position_sd_m", 1.0)),
+        ("INVALID_VALUE", ("model_set_text", model, "environment.earth", "flat")),
+        ("INVALID_VALUE", ("options_set", options, "imu_stuck_after", 1.5)),
+        ("INVALID_VALUE", ("geometry_janus", "x", 20.0)),
+        ("UNKNOWN_NAME", ("geometry_preset", "a50")),
+        ("UNKNOWN_NAME", ("navigator_new", geometry, model, None, "tight", state, -1)),
+        ("NULL_POINTER", ("navigator_new", geometry, model, None, None, None, -1)),
+        ("INVALID_VALUE", ("navigator_new", geometry, model, None, None, state, 10**11)),
     ]
-    for call, code, words in faults:
-        with pytest.raises(CError, match=re.escape(words)) as caught:
+    for code, call in faults:
+        with pytest.raises(CError) as caught:
             c(*call)
         assert caught.value.status == status[f"BL_STATUS_{code}"], call
     c("options_set", options, "robust.closure_gate", 1.0)  # no gate
     navigator = c("navigator_new", geometry, model, options, None, state, -1)
     for name in ("navigator_water", "navigator_calibration"):
-        with pytest.raises(CError, match="is not estimated") as caught:
+        with pytest.raises(CError) as caught:
             c(name, navigator, c.structure(name.removeprefix("navigator_")))
         assert caught.value.status == status["BL_STATUS_NOT_AVAILABLE"]
     three = (ctypes.c_double * 3)(0.0, 0.0, -9.8)

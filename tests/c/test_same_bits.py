@@ -222,31 +222,6 @@ def _same_estimates(c: CLibrary, ours: CNavigator, theirs: Navigator) -> None:
         assert sum(counts.values()) > 0
 
 
-def test_either_loads_what_the_other_saved(c: CLibrary) -> None:
-    start = InitialState(
-        time_ns=0, position_t_m=(0, 0, 0), attitude_t_p=(1, 0, 0, 0), velocity_p_mps=(1.0, 0.1, 0.0)
-    )
-    model, options = Model(**settings.table_2()), Options()
-    theirs = Navigator(JANUS_20, model, options, start)
-    theirs.push_imu(10_000_000, omega_p_radps=(0, 0, 0), force_p_mps2=(0, 0, -9.8))
-    saved = np.frombuffer(theirs.save(), dtype=np.uint8)
-    ours = CNavigator.__new__(CNavigator)
-    ours.c, ours.pointer = c, c("navigator_load", saved, len(saved))
-    reading: Any = {"omega_p_radps": (0.01, 0, 0), "force_p_mps2": (0, 0.1, -9.8)}
-    ours.push_imu(20_000_000, **reading)
-    theirs.push_imu(20_000_000, **reading)
-    same(ours, theirs)
-    same(ours, Navigator.load(ours.save()))
-    with pytest.raises(CError, match="the digest differs") as caught:
-        c(
-            "navigator_load",
-            np.where(np.arange(len(saved)) == 60, 1 ^ saved, saved).astype(np.uint8),
-            len(saved),
-        )
-    assert caught.value.status == c.header.constants["BL_STATUS_NOT_RESTORED"]
-    ours.free()
-
-
 @pytest.mark.parametrize("name", packaged_geometries())
 def test_packaged_geometries(c: CLibrary, name: str) -> None:
     """The same names and beams; the one of a log's own signs is for that log alone."""

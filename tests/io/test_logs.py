@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import math
 import struct
@@ -135,18 +134,3 @@ def test_robosub_has_no_beams(logs: Path) -> None:
     table = read_recording(path, options=Options(columns=str(columns), instrument_only=True)).table
     assert (table.rows, table.beams) == (436, 0)
     assert np.isfinite(table.instrument_mps).all()
-
-
-# The library warns of its own casts, and leaves its file open.
-@pytest.mark.filterwarnings("ignore")
-def test_against_the_library(logs: Path) -> None:
-    """Where dolfyn of MHKiT reads a file, the numbers agree; it leaves the last ensemble out."""
-    mhkit = pytest.importorskip("mhkit.dolfyn", reason="MHKiT is not installed: pip install mhkit")
-    path = logs / "pd0_riverpro" / "RiverPro_test01.PD0"
-    theirs = mhkit.read(str(path))["vel_bt"].values
-    gc.collect()
-    ours = read_recording(path).table.velocity_mps.T
-    count = theirs.shape[1]
-    assert count in {ours.shape[1], ours.shape[1] - 1}
-    known = np.isfinite(ours[:, :count])
-    np.testing.assert_allclose(theirs[known], ours[:, :count][known], atol=1e-6)

@@ -104,7 +104,7 @@ def test_caves_signs(recordings: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "beams"),
-    [("RiverPro_test01.PD0", [0, 0, 0, 3, 270]), ("vmdas02_os.ENR", [0, 0, 1, 0, 689])],
+    [("vmdas02_os.ENR", [0, 0, 1, 0, 689])],
 )
 def test_pd0_in_beam_coordinates(recordings: Path, name: str, beams: list[int]) -> None:
     """Pings by the number of beams, and nothing skipped."""
@@ -117,11 +117,8 @@ def test_pd0_in_beam_coordinates(recordings: Path, name: str, beams: list[int]) 
 @pytest.mark.parametrize(
     ("folder", "name", "frame", "solutions"),
     [
-        ("pd0_nortek_mhkit", "winriver01.PD0", "ship", (251, 11, 0)),
-        ("pd0_nortek_mhkit", "winriver02.PD0", "ship", (75, 0, 0)),
         ("pd0_nortek_mhkit", "winriver02_transect.PD0", "ship", (563, 47, 221)),
         ("pd0_nortek_mhkit", "RDI_withBT.000", "earth", (898, 3, 820)),
-        ("pd0_ooi_glider", "LA100204.PD0", "earth", (49, 2, 1)),
         ("pd0_ooi_glider", "LA101636.PD0", "earth", (51, 7, 1)),
     ],
 )
@@ -150,10 +147,3 @@ def test_ad2cp_without_bottom(recordings: Path) -> None:
         "burst profile": 160,
         "echo sounder": 159,
     }
-
-
-def test_pd6_is_refused(recordings: Path) -> None:
-    path = file(recordings, "pd6_hover_h1000", "dvl_raw_lines_20251106_173912.csv")
-    assert detect(path) == "pd6"
-    with pytest.raises(DataError, match="PD6 holds no beam velocities; set the instrument to PD0"):
-        read_recording(path)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
 from bottomlock.io.formats import BYTES, Format
-from bottomlock.io.rows import PLAIN, Options, longest_rising
+from bottomlock.io.rows import PLAIN, Options
 from tests.attack.adversaries import ADVERSARIES
 from tools import fuzz_readers, reader_seeds
 
@@ -40,10 +40,9 @@ def test_what_a_seed_gives_is_sound(name: str) -> None:
         assert fuzz_readers.try_one(FORMS[name], data, options) is None
 
 
-@pytest.mark.parametrize("records", [8_000, pytest.param(20_000, marks=pytest.mark.deep)])
-def test_short_fuzzing(records: int) -> None:
+def test_short_fuzzing() -> None:
     """Thousands of mutated records over all readers: no finding. The long run is tools/fuzz_readers.py."""
-    counts, faults = fuzz_readers.run(records, 60.0, seed=7, found=None)
+    counts, faults = fuzz_readers.run(8_000, 60.0, seed=7, found=None)
     assert faults == []
     assert min(counts.values()) > 100
 
@@ -83,32 +82,18 @@ def test_records_are_counted_whole(name: str, data: st.DataObject) -> None:
     assert found.table.rows >= whole.table.rows or told
 
 
-@pytest.mark.parametrize("cut", [4, pytest.param(1, marks=pytest.mark.long)], ids=["quarter", "whole"])
 @pytest.mark.parametrize("name", sorted(ADVERSARIES))
-def test_no_input_makes_a_reader_hang(name: str, cut: int) -> None:
-    """A (quarter) megabyte of false starts costs seconds at most: a byte is looked at a bounded number of times.
+def test_no_input_makes_a_reader_hang(name: str) -> None:
+    """A quarter of a megabyte of false starts costs seconds at most: a byte is looked at a bounded number of times.
 
     A reader that looks at every byte from every false start would take an hour over the quarter.
     """
     form: Format = FORMS[name]
     for whole in ADVERSARIES[name]:
-        data = whole[: len(whole) // cut]
+        data = whole[: len(whole) // 4]
         start = time.process_time()
         assert fuzz_readers.try_one(form, data, PLAIN) is None
-        assert time.process_time() - start < 20.0 / cut
-
-
-@given(st.lists(st.integers(-5, 5), max_size=12))
-def test_longest_rising_run(times: list[int]) -> None:
-    """As long as the best of all subsets, and rising."""
-    found = longest_rising(times)
-    chosen = [times[k] for k in found]
-    assert all(a < b for a, b in itertools.pairwise(chosen))
-    assert list(found) == sorted(set(found))
-    lengths = [1] * len(times)
-    for k in range(len(times)):
-        lengths[k] = 1 + max((lengths[j] for j in range(k) if times[j] < times[k]), default=0)
-    assert len(found) == max(lengths, default=0)
+        assert time.process_time() - start < 5.0
 
 
 def test_times_that_do_not_rise_cost_their_own_rows() -> None:

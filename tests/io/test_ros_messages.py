@@ -126,15 +126,3 @@ def test_the_later_version_of_a_message() -> None:
         message = drawn(store, "dvl_msgs/msg/DVL", random)
         data = bytes(store.serialize_cdr(message, "dvl_msgs/msg/DVL"))
         assert equal(decode(data, "dvl_msgs/DVL", LATER_DVL), message)
-
-
-@pytest.mark.parametrize(
-    "name", [name for name in DEFINITIONS if not name.startswith(("dvl_msgs", "marine"))]
-)
-def test_definitions_are_those_of_ros(name: str) -> None:
-    """Fields and order, against the library's copy of ros2/common_interfaces."""
-    theirs = rosbags.get_typestore(rosbags.Stores.LATEST)
-    own = rosbags.get_typestore(rosbags.Stores.EMPTY)
-    for one, text in DEFINITIONS.items():
-        own.register(rosbags.get_types_from_msg(text, full_name(one)))
-    assert own.fielddefs[full_name(name)][1] == theirs.fielddefs[full_name(name)][1]

@@ -14,7 +14,6 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel.attitude_motion import MotionFromAttitude, divided, held, inertial_readings
 
 LATITUDE = 0.7
-EARTH_T = 7.292115e-5 * np.array([np.cos(LATITUDE), 0.0, -np.sin(LATITUDE)])
 
 
 def attitudes(seed: int, count: int, step_rad: float) -> Rotation:
@@ -69,40 +68,6 @@ def test_the_strapdown_gives_attitudes_velocity_and_way(step_ns: int) -> None:
     assert np.linalg.norm(state["position_t_m"] - way) < 2e-3 * np.linalg.norm(way)
 
 
-def test_the_tangent_frame_would_not_keep_it() -> None:
-    """Without the force the same velocity stays along north, east and down, and is another along the vehicle's axes."""
-    velocity = np.array([0.8, -0.2, 0.1])
-    time_ns, attitude = divided(np.arange(30) * 700_000_000, attitudes(1, 30, 0.3))
-    omega, force = inertial_readings(time_ns, attitude, np.zeros((len(time_ns), 3)), latitude_rad=LATITUDE)
-    np.testing.assert_array_equal(force, 0.0)
-    flown = navigator(attitude[0], velocity)
-    flown.push_imu_block(time_ns, omega_p_radps=omega, force_p_mps2=force)
-    kept = attitude[-1].inv().apply(attitude[0].apply(velocity))
-    np.testing.assert_allclose(flown.state()["velocity_p_mps"], kept, atol=1e-2)
-    assert np.linalg.norm(kept - velocity) > 0.5
-
-
-def test_at_rest_the_rate_is_the_earths() -> None:
-    attitude = Rotation.from_euler("ZYX", np.tile([1.0, 0.2, -0.3], (3, 1)))
-    omega, force = inertial_readings(
-        np.arange(3) * 1_000_000_000, attitude, np.tile([1.0, 0.0, 0.0], (3, 1)), latitude_rad=LATITUDE
-    )
-    earth_p = attitude[0].inv().apply(EARTH_T)
-    np.testing.assert_allclose(omega, np.tile(earth_p, (3, 1)), atol=1e-9)
-    np.testing.assert_allclose(force, np.tile(np.cross(2.0 * earth_p, [1.0, 0.0, 0.0]), (3, 1)), atol=1e-9)
-
-
-def test_a_turn_by_hand() -> None:
-    """A quarter turn to starboard in ten seconds at 2 m/s: 0.157 rad/s, and 0.314 m/s² towards starboard."""
-    yaw = np.linspace(0.0, np.pi / 2, 101)
-    attitude = Rotation.from_euler("Z", yaw[:, None])
-    omega, force = inertial_readings(
-        np.arange(101) * 100_000_000, attitude, np.tile([2.0, 0.0, 0.0], (101, 1)), latitude_rad=LATITUDE
-    )
-    np.testing.assert_allclose(omega[:, 2], np.pi / 20, atol=1e-4)
-    np.testing.assert_allclose(force, np.tile([0.0, np.pi / 10, 0.0], (101, 1)), atol=5e-4)
-
-
 def test_half_a_turn_in_a_step_is_a_number() -> None:
     """An attitude that jumps makes readings beyond every full scale, which the kernel rejects, and no error."""
     attitude = Rotation.from_euler("Z", [[0.0], [np.pi], [np.pi]])
@@ -111,18 +76,6 @@ def test_half_a_turn_in_a_step_is_a_number() -> None:
     )
     assert np.isfinite(omega).all()
     assert np.isfinite(force).all()
-
-
-def test_intervals_are_divided_evenly() -> None:
-    start_ns = 1_618_087_343_372_070_000
-    time_ns = start_ns + np.array([0, 250_000_000, 300_000_000, 9_300_000_000])
-    attitude = Rotation.from_euler("Z", [[0.0], [0.5], [0.5], [2.0]])
-    times, at = divided(time_ns, attitude, longest_step_s=0.1, longest_interval_s=5.0)
-    assert ((times - start_ns) / 1e6).round(3).tolist() == [0, 83.333, 166.667, 250, 300, 9300]
-    np.testing.assert_allclose(at.as_euler("ZYX")[:, 0], [0, 0.5 / 3, 1.0 / 3, 0.5, 0.5, 2.0], atol=1e-8)
-    whole, same = divided(time_ns[:2], attitude[:2], longest_step_s=1.0)
-    assert whole.tolist() == time_ns[:2].tolist()
-    assert same.as_quat().tolist() == attitude[:2].as_quat().tolist()
 
 
 def test_a_velocity_is_held_from_its_ping_on() -> None:
@@ -160,12 +113,3 @@ def test_attitudes_as_they_come() -> None:
     np.testing.assert_allclose(
         np.concatenate([block["force_p_mps2"] for block in blocks]), force[1:], atol=1e-8
     )
-
-
-def test_a_long_interval_is_a_gap() -> None:
-    """It stays one step, which the navigator refuses or bridges with its uncertainty."""
-    motion = MotionFromAttitude(LATITUDE, longest_interval_s=2.0)
-    north = np.array([1.0, 0.0, 0.0, 0.0])
-    motion.block(0, north)
-    assert len(motion.block(2_000_000_000, north)["time_ns"]) == 20
-    assert motion.block(4_100_000_000, north)["time_ns"].tolist() == [4_100_000_000]

@@ -60,14 +60,6 @@ def test_arrays_that_are_not_contiguous_give_the_same_bits(make: Callable[[Float
     assert all(np.array_equal(straight[key], other[key], equal_nan=True) for key in straight)
 
 
-def test_the_truth_is_left_as_it_was() -> None:
-    """A kernel that reads the caller's arrays writes to none of them."""
-    work = batch_along(10.0)
-    for values in work["truth"].values():
-        values.flags.writeable = False
-    kernel.run_batch(**work, methods=["tc"], runs=2, threads=2)
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="asks the kernel of Linux for the largest resident set")
 def test_many_runs_need_little_memory_beyond_what_they_yield() -> None:
     """512 runs: the filters of those in flight, and no second copy of the yield."""

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from bottomlock.errors import KernelError
-from bottomlock.kernel import Method, Navigator, replay_log
+from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import CurrentLayers, EffortModel, Options
 from tests.kernel import documented_navigator as example
 from tests.oracle import effort as oracle
@@ -73,54 +71,6 @@ def test_the_first_reading_is_the_literal_one(pitch_deg: float) -> None:
     np.testing.assert_allclose(reports[0].covariance, [[H[0] @ P @ H[0]]], rtol=1e-5)
 
 
-def crabbing(*, forces: bool) -> Navigator:
-    """Half a minute at 0.4 m/s ahead and 0.2 m/s across with four beams, and three minutes with none."""
-    steady = ON.water.replace(current_time_s=1e9)
-    used = ON.replace(thrust="velocity", water=steady, effort_lever_p_m=(0.0, 0.0, 0.0))
-    flown = Navigator(example.janus, MODEL, used, example.initial.replace(velocity_p_mps=(0.4, 0.2, 0.0)))
-    every, sd = np.ones(4, dtype=bool), np.full(4, 0.02)
-    ahead = example.janus.beam_velocities([[0.4, 0.2, 0.0]])[0]
-    force = [14.0 * 0.4 + 140.0 * 0.16, 20.0 * 0.2, 2.4]
-    for step in range(21001):
-        flown.push_imu(
-            step * 10_000_000, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -example.gravity]
-        )
-        if step % 50 == 25 and step < 3000:
-            flown.push_beams(step * 10_000_000, ahead, every, sd_mps=sd)
-        if forces and step % 50 == 0:
-            flown.push_effort(step * 10_000_000, force, sd_n=1.0)
-    return flown
-
-
-def test_the_velocity_is_kept_when_the_bottom_is_lost() -> None:
-    """Ahead and across it is as certain as slip and current; without forces as the biases."""
-    flown, without = crabbing(forces=True), crabbing(forces=False)
-    with_it, alone = (np.sqrt(np.diag(one.covariance())[6:8]) for one in (flown, without))
-    assert (with_it < 0.2 * alone).all()
-    np.testing.assert_allclose(flown.state()["velocity_p_mps"], [0.4, 0.2, 0.0], atol=0.02)
-    assert without.effort() is not None
-    learned: Any = flown.effort()
-    np.testing.assert_allclose(learned["speed_scale"], 1.0, atol=0.02)
-    assert learned["covariance"].shape == (9, 9)
-
-
-def test_wrong_forces_are_gated_and_then_widen_the_scale() -> None:
-    """Readings far off move nothing; ones that go on are believed after five, and named as inflation."""
-    flown = Navigator(example.janus, MODEL, ON.replace(gate="joint"), example.initial)
-    verdicts = []
-    for step in range(6):
-        flown.push_imu(
-            step * 10_000_000, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -example.gravity]
-        )
-        before = flown.state()["velocity_p_mps"]
-        report, *_ = flown.push_effort(step * 10_000_000, [2075.0, 0.0, 2.4], sd_n=1.0)
-        verdicts.append((report.verdict, report.inflation is not None))
-        if report.verdict == "rejected":
-            np.testing.assert_allclose(flown.state()["velocity_p_mps"][0], before[0], rtol=1e-12)
-    assert verdicts[:5] == [("rejected", False)] * 4 + [("accepted", True)]
-    assert flown.effort()["speed_scale"][0] < 0.9  # type: ignore[index]
-
-
 @pytest.mark.parametrize(
     ("options", "force", "sd_n", "words"),
     [
@@ -146,57 +96,3 @@ def test_a_bad_push_is_refused_and_changes_nothing(
         flown.push_effort(0, force, sd_n=sd_n)
     assert flown.save() == before
     assert (flown.effort() is None) == (options.thrust == "off")
-
-
-def test_a_model_without_mass_or_drag_is_named() -> None:
-    with pytest.raises(KernelError, match=r"effort\.mass_kg of an axis with drag is 0"):
-        Navigator(
-            example.janus, MODEL.replace(effort=HULL.replace(mass_kg=(20.0, 0.0, 30.0))), ON, example.initial
-        )
-    none = HULL.replace(linear_drag_kgps=(0.0,) * 3, quadratic_drag_kgpm=(0.0,) * 3)
-    with pytest.raises(KernelError, match=r"thrust\.advance_m is 0"):
-        Navigator(example.janus, MODEL.replace(effort=none), ON, example.initial)
-    with pytest.raises(KernelError, match=r"effort\.speed_scale_sd is 2, expected 0 to 1"):
-        Navigator(example.janus, MODEL.replace(effort=HULL.replace(speed_scale_sd=2.0)), ON, example.initial)
-
-
-def test_a_log_gives_the_bits_of_the_navigator() -> None:
-    rng, imu_ns = np.random.default_rng(3), np.arange(0, 4_000_000_000, 10_000_000)
-    force = np.tile([0.0, 0.0, -example.gravity], (len(imu_ns), 1)) + 0.01 * rng.normal(size=(len(imu_ns), 3))
-    omega, effort_ns = 0.01 * rng.normal(size=force.shape), imu_ns[25::50] + 3_000_000
-    forces = np.array([40.0, 0.0, 2.4]) + rng.normal(size=(len(effort_ns), 3))
-    log: Any = {
-        "imu_time_ns": imu_ns,
-        "force_p_mps2": force,
-        "omega_p_radps": omega,
-        "dvl_time_ns": np.empty(0, dtype=np.int64),
-        "beam_velocity_mps": np.empty((0, 4)),
-        "beam_valid": np.empty((0, 4), dtype=bool),
-        "effort_time_ns": effort_ns,
-        "effort_force_p_n": forces,
-    }
-    methods: tuple[Method, ...] = ("ins", "tc", "sway_current", "consistent")
-    for method in methods:
-        out: Any = replay_log(
-            example.janus,
-            MODEL,
-            ON,
-            [method],
-            log,
-            example.initial,
-            sample_time_ns=imu_ns[-1:],
-            innovations=True,
-        )
-        (records,) = out["innovations"]
-        for axis in AXES:
-            np.testing.assert_array_equal(records[axis]["time_ns"], effort_ns)
-        flown = Navigator(example.janus, MODEL, ON, example.initial, method=method)
-        waiting = list(range(len(effort_ns)))
-        for k, time_ns in enumerate(imu_ns.tolist()):
-            while waiting and effort_ns[waiting[0]] <= time_ns:
-                row = waiting.pop(0)
-                flown.push_effort(effort_ns[row], forces[row], sd_n=HULL.noise_sd_n)
-            flown.push_imu(time_ns, omega_p_radps=omega[k], force_p_mps2=force[k])
-        assert out["velocity_p_mps"][0, 0].tolist() == list(flown.state()["velocity_p_mps"])
-        loaded: Any = Navigator.load(flown.save())
-        np.testing.assert_equal(loaded.effort(), flown.effort())

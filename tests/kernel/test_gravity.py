@@ -22,9 +22,3 @@ def test_depth_term() -> None:
     """In the sea gravity grows by 2.2e-6 m/s² per metre, not by the 3.1e-6 of free air."""
     gain = bottomlock.normal_gravity_mps2(0.5, 1000.0) - bottomlock.normal_gravity_mps2(0.5, 0.0)
     assert gain == pytest.approx(1000 * gravity.depth_gradient(), rel=1e-3)
-
-
-@pytest.mark.parametrize("depth_m", [1e6, -1e6, float("nan")])
-def test_a_depth_below_any_sea_is_refused(depth_m: float) -> None:
-    with pytest.raises(bottomlock.KernelError, match=r"depth_m is .* in mm or cm"):
-        bottomlock.normal_gravity_mps2(0.5, depth_m)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.kernel import KernelError, replay_log
+from bottomlock.kernel import replay_log
 from tests.kernel.test_replay_log import JANUS, recording
 from tests.property import settings
 
@@ -48,10 +48,3 @@ def test_withheld_rows_are_predicted_alone() -> None:
     kept: Any = log
     without = flown(kept | {key: kept[key][~withheld] for key in columns}, start)
     assert result["position_t_m"].tolist() == without["position_t_m"].tolist()
-
-
-def test_flags_are_checked() -> None:
-    """One flag a row."""
-    log, start = recording()
-    with pytest.raises(KernelError, match=r"withheld: got 2, expected \d+, one for each row of depth"):
-        flown(log | {"depth_withheld": np.array([True, False])}, start)

@@ -1,25 +1,17 @@
 """Ctrl-C ends work in the kernel within half a second, and a command in one line."""
 
-import _thread
-import dataclasses
-import gc
-import operator
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from bottomlock import kernel
-from bottomlock.kernel import models
 from tests.analytic import batch_along
 
 MOST_S = 0.5
@@ -181,21 +173,6 @@ main()
     assert command.stderr == "bottomlock: interrupted\n"
 
 
-def test_an_interrupt_while_a_dataclass_is_made_ends_with_the_code_too(tmp_path: Path) -> None:
-    """Python remembers an interrupt that passed through `exec`, and would end `python -m` by the signal."""
-    program = """
-import bottomlock.cli.app as app
-from bottomlock.__main__ import main
-app.main = lambda: exec("raise KeyboardInterrupt")
-main()
-"""
-    (tmp_path / "interrupted.py").write_text(program, encoding="utf-8")
-    command = subprocess.run(
-        [sys.executable, "-m", "interrupted"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert (command.returncode, command.stderr) == (130, "bottomlock: interrupted\n")
-
-
 @pytest.mark.parametrize(("cause", "code"), [("KeyboardInterrupt", 130), ("ValueError", 1)])
 def test_an_interrupt_that_a_library_wraps_is_one(cause: str, code: int) -> None:
     """An error made of it while modules are imported ends as it does; any other error is shown."""
@@ -212,22 +189,3 @@ def test_an_interrupt_that_a_library_wraps_is_one(cause: str, code: int) -> None
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == code
     assert ("Traceback" in done.stderr) == (code == 1)
-
-
-def test_an_interrupt_while_settings_are_read_is_one() -> None:
-    """No bytecode runs between the signal and the call, so that the kernel is the first to see it.
-
-    Nor a callback of the garbage collection, which Python lets ignore an interrupt. A process that was started in the
-    background ignores the signal until someone handles it.
-    """
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    call: Callable[[Any], None] = operator.call
-    names = [field.name for field in dataclasses.fields(models.ImuModel)]
-    settings = dict.fromkeys(names, 1e-3)
-    gc.disable()
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            list(map(call, (_thread.interrupt_main, partial(kernel.check_settings, "imu", settings))))
-    finally:
-        gc.enable()
-        signal.signal(signal.SIGINT, before)

@@ -27,17 +27,6 @@ def test_runs_without_room_are_refused(runs: int, methods: list[Method]) -> None
         kernel.run_batch(**WORK, methods=methods, runs=runs, threads=1)
 
 
-def test_epochs_of_their_own_for_runs_without_room_are_refused() -> None:
-    """Arrays of no epochs have room for any number of runs; the lists made of them have not."""
-    schedule = {
-        **WORK["schedule"],
-        "gps_time_ns": np.empty(0, np.int64),
-        "gps_received": np.empty((2**40, 0), bool),
-    }
-    with pytest.raises(KernelError, match="of memory"):
-        kernel.run_batch(**{**WORK, "schedule": schedule}, methods=["tc"], runs=2**40, threads=1)
-
-
 def test_numbers_of_runs_end() -> None:
     """The last run has a number too."""
     with pytest.raises(KernelError, match="at most 1, as first_run is"):

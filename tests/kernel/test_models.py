@@ -59,7 +59,6 @@ def test_values_are_checked_by_the_kernels_rules() -> None:
         ),
         (lambda: MODEL.imu.replace(gyro_bias_sd_radps=True), "imu.gyro_bias_sd_radps is True"),
         (lambda: MODEL.initial.replace(position_sd_m=[1.0, 2.0]), r"initial.position_sd_m has shape \(2,\)"),
-        (lambda: MODEL.environment.replace(latitude_rad=32.8), "environment.latitude_rad is 32.8.*radians"),
         (lambda: MODEL.replace(imu=None), "model"),
         (lambda: OPTIONS.replace(gate="of"), "options.gate is 'of', expected"),
         (
@@ -69,7 +68,6 @@ def test_values_are_checked_by_the_kernels_rules() -> None:
         (lambda: OPTIONS.replace(gps_lever_p_m=[np.nan, 0.0, 0.0]), "gps_lever_p_m.*not finite"),
         (lambda: OPTIONS.water.replace(slip_sd_mps=0.0), "water.slip_sd_mps is 0"),
         (lambda: models.Robust(beam_gate=1.5), "robust.beam_gate is 1.5"),
-        (lambda: STATE.replace(attitude_t_p=[2, 0, 0, 0]), "attitude_t_p has norm 2"),
         (lambda: STATE.replace(time_ns=1.5), "time_ns is 1.5, expected an integer.*seconds"),
         (lambda: models.GpsModel(position_sd_m=[1, 1, 1]), "gps lacks the key 'velocity_sd_mps'"),  # type: ignore[call-arg]
     ):
@@ -212,35 +210,6 @@ def test_a_key_in_another_s_place_is_named_with_it() -> None:
 def test_what_is_no_mapping_is_refused() -> None:
     with pytest.raises(KernelError, match="options is of type str, expected a dict"):
         kernel.Navigator(JANUS, MODEL, "tc", STATE)  # type: ignore[arg-type]
-
-
-SENSORS = (
-    "dvl",
-    "depth",
-    "magnetometer",
-    "gps",
-    "dvl_outliers",
-    "heading",
-    "acoustic_position",
-    "thrust",
-    "effort",
-)
-
-
-def test_a_sensor_that_is_not_there_is_none() -> None:
-    """By default, or given as None: the same model, which a navigator takes with the readings of a push's own σ."""
-    parts: dict[str, Any] = {key: getattr(MODEL, key) for key in ("environment", "imu", "initial")}
-    bare, none = models.Model(**parts), dict.fromkeys(SENSORS)
-    assert bare == models.Model(**parts | none) == models.Model(**bare.as_dict())
-    assert [getattr(bare, key) for key in SENSORS] == [None] * len(SENSORS)
-    navigator = kernel.Navigator(JANUS, bare, OPTIONS, STATE, method="tc")
-    for k in range(16):
-        navigator.push_imu(k * 10_000_000, omega_p_radps=[0.0] * 3, force_p_mps2=[0.0, 0.0, -9.8])
-    reports = navigator.push_depth(150_000_000, 0.0, sd_m=0.1)
-    reports += navigator.push_attitude(150_000_000, [1, 0, 0, 0], roll_pitch_sd_rad=0.01, yaw_sd_rad=0.1)
-    assert [report.verdict for report in reports] == ["accepted"] * len(reports) != []
-    with pytest.raises(KernelError, match=r"model\.dvl is None, expected a DvlModel"):
-        bare.of(models.DvlModel)
 
 
 @pytest.mark.parametrize(

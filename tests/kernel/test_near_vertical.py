@@ -105,17 +105,3 @@ def test_good_fixes_are_accepted_on_end(sensor: str, pitch_deg: float) -> None:
     assert total["beams accepted"] + total["gps_position accepted"] >= 2 * FIXES * 8 - 8
     # Chi-squared with 24 degrees of freedom: 51 with a probability of 0.1 %.
     assert sum(nees) < 51.2, nees
-
-
-@pytest.mark.parametrize("pitch_deg", [90.0, -90.0])
-def test_a_heading_on_end_is_withheld(pitch_deg: float) -> None:
-    """Every one of them, and the report says so."""
-    verdicts, _ = hang(pitch_deg, "heading", 3)
-    assert verdicts["heading withheld"] == FIXES
-
-
-def test_a_heading_at_a_steep_dive_is_used() -> None:
-    """At 80° the tilt matters six times, which the row states."""
-    verdicts, _ = hang(80.0, "heading", 3)
-    assert verdicts["heading withheld"] == 0
-    assert verdicts["heading accepted"] >= FIXES - 1

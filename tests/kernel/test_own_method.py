@@ -194,18 +194,6 @@ def test_a_class_is_taken_as_it_is(root: Path, tmp_path: Path) -> None:
     assert Settings.model_validate({"methods": ["tc", TightCopy]}).methods == ("tc", "tight_copy")
 
 
-def test_the_class_of_a_name_is_the_one_that_was_given_last() -> None:
-    """A class of the same name takes it over, and the one from before takes it back when it is given again."""
-    half, whole = made_here(0.5), made_here(1.0)
-    results = [
-        bottomlock.run_batch(**batch_along(3.0), methods=["tc", one], runs=1, threads=1)["error"]
-        for one in (whole, half, whole)
-    ]
-    assert np.array_equal(results[0][:, 0], results[0][:, 1])
-    assert not np.array_equal(results[1][:, 0], results[1][:, 1])
-    assert np.array_equal(results[2], results[0])
-
-
 def test_a_place_takes_its_name_back(tmp_path: Path) -> None:
     """A scenario that names the place runs its class, whatever was registered by that name in between."""
     (tmp_path / "mine.py").write_text(CLASSES["good"].replace("mine_too", "made_here"))
@@ -369,21 +357,6 @@ def test_what_is_no_method_is_refused_before_anything_runs(tmp_path: Path, kind:
     with pytest.raises(ScenarioError, match=REFUSED[kind]) as caught:
         short(5.0, methods=[f"{tmp_path / 'mine.py'}:Mine"])
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("place", "message"),
-    [
-        ("no_such_module:Mine", "no_such_module cannot be imported"),
-        ("nowhere.py:Mine", "FileNotFoundError"),
-        ("mine:", "expected MODULE:CLASS or FILE.py:CLASS"),
-        ("never_heard_of", "unknown method 'never_heard_of'"),
-    ],
-)
-def test_places_without_a_class(place: str, message: str) -> None:
-    """Also in one line."""
-    with pytest.raises(ScenarioError, match=message):
-        short(5.0, methods=[place])
 
 
 def test_files_are_meant_from_the_scenario_and_from_the_case(root: Path, tmp_path: Path) -> None:

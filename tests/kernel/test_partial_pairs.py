@@ -57,37 +57,6 @@ def test_nullified_sway_refuses_lateral_pairs(pair: tuple[int, int]) -> None:
     assert np.isnan(fix.cov_m2ps2).all()
 
 
-@pytest.mark.parametrize("pair", [(1, 2), (3, 4), (1, 3), (2, 4)])
-def test_nullified_sway_inverts_the_other_pairs(pair: tuple[int, int]) -> None:
-    """Eq. 33 for the pairs where A₀ is regular, by the oracle's own inverse."""
-    rows = oracle.x_janus()[[pair[0] - 1, pair[1] - 1]]
-    u, w = np.linalg.inv(rows[:, [0, 2]]) @ rows @ VELOCITY
-    fix = solve(pair, "nsv")
-    assert STATUS[fix.status[0]] == "fix"
-    np.testing.assert_allclose(fix.velocity_p_mps[0], [u, 0.0, w], atol=1e-13)
-
-
-@pytest.mark.parametrize("pair", PAIRS)
-def test_virtual_beam_returns_a_right_prior(pair: tuple[int, int]) -> None:
-    """VB solves every pair; where prior and beams agree the result is the truth, whichever beam is made up."""
-    fix = solve(pair, "vb", **prior())
-    assert STATUS[fix.status[0]] == "fix"
-    np.testing.assert_allclose(fix.velocity_p_mps[0], VELOCITY, atol=1e-12)
-
-
-@pytest.mark.parametrize("pair", PAIRS)
-def test_virtual_heave_never_hands_the_prior_back(pair: tuple[int, int]) -> None:
-    """VHV measures heave only where the beams do (opposite pairs, where its row adds nothing to the horizontal)."""
-    fix = solve(pair, "vhv", **prior())
-    names = [COMPONENT_STATUS[code] for code in fix.component[0]]
-    if AXIS_OF_PAIR[pair] == 2:
-        assert names == ["outside_row_space", "outside_row_space", "solved"]
-    else:
-        assert names == ["solved", "solved", "prior_only"]
-    solved = np.array([name == "solved" for name in names])
-    np.testing.assert_allclose(fix.velocity_p_mps[0][solved], VELOCITY[solved], atol=1e-12)
-
-
 @pytest.mark.parametrize("pair", PAIRS)
 def test_least_squares_refuses_two_beams(pair: tuple[int, int]) -> None:
     """LC needs three independent beams: two are a status with its reason, not an error and not a number."""

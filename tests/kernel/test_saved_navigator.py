@@ -182,13 +182,10 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda _: b"", "navigator not restored: the bytes begin otherwise"),
         (lambda _: JANUS.save(), "navigator not restored: the bytes begin otherwise"),
         (lambda data: data[:30], "30 bytes are too few"),
-        (lambda data: data[:-1], "damaged or were cut short"),
-        (lambda data: data + b"\0", "damaged or were cut short"),
         (
             lambda data: data[:8] + struct.pack("<H", 14) + data[10:],
             "format 14, expected 13: another version",
         ),
-        (lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:], "damaged or were cut short"),
     ],
 )
 def test_bytes_that_are_no_navigator_are_refused(change: Callable[[bytes], bytes], words: str) -> None:
@@ -197,12 +194,11 @@ def test_bytes_that_are_no_navigator_are_refused(change: Callable[[bytes], bytes
         Navigator.load(change(navigator("tc").save()))
 
 
-@pytest.mark.parametrize("count", [3000, pytest.param(1_000_000, marks=pytest.mark.deep)])
-def test_no_damage_gives_a_navigator(count: int) -> None:
+def test_no_damage_gives_a_navigator() -> None:
     """Whatever is cut, flipped, doubled or put in, the digest tells; the content itself is attacked in Rust."""
-    draw = np.random.default_rng(count)
+    draw = np.random.default_rng(3000)
     data = navigator("tc").save()
-    for _ in range(count):
+    for _ in range(3000):
         at, more = int(draw.integers(len(data))), draw.bytes(int(draw.integers(1, 9)))
         kind = int(draw.integers(4))
         cut = {0: at, 1: at, 2: at + 1, 3: at + len(more)}[kind]

@@ -7,7 +7,6 @@ import pytest
 
 from bottomlock import kernel
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.errors import ScenarioError
 from bottomlock.kernel import Method
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
@@ -47,23 +46,3 @@ def test_fixes_are_those_of_the_batch() -> None:
         assert len(fixes) == batch["fixes_accepted"][0, index] + batch["fixes_rejected"][0, index]
         assert sum(fix.used for fix in fixes) == batch["fixes_accepted"][0, index]
         assert np.mean([fix.nis for fix in fixes]) == pytest.approx(batch["nis_mean"][0, index], rel=1e-12)
-
-
-def test_a_fix_steps_and_shrinks() -> None:
-    """Only the watched pings give fixes; the claimed sigma does not grow, and the step is the estimate's own."""
-    simulation = build_simulation(aided())
-    readings = Readings(simulation, simulation.truth(), run=0)
-    (fix,) = readings.fixes("tc", readings.valid, [7])
-    assert fix.time_ns == 8_000_000_000
-    assert fix.degrees == 2
-    assert (fix.after_sd_mps <= fix.before_sd_mps).all()
-    assert 0.0 < np.abs(fix.step_p_mps).max() < 0.5
-
-
-def test_pings_between_samples_are_refused() -> None:
-    """At 4 Hz every other ping falls between two samples of 150 Hz: its step would hold motion as well."""
-    scenario = load_scenario("straight").with_trajectory(duration_s=5.0)
-    scenario = scenario.model_copy(update={"dvl": scenario.dvl.model_copy(update={"rate_hz": 4.0})})
-    simulation = build_simulation(scenario)
-    with pytest.raises(ScenarioError, match="expected a divisor"):
-        Readings(simulation, simulation.truth(), run=0)

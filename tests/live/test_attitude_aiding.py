@@ -11,21 +11,15 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import DataError
 from bottomlock.kernel import Navigator
-from bottomlock.live.checkpoint import pack, resume
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.pings import PingReader
-from bottomlock.live.platform_attitude import PlatformAttitude
 from bottomlock.live.runner import Live
-from bottomlock.live.sections import AttitudeSection
-from bottomlock.ports.rotation import angles, quaternion
-from bottomlock.recordings.axes import from_angles, platform_attitude, quaternions
+from bottomlock.ports.rotation import angles
 from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping
 from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
@@ -371,49 +365,3 @@ def test_a_start_by_the_latest_attitude_that_is_not_after_it(entries: Arrivals, 
         # The accelerometers' bias is a milligee, and the reference's offset of 0.3 degrees is not in it.
         assert np.rad2deg(np.abs(started[:2] - dive().rpy[0, :2])).max() < 0.2
         assert sd[0] == pytest.approx(1.0)
-
-
-def test_a_checkpoint_holds_the_slow_error(entries: Arrivals) -> None:
-    """A restart goes on with what was found of it; one of another mounting is refused as other settings."""
-    config = made(('level = "attitude"', HEADING))
-    early = [entry for entry in entries if entry[0] < START_NS + 40_000_000_000]
-    before, _ = fly(config, early)
-    content = pack(before, before.now_ns)
-    assert content is not None
-    after = resume(config, content)
-    one, same = before.estimator.reference_error, after.estimator.reference_error
-    assert one is not None
-    assert same is not None
-    np.testing.assert_array_equal(one[0], same[0])
-    for arrival_ns, source, data in entries:
-        if arrival_ns > START_NS + 41_000_000_000:
-            after.arrive(source, arrival_ns, data)
-    assert after.state == "OK"
-    found = after.estimator.reference_error
-    assert found is not None
-    assert abs(np.rad2deg(found[0][0]) - 3.0) < 2.5 * np.rad2deg(found[1][0])
-    other = made(
-        ('level = "attitude"', HEADING), ("yaw_sd_deg = 0.3", "yaw_sd_deg = 0.3\nyaw_offset_deg = 1")
-    )
-    with pytest.raises(DataError, match="other settings"):
-        resume(other, content)
-
-
-@pytest.mark.parametrize("frame", ["ned_frd", "enu_flu"])
-def test_the_platforms_attitude_is_that_of_a_replay(frame: str) -> None:
-    """Two ways to the same rotation: quaternions here, matrices there."""
-    random = np.random.default_rng(8)
-    section = AttitudeSection.model_validate(
-        {
-            "frame": frame,
-            "mounting_roll_deg": 20,
-            "mounting_pitch_deg": -30,
-            "mounting_yaw_deg": 110,
-            "yaw_offset_deg": 7,
-        }
-    )
-    for rpy in random.uniform(-1.4, 1.4, (5, 3)):
-        there = platform_attitude(from_angles(*rpy), frame, np.deg2rad([20, -30, 110]), np.deg2rad(7.0))
-        here = PlatformAttitude(section).of(AttitudeReading(0, quaternion(*rpy)))
-        assert abs(float(np.dot(quaternions(there), here))) == pytest.approx(1.0, abs=1e-12)
-        np.testing.assert_allclose(angles(here), Rotation.from_quat(here[[1, 2, 3, 0]]).as_euler("ZYX")[::-1])

@@ -112,18 +112,6 @@ def test_quaternions_of_mavlink() -> None:
     np.testing.assert_allclose(same.attitude_t_s, found.attitude_t_s, atol=1e-7)
 
 
-def test_mounting_and_declination() -> None:
-    """A sensor turned by 90 degrees, a declination of 5: the platform looks 85 degrees to port of what it reads."""
-    text = TEXT.replace("[attitude]", "[attitude]\nmounting_yaw_deg = 90.0\nyaw_offset_deg = 5.0")
-    engine, _ = fly(made(text), World(3.0), lines(3.0))
-    estimator = engine.estimator
-    assert isinstance(estimator, NavigationEstimator)
-    assert estimator.navigator is not None
-    w, x, y, z = estimator.navigator.state()["attitude_t_p"]
-    yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-    assert yaw == pytest.approx(30.0 + math.degrees(TURN * 2.9) - 85.0, abs=0.5)
-
-
 def test_a_gap_of_the_attitude_is_unsafe_and_goes_on() -> None:
     """Three seconds without an attitude: nothing is sent, and the next one is a gap with its uncertainty."""
     kept = [entry for entry in lines(10.0) if not 4.0 < (entry[0] - START_NS) * 1e-9 < 7.0]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests.attack.live_faults import FAULTS, run_case
 
 SHARE = range(24)
@@ -17,9 +15,3 @@ def test_a_share_of_the_cases() -> None:
         "INITIALISING", "OK", "PARTIAL", "COASTING", "UNSAFE",
     }  # fmt: skip
     assert len(FAULTS) == 8
-
-
-@pytest.mark.deep
-def test_more_of_the_cases() -> None:
-    """Two hundred."""
-    assert [outcome.wrong for outcome in map(run_case, range(24, 224)) if outcome.wrong] == []

@@ -16,21 +16,6 @@ from bottomlock.live.health import HealthServer, status
 from tests.live.test_health import ask, flown, served
 
 
-def test_a_share_of_the_time_by_hand() -> None:
-    """Half of the time where bytes give readings, an eighth where they give none; what is not used does not add up."""
-    one = Allowance()
-    assert one.wait_s(100.0) == 0.0
-    one.spend(0.4, fruitful=True)
-    assert one.wait_s(100.0) == 0.0
-    one.spend(0.3, fruitful=True)
-    # 0.2 s too much, which half of the time gives back in 0.4 s.
-    assert one.wait_s(100.0) == pytest.approx(0.4)
-    assert one.wait_s(100.4) == pytest.approx(0.0, abs=1e-9)
-    assert one.wait_s(1000.0) == 0.0
-    one.spend(0.2, fruitful=False)
-    assert one.wait_s(1000.0) == pytest.approx(0.6)
-
-
 def listened(
     use: Callable[[int, Connection], Any], on_data: Callable[[bytes], bool]
 ) -> tuple[Any, list[str], int]:
@@ -57,35 +42,6 @@ def listened(
         return result
 
     return asyncio.run(both()), said, len(connected)
-
-
-def test_others_do_not_break_a_record_that_has_begun() -> None:
-    """Forty short connections and twenty that stay, between the halves of a record: no new connection, no byte lost."""
-    found = bytearray()
-
-    def take(data: bytes) -> bool:
-        found.extend(data)
-        return True
-
-    async def use(port: int, __: Connection) -> None:
-        _, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(b"first half, ")
-        while not found:  # noqa: ASYNC110
-            await asyncio.sleep(0.005)
-        for _ in range(40):
-            (await asyncio.open_connection("127.0.0.1", port))[1].close()
-        stay = [await asyncio.open_connection("127.0.0.1", port) for _ in range(MOST_CLIENTS - 1)]
-        writer.write(b"second half")
-        while len(found) < 23:  # noqa: ASYNC110
-            await asyncio.sleep(0.005)
-        for _, one in stay:
-            one.close()
-        writer.close()
-
-    _, said, connected = listened(use, take)
-    assert bytes(found) == b"first half, second half"
-    assert connected == 1
-    assert said.count("connected") == 1
 
 
 def test_a_listening_source_holds_few_clients() -> None:

@@ -1,15 +1,13 @@
-"""What a vehicle needs: `live` runs beside requirements-live.txt alone, without tables, figures and pages."""
+"""What a vehicle needs: `live` runs without tables, figures and pages."""
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-import bottomlock
 from tests.live.world import World
 
 NOT_NEEDED = ("polars", "scipy", "matplotlib", "jinja2", "threadpoolctl")
@@ -65,24 +63,3 @@ def test_live_imports_nothing_of_tables_figures_and_pages(tmp_path: Path) -> Non
     pytest.importorskip("pymavlink")
     (tmp_path / "blocked.py").write_text(BLOCKED.format(names=set(NOT_NEEDED)), encoding="utf-8")
     assert sent(tmp_path, sys.executable, "blocked.py") > 0
-
-
-@pytest.mark.long
-def test_live_runs_beside_its_own_requirements(tmp_path: Path, root: Path) -> None:
-    """An environment of requirements-live.txt and the package's files alone."""
-    uv = shutil.which("uv", path=str(Path(sys.executable).parent)) or shutil.which("uv")
-    if uv is None:
-        pytest.skip("uv is not there")
-    lean = tmp_path / "lean"
-    subprocess.run([uv, "venv", "--quiet", "--python", sys.executable, str(lean)], check=True)
-    python = lean / "bin" / "python"
-    subprocess.run(
-        [uv, "pip", "install", "--quiet", "--no-config", "--system-certs", "--python", str(python), "--require-hashes",
-         "-r", str(root / "requirements-live.txt")], check=True,
-    )  # fmt: skip
-    (site,) = (lean / "lib").glob("python3*/site-packages")
-    shutil.copytree(Path(bottomlock.__file__).parent, site / "bottomlock")
-    for name in NOT_NEEDED:
-        found = subprocess.run([str(python), "-c", f"import {name}"], capture_output=True, check=False)
-        assert found.returncode != 0
-    assert sent(tmp_path, str(python), "-m", "bottomlock") > 0

@@ -82,25 +82,6 @@ def test_conditions(change: dict[str, object], navigation: str, velocity: str, w
             assert words.startswith(why)
 
 
-def test_worse_at_once_better_after_settling() -> None:
-    """A second without a worse condition; every relapse begins it anew."""
-    machine = StateMachine(LIMITS)
-    lost = replace(GOOD, rank=1)
-    asked = [
-        (0, GOOD),
-        (0.1, lost),
-        (0.2, GOOD),
-        (0.9, GOOD),
-        (1.0, lost),
-        (1.9, GOOD),
-        (1.99, GOOD),
-        (2.0, GOOD),
-    ]
-    found = [machine.update(replace(facts, now_ns=round(t * S))) for t, facts in asked]
-    assert found == ["OK", "PARTIAL", "PARTIAL", "PARTIAL", "PARTIAL", "PARTIAL", "PARTIAL", "OK"]
-    assert machine.since_ns == 2 * S
-
-
 facts = st.builds(
     replace,
     st.just(GOOD),

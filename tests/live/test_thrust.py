@@ -1,4 +1,4 @@
-"""Revolutions of the propeller live: lines, and what the filter makes of them where the bottom is lost."""
+"""Revolutions of the propeller and forces of thrusters live: what the filter makes of them where the bottom is lost."""
 
 from __future__ import annotations
 
@@ -10,26 +10,32 @@ from bottomlock.live.navigation import NavigationEstimator
 from tests.live.test_water_track import THROUGH
 from tests.live.world import START_NS, VELOCITY, World, config
 
-SECONDS, LOST_S, ADVANCE_M = 30.0, 10.0, 0.12
+SECONDS, LOST_S = 30.0, 10.0
+ADVANCE_M, DRAG = 0.12, np.array([20.0, 40.0, 60.0])
+SECTIONS = {
+    "thrust": f"[thrust]\nadvance_m = {ADVANCE_M}\n",
+    "effort": f"[effort]\nmass_kg = [20.0, 25.0, 30.0]\nlinear_drag_kg_per_s = {DRAG.tolist()}\n",
+}
 SOURCE = """
 [[source]]
-name = "propeller"
+name = "propulsion"
 address = "udpin:127.0.0.1:12"
-format = "thrust-csv"
+format = "{sensor}-csv"
 rate_hz = 5
 clock = "host"
 """
-SECTION = "[thrust]\nadvance_m = 0.12\n"
 
 
-def lines(factor: float = 1.0) -> list[tuple[int, int, bytes]]:
-    """Five a second, of the speed through the water with 1 cm/s of noise."""
+def lines(sensor: str, factor: float) -> list[tuple[int, int, bytes]]:
+    """Five a second, of the speed through the water or the drag at it, with 1 cm/s or a fifth of a newton of noise."""
     random, found = np.random.default_rng(9), []
     for k in range(round(5 * SECONDS)):
         time_ns = START_NS + round((k + 0.3) / 5 * 1e9)
-        speed = float(THROUGH[0]) + 0.01 * random.standard_normal()
-        line = f"{time_ns},{factor * speed / ADVANCE_M!r}\n".encode()
-        found.append((time_ns + 5_000_000, 2, line))
+        if sensor == "thrust":
+            values = factor * (THROUGH[:1] + 0.01 * random.standard_normal(1)) / ADVANCE_M
+        else:
+            values = factor * DRAG * THROUGH + 0.2 * random.standard_normal(3)
+        found.append((time_ns + 5_000_000, 2, f"{time_ns},{','.join(map(repr, values.tolist()))}\n".encode()))
     return found
 
 
@@ -47,12 +53,13 @@ def flown(extra: str, more: list[tuple[int, int, bytes]]) -> tuple[Engine, np.nd
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.2])
-def test_revolutions_hold_the_speed(factor: float) -> None:
-    """Claimed a third as far off as without, and within it; also where the advance is a sixth too large."""
-    engine, error, sd = flown(SECTION + SOURCE, lines(factor))
+@pytest.mark.parametrize(("sensor", "axes", "share"), [("thrust", 1, 0.33), ("effort", 2, 0.5)])
+def test_propulsion_holds_the_velocity(sensor: str, axes: int, share: float, factor: float) -> None:
+    """Claimed by so much less far off than without, and within it; also where the model is a sixth off."""
+    engine, error, sd = flown(SECTIONS[sensor] + SOURCE.format(sensor=sensor), lines(sensor, factor))
     _, coasting, alone = flown("", [])
-    assert abs(error[0]) < 3.0 * sd[0]
-    assert abs(coasting[0]) < 3.0 * alone[0]
-    assert sd[0] < 0.33 * alone[0]
+    assert (np.abs(error) < 3.0 * sd)[:axes].all()
+    assert (np.abs(coasting) < 3.0 * alone)[:axes].all()
+    assert (sd < share * alone)[:axes].all()
     assert engine.state == "COASTING"
     assert dict(engine.estimator.gated) == {}

@@ -11,11 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.water_table import WaterTable
-from bottomlock.live.checkpoint import begin, pack
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.engine import Engine
 from bottomlock.recordings.readings import Ping
-from tests.live.test_engine import asked_in_between, fly, states
+from tests.live.test_engine import fly, states
 from tests.live.world import VELOCITY, Sent, World, config
 
 CURRENT = np.array([0.3, -0.2, 0.0])
@@ -113,14 +112,6 @@ def test_water_tracking_of_a_water_linked() -> None:
     assert engine.estimator.water_counts.used > 4 * 30
 
 
-def test_the_engine_is_a_function_of_what_arrives() -> None:
-    """Asked for the time in between or not, the messages are the same bits."""
-    world = World(7.0, none_from_five)
-    once = [(a, m) for a, m, _ in fly(with_water(), world, imu=True)]
-    assert once == asked_in_between(with_water(), world)
-    assert any(b" WATER " in message.data for _, message in once)
-
-
 def test_cells_are_screened() -> None:
     """A beam of the second cell is off by 1 m/s: it closes badly, and only the first cell is used."""
     engine = with_water(fish=True)
@@ -146,21 +137,3 @@ def test_two_beams_of_the_water_do_not_hold_the_velocity() -> None:
     one.feed = two
     assert states(fly(engine, World(7.0, none_from_five), imu=True)) == ["OK", "COASTING"]
     assert engine.estimator.water_counts.used > 100
-
-
-def test_a_restart_keeps_the_current(tmp_path: Any) -> None:  # noqa: ANN401
-    """Of a checkpoint with the same section; with another one it is not used."""
-    extra = f'{SECTION}[checkpoint]\nfile = "{tmp_path / "navigator"}"\n'
-    engine = with_water(config("navigation", extra=extra))
-    fly(engine, World(5.0), imu=True)
-    content = pack(engine, engine.now_ns)
-    assert content is not None
-    (tmp_path / "navigator").write_bytes(content)
-    again, used, _ = begin(engine.config, engine.now_ns + 10**9)
-    assert used == content
-    known, kept = engine.estimator.current, again.estimator.current
-    assert known is not None
-    assert kept is not None
-    np.testing.assert_array_equal(known[0], kept[0])
-    other = config("navigation", extra=extra.replace("0.02", "0.03"))
-    assert begin(other, engine.now_ns + 10**9)[1] is None

@@ -195,22 +195,6 @@ class Px4:
             self.resets_in_a_row += 1
 
 
-@dataclass
-class ArduPilotAiding:
-    """When ArduPilot begins to aid by external odometry: the last message, less its delay, younger than 200 ms."""
-
-    delay_ms: float
-    stamp_s: float | None = None
-
-    def message(self, arrival_s: float) -> None:
-        """A message that came at a time; its own stamp is not used."""
-        self.stamp_s = arrival_s - 1e-3 * self.delay_ms
-
-    def may_start(self, now_s: float) -> bool:
-        """Whether it would begin now."""
-        return self.stamp_s is not None and now_s - self.stamp_s < 0.2
-
-
 def lost_by_sequence(messages: list[bytes]) -> int:
     """Messages that a receiver counts as lost: gaps of the sequence of each system and component (pymavlink)."""
     last: dict[tuple[int, int], int] = {}

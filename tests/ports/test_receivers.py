@@ -139,10 +139,10 @@ def limits(key: str, runs: int) -> tuple[float, float]:
 
 @pytest.mark.statistical
 @pytest.mark.first_cases(4)
-@pytest.mark.parametrize("runs", [40, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("mode", ["velocity", "navigation"])
 @pytest.mark.parametrize("mask", list(MASKS))
-def test_a_receiver_is_consistent_through_every_port(mode: str, mask: str, runs: int) -> None:
+def test_a_receiver_is_consistent_through_every_port(mode: str, mask: str) -> None:
+    runs = 40
     for name, means in statistics(list(PORTS), mode, MASKS[mask], runs, seed=17).items():
         for key, value in means.items():
             low, high = limits(key, runs)

@@ -20,7 +20,6 @@ from bottomlock.ports.registry import port
 from tests.live.world import NAVIGATION_TOML
 from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
 from tests.ports.receivers import (
-    ArduPilotAiding,
     Px4,
     Receiver,
     blueos_way_m,
@@ -51,25 +50,6 @@ def test_px4_starts_and_stays_with_the_default_rate(dvl_hz: float, synchronised:
         if data is not None:
             px4.message(data, (time_ns - START) / SECOND + 0.03 * random.random())
     assert (px4.starts, px4.active) == (1, True)
-
-
-def test_px4_does_not_start_with_the_rate_of_before() -> None:
-    """5 Hz: messages are 200 ms apart or more, and the limit is strict."""
-    one, px4 = port("odometry", max_rate_hz=5.0), Px4(Receiver(TRUTH.copy()))
-    for time_ns in offered(60.0, 4.0):
-        px4.message(one.encode(navigated(time_ns)), (time_ns - START) / SECOND)
-    assert px4.starts == 0
-
-
-@pytest.mark.parametrize("interval_s", [0.1, 0.2, 1.0 / 3.0])
-def test_ardupilot_starts_with_the_delay_that_is_advised(interval_s: float) -> None:
-    """The age alone: half an interval more reaches 200 ms at 3 Hz before the next message, and never starts."""
-    age_ms = 50.0
-    advised, before = ArduPilotAiding(age_ms), ArduPilotAiding(age_ms + 500.0 * interval_s)
-    for aiding in (advised, before):
-        aiding.message(10.0)
-    assert advised.may_start(10.0)
-    assert before.may_start(10.0) == (interval_s < 0.3)
 
 
 def test_timesync_is_answered_by_its_definition() -> None:

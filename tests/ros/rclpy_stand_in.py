@@ -76,13 +76,12 @@ class _Timer:
 
 @dataclass
 class Graph:
-    """What is beyond the node: time, messages, parameters, and the packages that are installed."""
+    """What is beyond the node: time, messages, parameters."""
 
     parameters: dict[str, Any] = field(default_factory=dict)
     now_ns: int = 0
     sent: list[tuple[str, str, bytes]] = field(default_factory=list)
     said: list[tuple[str, str]] = field(default_factory=list)
-    absent_packages: tuple[str, ...] = ()
     nodes: list[Node] = field(default_factory=list)
 
     def at(self, now_ns: int) -> None:
@@ -201,14 +200,7 @@ _TRANSITIONS = {
     "activate": ("inactive", "active"),
     "deactivate": ("active", "inactive"),
     "cleanup": ("inactive", "unconfigured"),
-    "shutdown": ("active", "finalized"),
 }
-
-
-def _get_message(name: str) -> _Type:
-    if name.split("/", maxsplit=1)[0] in _graph[-1].absent_packages:
-        raise ModuleNotFoundError(f"No module named '{name.split('/', maxsplit=1)[0]}'")
-    return _Type(name)
 
 
 def _modules() -> dict[str, ModuleType]:
@@ -222,7 +214,7 @@ def _modules() -> dict[str, ModuleType]:
         },
         "rclpy.qos": {"QoSProfile": QoSProfile, "ReliabilityPolicy": ReliabilityPolicy},
         "rosidl_runtime_py": {},
-        "rosidl_runtime_py.utilities": {"get_message": _get_message},
+        "rosidl_runtime_py.utilities": {"get_message": _Type},
     }
     found = {}
     for name, content in contents.items():
