@@ -20,7 +20,6 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import EngineError, Note
 from bottomlock.kernel import KernelError
 from bottomlock.simulation.build import build_simulation
-from tests.campaign.clusters import two_processes
 from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 needs_dask = pytest.mark.skipif(
@@ -55,7 +54,14 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def processes() -> Iterator[Any]:
     """A cluster of two processes on this machine."""
-    with two_processes() as cluster:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        dashboard_address="127.0.0.1:0",
+        memory_limit=0,
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
         yield cluster
 
 

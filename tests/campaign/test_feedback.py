@@ -9,7 +9,6 @@ from bottomlock.campaign import chunk
 from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.errors import ScenarioError
 from bottomlock.simulation.build import build_simulation
 from tests.analytic import analytic_simulation
 
@@ -86,10 +85,3 @@ def test_on_the_truth_every_method_has_the_same_track(tmp_path: Any) -> None:  #
     assert run_campaign([exact], tmp_path / "exact", threads=1).runs[
         "cross_track_rms_over_time_m"
     ].to_list() == [None]
-
-
-def test_an_analytic_truth_cannot_be_steered() -> None:
-    with pytest.raises(ScenarioError, match="its truth is analytic"):
-        run_closed_loop(
-            analytic_simulation("straight"), ["tc"], pilot="own", trajectory_key=0, first_run=0, runs=1
-        )

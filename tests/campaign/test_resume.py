@@ -11,6 +11,7 @@ from bottomlock.campaign.build import build_simulations
 from bottomlock.campaign.folder import MANIFEST, identity_of
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import DataError, Note, OutputError
+from bottomlock.files.output_folder import LOCK
 from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 from tests.recorded import edit_record
 
@@ -29,6 +30,16 @@ def finished(out: Path) -> dict[Path, int]:
         for record in records
         for path in (record, record.with_name(f"{record.stem.replace('record', 'samples')}.parquet"))
     }
+
+
+def test_ended_before_the_manifest_was_there(tmp_path: Path) -> None:
+    """All that is left is a manifest that was never finished: the directory is as good as empty."""
+    out = tmp_path / "o"
+    out.mkdir()
+    (out / f".{MANIFEST}.4711.part").write_text("{", encoding="utf-8")
+    (out / LOCK).write_text("", encoding="utf-8")
+    run_campaign([short()], out, threads=1)
+    assert [path.name for path in out.glob(".*")] == []
 
 
 def test_what_is_found_is_told_apart(tmp_path: Path) -> None:

@@ -70,12 +70,6 @@ def test_a_column_map(root: Path, tmp_path: Path) -> None:
     assert "436" in done.stdout
 
 
-def test_geometries() -> None:
-    done = command("list", "geometries")
-    assert done.returncode == 0, done.stderr
-    assert "waterlinked_a50: Water Linked A50" in done.stdout
-
-
 def test_no_file_and_a_log_in_place_of_a_case(root: Path) -> None:
     done = command("replay", "--init")
     assert (done.returncode, "no file is named" in done.stderr) == (2, True)

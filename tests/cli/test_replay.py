@@ -1,17 +1,14 @@
-"""`bottomlock replay` and `bottomlock fix --leave-out` as a new user runs them: the worked example, and mistakes."""
+"""`bottomlock replay` as a new user runs it: the worked example, and a directory of something else."""
 
 from __future__ import annotations
 
 import json
 import shutil
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import polars as pl
 import pytest
 
-import bottomlock
 from tests.cli.calls import command
 
 EXAMPLE = "data/logs/robosub"
@@ -56,23 +53,3 @@ def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> N
     done = command("replay", case, "--out", str(foreign), "--force")
     assert done.returncode == 2
     assert "is not empty and holds no replay" in done.stderr
-
-
-def test_score_of_a_beam_table(tmp_path: Path) -> None:
-    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
-    rng = np.random.default_rng(2)
-    beams = janus.beam_velocities(np.tile([1.0, 0.1, 0.0], (200, 1))) + rng.standard_normal((200, 4)) * 0.04
-    columns: dict[str, Any] = {"time_ns": np.arange(200) * 1_000_000_000}
-    columns |= {f"beam{k + 1}_mps": beams[:, k] for k in range(4)} | {
-        f"beam{k + 1}_valid": [True] * 200 for k in range(4)
-    }
-    pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
-    arguments = ("fix", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", "--leave-out", "2")
-    done = command(*arguments, "--out", str(tmp_path / "scores.parquet"))
-    assert done.returncode == 0, done.stderr
-    assert "2 of 4 beams left out of" in done.stdout
-    scores = pl.read_parquet(tmp_path / "scores.parquet")
-    assert scores.height == 6 * 7 * 4
-    done = command(*arguments[:-1], "7")
-    assert done.returncode == 2
-    assert "7 beams to leave out, expected 1 to 3" in done.stderr

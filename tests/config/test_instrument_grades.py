@@ -10,7 +10,7 @@ import bottomlock
 from bottomlock import kernel
 from bottomlock.config.instrument_grades import FULL_SCALES, Kind, grade_of, grades
 from bottomlock.config.scenario import load_scenario
-from bottomlock.config.scenario_sections import Filter, ImuErrors
+from bottomlock.config.scenario_sections import Filter
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 
@@ -66,14 +66,6 @@ def test_biases_fall_from_grade_to_grade() -> None:
     """The list begins with the coarsest; industrial MEMS is better than an early AHRS."""
     biases = [one.keys["gyro_bias_deg_per_h"] for one in grades("imu").values() if one.name != "autopilot"]
     assert biases == sorted(biases, reverse=True)
-
-
-def test_single_keys_override_the_grade() -> None:
-    errors = ImuErrors.model_validate({"grade": "tactical", "gyro_bias_deg_per_h": 2400.0})
-    own = grade_of("imu", "tactical").keys
-    assert errors.gyro_bias_deg_per_h == 2400.0
-    assert errors.accel_bias_mg == own["accel_bias_mg"]
-    assert errors.kernel_model().gyro_bias_sd_radps == pytest.approx(np.deg2rad(2400.0 / 3600.0))
 
 
 def test_a_scenario_changes_its_grade() -> None:

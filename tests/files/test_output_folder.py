@@ -171,24 +171,6 @@ def test_a_file_is_on_the_disk_before_its_name(tmp_path: Path, monkeypatch: pyte
     assert steps == ["folder", "folder", "file", "rename", "folder"]
 
 
-def test_a_temporary_name_cannot_be_foreseen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another user of the folder cannot lay a link under it beforehand; if one is there all the same, it is kept."""
-    monkeypatch.setattr("secrets.token_hex", lambda _: "seen")
-    shard = tmp_path / "shard"
-    shard.write_bytes(b"theirs")
-    (tmp_path / ".table.seen.part").symlink_to(shard)
-    with pytest.raises(OutputError, match=r"table: cannot be written .*nothing was changed"):
-        atomic_write.write_bytes(tmp_path / "table", b"ours")
-    assert shard.read_bytes() == b"theirs"
-    monkeypatch.undo()
-    names = set[str]()
-    monkeypatch.setattr(Path, "replace", lambda self, _: names.add(self.name))
-    for _ in range(2):
-        atomic_write.write_bytes(tmp_path / "table", b"ours")
-    assert len(names) == 2
-    assert not any(str(os.getpid()) in name.split(".") for name in names)
-
-
 def test_a_result_whose_record_is_of_others(tmp_path: Path) -> None:
     """One that names a file elsewhere changes nothing, one that is damaged says what to do, a cut result goes on."""
     thesis = tmp_path / "thesis"

@@ -63,13 +63,12 @@ UNITS = {
 
 @pytest.mark.first_cases(3)
 @pytest.mark.parametrize("earth", [0.0, EARTH_RATE_RADPS], ids=["Earth at rest", "Earth turning"])
-@pytest.mark.parametrize("count", [3, pytest.param(12, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", MANOEUVRES)
-def test_scaling_changes_no_rank(name: str, earth: float, count: int) -> None:
+def test_scaling_changes_no_rank(name: str, earth: float) -> None:
     """Other units, and five decades to either side at random: rank, claim and gap stay."""
     truth = manoeuvre_truth(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
     rng = np.random.default_rng(7)
-    draws = [10.0 ** rng.uniform(-5.0, 5.0, 20) for _ in range(count)]
+    draws = [10.0 ** rng.uniform(-5.0, 5.0, 20) for _ in range(3)]
     sets = [ALL, Aiding(beams=(1, 2), depth=True), Aiding(beams=(1, 2, 3), depth=True, attitude=True)]
 
     def judge(scale: np.ndarray[Any, Any] | None = None) -> list[Finding]:
@@ -232,18 +231,12 @@ def test_refusals_name_what_is_wrong(eight: Truth) -> None:
         observe(eight, JANUS, [Aiding()])
     with pytest.raises(KernelError, match="epochs of the window: got 1, expected at least 2"):
         observe(eight, JANUS, [ALL], period_s=100.0)
-    with pytest.raises(KernelError, match="period_ns is -1"):
-        observe(eight, JANUS, [ALL], period_s=-1e-9)
     with pytest.raises(DataError, match="there is no beam 5, expected 1 to 4"):
         observe(eight, JANUS, [Aiding(beams=(1, 5))])
-    with pytest.raises(DataError, match="named twice"):
-        observe(eight, JANUS, [Aiding(beams=(1, 1))])
     with pytest.raises(KernelError, match=r"scale: got 3, expected 20"):
         observe(eight, JANUS, [ALL], scale=[1.0, 1.0, 1.0])
     with pytest.raises(KernelError, match="the 2015 model has velocity and depth aiding only"):
         observe(eight, JANUS, [ALL], kind="paper")
-    with pytest.raises(KernelError, match="kind is 'theirs'"):
-        observe(eight, JANUS, [ALL], kind="theirs")  # type: ignore[arg-type]
     broken = eight.velocity_p_mps.copy()
     broken[17, 1] = np.nan
     object.__setattr__(eight, "velocity_p_mps", broken)

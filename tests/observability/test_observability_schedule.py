@@ -16,7 +16,6 @@ from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
 from bottomlock.observability.analysis import Aiding, deviations, observe
-from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.observability.schedule import Schedule
 from bottomlock.simulation.build import build_simulation
@@ -174,19 +173,6 @@ def test_too_many_epochs_are_refused(tmp_path: Path) -> None:
     path.write_text(short(60.0, dvl={"rate_hz": 100.0}), encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"measure at 6000 times, expected at most 5000"):
         observe_scenario(path, tmp_path / "o")
-
-
-def test_rates_of_a_plan(eight: Truth) -> None:
-    """Ten pings a second leave less of a velocity than one."""
-    model = load_scenario("straight").kernel_model(eight.gravity_mps2)
-    slow, fast = (
-        manoeuvre_ranking(
-            JANUS, Aiding(beams=(1, 2, 3, 4)), model,
-            manoeuvres=[MANOEUVRES["figure_eight"]], rates_hz={"beams": rate},
-        ).filter(state="velocity z")["sd_after"][0]
-        for rate in (1.0, 10.0)
-    )  # fmt: skip
-    assert fast < slow
 
 
 def _fifth(truth: Truth) -> Schedule:

@@ -104,22 +104,3 @@ def test_three_names_stay_one_update(
     tight = pushed(robust, P, noise, valid)[0] / sd
     for method in ("info", "vb_exact"):
         np.testing.assert_allclose(pushed(robust, P, noise, valid, method)[0] / sd, tight, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("robust", "message"),
-    [
-        (
-            {"tail": "cauchy"},
-            r"options\.robust\.tail is 'cauchy', expected 'gaussian' or 'student_t'",
-        ),
-        ({"tail": "student_t"}, "student_t_degrees"),
-        ({"tail": "student_t", "student_t_degrees": -1.0}, r"robust\.student_t_degrees is -1"),
-        ({"tail": "gaussian", "beam_gate": 1.5}, r"robust\.beam_gate is 1\.5, expected strictly between"),
-        ({}, "tail"),
-    ],
-)
-def test_bad_options_are_named(robust: dict[str, Any], message: str) -> None:
-    P = np.eye(20) * 1e-4
-    with pytest.raises(bottomlock.KernelError, match=message):
-        pushed(robust, P, np.zeros(4), np.ones(4, bool))

@@ -61,14 +61,6 @@ def test_full_velocity_against_the_reference(data: Path, scratch: Path) -> None:
     assert np.median(list(found.values())) <= MEDIAN_PERCENT, found
 
 
-@pytest.mark.long
-def test_smoother_is_no_worse_than_the_filter(data: Path, scratch: Path) -> None:
-    """Velocity over the section, median over the sections."""
-    rows = full(data, scratch).filter(pl.col("method") == "lc")
-    median = dict(rows.group_by("pass").agg(pl.col("velocity_rms_over_time_mps").median()).iter_rows())
-    assert median["smoothed"] <= median["forward"]
-
-
 @pytest.mark.first_cases(2)
 @pytest.mark.parametrize("section", SECTIONS)
 def test_ins_alone_drifts_as_the_recordings_say(data: Path, scratch: Path, section: int) -> None:

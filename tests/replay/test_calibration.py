@@ -10,14 +10,12 @@ import pytest
 
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
-from bottomlock.kernel import Navigator
-from bottomlock.kernel.models import Calibration, DvlModel, InitialState
+from bottomlock.kernel.models import DvlModel
 from bottomlock.replay.calibration import calibration_words, found, write_calibration
 from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import prepare
 from bottomlock.replay.run import ReplayResult, replay_case
-from tests.analytic import analytic_simulation
 from tests.oracle.rotations import exp_rotation, matrix_from_euler
 
 CASE = Path(__file__).parents[2] / "data" / "logs" / "robosub" / "case.toml"
@@ -105,21 +103,3 @@ def test_a_mounting_is_turned_in_the_platform_axes(tmp_path: Path) -> None:
     np.testing.assert_allclose(turned, expected, atol=1e-12)
     assert result.scale == pytest.approx(1.01**2 - 1)
     assert result.clock_offset_s == pytest.approx(0.6)
-
-
-def test_navigator_has_them() -> None:
-    simulation = analytic_simulation("straight", duration_s=2.0)
-    scenario, geometry = simulation.scenario, simulation.geometry
-    options, model = scenario.kernel_options(), scenario.kernel_model(simulation.gravity_mps2)
-    start = InitialState(
-        time_ns=0,
-        position_t_m=(0.0, 0.0, 0.0),
-        attitude_t_p=(1.0, 0.0, 0.0, 0.0),
-        velocity_p_mps=(2.0, 0.0, 0.0),
-    )
-    assert Navigator(geometry, model, options, start, method="tc").calibration() is None
-    on = options.replace(calibration=Calibration(mounting_sd_rad=(0.1, 0.1, 0.1), clock_sd_s=0.2))
-    found = Navigator(geometry, model, on, start, method="tc").calibration()
-    assert found is not None
-    np.testing.assert_allclose(np.diag(found["covariance"]), [0.01, 0.01, 0.01, 0.04])
-    assert found["clock_s"] == 0.0

@@ -1,4 +1,4 @@
-"""Forces of thrusters in a replay: dives in a current with the bottom hidden, the section's keys, the page."""
+"""Forces of thrusters in a replay: what reaches the filter, how it fits, the section's keys."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.tune.parameters import noise_of
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_csv
-from tests.replay.test_thrust_section import BARE, SEEDS, SLIP_MPS, slipping
-from tests.replay.test_water_track import CURRENT, end_m, write
+from tests.replay.test_thrust_section import BARE, SLIP_MPS, slipping
+from tests.replay.test_water_track import CURRENT, write
 
 MASS, LIGHT_N = np.array([20.0, 21.0, 32.0]), 2.4
 LINEAR, QUADRATIC = np.array([14.0, 5.0, 33.0]), np.array([141.0, 217.0, 190.0])
@@ -81,33 +81,6 @@ def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def replayed(case_file: Path) -> ReplayResult:
     return replay_case(load_case(case_file))
-
-
-@pytest.fixture(scope="module")
-def ends_m(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
-    """(10,) errors of `tc`, m, after 140 s without the bottom, of ten dives."""
-    sections = {"without": "", "velocity": SECTION, "all": f'{SECTION}corrects = "all"\n'}
-    for name, factor in {"20 % too large": 1.2, "20 % too small": 0.8}.items():
-        wrong = [f"{(factor * law).tolist()}" for law in (LINEAR, QUADRATIC)]
-        sections[name] = SECTION.replace("[14.0, 5.0, 33.0]", wrong[0]).replace(
-            "[141.0, 217.0, 190.0]", wrong[1]
-        )
-    folder = tmp_path_factory.mktemp("dives")
-    errors: dict[str, list[float]] = {name: [] for name in sections}
-    for seed in SEEDS:
-        path = write_dive(folder, drawn_dive(seed, seconds=210.0), seed=seed)
-        for name, section in sections.items():
-            text = BARE.replace('"tc", "sway_current"', '"tc"')
-            path.write_text(text.replace("[reference]", f"{section}[reference]"), encoding="utf-8")
-            errors[name].append(end_m(replay_case(load_case(path)), "hidden", "tc"))
-    return {name: np.array(of) for name, of in errors.items()}
-
-
-@pytest.mark.parametrize("wrong", ["20 % too large", "20 % too small"])
-def test_a_wrong_drag_is_no_worse_than_none(ends_m: dict[str, Floats], wrong: str) -> None:
-    """A tenth of the speed, one of its sigmas: the minute with the bottom corrects it."""
-    assert (ends_m[wrong] < ends_m["without"]).all()
-    assert np.median(ends_m[wrong]) == pytest.approx(np.median(ends_m["velocity"]), rel=0.25)
 
 
 def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:

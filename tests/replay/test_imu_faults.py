@@ -10,12 +10,10 @@ import polars as pl
 import pytest
 
 import bottomlock
-from bottomlock.errors import DataError
 from bottomlock.replay import rerun
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.run import ReplayResult, replay_case
 from tests.kernel.test_replay_log import LOG, START
 from tests.property import settings
 from tests.replay import synthetic_dive
@@ -207,20 +205,3 @@ def test_the_alignment_leaves_a_bad_reading_out(tmp_path: Path) -> None:
         case = load_case(path)
         levels.append(rerun.prepare(case, read_streams(case)).alignment.attitude)
     assert np.rad2deg((levels[0] * levels[1].inv()).magnitude()) < 0.01
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_the_page_names_the_bad_reading(
-    dives: tuple[Case, ReplayResult, ReplayResult], tmp_path: Path
-) -> None:
-    write_replay(dives[1], tmp_path)
-    assert "1 out of range" in make_replay_report(tmp_path).read_text(encoding="utf-8")
-
-
-def test_wrong_units_reject_every_reading(tmp_path: Path) -> None:
-    """Milli-g read as g: the case ends with one line that says so."""
-    path = write_dive(tmp_path)
-    text = path.read_text(encoding="utf-8").replace('force_unit = "mg"', 'force_unit = "g"')
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(DataError, match=r"every inertial reading is rejected, .*check imu\.force_unit"):
-        replay_case(load_case(path))

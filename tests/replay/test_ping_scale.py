@@ -53,18 +53,6 @@ def test_a_closure_by_hand() -> None:
         np.testing.assert_allclose(halfwidths[k], quantiles / quantiles[0], rtol=1e-9)
 
 
-def test_a_ping_alone_and_gaussian_noise_keep_the_noise_of_the_log() -> None:
-    whole, untested = np.ones((3, 4), dtype=bool), np.zeros(3, dtype=np.int64)
-    alone = Screened(whole, np.full(3, 1.3), untested, np.full((3, 3), np.nan), np.eye(3))
-    beams = np.random.default_rng(1).normal(size=(3, 4))
-    heavy = of_log(3, 1.3, 2.0)
-    factor, halfwidths = ping_noise(JANUS, beams, SD, heavy, alone)
-    assert factor.tolist() == [1.3] * 3
-    np.testing.assert_array_equal(halfwidths, heavy.halfwidths)
-    predicted = Screened(alone.valid, alone.factor, alone.outcome, np.zeros((3, 3)), np.eye(3))
-    assert ping_noise(JANUS, beams, SD, of_log(3, 1.3, 1000.0), predicted)[0].tolist() == [1.3] * 3
-
-
 def drawn(kind: str, rng: np.random.Generator) -> Floats:
     """(2 n, 4) noise of unit scale: Student's t of so many degrees, or 3 % of the readings 12 times noisier."""
     shape = (2 * PINGS, 4)

@@ -35,9 +35,7 @@ position_sd_m = [1.0, 1.0, 1.0]
     [
         ("force =", "forces =", "unknown key 'imu.forces', did you mean 'force'"),
         ('heading = "gyrocompass"', "", "'start.heading' is missing"),
-        ('heading = "gyrocompass"', 'heading = "given"', "needs 'heading_sd_deg'"),
         ('heading = "gyrocompass"', 'heading = "magnetometer"', r"needs the section \[magnetometer\]"),
-        ('heading = "gyrocompass"', 'heading = "gps_course"', r"needs the section \[gps\]"),
         ('heading = "gyrocompass"', 'heading = "reference"\nheading_sd_deg = 1.0', r"needs the section \[reference\]"),
         ('clock = { column = "t" }', "clock = { offset_s = 1.0 }", "a clock needs 'column'"),
         ('clock = { column = "t" }', 'clock = { column = "t", start_s = 1.0 }', "'start_s' is given beside 'column'"),
@@ -61,7 +59,6 @@ position_sd_m = [1.0, 1.0, 1.0]
         ),
         ("position_sd_m = [1.0, 1.0, 1.0]", "", "needs 'position_sd_m', 1 sigma of north, east, down"),
         ('heading = "gyrocompass"', 'heading = "given"', "needs 'heading_deg'; heading = .* needs 'heading_sd_deg'"),
-        ("[start]", '[replay]\nmethods = ["tc", "tcc"]\n[start]', "unknown method 'tcc', did you mean 'tc'"),
         ("[start]", '[gps]\nfile = "g.csv"\nclock = { column = "t" }\n[start]', "no position"),
     ],
 )  # fmt: skip

@@ -130,15 +130,6 @@ def test_a_geometry_of_three_beams_does_not_fit_four(tmp_path: Path) -> None:
         read_streams(parse_case(CASE, place="case", folder=tmp_path))
 
 
-def test_words_in_a_column_of_numbers(tmp_path: Path) -> None:
-    tables(tmp_path)
-    text = (tmp_path / "imu.csv").read_text(encoding="utf-8").splitlines()
-    text[4] = text[4].replace("-9.8", "off")
-    (tmp_path / "imu.csv").write_text("\n".join(text), encoding="utf-8")
-    with pytest.raises(DataError, match="row 3: column 'az' is 'off', expected a number"):
-        read_streams(parse_case(CASE, place="case", folder=tmp_path))
-
-
 @pytest.mark.parametrize("code", [(0.0, 0.0, 0.0), (-32.768, -32.768, -32.768), (0.5, 9.97e36, 0.1)])
 def test_codes_for_no_velocity_are_left_out_and_counted(
     code: tuple[float, float, float], tmp_path: Path

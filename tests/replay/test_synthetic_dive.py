@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
 import polars as pl
 import pytest
@@ -13,8 +10,7 @@ from bottomlock.recordings.axes import quaternions
 from bottomlock.replay import rerun
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.statistics.replay import runs_table
 from bottomlock.tables.replay import IMU_FAULTS, SIGMAS
 from tests.oracle.rotations import matrix_from_quaternion
@@ -161,37 +157,3 @@ def test_without_a_height_positions_are_compared_on_the_level(case: Case) -> Non
     expected = np.sqrt(normalised.to_numpy().mean())
     assert row["position_normalised_rms_over_time"] == pytest.approx(expected, rel=1e-12)
     assert row["position_covered_3sigma"] is not None
-
-
-def test_outage_takes_the_beams_away_and_gives_them_back(replayed: ReplayResult) -> None:
-    pings = synthetic_dive.rows_of(replayed.pings, what_if="outage")
-    since_s = pings["time_ns"].to_numpy() * 1e-9
-    inside = (since_s >= 20.0) & (since_s < 50.0)
-    valid = pings.select(pl.col("^beam._valid$")).to_numpy()
-    assert not valid[inside].any()
-    assert valid[~inside].all()
-
-
-def test_smoother_joins_the_outage(replayed: ReplayResult) -> None:
-    """In the middle of 30 s without a beam the smoother has both ends and claims less than the filter."""
-    middle = 35_000_000_000
-    claimed = {}
-    for which in ("forward", "smoothed"):
-        row = synthetic_dive.rows_of(
-            replayed.samples, what_if="outage", method="tc", time_ns=middle, **{"pass": which}
-        )
-        claimed[which] = row.select("sd_position_north_m", "sd_position_east_m").to_numpy().max()
-    assert claimed["smoothed"] < claimed["forward"]
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_output_says_semi_synthetic_everywhere(replayed: ReplayResult, tmp_path: Path) -> None:
-    write_replay(replayed, tmp_path)
-    page = make_replay_report(tmp_path).read_text(encoding="utf-8")
-    manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
-    assert manifest["semi_synthetic"] == ["beams projected from the instrument's velocity"]
-    captions = page.count("<figcaption>")
-    assert captions >= 13
-    assert page.count("semi-synthetic") >= captions
-    for name in ("runs", "samples", "innovations", "pings", "reference"):
-        assert (tmp_path / f"{name}.parquet").is_file()

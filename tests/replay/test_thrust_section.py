@@ -17,7 +17,6 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.tune.parameters import noise_of, with_values
-from bottomlock.replay.tune.run import tune_case
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_csv
 from tests.replay.test_water_track import CASE as WATER_CASE
@@ -202,19 +201,3 @@ def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> N
     assert other.thrust == case.thrust.model_copy(update={"slip_mps": 0.05})
     without: Any = case.model_copy(update={"thrust": None})
     assert not [one for one in noise_of(without, read_streams(without)) if one.key.startswith("thrust.")]
-
-
-@pytest.mark.long
-def test_tune_finds_slip_and_noise(tmp_path: Path) -> None:
-    """From three times each to within 3 sigma of the logarithm, on 200 s: the noise to a fifth, the slip to a half.
-
-    Seen: slip 7.2 ± 4.4 mm/s, noise 12.6 ± 1.4. Four other dives: slip 10 to 20 ± 5, noise 9.5 to 12.4 ± 2.
-    """
-    section = f"{SECTION}slip_mps = 0.06\nnoise_mps = 0.03\n"
-    text = BARE.replace('"tc", "sway_current"', '"tc"').replace("[reference]", f"{section}[reference]")
-    path = write_dive(tmp_path, drawn_dive(7, seconds=400.0), text)
-    tuned = {one.key: one for one in tune_case(load_case(path)).parameters}
-    assert tuned["thrust.noise_mps"].sd < 0.2 * NOISE_MPS
-    for key, true in {"thrust.slip_mps": SLIP_MPS, "thrust.noise_mps": NOISE_MPS}.items():
-        found = tuned[key]
-        assert abs(np.log(found.value / true)) < 3.0 * found.sd / found.value

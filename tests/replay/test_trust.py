@@ -7,20 +7,17 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from matplotlib.patches import Ellipse
 from scipy.stats import norm
 
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
-from bottomlock.replay.dive_plots import framed, tracks_of
 from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
 from bottomlock.replay.findings.expected_nis import least_ratio, weight
 from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, answer_of
 from bottomlock.replay.findings.verdict import Innovations, verdict_finding
-from bottomlock.replay.map_figure import ELLIPSES, Map, map_figure
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT
 from tests.dive import drawn_dive
@@ -124,13 +121,6 @@ TILT = Finding("beam_order", "fault", 1.0, "The order is wrong.", "", "Change it
 NOISY = Finding("beam_noise", "warning", 1.0, "The beams are noisy.", "", "Claim more.", "dvl.beam_noise_mps")
 
 
-def test_yes_names_what_agrees() -> None:
-    answer = answer_of(evidence())
-    assert (answer.verdict, answer.method) == ("yes", "tc")
-    assert "dead reckoning agrees" in answer.sentence
-    assert len(answer.numbers) == 2
-
-
 @pytest.mark.parametrize(("cause", "method"), [(UNIT, METHOD), (TILT, "")])
 def test_no_begins_with_the_cause(cause: Finding, method: str) -> None:
     """Dead reckoning is the answer where the cause is not one of its own."""
@@ -230,15 +220,3 @@ def test_the_sway_is_measured_through_the_noise(sd: float, time_s: float) -> Non
     assert np.sqrt(var) == pytest.approx(sd, rel=0.2)
     assert found_s == pytest.approx(time_s, rel=0.4)
     assert _own(0.1 * rng.normal(size=5000), step) == (0.0, 0.0)
-
-
-def test_ellipses_are_two_sigma_and_none_hides_the_map() -> None:
-    frame = tracks(1, 0.0).with_columns(run=pl.lit(0), time_ns=pl.Series(range(600)).cast(pl.Int64))
-    frame = frame.with_columns(north_m=pl.int_range(600).cast(pl.Float64))
-    for sd_m, widths in ((None, {8.0}), (1e6, set())):
-        samples = frame if sd_m is None else frame.with_columns(sd_position_east_m=pl.lit(sd_m))
-        ways = tracks_of(samples, ["tc", METHOD])
-        drawn = map_figure(Map(ways, {}, None, framed(ways, None, "tc"), claims=["tc"]), title="")
-        ellipses = [one for one in drawn.axes[0].patches if isinstance(one, Ellipse)]
-        assert len(ellipses) == (ELLIPSES if widths else 0)
-        assert {one.width for one in ellipses} == {one.height for one in ellipses} == widths

@@ -19,7 +19,6 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.tune.parameters import noise_of
-from bottomlock.replay.tune.run import tune_case
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 
@@ -227,19 +226,6 @@ def test_a_first_case_names_the_water_beside_the_beams(tmp_path: Path, dive: Div
     (tmp_path / "case" / "dive_beams_water.parquet").unlink()
     make_case(named, tmp_path / "case" / "dive.toml", force=True)
     assert load_case(tmp_path / "case" / "dive.toml").water_track is None
-
-
-@pytest.mark.long
-def test_tune_finds_the_noise_of_the_water(tmp_path: Path) -> None:
-    """From three times the noise to within 3 sigma, on 200 s; seen: 0.0202 ± 0.0007, 0.0077 ± 0.0005 of the bottom."""
-    path = write(tmp_path, drawn_dive(7, seconds=400.0))
-    one_cell = CASE.replace("noise_mps = 0.02", "noise_mps = 0.06\ncells = [1]")
-    path.write_text(one_cell.replace('["ins", "tc", "sway_current"]', '["tc"]'), encoding="utf-8")
-    tuned = {one.key: one for one in tune_case(load_case(path)).parameters}
-    for key, true in {"water_track.noise_mps": 0.02, "dvl.beam_noise_mps": 0.008}.items():
-        found = tuned[key]
-        assert found.value == pytest.approx(true, abs=3.0 * found.sd)
-        assert found.sd < 0.1 * true
 
 
 def test_what_of_the_water_is_tuned(case_file: Path, tmp_path: Path, dive: Dive) -> None:

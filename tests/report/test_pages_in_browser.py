@@ -80,18 +80,6 @@ def test_the_check_sees_what_is_cut_off(browser: Browser, tmp_path: Path) -> Non
     assert any(line.startswith("DIV#") for line in found)
 
 
-def test_the_picture_stands_on_the_first_screen(browser: Browser, folder: Path) -> None:
-    """Advice, then the figure, before one has scrolled; the claims stand behind their summary."""
-    browser.size(1280, 900)
-    browser.open(folder / "a" / "report.html")
-    advice, top, bottom = (
-        browser.value(f"document.querySelector({selector!r}).getBoundingClientRect().{side}")
-        for selector, side in ((".advice", "bottom"), ("figure svg", "top"), ("figure svg", "bottom"))
-    )
-    assert 0.0 < advice < top < bottom < 950.0
-    assert browser.value("document.querySelectorAll('details[open]').length") == 0
-
-
 def test_the_keyboard_reaches_and_unfolds(browser: Browser, folder: Path) -> None:
     """First the way past the contents, shown where it is; focus is outlined; Enter opens what is folded."""
     browser.size(1100)
