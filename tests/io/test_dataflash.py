@@ -95,11 +95,6 @@ def test_streams_have_units_names_and_times(units: bool) -> None:
     assert abs(int(found["ATT"].time_ns[0]) - expected) < 2_000_000
 
 
-def test_the_pressure_that_moves_comes_first() -> None:
-    names = [one.name for one in ardupilot.streams(whole(), "x").streams]
-    assert names.index("BARO 1") < names.index("BARO 0")
-
-
 def test_an_interval_in_seconds_despite_its_factor() -> None:
     """ArduPilot writes VISO.dt in seconds and states a factor of 1e-6: the steps between records tell."""
     log = ardupilot.streams(whole(), "x")

@@ -90,18 +90,6 @@ def test_caves_counts(recordings: Path) -> None:
     assert np.isnan(table.range_m[lost]).mean() == pytest.approx(0.78, abs=0.1)
 
 
-def test_caves_signs(recordings: Path) -> None:
-    """Beams and the instrument's velocity agree by the packaged geometry."""
-    recording = read_recording(file(recordings, "caves_girona_linkquest", "dvl_linkquest.csv"))
-    table = recording.table
-    instrument = read_geometry(recording.geometry)
-    asked = (table.beams_valid >= 3) & (table.instrument_valid == 1)
-    fixes = solve_velocity(
-        instrument.geometry, table.velocity_mps, table.valid, method="lc", beam_sd_mps=instrument.beam_sd_mps
-    )
-    assert np.abs(fixes.velocity_p_mps - table.instrument_mps)[asked].max() < 2e-4
-
-
 @pytest.mark.parametrize(
     ("name", "beams"),
     [("vmdas02_os.ENR", [0, 0, 1, 0, 689])],

@@ -80,8 +80,6 @@ def test_the_first_reading_is_the_literal_one(pitch_deg: float) -> None:
             1.0,
             r'options.thrust is 0, expected "velocity" or "all" with model.effort',
         ),
-        (ON, [1e10, 0.0, 0.0], 1.0, "no thruster has as much"),
-        (ON, [0.0, np.nan, 0.0], 1.0, "force_p_n"),
         (ON, [0.0, 1.0], 1.0, "force_p_n"),
         (ON, [0.0, 1.0, 0.0], 0.0, "sd_n"),
     ],

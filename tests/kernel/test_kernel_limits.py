@@ -27,12 +27,6 @@ def test_runs_without_room_are_refused(runs: int, methods: list[Method]) -> None
         kernel.run_batch(**WORK, methods=methods, runs=runs, threads=1)
 
 
-def test_numbers_of_runs_end() -> None:
-    """The last run has a number too."""
-    with pytest.raises(KernelError, match="at most 1, as first_run is"):
-        kernel.run_batch(**{**WORK, "first_run": 2**64 - 2}, methods=["tc"], runs=2, threads=1)
-
-
 def test_samples_of_a_replay_without_room_are_refused() -> None:
     """A few readings, and more samples between them than there is room for their covariances."""
     none = np.empty(0, np.int64)

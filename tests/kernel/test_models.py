@@ -149,14 +149,7 @@ LOG = {
     "beam_velocity_mps": np.zeros((1, 4)),
     "beam_valid": np.ones((1, 4), dtype=bool),
 }
-STARTS = {
-    "time_ns": 0,
-    "position_t_m": np.zeros((1, 3)),
-    "attitude_t_p": np.array([[1.0, 0, 0, 0]]),
-    "velocity_p_mps": np.zeros((1, 3)),
-}
 AIDING = {"beams": np.ones(4, dtype=bool)}
-EPOCHS = {"time_ns": np.array([0, 1_000_000_000]), "beams": np.ones((2, 4), dtype=bool)}
 RUN: dict[str, Any] = {"seed": 1, "trajectory_key": 1, "first_run": 0, "threads": 1}
 
 
@@ -175,19 +168,12 @@ def observed(aiding: Any, schedule: Any) -> Any:  # noqa: ANN401
     return kernel.observe(JANUS, truth, MODEL, [aiding], schedule=schedule)
 
 
-def closed_loop(start: Any) -> Any:  # noqa: ANN401
-    return kernel.ClosedLoop(JANUS, MODEL, MODEL, OPTIONS, ["tc"], start, vehicle_per_method=False, **RUN)
-
-
 CALLS: dict[str, tuple[Any, Any, str]] = {
     "truth": (lambda given: batch(given, settings.schedule(2)), TRUTH, "omega_p_radps"),
     "schedule": (lambda given: batch(TRUTH, given), settings.schedule(2), "gps_time_ns"),
     "log": (lambda given: replayed(given, STATE), LOG, "beam_valid"),
     "start": (lambda given: replayed(LOG, given), STATE.as_dict(), "velocity_p_mps"),
-    "start of vehicles": (closed_loop, STARTS, "position_t_m"),
     "aiding": (lambda given: observed(given, None), AIDING, "heading"),
-    "aiding schedule": (lambda given: observed(AIDING, given), EPOCHS, "depth"),
-    "initial": (lambda given: kernel.Navigator(JANUS, MODEL, OPTIONS, given), STATE.as_dict(), "gyro_bias_p_radps"),
 }  # fmt: skip
 
 
@@ -212,28 +198,12 @@ def test_what_is_no_mapping_is_refused() -> None:
         kernel.Navigator(JANUS, MODEL, "tc", STATE)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    ("sensor", "columns", "said"),
-    [
-        ("dvl", {}, "dvl row 0: beam 1 .* standard deviation is 0"),
-        ("depth", {"depth_m": np.zeros(1)}, "depth sd_m is 0"),
-        ("magnetometer", {"attitude_rpy_rad": np.zeros((1, 3))}, "attitude roll_pitch_sd_rad is 0"),
-        ("gps", {"gps_position_t_m": np.zeros((1, 3))}, "gps sd is 0"),
-    ],
-)
-def test_readings_of_a_sensor_without_a_model_are_an_error(
-    sensor: str, columns: dict[str, Any], said: str
-) -> None:
-    """A recording whose readings have no σ of their own says of which sensor the model has none."""
-    time_ns = np.arange(200) * 10_000_000
-    log: Any = {
-        "imu_time_ns": time_ns, "force_p_mps2": np.tile([0.0, 0.0, -9.8], (200, 1)),
-        "omega_p_radps": np.zeros((200, 3)), "dvl_time_ns": time_ns[100:101],
-        "beam_velocity_mps": np.zeros((1, 4)), "beam_valid": np.ones((1, 4), dtype=bool),
-    }  # fmt: skip
-    stream = {"magnetometer": "attitude"}.get(sensor, sensor)
-    log |= columns | ({f"{stream}_time_ns": time_ns[100:101]} if columns else {})
-    with pytest.raises(KernelError, match=said):
+def test_readings_of_a_sensor_without_a_model_are_an_error() -> None:
+    """A recording whose depths have no σ of their own, for a model without that sensor."""
+    depths: Any = {"depth_time_ns": np.array([1_000_000_000]), "depth_m": np.zeros(1)}
+    log: Any = LOG
+    with pytest.raises(KernelError, match="depth sd_m is 0"):
         kernel.replay_log(
-            JANUS, MODEL.replace(**{sensor: None}), OPTIONS, ["tc"], log, STATE, sample_time_ns=time_ns[-1:]
-        )
+            JANUS, MODEL.replace(depth=None), OPTIONS, ["tc"], log | depths, STATE,
+            sample_time_ns=np.array([2_000_000_000]),
+        )  # fmt: skip

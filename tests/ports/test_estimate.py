@@ -65,15 +65,6 @@ def test_what_the_beams_determine(mask: tuple[int, ...], rank: int, components: 
     assert bool((np.diff(variance) >= -1e-15).all())
 
 
-def test_one_beam_is_known_along_itself() -> None:
-    """A single beam of σ 0.02 m/s: one axis, the beam's own, of that variance."""
-    axes, along, variance = Estimate.from_fix(7, fix((1, 0, 0, 0))).observable_axes()
-    beam = JANUS.directions_p[0]
-    assert abs(float(axes[0] @ beam)) == pytest.approx(1.0, abs=1e-12)
-    assert abs(float(along[0])) == pytest.approx(abs(float(beam @ VELOCITY)), abs=1e-12)
-    assert float(variance[0]) == pytest.approx(0.02**2, rel=1e-12)
-
-
 @pytest.mark.parametrize("method", ["nsv", "weak_sway", "elc"])
 def test_assumptions_are_no_measurement(method: FixMethod) -> None:
     beams = JANUS.beam_velocities([VELOCITY])

@@ -14,7 +14,6 @@ from pymavlink.dialects.v20 import ardupilotmega
 from bottomlock.live.cautions import cautions
 from bottomlock.live.config import parse_config
 from bottomlock.live.templates import AUTOPILOTS, template
-from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.mavlink import Timesync
 from bottomlock.ports.registry import port
 from tests.live.world import NAVIGATION_TOML
@@ -25,7 +24,6 @@ from tests.ports.receivers import (
     blueos_way_m,
     lost_by_sequence,
     px4_timesync,
-    ros_full,
     waterlinked_client,
 )
 
@@ -140,16 +138,3 @@ def test_templates_send_what_their_receivers_take() -> None:
     assert [one.address for one in px4.source if one.format == "mavlink"] == ["udpin:0.0.0.0:14540"]
     assert configuration("ros2").port[0].port == "ros_twist"
     assert all(not cautions(configuration(name)) for name in AUTOPILOTS)
-
-
-@pytest.mark.parametrize(("unseen_sd_mps", "least", "most"), [(10.0, 1.0, 1.3), (100.0, 11.0, 12.0)])
-def test_a_zero_that_is_repeated_counts_as_often(unseen_sd_mps: float, least: float, most: float) -> None:
-    """75 pings of an unseen axis with σ 10 weigh as one of 1.15 m/s; with 100 as one of 11.5."""
-    variance = 1e6
-    for k in range(75):
-        estimate: Estimate = from_beams(MASKS["2 neighbours"], START + k * SECOND // 5)
-        data = port("ros_twist", unseen_sd_mps=unseen_sd_mps).encode(estimate)
-        assert data is not None
-
-        variance = 1.0 / (1.0 / variance + 1.0 / float(ros_full(data).covariance[1, 1]))
-    assert least < np.sqrt(variance) < most
