@@ -94,6 +94,11 @@ def test_whole_files_in_the_wrong_place(tmp_path: Path) -> None:
         same_bits(tmp_path / "whole", out)
 
 
+def state_versions(out: Path, versions: dict[str, str]) -> None:
+    """Makes a manifest state other versions."""
+    edit_record(out / MANIFEST, lambda manifest: manifest["versions"].update(versions))
+
+
 def test_other_versions_are_named(tmp_path: Path) -> None:
     """Bits depend on them: the campaign is not continued, and not written over."""
     out = tmp_path / "o"
@@ -101,10 +106,10 @@ def test_other_versions_are_named(tmp_path: Path) -> None:
     before = (out / "runs.parquet").read_bytes()
     held = json.loads((out / MANIFEST).read_bytes())["versions"]
     for name in ("bottomlock", "numpy", "polars", "kernel_build"):
-        edit_record(out / MANIFEST, lambda manifest, name=name: manifest["versions"].update({name: "9"}))
+        state_versions(out, {name: "9"})
         with pytest.raises(OutputError, match=r" 9 \(here"):
             run_campaign([short()], out, threads=1)
-        edit_record(out / MANIFEST, lambda manifest: manifest["versions"].update(held))
+        state_versions(out, held)
     assert (out / "runs.parquet").read_bytes() == before
     run_campaign([short()], out, threads=1)
 

@@ -11,9 +11,9 @@ import pytest
 
 import bottomlock
 from bottomlock.replay import rerun
-from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import replay_case
 from tests.kernel.test_replay_log import LOG, START
 from tests.property import settings
 from tests.replay import synthetic_dive
@@ -171,18 +171,10 @@ def write_dive(folder: Path) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def dives(tmp_path_factory: pytest.TempPathFactory) -> tuple[Case, ReplayResult, ReplayResult]:
-    """The case with a bad reading, its replay, and that of the dive without it."""
-    folder, clean = tmp_path_factory.mktemp("bad"), tmp_path_factory.mktemp("clean")
-    case = load_case(write_dive(folder))
-    good = load_case(synthetic_dive.write(clean, QUICK))
-    return case, replay_case(case), replay_case(good)
-
-
-def test_a_recorded_dive_survives_a_bad_reading(dives: tuple[Case, ReplayResult, ReplayResult]) -> None:
+def test_a_recorded_dive_survives_a_bad_reading(tmp_path: Path) -> None:
     """The table counts it, and the position at the end is that without it to a centimetre; it was kilometres."""
-    _, bad, good = dives
+    bad = replay_case(load_case(write_dive(tmp_path)))
+    good = replay_case(load_case(synthetic_dive.write(tmp_path, QUICK)))
     assert bad.runs["imu_rejected"].to_list() == [1] * bad.runs.height
     assert good.runs["imu_rejected"].to_list() == [0] * good.runs.height
     difference = (bad.runs["position_final_m"] - good.runs["position_final_m"]).abs()
