@@ -40,7 +40,7 @@ def test_schedule_includes_its_start_and_excludes_its_end() -> None:
 @pytest.mark.parametrize(
     ("outage", "words"),
     [
-        (Outage((5,), 0.0, 1.0), "outage 1: beam 5 does not exist; expected 1 to 4"),
+        (Outage((5,), 0.0, 1.0), "outage 1: beam 5 does not exist, expected 1 to 4"),
         (Outage((1,), 2.0, 2.0), "outage 1: end_s 2 must be after start_s 2"),
     ],
 )

@@ -109,7 +109,7 @@ def test_a_users_grid_file(tmp_path: Path) -> None:
         ),
         (
             "north_m = [0.0, 1.0]\neast_m = [0.0, 1.0]\ndepth_m = [[1.0, 1.0], [1.0, nan]]\n",
-            "row 2: column 2",
+            "row 2, column 2",
         ),
         ("north_m = [0.0, 1.0, 3.0]\neast_m = [0.0, 1.0]\ndepth_m = [[1.0, 1.0]]\n", "evenly spaced"),
     ],

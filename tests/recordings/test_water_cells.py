@@ -150,7 +150,7 @@ def test_faults_are_named() -> None:
         water_beams(profile(), three, WaterCells(), beam_sd_mps=SD[:3])
     with pytest.raises(DataError, match="cell 7 is in no ping, expected cells of 1 to 3"):
         check_cells(profile(), WaterCells(cells=(1, 7)))
-    with pytest.raises(DataError, match="row 1, beam 3 is valid and its velocity or range is not finite"):
+    with pytest.raises(DataError, match="row 1: beam 3 is valid and its velocity or range is not finite"):
         water_beams(changed(profile(), "velocity_mps", (1, 2), np.nan), JANUS, WaterCells(), beam_sd_mps=SD)
 
 

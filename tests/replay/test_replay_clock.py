@@ -35,8 +35,8 @@ def test_by_hand() -> None:
 @pytest.mark.parametrize(
     ("times", "message"),
     [
-        (stamps(0, 1, 1), "log: row 2, 1.000000 s, repeats"),
-        (stamps(0, 5, 3), "log: row 2, 3.000000 s, goes back from 5"),
+        (stamps(0, 1, 1), "log: row 2: 1.000000 s, repeats"),
+        (stamps(0, 5, 3), "log: row 2: 3.000000 s, goes back from 5"),
     ],
 )
 def test_disorder_is_refused_unless_declared(times: np.ndarray, message: str) -> None:

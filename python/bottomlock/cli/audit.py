@@ -94,5 +94,5 @@ def audit(
     result.write(audit_files(made), force=force)
     if write is not None and text is not None:
         write_text(write, text)
-        console.print(f"wrote {write}", highlight=False)
+        console.print(f"wrote {write}", soft_wrap=True, highlight=False)
     console.print(f"audit.html, audit.json, tables and figures in {out}", highlight=False)

@@ -140,7 +140,7 @@ def _fix(
     if solved is not None:
         print_noise(solved.noise, instrument.beam_sd_mps)
         _print_outliers(frame)
-    console.print(f"wrote {out}")
+    console.print(f"wrote {out}", soft_wrap=True, highlight=False)
 
 
 def _require_lock(pings: Pings, place: str) -> None:
