@@ -95,4 +95,4 @@ def audit(
     if write is not None and text is not None:
         write_text(write, text)
         console.print(f"wrote {write}", soft_wrap=True, highlight=False)
-    console.print(f"audit.html, audit.json, tables and figures in {out}", highlight=False)
+    console.print(f"audit.html, audit.json, tables and figures in {out}", soft_wrap=True, highlight=False)

@@ -83,4 +83,6 @@ def _print_variants(out: Path, count: int, *, force: bool) -> None:
     """Prints the variants in a directory side by side, where there are several."""
     if count > 1 or (out / "compare.record.json").is_file():
         print_comparison(compare([out], out, force=force))
-    console.print(f"{count} {'variant' if count == 1 else 'variants'} in {out}")
+    console.print(
+        f"{count} {'variant' if count == 1 else 'variants'} in {out}", soft_wrap=True, highlight=False
+    )

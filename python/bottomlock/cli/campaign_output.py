@@ -83,7 +83,7 @@ def print_results(results: Results, out: Path, *, as_json: bool = False) -> None
         f"gate {options['gate']}."
     )
     print_costs()
-    console.print(f"{manifest['wall_time_s']:.1f} s; tables in {out}")
+    console.print(f"{manifest['wall_time_s']:.1f} s; tables in {out}", soft_wrap=True, highlight=False)
 
 
 def print_costs() -> None:

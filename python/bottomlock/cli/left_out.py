@@ -85,7 +85,7 @@ def score(
         print_noise(noise, instrument.beam_sd_mps)
     if out is not None:
         write_parquet(out, scores)
-        console.print(f"wrote {out}")
+        console.print(f"wrote {out}", soft_wrap=True, highlight=False)
 
 
 def _scores_table(scores: pl.DataFrame, title: str) -> Table:

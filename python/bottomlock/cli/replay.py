@@ -133,10 +133,14 @@ def replay(
     if write_calibration is not None:
         instrument = read_geometry(loaded.dvl.geometry)
         write(write_calibration, instrument, replayed.calibration, loaded, force=force)
-        console.print(f"wrote {write_calibration}", highlight=False)
+        console.print(f"wrote {write_calibration}", soft_wrap=True, highlight=False)
     if formats is not None:
         _export(out, formats, split(methods), force=force)
-    console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}")
+    console.print(
+        f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}",
+        soft_wrap=True,
+        highlight=False,
+    )
 
 
 def first_of(files: Sequence[Path]) -> Path:

@@ -79,7 +79,7 @@ def fly(
         files |= shown(simulation, sensors, dry_run=dry_run)
     if result is not None:
         result.write(files, force=force)
-        console.print(f"tables and figures in {out}")
+        console.print(f"tables and figures in {out}", soft_wrap=True, highlight=False)
 
 
 def _with_vehicle(scenario: Scenario, vehicle: str | None) -> Scenario:
