@@ -280,7 +280,7 @@ def _origin() -> dict[str, str]:
     commit = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own arguments
     return {
         "commit": commit.stdout.strip(),
-        "command": "python -m tools.first_line " + " ".join(sys.argv[1:]),
+        "command": "python -m tools.first_line --out data/evidence/first_line.parquet",
     }
 
 
