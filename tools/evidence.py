@@ -49,8 +49,8 @@ FORMS = {
     },
     "mutation_sample": {
         "title": "Random wrong lines",
-        "text": "Faults drawn at random, that build, by what the quick tests of their rooms make of them; groups of rooms "
-        "that are not listed have not been measured.",
+        "text": "Faults drawn at random, that build, by what the quick tests of their rooms make of them; "
+        "groups of rooms that are not listed have not been measured.",
         "count": "group,outcome",
         "place": "50",
     },
