@@ -71,7 +71,7 @@ def grade_of(kind: Kind, name: str) -> Grade:
     if name not in known:
         what = "vehicle" if kind == "water" else "grade"
         raise ScenarioError(
-            (f"{what} is '{name}'{did_you_mean(name, known) or ','} expected one of {', '.join(known)}"),
+            f"{what} is '{name}'{did_you_mean(name, known) or ','} expected one of {', '.join(known)}",
             hint="bottomlock list grades lists them",
         )
     return known[name]

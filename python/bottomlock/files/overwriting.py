@@ -134,7 +134,7 @@ class Result:
         differing = sorted(key for key in keys if before.get(key) != self.made_from.get(key))
         if differing and not self.beside:
             raise OutputError(
-                (f"holds a result of `bottomlock {self.command}` that differs in: {', '.join(differing)}"),
+                f"holds a result of `bottomlock {self.command}` that differs in: {', '.join(differing)}",
                 place=self.out,
                 hint="choose another directory or use --force to replace it",
             )

@@ -42,7 +42,7 @@ def check_converted(path: Path) -> None:
     # Both may have been renamed together.
     if found not in digests.values():
         raise DataError(
-            (f"has changed since `bottomlock convert` wrote it ({account.name} has another SHA-256)"),
+            f"has changed since `bottomlock convert` wrote it ({account.name} has another SHA-256)",
             place=path,
             hint=_REMEDY,
         )

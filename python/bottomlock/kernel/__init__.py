@@ -240,7 +240,7 @@ def fix_method(name: str) -> FixMethod:
             return long
     if name in METHODS:
         raise KernelError(
-            (f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator)"),
+            f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator)",
             hint=f"of single pings there are {', '.join(FIX_METHODS)}",
         )
     hint = did_you_mean(name, [*FIX_METHODS, *FIX_METHODS.values()])

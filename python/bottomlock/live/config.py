@@ -198,7 +198,7 @@ class LiveConfig(NavigatorConfig):
         for key in ("geometry", "max_rate_hz"):
             if key in settings:
                 raise ScenarioError(
-                    (f"settings.{key} cannot be set here: set dvl.geometry and rate_hz of the port"),
+                    f"settings.{key} cannot be set here: set dvl.geometry and rate_hz of the port",
                     place=f"port {section.port}",
                 )
         if "geometry" in known:

@@ -147,7 +147,7 @@ class Estimate:
         finite = np.isfinite(self.covariance_m2ps2)
         if not (finite.all() if whole else np.array_equal(finite, np.outer(there, there))):
             raise DataError(
-                ("covariance_m2ps2 must be finite exactly for the components of velocity_p_mps that are"),
+                "covariance_m2ps2 must be finite exactly for the components of velocity_p_mps that are",
                 place="estimate",
             )
         known = self.covariance_m2ps2 if whole else self.covariance_m2ps2[np.ix_(there, there)]

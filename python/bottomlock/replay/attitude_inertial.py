@@ -32,7 +32,7 @@ def inertial_of(
     refused = longest_s > imu.bridge_gaps_s and imu.limits.gap == "refuse"
     if refused:
         raise DataError(
-            (f"the longest gap is {longest_s:.4g} s (steps over {report.gap_s:.4g} s: {report.gaps.text})"),
+            f"the longest gap is {longest_s:.4g} s (steps over {report.gap_s:.4g} s: {report.gaps.text})",
             place="[attitude]",
             expected=(
                 f"none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s: set it to bridge "

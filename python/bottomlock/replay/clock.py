@@ -153,7 +153,7 @@ def _rising(times: NDArray[np.int64], clock: Clock, place: str) -> tuple[NDArray
             "repeats the time before it" if row in same else f"goes back from {before[row - 1] * 1e-9:.6f} s"
         )
         raise DataError(
-            (f"{times[row] * 1e-9:.6f} s, {what} ({same.size} rows repeat a time, {back.size} go back)"),
+            f"{times[row] * 1e-9:.6f} s, {what} ({same.size} rows repeat a time, {back.size} go back)",
             place=f"{place}: row {row}",
             expected="rising times",
             hint='clock.unordered = "drop" leaves such rows out',

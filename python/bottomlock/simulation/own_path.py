@@ -58,7 +58,7 @@ def with_path(scenario: Scenario, path: Path) -> Scenario:
     stated = environment.model_fields_set
     if "latitude_deg" in stated and abs(environment.latitude_deg - latitude_deg) > _LATITUDE_TOLERANCE_DEG:
         raise ScenarioError(
-            (f"is {environment.latitude_deg:g}, but {path.track.place} begins at {latitude_deg:.4f}"),
+            f"is {environment.latitude_deg:g}, but {path.track.place} begins at {latitude_deg:.4f}",
             place=f"scenario {scenario.name}",
             key="environment.latitude_deg",
             hint="leave the key out",

@@ -107,7 +107,7 @@ class Path:
         if slow.size and not {"pitch", "yaw"} <= self._angles.keys():
             at = float(time_s[slow[0]])
             raise DataError(
-                (f"{level[slow[0]]:.3f} m/s over ground, so that the track gives no heading or pitch"),
+                f"{level[slow[0]]:.3f} m/s over ground, so that the track gives no heading or pitch",
                 place=self._at(at),
                 hint="give the columns yaw_deg and pitch_deg, or cut the file here",
             )
