@@ -78,10 +78,14 @@ class Router:
             if ready is self._server:
                 self._clients[ready.accept()[0]] = ardupilotmega.MAVLink(None)
                 continue
-            data = ready.recv(65_536)
+            try:
+                data = ready.recv(65_536)
+            except ConnectionResetError:  # it ended with messages of ours unread
+                data = b""
             if not data:
                 self._close(ready)
-            for message in self._clients[ready].parse_buffer(data) or [] if data else []:
+                continue
+            for message in self._clients[ready].parse_buffer(data) or []:
                 self.received.append(message)
                 if (
                     message.get_type() == "COMMAND_LONG"
