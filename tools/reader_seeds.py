@@ -230,16 +230,6 @@ PD6_LOGGED = (
 """As a logger's CSV holds PD6."""
 
 
-def pd4() -> bytes:
-    """A whole PD4 record."""
-    body = (
-        struct.pack("<BBHB", 0x7D, 0, 45, 0x41)
-        + struct.pack("<4h4H", 1, 2, 3, 4, 100, 101, 102, 103)
-        + bytes(24)
-    )
-    return body + struct.pack("<H", sum(body) & 0xFFFF)
-
-
 def seeds() -> dict[str, list[bytes]]:
     """Inputs by name of format: good records, a few of each."""
     return {
@@ -280,6 +270,4 @@ def seeds() -> dict[str, list[bytes]]:
             nortek_frame(0xD2, bytes(40), 0x20) + nortek_frame(0xB4, nucleus(1), 0x20),
             nortek_frame(0xBE, nucleus(), 0x20) + nortek_frame(0xB4, nucleus(1), 0x20),
         ],
-        "pd6": [PD6, PD6_LOGGED],
-        "pd4": [pd4() + pd4()],
     }  # fmt: skip

@@ -54,12 +54,5 @@ ADVERSARIES: dict[str, list[bytes]] = {
         seeds.linkquest_log() + b"," * 1_000_000,
         seeds.linkquest_log() + b"1,\n" * 300_000,
     ],
-    "pd6": [
-        b":BI,+" * 200_000,
-        b':BI,"' * 200_000,
-        (b"1.0,x,:" * 500 + b"\n") * 250,
-        b":BI," + b" " * 4000 + b"\n",
-    ],
-    "pd4": [b"\x7d" * 1_000_000, b"\x7d\x00\x2d\x00" * 250_000],
 }
 """By name of format."""

@@ -175,21 +175,5 @@ def test_nucleus_lies_at_the_documented_offsets() -> None:
     assert struct.unpack_from("<I", sent, 4)[0] == NS_2026 // 10**9
 
 
-def test_pd6_turns_to_the_earth() -> None:
-    """Forward at yaw 90 degrees is east; the vehicle's down is up with the opposite sign."""
-    sent = encoder("pd6", FOUR).encode(
-        ping(
-            velocity_p_mps=np.array([1.5, 0.0, 0.25]),
-            covariance_m2ps2=np.eye(3),
-            attitude_rad=np.array([0.0, 0.0, np.pi / 2]),
-        )
-    )
-    lines = sent.decode().splitlines()
-    assert lines[0] == ":SA, +0.00, +0.00, 90.00"
-    assert lines[1].startswith(":TS,26010100000000,")
-    assert lines[2] == ":BI,    +0, +1500,  -250,-32768,A"
-    assert lines[4] == ":BE, +1500,    +0,  -250,A"
-
-
 def test_formats_are_those_of_the_readers() -> None:
     assert {one.name for one in FORMATS} < {one.name for one in BYTES}

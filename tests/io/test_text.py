@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bottomlock.encoders import framing
 from bottomlock.errors import DataError
-from bottomlock.io import cerulean, linkquest, nortek_ascii, pd6, waterlinked_json, waterlinked_serial
+from bottomlock.io import cerulean, linkquest, nortek_ascii, waterlinked_json, waterlinked_serial
+from bottomlock.io.formats import read_recording
 from bottomlock.io.rows import Options
 from tools import reader_seeds as seeds
 
@@ -189,12 +191,14 @@ def test_linkquest_signs() -> None:
     assert (account.skipped["truncated"].first, account.skipped["merged line"].first) == (3, 4)
 
 
-def test_records_without_beams_are_refused_with_what_to_set() -> None:
-    for read, log in ((pd6.read, seeds.PD6), (pd6.read, seeds.PD6_LOGGED), (pd6.read_binary, seeds.pd4())):
-        with pytest.raises(DataError, match="no beam velocities; set the instrument to PD0"):
-            read(log, "log")
-    assert pd6.sniff_binary(seeds.pd4())
-    assert not pd6.sniff_binary(seeds.pd4()[:-1] + b"\x00")
+def test_pd6_is_refused_with_what_to_record(tmp_path: Path) -> None:
+    for name, log in (("log.txt", seeds.PD6), ("log.csv", seeds.PD6_LOGGED)):
+        path = tmp_path / name
+        path.write_bytes(log)
+        with pytest.raises(DataError) as error:
+            read_recording(path)
+        assert error.value.place == str(path)
+        assert "PD0" in str(error.value.hint)
 
 
 def test_no_infinity_gets_into_a_table() -> None:

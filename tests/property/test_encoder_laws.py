@@ -119,25 +119,6 @@ def test_pings_read_back(one: Format, data: st.DataObject) -> None:
         near(table.instrument_mps[known], own, one.velocity_step_mps, one.relative)
 
 
-@given(data=st.data())
-def test_pd6_reads_back_without_beams(data: st.DataObject) -> None:
-    """The instrument's own velocity to 1 mm/s, starboard, forward, up, by the guide; the reader refuses it."""
-    (one,) = (found for found in FORMATS if found.name == "pd6")
-    sent = data.draw(pings(4, fastest=15.0))
-    encode = instrument(one).encode
-    text = b"".join(encode(ping) for ping in sent)
-    found = [
-        line[4:].decode().replace(" ", "").split(",") for line in text.splitlines() if line[:4] == b":BI,"
-    ]
-    assert [flag == "A" for *_, flag in found] == [ping.velocity_p_mps is not None for ping in sent]
-    for values, ping in zip(found, sent, strict=True):
-        if ping.velocity_p_mps is not None:
-            x, y, z = ping.velocity_p_mps
-            near(1e-3 * np.array(values[:3], dtype=float), np.array([y, x, -z]), 1e-3, 0.0)
-    with pytest.raises(DataError, match="PD6 holds no beam velocities"):
-        read(one, text)
-
-
 def plain(beams: int, **changed: Any) -> Ping:  # noqa: ANN401 - any field
     """A ping with every beam."""
     values: dict[str, Any] = {

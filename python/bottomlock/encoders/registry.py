@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from bottomlock.encoders import cerulean, nortek_dvl, nucleus, pd0, pd6, waterlinked_json, waterlinked_serial
+from bottomlock.encoders import cerulean, nortek_dvl, nucleus, pd0, waterlinked_json, waterlinked_serial
 from bottomlock.encoders.instrument import Instrument
 from bottomlock.encoders.ping import Ping
 from bottomlock.errors import DataError, ScenarioError
@@ -24,7 +24,7 @@ class Format:
     Attributes:
         name: as the reader's.
         title: of the instrument.
-        beams: that a record holds; None where it holds none, and any number will do.
+        beams: that a record holds.
         encode: bytes of a ping.
         time_of: which of a ping's times the record's clock states.
         time_step_ns: step of that clock.
@@ -35,7 +35,7 @@ class Format:
 
     name: str
     title: str
-    beams: int | None
+    beams: int
     encode: Callable[[Ping, Instrument], bytes]
     time_of: Literal["validity", "trigger"]
     time_step_ns: int
@@ -58,7 +58,6 @@ FORMATS = (
         0.01,
     ),
     Format(pd0.NAME, "Teledyne PD0, beams", 4, pd0.encode, "trigger", 10_000_000, 1e-3, 0.01),
-    Format(pd6.NAME, "Teledyne PD6, without beams", None, pd6.encode, "trigger", 10_000_000, 1e-3),
     Format(
         nortek_dvl.NAME,
         "Nortek DVL500, DVL1000, DF21",
@@ -87,7 +86,7 @@ class Encoder:
         Raises:
             DataError: for another number of beams, and a number that the record does not hold.
         """
-        if self.format.beams not in {None, ping.beams}:
+        if self.format.beams != ping.beams:
             raise DataError(
                 f"ping {ping.number} at {ping.time_ns} ns has {ping.beams} beams, {self.format.name} holds "
                 f"{self.format.beams}"
@@ -119,7 +118,7 @@ def encoder(name: str, geometry: BeamGeometry, *, start_ns: int = 0) -> Encoder:
         ScenarioError: for an unknown format, and one that holds another number of beams.
     """
     found = format_named(name)
-    if found.beams not in {None, geometry.beams}:
+    if found.beams != geometry.beams:
         raise ScenarioError(
             f"format {name} holds {found.beams} beams, the geometry has {geometry.beams}",
             hint=f"use another format, or a geometry of {found.beams} beams",

@@ -4,6 +4,7 @@ A new format is a module with `NAME`, `sniff` and `read` (for live use also `STR
 """
 
 import contextlib
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,6 @@ from bottomlock.io import (
     nortek_dvl,
     nucleus,
     pd0,
-    pd6,
     ros,
     ros_waterlinked,
     table,
@@ -35,6 +35,7 @@ from bottomlock.io.sentences import show
 from bottomlock.support.nearest import did_you_mean
 
 _HEAD = 65_536
+_PD6 = re.compile(rb":BI" + rb",\s{0,8}[+-]\s{0,8}[0-9]{1,6}" * 4 + rb",[AV]")
 _TIMES_ITS_SIZE = 10.0
 """Memory that reading a log takes, over its size (measured: PD0 with profiles 9, without 5, Water Linked JSON 3)."""
 
@@ -75,13 +76,6 @@ BYTES = (
     _format(cerulean, "Cerulean Tracker 650 $DVKFC"),
     _format(waterlinked_json, "Water Linked TCP, JSON v1 to v3"),
     _format(waterlinked_serial, "Water Linked serial, wrz, wru"),
-    _format(pd6, "Teledyne PD6 text (no beams: refused)"),
-    Format(
-        pd6.NAME_BINARY,
-        "Teledyne PD3, PD4, PD5 (no beams: refused)",
-        pd6.sniff_binary,
-        pd6.read_binary,
-    ),
     _format(nucleus, "Nortek Nucleus1000, binary"),
     _format(nortek_dvl, "Nortek DVL500/1000, DF21 and DF22"),
     _format(nortek_ad2cp, "Nortek AD2CP bottom track, DF20"),
@@ -138,13 +132,19 @@ def detect(path: Path) -> str:
     """Name of a file's format.
 
     Raises:
-        DataError: for a missing file, or one in none of the formats.
+        DataError: for a missing file, one in none of the formats, and PD6, which holds no beams.
     """
     _check_there(path)
     head = b"" if path.is_dir() else _head(path)
     name = _recognise(path, head)
     if name is not None:
         return name
+    if _PD6.search(head):
+        raise DataError(
+            "PD6 holds no beam velocities",
+            place=path,
+            hint="record PD0 in beam coordinates (PD0, EX00000), or a Water Linked's own protocol",
+        )
     if path.suffix.lower() in {".csv", ".txt"} and b"," in head.split(b"\n", 1)[0] and head.isascii():
         columns = show(head.split(b"\n", 1)[0])
         raise DataError(
