@@ -19,7 +19,6 @@ from bottomlock.io.rows import Options
 from tests.oracle.rotations import Array
 from tests.property import strategies as sea
 
-WITH_BEAMS = [one for one in FORMATS if one.beams]
 FEWER = settings(max_examples=settings().max_examples // 4)
 SMALLEST = 1e-37
 """Below it a 32-bit float loses digits."""
@@ -28,7 +27,7 @@ START_NS = 1_700_000_000_000_000_000
 
 def instrument(one: Format) -> Encoder:
     """An encoder with beams of 25 degrees, switched on at START_NS."""
-    count = one.beams or 4
+    count = one.beams
     geometry = BeamGeometry.from_angles([np.deg2rad(25.0)] * count, np.arange(count) * 2 * np.pi / count)
     return encoder(one.name, geometry, start_ns=START_NS)
 
@@ -88,11 +87,11 @@ def near(value: Array, truth: Array, step: float, relative: float) -> None:
 
 
 @pytest.mark.first_cases(1)
-@pytest.mark.parametrize("one", WITH_BEAMS, ids=lambda one: one.name)
+@pytest.mark.parametrize("one", FORMATS, ids=lambda one: one.name)
 @given(data=st.data())
 def test_pings_read_back(one: Format, data: st.DataObject) -> None:
     """Every number of beams lost, any time of this century, any speed and range of a DVL."""
-    sent = data.draw(pings(one.beams or 4))
+    sent = data.draw(pings(one.beams))
     encode = instrument(one).encode
     recording = read(one, b"".join(encode(ping) for ping in sent))
     table, account = recording.table, recording.account
@@ -132,7 +131,7 @@ def plain(beams: int, **changed: Any) -> Ping:  # noqa: ANN401 - any field
     return Ping(**(values | changed))
 
 
-@pytest.mark.parametrize("one", WITH_BEAMS, ids=lambda one: one.name)
+@pytest.mark.parametrize("one", FORMATS, ids=lambda one: one.name)
 @given(
     value=st.floats(allow_nan=False, allow_infinity=False),
     beam=st.integers(0, 2),
@@ -140,7 +139,7 @@ def plain(beams: int, **changed: Any) -> Ping:  # noqa: ANN401 - any field
 )
 def test_what_does_not_fit_is_an_error(one: Format, value: float, beam: int, sign: int) -> None:
     """A number at or beyond the field's limit comes back as it is, or is not written: never wrapped or clipped."""
-    count = one.beams or 4
+    count = one.beams
     for near_limit in (value, sign * 32.767, sign * 32.768, sign * 32.7675, sign * 1e9):
         velocity = np.full(count, 0.5)
         velocity[beam] = near_limit
@@ -154,12 +153,12 @@ def test_what_does_not_fit_is_an_error(one: Format, value: float, beam: int, sig
         near(table.velocity_mps[0], velocity, one.velocity_step_mps, one.relative)
 
 
-@pytest.mark.parametrize("one", WITH_BEAMS, ids=lambda one: one.name)
+@pytest.mark.parametrize("one", FORMATS, ids=lambda one: one.name)
 @FEWER
 @given(value=st.floats(0.0, 1e12))
 def test_ranges_do_not_wrap(one: Format, value: float) -> None:
     """A range comes back, reads as none where it rounds to the mark for none, or is an error."""
-    count = one.beams or 4
+    count = one.beams
     for near_limit in (value, 655.35, 655.36, 167_772.15, 167_772.16):
         ranges = np.full(count, 3.0)
         ranges[1] = near_limit

@@ -4,13 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.export.comma_separated import comma_separated
-from bottomlock.export.geographic import NO_ORIGIN
-from bottomlock.export.geojson import geojson
-from bottomlock.export.kml import kml
+from bottomlock.export.geographic import NO_ORIGIN, geojson, kml
 from bottomlock.export.mcap_file import mcap, writer_library
+from bottomlock.export.text import comma_separated, tum
 from bottomlock.export.tracks import Export, ExportTrack
-from bottomlock.export.tum import tum
 from bottomlock.files.overwriting import Files, Result
 
 EARTH: Mapping[str, Callable[[str, Sequence[ExportTrack]], str]] = {"kml": kml, "geojson": geojson}

@@ -15,9 +15,8 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.export.formats import check_formats, results_of, write_export
-from bottomlock.export.tracks import Export, ExportTrack, geodetic_of, orientation_enu_flu
-from bottomlock.kernel import normal_gravity_mps2
-from bottomlock.kernel.models import Environment
+from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of, orientation_enu_flu
+from bottomlock.files.records import sha256_of
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.raw_log import Entry
 from bottomlock.live.replay import Replayed, replay_log
@@ -57,7 +56,7 @@ def export_live(
     origin = _origin(config)
     check_formats(formats, has_origin=origin is not None, has_position=config.mode == "navigation")
     made_from = {
-        "log": _digest(log),
+        "log": sha256_of(log),
         "configuration": hashlib.sha256(config.model_dump_json().encode()).hexdigest(),
     }
     folder = log.with_name(f"{log.stem}_export")
@@ -81,14 +80,6 @@ def _origin(config: LiveConfig) -> Place | None:
     if stated is None or stated.longitude_deg is None:
         return None
     return Place(math.radians(stated.latitude_deg), math.radians(stated.longitude_deg), stated.height_m)
-
-
-def _digest(log: Path) -> str:
-    try:
-        with log.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise DataError(f"cannot be read ({error.strerror or error})", place=log) from error
 
 
 @dataclass
@@ -146,7 +137,9 @@ def _export(
         rows = _with(rows, [f"{axis}_m" for axis in _AXES], position)
         if geodetic is not None:
             rows = _with(rows, ("latitude_deg", "longitude_deg", "height_m"), geodetic)
-        angles = np.rad2deg(to_angles(level_axes(_environment(config), position).inv() * attitude))
+        assert config.origin is not None  # of every configuration in mode navigation
+        earth = environment_at(math.radians(config.origin.latitude_deg), config.origin.earth)
+        angles = np.rad2deg(to_angles(level_axes(earth, position).inv() * attitude))
         rows = _with(rows, ("roll_deg", "pitch_deg", "yaw_deg"), angles)
     rows = _with_velocity(rows, collected.estimates)
     track = ExportTrack(
@@ -168,14 +161,6 @@ def _export(
     return Export(
         config.name, [track], {NAME: _pings(collected.pings)} if collected.pings else {}, arrivals=arrivals
     )
-
-
-def _environment(config: LiveConfig) -> Environment:
-    """The Earth: level axes depend on its shape and the latitude, not on gravity."""
-    assert config.origin is not None  # of every configuration in mode navigation
-    latitude_rad = math.radians(config.origin.latitude_deg)
-    gravity = normal_gravity_mps2(latitude_rad, 0.0)
-    return Environment(latitude_rad=latitude_rad, gravity_mps2=gravity, earth=config.origin.earth)
 
 
 def _with_velocity(rows: pl.DataFrame, estimates: Sequence[Estimate]) -> pl.DataFrame:

@@ -9,9 +9,15 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.export.formats import check_formats, results_of, write_export
-from bottomlock.export.tracks import Export, ExportTrack, chosen_methods, geodetic_of, orientation_enu_flu
+from bottomlock.export.tracks import (
+    Export,
+    ExportTrack,
+    chosen_methods,
+    environment_at,
+    geodetic_of,
+    orientation_enu_flu,
+)
 from bottomlock.files.overwriting import digests_of
-from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.kernel.models import Environment
 from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.geodesy import Place
@@ -42,7 +48,9 @@ def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None)
         [taken(manifest)] if methods is None else chosen_methods(methods, manifest["methods"], "the replay")
     )
     origin = None if manifest["origin"] is None else Place(**manifest["origin"])
-    environment = _environment(manifest)
+    stated = manifest["configuration"]["origin"]
+    latitude_rad = np.deg2rad(stated["latitude_deg"]) if origin is None else origin.latitude_rad
+    environment = environment_at(latitude_rad, stated["earth"])
     tracks = [
         track
         for what_if, words in manifest["what_if"]
@@ -93,14 +101,6 @@ def _reference(
 def _without(times: int) -> str:
     """Times that a track leaves out, in words; none for none."""
     return f"; {times} times without a position are left out" if times else ""
-
-
-def _environment(manifest: Mapping[str, Any]) -> Environment:
-    """The Earth of a replay: level axes depend on its shape and the latitude, not on gravity."""
-    origin, stated = manifest["origin"], manifest["configuration"]["origin"]
-    latitude = np.deg2rad(stated["latitude_deg"]) if origin is None else origin["latitude_rad"]
-    gravity = normal_gravity_mps2(latitude, 0.0)
-    return Environment(latitude_rad=float(latitude), gravity_mps2=gravity, earth=stated["earth"])
 
 
 def _estimates(

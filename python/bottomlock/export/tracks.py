@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import polars as pl
@@ -9,6 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.palette import stroke
+from bottomlock.kernel import normal_gravity_mps2
+from bottomlock.kernel.models import Environment
 from bottomlock.pages.plots import is_utc
 from bottomlock.recordings.axes import ENU_FROM_NED, FLU_FROM_FRD
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
@@ -87,6 +90,12 @@ def orientation_enu_flu(rotation_t_p: Floats) -> Floats:
     """(n, 4) unit quaternions x, y, z, w of (n, 3, 3) rotations from platform (forward-right-down) to tangent axes."""
     rotation = Rotation.from_matrix(ENU_FROM_NED @ rotation_t_p @ FLU_FROM_FRD)
     return np.asarray(rotation.as_quat(canonical=True))
+
+
+def environment_at(latitude_rad: float, earth: Literal["ellipsoid", "tangent_plane"]) -> Environment:
+    """The Earth of a track: level axes depend on its shape and the latitude, not on gravity."""
+    gravity = normal_gravity_mps2(latitude_rad, 0.0)
+    return Environment(latitude_rad=float(latitude_rad), gravity_mps2=gravity, earth=earth)
 
 
 def geodetic_of(position_t_m: Floats, origin: Place | None) -> Floats | None:

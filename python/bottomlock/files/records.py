@@ -108,6 +108,22 @@ def read_recorded_table(
         ) from error
 
 
+def sha256_of(path: Path) -> str:
+    """Hash of a file, read in pieces; of a folder, that of its files' names and hashes.
+
+    Raises:
+        DataError: for a file that cannot be read.
+    """
+    if path.is_dir():
+        parts = [f"{sha256_of(one)}  {one.name}\n" for one in sorted(path.iterdir()) if one.is_file()]
+        return hashlib.sha256("".join(parts).encode()).hexdigest()
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
+
+
 def record_of(path: Path) -> Path:
     """The record of a file that is written on its own.
 

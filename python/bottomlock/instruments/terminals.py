@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from bottomlock.errors import OutputError
+from bottomlock.instruments.transports import Transport
 
 PATIENCE_S = 0.5
 """After so long without a reader the bytes of a full line are lost, as on a cable that nobody holds."""
@@ -14,16 +15,13 @@ SETTLED_S = 0.2
 """A pseudo terminal on which nothing waits for so long has passed on everything."""
 
 
-class _Line:
-    """Bytes to a file descriptor that does not block."""
+class _Line(Transport):
+    """Bytes to a file descriptor that does not block; it does not show whether somebody reads."""
 
-    def __init__(self) -> None:
-        self.where = ""
+    def __init__(self, where: str) -> None:
+        super().__init__(where)
         self._line = -1
         self._abandoned = False
-
-    async def ready(self) -> None:
-        """A line does not show whether somebody reads."""
 
     async def send(self, data: bytes) -> None:
         """Writes; waits for a slow reader, but only once for one that is not there."""
@@ -54,9 +52,6 @@ class _Line:
             loop.remove_writer(self._line)
         return True
 
-    async def reconnect(self) -> None:
-        """A line has no connection."""
-
     async def close(self) -> None:
         """Closes the line."""
         if self._line >= 0:
@@ -68,8 +63,7 @@ class Pty(_Line):
     """A pseudo terminal; `where` is the device that a reader opens, through a link where one is named."""
 
     def __init__(self, link: Path | None) -> None:
-        super().__init__()
-        self.where = "pty"
+        super().__init__("pty")
         self._link = link
         self._device = -1
 
@@ -134,8 +128,7 @@ class Serial(_Line):
     """A serial device, 8 data bits, no parity, raw."""
 
     def __init__(self, path: Path, baud: int) -> None:
-        super().__init__()
-        self.where = f"serial:{path}:{baud}"
+        super().__init__(f"serial:{path}:{baud}")
         self._path, self._baud = path, baud
 
     async def open(self) -> None:

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import os
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO
 
 from bottomlock.errors import OutputError
 
@@ -15,10 +15,11 @@ MOST_BEHIND = 1 << 20
 """In real time, a TCP client that is so many bytes behind is dropped: it must not hold up the others."""
 
 
-class Transport(Protocol):
+class Transport:
     """Where bytes go. `where` names the place as the user can open it, once it is open."""
 
-    where: str
+    def __init__(self, where: str) -> None:
+        self.where = where
 
     async def open(self) -> None:
         """Makes it ready to send.
@@ -26,29 +27,32 @@ class Transport(Protocol):
         Raises:
             OutputError: where that is not possible, in one line.
         """
+        raise NotImplementedError
 
     async def ready(self) -> None:
         """Returns once somebody reads, where that can be known; else at once."""
 
     async def send(self, data: bytes) -> None:
         """Sends bytes to everybody who reads; where nobody does, they are lost."""
+        raise NotImplementedError
 
     async def reconnect(self) -> None:
-        """Ends the connections; new ones are taken."""
+        """Ends the connections, where there are any; new ones are taken."""
 
     async def close(self) -> None:
         """Sends what is left and ends."""
+        raise NotImplementedError
 
 
-class TcpServer:
+class TcpServer(Transport):
     """A server for any number of clients, which may come and go; what they send is read and ignored.
 
     With `patient` it sends as fast as its clients take it; else it keeps its pace, whatever they do.
     """
 
     def __init__(self, host: str, port: int, *, patient: bool = True) -> None:
+        super().__init__(f"tcp:{host}:{port}")
         self._patient = patient
-        self.where = f"tcp:{host}:{port}"
         self._host, self._port = host, port
         self._clients: set[asyncio.StreamWriter] = set()
         self._arrived = asyncio.Event()
@@ -114,11 +118,11 @@ class TcpServer:
         await self.reconnect()
 
 
-class Udp:
+class Udp(Transport):
     """Datagrams to one address, a record each."""
 
     def __init__(self, host: str, port: int) -> None:
-        self.where = f"udpin:{host}:{port}"
+        super().__init__(f"udpin:{host}:{port}")
         self._remote = (host, port)
         self._transport: asyncio.DatagramTransport | None = None
 
@@ -132,16 +136,10 @@ class Udp:
         except OSError as error:
             raise OutputError(f"cannot be reached ({error.strerror or error})", place=self.where) from error
 
-    async def ready(self) -> None:
-        """Nobody announces that they read datagrams."""
-
     async def send(self, data: bytes) -> None:
         """Sends a datagram; one that nobody takes is lost."""
         if self._transport is not None and data:
             self._transport.sendto(data)
-
-    async def reconnect(self) -> None:
-        """There is no connection."""
 
     async def close(self) -> None:
         """Closes the socket."""
@@ -151,11 +149,11 @@ class Udp:
         await asyncio.sleep(0)
 
 
-class File:
+class File(Transport):
     """A file; it is never overwritten without `force`."""
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
-        self.where = f"file:{path}"
+        super().__init__(f"file:{path}")
         self._path, self._force = path, force
         self._stream: IO[bytes] | None = None
 
@@ -170,9 +168,6 @@ class File:
         except OSError as error:
             raise OutputError(f"cannot be written ({error.strerror or error})", place=self._path) from error
 
-    async def ready(self) -> None:
-        """A file is always ready."""
-
     async def send(self, data: bytes) -> None:
         """Appends."""
         if self._stream is None:
@@ -181,9 +176,6 @@ class File:
             self._stream.write(data)
         except OSError as error:
             raise OutputError(f"cannot be written ({error.strerror or error})", place=self._path) from error
-
-    async def reconnect(self) -> None:
-        """There is no connection."""
 
     async def close(self) -> None:
         """Closes the file."""

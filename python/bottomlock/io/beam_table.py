@@ -8,7 +8,6 @@ from the instrument along the beam.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import read_json, write_parquet
-from bottomlock.files.records import DIGESTS, read_record, write_record
+from bottomlock.files.records import DIGESTS, read_record, sha256_of, write_record
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Account, Flags, Integers, Reason
 from bottomlock.io.converted import check_converted
@@ -29,7 +28,7 @@ from bottomlock.support.later import pl
 
 __all__ = [
     "EXTRA", "EXTRA_PER_BEAM", "MOST_BEAMS", "NO_TIME_NS", "Account", "BeamTable", "Flags", "Floats", "Integers",
-    "Reason", "Recording", "read_account", "read_beam_table", "sha256_of", "sidecar", "write_recording",
+    "Reason", "Recording", "read_account", "read_beam_table", "sidecar", "write_recording",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -221,22 +220,6 @@ class Recording:
 def sidecar(path: Path) -> Path:
     """Path of the account of a beam table: beams.json beside beams.parquet."""
     return path.with_suffix(".json")
-
-
-def sha256_of(path: Path) -> str:
-    """Hash of a file, read in pieces; of a folder, that of its files' names and hashes.
-
-    Raises:
-        DataError: for a file that cannot be read.
-    """
-    if path.is_dir():
-        parts = [f"{sha256_of(one)}  {one.name}\n" for one in sorted(path.iterdir()) if one.is_file()]
-        return hashlib.sha256("".join(parts).encode()).hexdigest()
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
 
 def write_recording(recording: Recording, to: Path, *, source: Path) -> None:

@@ -356,8 +356,7 @@ def beam_flags(
     if not columns.lost_when_empty:
         no_range = np.zeros(flags.shape, dtype=bool)
     if columns.range is not None and len(columns.range) == flags.shape[1]:
-        ranges = np.stack([column_numbers(table, name, place) for name in columns.range], axis=1)
-        no_range = no_range | (ranges <= 0.0)
+        no_range = no_range | (numbers_of(table, columns.range, place) <= 0.0)
     lost = flags & is_code(velocity_mps, no_range)
     if account is not None:
         account.flag_where(
@@ -452,13 +451,30 @@ def read_beams(
             )
     if columns.velocity is None and "beam1_mps" in table.columns:
         check_beam_count(place, _beams_of(table, beams), beams)
+    time_ns, velocity, valid = read_mapped(table, velocity_names, valid_names, columns, place)
+    prior_velocity, prior_sd = _prior(table, place)
+    instrument_valid = _instrument_flag(table, columns.instrument_valid, place)
+    return Pings(time_ns, velocity, valid, prior_velocity, prior_sd, instrument_valid)
+
+
+def read_mapped(
+    table: pl.DataFrame,
+    velocity_names: Sequence[str],
+    valid_names: Sequence[str],
+    columns: Columns,
+    place: str,
+    account: Account | None = None,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Times (n,), ns, velocities (n, beams), m/s, and validity (n, beams) by the named columns.
+
+    Raises:
+        DataError: as `read_times` and `beam_flags`, and for a valid beam without a finite velocity.
+    """
     time_ns = read_times(table, columns, place)
-    velocity = np.stack(
-        [column_numbers(table, n, place) for n in velocity_names],
-        axis=1,
-    )
-    velocity = velocity * columns.velocity_scale
-    valid = beam_flags(table, valid_names, velocity, columns, place)
+    velocity = numbers_of(table, velocity_names, place) * columns.velocity_scale
+    valid = np.empty(velocity.shape, dtype=bool)
+    if velocity_names:
+        valid = beam_flags(table, valid_names, velocity, columns, place, account)
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
@@ -467,9 +483,17 @@ def read_beams(
             place=f"{place}: row {row}",
             key=f"column '{velocity_names[beam]}'",
         )
-    prior_velocity, prior_sd = _prior(table, place)
-    instrument_valid = _instrument_flag(table, columns.instrument_valid, place)
-    return Pings(time_ns, velocity, valid, prior_velocity, prior_sd, instrument_valid)
+    return time_ns, velocity, valid
+
+
+def numbers_of(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.float64]:
+    """The named columns as numbers (n, columns), NaN where a cell is empty.
+
+    Raises:
+        DataError: as `column_numbers`.
+    """
+    parts = [column_numbers(table, name, place) for name in names]
+    return np.stack(parts, axis=1) if parts else np.empty((table.height, 0))
 
 
 def check_beam_count(place: str, beams: int, geometry_beams: int) -> None:

@@ -1,11 +1,10 @@
 """The tables of `bottomlock convert`, held against the account beside them, which is their record."""
 
-import hashlib
 from pathlib import Path
 
 from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import read_json
-from bottomlock.files.records import DIGESTS, OWN_DIGEST, read_record
+from bottomlock.files.records import DIGESTS, OWN_DIGEST, read_record, sha256_of
 
 WATER_ENDING = "_water"
 """What the name of a water table has after that of the beam table, whose account is its own."""
@@ -34,13 +33,8 @@ def check_converted(path: Path) -> None:
         raise DataError(error, hint=_REMEDY) from error
     if len(digests) < tables:
         return
-    try:
-        with path.open("rb") as file:
-            found = hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
     # Both may have been renamed together.
-    if found not in digests.values():
+    if sha256_of(path) not in digests.values():
         raise DataError(
             f"has changed since `bottomlock convert` wrote it ({account.name} has another SHA-256)",
             place=path,

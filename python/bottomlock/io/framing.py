@@ -9,7 +9,6 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, xor_of
 
@@ -23,22 +22,28 @@ _WRS = re.compile(rb"wrs(?:,[^,*\n]{0,200}){10}\*")
 """A velocity through the water; another number of fields is that of another sentence."""
 
 
-class Framer(Protocol):
-    """Cuts a stream into records."""
+class Framer:
+    """Cuts a stream into records; by itself, messages, which their transport keeps apart, so that each is one.
 
-    @property
-    def dropped(self) -> int:
-        """Bytes that belonged to no record."""
+    Attributes:
+        dropped: bytes that belonged to no record.
+    """
+
+    def __init__(self) -> None:
+        self.dropped = 0
 
     @property
     def waiting(self) -> bool:
         """Whether lines of a ping are held of which more may come."""
+        return False
 
     def feed(self, data: bytes) -> list[bytes]:
         """The records that `data` completes."""
+        return [data]
 
     def flush(self) -> list[bytes]:
-        """The lines of an incomplete ping as a record: nothing more has come for a while."""
+        """The lines of an incomplete ping as a record, where nothing more has come for a while."""
+        return []
 
     def reset(self) -> None:
         """Forgets a record that has begun: the connection was made anew."""
@@ -67,7 +72,7 @@ class Stream:
     lost: bool = False
 
 
-class Lines:
+class Lines(Framer):
     """Text lines without their ends; a line that is longer than `longest` is dropped.
 
     With `within` the stream may begin in the middle of a line, as that of a serial device does: what comes before the
@@ -75,15 +80,10 @@ class Lines:
     """
 
     def __init__(self, longest: int = LONGEST_LINE, *, within: bool = False) -> None:
-        self.dropped = 0
+        super().__init__()
         self._longest, self._within = longest, within
         self._part = bytearray()
         self._dropping = within
-
-    @property
-    def waiting(self) -> bool:
-        """False: a line that has begun is no record before its end."""
-        return False
 
     def feed(self, data: bytes) -> list[bytes]:
         """The lines that `data` completes, without blanks and NULs around them."""
@@ -110,10 +110,6 @@ class Lines:
             self._dropping = True
         return bytes(self._part).strip(b"\r\n \t\x00")
 
-    def flush(self) -> list[bytes]:
-        """Nothing: half a line is no record."""
-        return []
-
     def reset(self) -> None:
         """Drops a line that has begun."""
         self.dropped += len(self._part)
@@ -121,45 +117,23 @@ class Lines:
         self._dropping = self._within
 
 
-class Whole:
-    """What comes at once is a record: messages, which their transport keeps apart."""
-
-    dropped = 0
-    waiting = False
-
-    def feed(self, data: bytes) -> list[bytes]:
-        """The message."""
-        return [data]
-
-    def flush(self) -> list[bytes]:
-        """Nothing: no part of a message is held."""
-        return []
-
-    def reset(self) -> None:
-        """Does nothing: no part of a message is held."""
-
-
-class _Groups:
+class _Groups(Lines):
     """Base of framers that gather the lines of one ping."""
 
-    def __init__(self) -> None:
-        self._lines = Lines()
+    def __init__(self, beams: int) -> None:
+        super().__init__()
+        self._beams = beams
         self._held: list[bytes] = []
 
     @property
-    def dropped(self) -> int:
-        """Bytes that belonged to no record."""
-        return self._lines.dropped
-
-    @property
     def waiting(self) -> bool:
-        """Whether lines of a ping are held of which more may come."""
+        """Whether lines are held of which more may come."""
         return bool(self._held)
 
     def feed(self, data: bytes) -> list[bytes]:
         """The groups of lines that `data` completes."""
         found: list[bytes] = []
-        for line in self._lines.feed(data):
+        for line in super().feed(data):
             self._add(line, found)
         return found
 
@@ -179,9 +153,9 @@ class _Groups:
 
     def reset(self) -> None:
         """Drops lines that are held and a line that has begun."""
-        self._lines.dropped += sum(map(len, self._held))
+        self.dropped += sum(map(len, self._held))
         self._held = []
-        self._lines.reset()
+        super().reset()
 
 
 class WaterLinkedLines(_Groups):
@@ -189,10 +163,6 @@ class WaterLinkedLines(_Groups):
 
     It is complete with the fourth, or where the next report begins.
     """
-
-    def __init__(self, beams: int) -> None:
-        super().__init__()
-        self._beams = beams
 
     def _add(self, line: bytes, found: list[bytes]) -> None:
         if b"wrz" in line or b"wrx" in line or _WRS.search(line):
@@ -204,7 +174,7 @@ class WaterLinkedLines(_Groups):
         elif self._held:
             self._held.append(line)
         else:
-            self._lines.dropped += len(line)
+            self.dropped += len(line)
             return
         if sum(held.count(b"wru,") for held in self._held) >= self._beams:
             self._emit(found)
@@ -214,8 +184,7 @@ class NortekLines(_Groups):
     """The lines `$PNORBT` of one time, a line a beam: complete with the last beam, or where another time begins."""
 
     def __init__(self, beams: int) -> None:
-        super().__init__()
-        self._beams = beams
+        super().__init__(beams)
         self._time = b""
         self._numbers: set[bytes] = set()
 
@@ -223,7 +192,7 @@ class NortekLines(_Groups):
         for match in _PNORBT.finditer(line):
             text, number, time, digits = match.groups()
             if xor_of(text) != hexadecimal(digits):
-                self._lines.dropped += len(match.group())
+                self.dropped += len(match.group())
                 continue
             if self._held and (time != self._time or number in self._numbers):
                 self._emit(found)
@@ -236,7 +205,7 @@ class NortekLines(_Groups):
                 self._emit(found)
 
 
-class Binary:
+class Binary(Framer):
     """Records with a header that states their size, and a checksum.
 
     Every place where a header may stand is followed up to the end that it states, so that neither a damaged record nor
@@ -251,16 +220,11 @@ class Binary:
     def __init__(
         self, sync: bytes, header: Callable[[bytes], int | None], fits: Callable[[bytes], bool]
     ) -> None:
-        self.dropped = 0
+        super().__init__()
         self._sync, self._header, self._fits = sync, header, fits
         self._buffer = b""
         self._searched = 0  # places before it are known
         self._open: list[tuple[int, int]] = []  # end and start of each place where a record may stand
-
-    @property
-    def waiting(self) -> bool:
-        """False: a binary record that has begun is none before its end."""
-        return False
 
     def feed(self, data: bytes) -> list[bytes]:
         """The records that `data` completes."""
@@ -302,10 +266,6 @@ class Binary:
         self._buffer = self._buffer[keep:]
         self._searched -= keep
         self._open = [(end - keep, start - keep) for end, start in self._open]
-
-    def flush(self) -> list[bytes]:
-        """Nothing: half a record is none."""
-        return []
 
     def reset(self) -> None:
         """Drops a record that has begun."""

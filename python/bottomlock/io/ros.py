@@ -10,6 +10,7 @@ Source: Robotic-Decision-Making-Lab/waterlinked_dvl (Water Linked's ROS 2 driver
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,15 +20,15 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io import ros_waterlinked
 from bottomlock.io.beam_table import Account, BeamTable, Recording
-from bottomlock.io.framing import Stream, Whole
+from bottomlock.io.framing import Framer, Stream
 from bottomlock.io.ros_messages import DEFINITIONS, decode, stamp_ns
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 from bottomlock.io.sentences import printable
 from bottomlock.support.extras import install
 
 NAME = "ros"
 NAME_MESSAGE = "ros-dvl"
-STREAM = Stream(lambda _: Whole(), repeats=True)
+STREAM = Stream(lambda _: Framer(), repeats=True)
 TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")
 _BEAMS = 4
 _BOTTOM, _WATER = 1, 2
@@ -112,28 +113,26 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
         DataError: for a bag that the library cannot read, without or with several such topics, or without pings.
     """
     account = Account(unit="message")
-    rows = Rows(_BEAMS, account)
-    geometry: list[list[list[float]]] = []
+    pings = _Pings(account, options)
     others: list[tuple[int, Any]] = []
-    before = ""
     try:
         for position, (arrival_ns, message) in enumerate(_messages(path, options, place), 1):
             account.read += 1
             if not hasattr(message, "beam_velocity"):
                 others.append((position, message))
                 continue
-            before = _add(rows, position, arrival_ns, message, geometry, before, options)
+            pings.add(position, arrival_ns, message)
     except DataError:
         raise
     # A damaged bag raises whatever the library's parts raise; the user needs the file's name and the reason.
     except Exception as error:
         reason = printable(str(error).splitlines()[0])[:200] if str(error) else type(error).__name__
-        if not rows.time_ns and not others:
+        if not pings.columns and not others:
             raise DataError(f"cannot be read as a bag ({reason})", place=place) from error
         account.skip("the bag breaks off here", account.read + 1, reason)
     if others:
         return ros_waterlinked.recording(NAME, others, account, place, options)
-    return _recording(rows, geometry, options, place)
+    return pings.recording(place)
 
 
 def read_message(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -142,105 +141,123 @@ def read_message(data: bytes, place: str, options: Options = PLAIN) -> Recording
     Raises:
         DataError: for bytes that are no such message, and for one without a ping.
     """
-    rows = Rows(_BEAMS, Account(unit="message", read=1))
-    geometry: list[list[list[float]]] = []
+    pings = _Pings(Account(unit="message", read=1), options)
     message = decode(data, "marine_acoustic_msgs/Dvl")
-    _add(rows, 1, stamp_ns(message.header), message, geometry, "", options)
-    return _recording(rows, geometry, options, place)
+    pings.add(1, stamp_ns(message.header), message)
+    return pings.recording(place)
 
 
-def _recording(rows: Rows, geometry: list[list[list[float]]], options: Options, place: str) -> Recording:
-    account = rows.account
-    table = rows.finish(negate=options.negate_beams)
-    raise_if_empty(account, place, TYPES[0])
-    unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))
-    across, down = _DRIVER_UNIT
-    wrong = bool(np.allclose(np.abs(unit), [across, across, down], atol=1e-6))
-    notes = _notes(table, unit, same=all(one == geometry[0] for one in geometry))
-    if wrong:
-        notes.append(
-            "beam_unit_vec is 67.5 deg from down, a mistake of Water Linked's driver: it is not used"
-        )
-    return Recording(
-        format=NAME,
-        table=table,
-        account=account,
-        frame="frd",
-        clock="the message's header, nanoseconds since 1970",
-        time_of="validity",
-        quality="beam_quality as recorded; its meaning is the driver's",
-        geometry="waterlinked_a50" if wrong else "",
-        notes=notes,
-        facts={} if wrong else {"beam_unit_vec": np.round(unit, 9).tolist()},
-    )
+class _Pings:
+    """The pings of messages in their order.
 
+    Attributes:
+        columns: what `make_table` takes of each ping, by the argument's name.
+        extra: further columns by name.
+        geometry: the unit vectors of the messages that state them.
+    """
 
-def _add(
-    rows: Rows,
-    position: int,
-    arrival_ns: int,
-    message: Any,  # noqa: ANN401 - the library's own object
-    geometry: list[Any],
-    before: str,
-    options: Options,
-) -> str:
-    """A message to the table; returns its beams as text, by which the next one is seen to repeat them."""
-    account = rows.account
-    if message.velocity_mode == _WATER:
-        account.pass_by("velocity through the water", position)
-        return before
-    if message.velocity_mode != _BOTTOM:
-        account.flag("velocity mode is not stated", position, f"velocity_mode = {message.velocity_mode}")
-    velocity = [float(v) for v in message.beam_velocity]
-    ranges = [float(r) for r in message.range]
-    unit = [[float(b.x), float(b.y), float(b.z)] for b in message.beam_unit_vec]
-    good = _stated_good(message, velocity, ranges)
-    if bool(message.beam_velocities_valid) and not any(map(any, unit)) and not any(velocity):
-        account.flag("driver fills in no beams", position)
-        good = [False] * _BEAMS
-    elif sum(good) > message.num_good_beams:
-        ranged = any(r > 0.0 for r in ranges)
-        good = [
-            g and v != 0.0 and (r > 0.0 or not ranged) for g, v, r in zip(good, velocity, ranges, strict=True)
-        ]
-        if sum(good) != message.num_good_beams:
-            account.skip(_UNRESOLVED, position, f"num_good_beams = {message.num_good_beams}")
-            return before
-    if any(map(any, unit)):
-        geometry.append(unit)
-    if sum(good) < message.num_good_beams:
-        account.flag(
-            "num_good_beams disagrees with the beams", position, f"{message.num_good_beams} and {sum(good)}"
-        )
-    quality = [float(q) for q in message.beam_quality]
-    beams = repr((velocity, ranges, quality))
-    # All beams lost read alike from ping to ping without being a repeat.
-    stale = any(good) and beams == before
-    if stale:
-        account.flag("stale repeat", position)
-        if not options.keep_stale:
+    def __init__(self, account: Account, options: Options) -> None:
+        self.columns: defaultdict[str, list[Any]] = defaultdict(list)
+        self.extra: defaultdict[str, list[float]] = defaultdict(list)
+        self.geometry: list[list[list[float]]] = []
+        self._account, self._options = account, options
+        self._before = ""
+
+    def add(self, position: int, arrival_ns: int, message: Any) -> None:  # noqa: ANN401 - the library's own object
+        """Takes a message; beams that repeat the message before are no new measurement."""
+        account = self._account
+        if message.velocity_mode == _WATER:
+            account.pass_by("velocity through the water", position)
+            return
+        if message.velocity_mode != _BOTTOM:
+            account.flag("velocity mode is not stated", position, f"velocity_mode = {message.velocity_mode}")
+        velocity = [float(v) for v in message.beam_velocity]
+        ranges = [float(r) for r in message.range]
+        unit = [[float(b.x), float(b.y), float(b.z)] for b in message.beam_unit_vec]
+        good = _stated_good(message, velocity, ranges)
+        if bool(message.beam_velocities_valid) and not any(map(any, unit)) and not any(velocity):
+            account.flag("driver fills in no beams", position)
             good = [False] * _BEAMS
-    spread = [float(message.velocity_covar[k]) for k in (0, 4, 8)]
-    axes = (float(message.velocity.x), float(message.velocity.y), float(message.velocity.z))
-    rows.add(
-        position,
-        stamp_ns(message.header),
-        velocity,
-        good,
-        range_m=[r if message.beam_ranges_valid and r > 0.0 else NAN for r in ranges],
-        quality=quality,
-        sd=[math.sqrt(v) if v > 0.0 else NAN for v in map(float, message.beam_velocity_covar)],
-        instrument=axes,
-        verdict=int(all(math.isfinite(v) for v in axes) and message.num_good_beams >= 3),
-        arrival_ns=int(arrival_ns),
-        stale=stale,
-        extra={
-            "altitude_m": float(message.altitude) if message.altitude > 0.0 else NAN,
-            "instrument_sd_mps": math.sqrt(max(spread)) if min(spread) > 0.0 else NAN,
-            "sound_speed_mps": float(message.sound_speed) if message.sound_speed > 0.0 else NAN,
-        },
-    )
-    return beams
+        elif sum(good) > message.num_good_beams:
+            ranged = any(r > 0.0 for r in ranges)
+            good = [
+                g and v != 0.0 and (r > 0.0 or not ranged)
+                for g, v, r in zip(good, velocity, ranges, strict=True)
+            ]
+            if sum(good) != message.num_good_beams:
+                account.skip(_UNRESOLVED, position, f"num_good_beams = {message.num_good_beams}")
+                return
+        if any(map(any, unit)):
+            self.geometry.append(unit)
+        if sum(good) < message.num_good_beams:
+            account.flag(
+                "num_good_beams disagrees with the beams",
+                position,
+                f"{message.num_good_beams} and {sum(good)}",
+            )
+        quality = [float(q) for q in message.beam_quality]
+        beams = repr((velocity, ranges, quality))
+        # All beams lost read alike from ping to ping without being a repeat.
+        stale = any(good) and beams == self._before
+        self._before = beams
+        if stale:
+            account.flag("stale repeat", position)
+            if not self._options.keep_stale:
+                good = [False] * _BEAMS
+        spread = [float(message.velocity_covar[k]) for k in (0, 4, 8)]
+        axes = (float(message.velocity.x), float(message.velocity.y), float(message.velocity.z))
+        ping = {
+            "position": position,
+            "time_ns": stamp_ns(message.header),
+            "velocity": velocity,
+            "valid": good,
+            "range_m": [r if message.beam_ranges_valid and r > 0.0 else NAN for r in ranges],
+            "quality": quality,
+            "sd": [math.sqrt(v) if v > 0.0 else NAN for v in map(float, message.beam_velocity_covar)],
+            "instrument": axes,
+            "verdict": int(all(math.isfinite(v) for v in axes) and message.num_good_beams >= 3),
+            "arrival_ns": int(arrival_ns),
+            "stale": stale,
+        }
+        for name, value in ping.items():
+            self.columns[name].append(value)
+        self.extra["altitude_m"].append(float(message.altitude) if message.altitude > 0.0 else NAN)
+        self.extra["instrument_sd_mps"].append(math.sqrt(max(spread)) if min(spread) > 0.0 else NAN)
+        self.extra["sound_speed_mps"].append(float(message.sound_speed) if message.sound_speed > 0.0 else NAN)
+
+    def recording(self, place: str) -> Recording:
+        """The table of the pings and what is known of it.
+
+        Raises:
+            DataError: where no message is a ping.
+        """
+        if not self.columns:
+            raise_if_empty(self._account, place, TYPES[0])
+        table = make_table(
+            self._account, _BEAMS, extra=self.extra, negate=self._options.negate_beams, **self.columns
+        )
+        raise_if_empty(self._account, place, TYPES[0])
+        geometry = self.geometry
+        unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))
+        across, down = _DRIVER_UNIT
+        wrong = bool(np.allclose(np.abs(unit), [across, across, down], atol=1e-6))
+        notes = _notes(table, unit, same=all(one == geometry[0] for one in geometry))
+        if wrong:
+            notes.append(
+                "beam_unit_vec is 67.5 deg from down, a mistake of Water Linked's driver: it is not used"
+            )
+        return Recording(
+            format=NAME,
+            table=table,
+            account=self._account,
+            frame="frd",
+            clock="the message's header, nanoseconds since 1970",
+            time_of="validity",
+            quality="beam_quality as recorded; its meaning is the driver's",
+            geometry="waterlinked_a50" if wrong else "",
+            notes=notes,
+            facts={} if wrong else {"beam_unit_vec": np.round(unit, 9).tolist()},
+        )
 
 
 def _stated_good(message: Any, velocity: list[float], ranges: list[float]) -> list[bool]:  # noqa: ANN401

@@ -11,13 +11,13 @@ from typing import Any
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.framing import Stream, Whole
+from bottomlock.io.framing import Framer, Stream
 from bottomlock.io.ros_messages import LATER_DVL, decode, stamp_ns
 from bottomlock.io.rows import PLAIN, Options, raise_if_empty
 from bottomlock.io.waterlinked_json import Reports
 
 NAME_MESSAGE = "ros-dvl-msgs"
-STREAM = Stream(lambda _: Whole(), repeats=True)
+STREAM = Stream(lambda _: Framer(), repeats=True)
 _TYPE = "dvl_msgs/DVL"
 _FIELDS = {"header", "velocity", "fom", "altitude", "beams", "velocity_valid"}
 _OF_BEAM = {"id", "velocity", "distance", "rssi", "nsd", "valid"}

@@ -7,7 +7,7 @@ times, a finite velocity where a beam is valid, and an account of every record t
 import math
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -184,66 +184,6 @@ def _rising(times: Integers, usable: Flags, position: Integers, account: Account
     for reason, those in (("time repeats", repeats), ("time out of order", left & ~repeats)):
         account.skip_where(reason, those, position, lambda k: f"{times[k]} ns")
     return chosen[keep]
-
-
-@dataclass
-class Rows:
-    """Pings of records that are read one by one: `add` takes a ping, `finish` makes the table."""
-
-    beams: int
-    account: Account
-    time_ns: list[int] = field(default_factory=list)
-    _pings: list[tuple[Any, ...]] = field(default_factory=list)
-    _extra: dict[str, list[float]] = field(default_factory=dict)
-
-    def add(
-        self,
-        position: int,
-        time_ns: int,
-        velocity: Sequence[float],
-        valid: Sequence[bool],
-        *,
-        range_m: Sequence[float] | None = None,
-        quality: Sequence[float] | None = None,
-        sd: Sequence[float] | None = None,
-        instrument: Sequence[float] = (NAN, NAN, NAN),
-        verdict: int = -1,
-        arrival_ns: int | None = None,
-        stale: bool = False,
-        extra: Mapping[str, float] | None = None,
-    ) -> None:
-        """Takes a ping; every ping has the same columns in `extra`."""
-        none = (NAN,) * self.beams
-        self.time_ns.append(time_ns)
-        per_beam = (velocity, valid, range_m or none, quality or none, sd or none)
-        self._pings.append((position, *per_beam, instrument, verdict, arrival_ns, stale))
-        for name, value in (extra or {}).items():
-            self._extra.setdefault(name, []).append(value)
-
-    def finish(self, *, negate: bool = False) -> BeamTable:
-        """The table, as `make_table`."""
-        if not self._pings:
-            return _empty(self.beams)
-        position, velocity, valid, range_m, quality, sd, instrument, verdict, arrival_ns, stale = zip(
-            *self._pings, strict=True
-        )
-        return make_table(
-            self.account,
-            self.beams,
-            position,
-            self.time_ns,
-            velocity,
-            valid,
-            range_m=range_m,
-            quality=quality,
-            sd=sd,
-            instrument=instrument,
-            verdict=verdict,
-            arrival_ns=arrival_ns,
-            stale=stale,
-            extra=self._extra,
-            negate=negate,
-        )
 
 
 def _empty(beams: int) -> BeamTable:

@@ -13,16 +13,14 @@ from pydantic import ValidationError
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.errors import DataError
-from bottomlock.files.table_file import check_memory, check_regular, read_table_file
-from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
-from bottomlock.io.beams import Columns, beam_flags, read_flags, read_times
-from bottomlock.io.columns import column_names, column_numbers
-from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
+from bottomlock.files.table_file import check_regular, read_table_file
+from bottomlock.io.beam_table import MOST_BEAMS, Account, Floats, Recording
+from bottomlock.io.beams import Columns, numbers_of, read_flags, read_mapped
+from bottomlock.io.columns import column_names
+from bottomlock.io.rows import PLAIN, Options, make_table, raise_if_empty
 from bottomlock.support.later import pl
 
 NAME = "table"
-_ROW_BYTES = 2000.0
-"""Memory of a row while it is made a ping."""
 
 
 def sniff_path(path: Path, head: bytes) -> bool:
@@ -70,22 +68,23 @@ def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Optio
         raise DataError("has no rows", place=place)
     velocity_names, valid_names = _beam_columns(frame, columns, place, options)
     beams = len(velocity_names)
-    time_ns = read_times(frame, columns, place)
-    velocity = _floats(frame, velocity_names, beams, place) * columns.velocity_scale
-    none = np.empty((frame.height, 0), dtype=bool)
     account = Account(unit="row", read=frame.height)
-    valid = beam_flags(frame, valid_names, velocity, columns, place, account) if beams else none
-    wrong = np.argwhere(valid & ~np.isfinite(velocity))
-    if wrong.size:
-        row, beam = (int(index) for index in wrong[0])
-        raise DataError(
-            f"is not finite, but beam {beam + 1} is flagged valid",
-            place=f"{place}: row {row}",
-            key=f"column '{velocity_names[beam]}'",
-        )
-    rows = Rows(beams, account)
-    _add_rows(rows, frame, columns, place, time_ns, velocity, valid)
-    table = rows.finish(negate=options.negate_beams)
+    time_ns, velocity, valid = read_mapped(frame, velocity_names, valid_names, columns, place, account)
+    flag = columns.instrument_valid
+    table = make_table(
+        account,
+        beams,
+        np.arange(frame.height),
+        time_ns,
+        velocity,
+        valid,
+        instrument=_floats(frame, columns.instrument, 3, place) * columns.velocity_scale,
+        verdict=-1 if flag is None else read_flags(frame, (flag,), place)[:, 0],
+        range_m=_floats(frame, columns.range, beams, place),
+        quality=_floats(frame, columns.quality, beams, place),
+        sd=_floats(frame, columns.sd, beams, place),
+        negate=options.negate_beams,
+    )
     raise_if_empty(account, place, "row")
     return Recording(
         format=NAME,
@@ -147,36 +146,4 @@ def _floats(frame: pl.DataFrame, names: tuple[str, ...] | None, width: int, plac
         return np.full((frame.height, width), np.nan)
     if len(names) != width:
         raise DataError(f"the column map names {', '.join(names)}", place=place, expected=f"{width} columns")
-    parts = [column_numbers(frame, name, place) for name in names]
-    return np.stack(parts, axis=1) if parts else np.empty((frame.height, 0))
-
-
-def _add_rows(
-    rows: Rows,
-    frame: pl.DataFrame,
-    columns: Columns,
-    place: str,
-    time_ns: Integers,
-    velocity: Floats,
-    valid: Flags,
-) -> None:
-    """Adds every row of the frame, with the optional columns that the map names."""
-    check_memory(place, _ROW_BYTES * frame.height)
-    instrument = _floats(frame, columns.instrument, 3, place) * columns.velocity_scale
-    flag = columns.instrument_valid
-    instrument_valid = None if flag is None else read_flags(frame, (flag,), place)[:, 0]
-    range_m, quality, sd = (
-        _floats(frame, names, rows.beams, place) for names in (columns.range, columns.quality, columns.sd)
-    )
-    for k in range(frame.height):
-        rows.add(
-            k,
-            int(time_ns[k]),
-            velocity[k].tolist(),
-            valid[k].tolist(),
-            range_m=range_m[k].tolist(),
-            quality=quality[k].tolist(),
-            sd=sd[k].tolist(),
-            instrument=instrument[k].tolist(),
-            verdict=-1 if instrument_valid is None else int(instrument_valid[k]),
-        )
+    return numbers_of(frame, names, place)

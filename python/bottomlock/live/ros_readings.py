@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bottomlock.errors import DataError
-from bottomlock.io.framing import Whole
+from bottomlock.io.framing import Framer
 from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.live.readings import is_on_earth
 from bottomlock.live.reasons import Reasons
@@ -127,7 +127,7 @@ class RosReader:
         """Chooses the message."""
         makers = _MAKERS | {"ros-pressure": ("sensor_msgs/FluidPressure", self._under_water)}
         self._type, self._make = makers[self.format]
-        self.framer = Whole()
+        self.framer = Framer()
 
     def feed(self, data: bytes) -> list[Reading]:
         """The reading of a message."""
