@@ -62,6 +62,23 @@ def check_memory(path: Path | str, needed_bytes: float) -> None:
         )
 
 
+def content(path: Path, times_its_size: float) -> bytes:
+    """The bytes of a file, if reading it takes no more memory than there is.
+
+    Args:
+        path: the file.
+        times_its_size: memory that its reader takes, over its size.
+
+    Raises:
+        DataError: where it cannot be read, or is too large for the memory.
+    """
+    try:
+        check_memory(path, times_its_size * path.stat().st_size)
+        return path.read_bytes()
+    except OSError as error:
+        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
+
+
 def available_memory_bytes() -> float:
     """Memory that this process may still take: the machine's, its container's or its own limit; infinite if unknown."""
     bounds = [math.inf]

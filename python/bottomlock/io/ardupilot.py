@@ -9,28 +9,24 @@ Source: ArduPilot, LogStructure.h of AP_InertialSensor, AP_AHRS, AP_Baro, AP_GPS
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.account import Account
-from bottomlock.io.beam_table import Recording
-from bottomlock.io.dataflash import Records, looks_like, parse
+from bottomlock.io.dataflash import Records, parse
 from bottomlock.io.log_stream import (
     ESTIMATE,
     LogStream,
     LogStreams,
     body_velocity,
     change_of_pressure,
-    content,
     finish,
     never_moves,
-    velocities_recording,
     velocity_of_displacements,
 )
-from bottomlock.io.rows import PLAIN, Options, longest_rising
+from bottomlock.io.rows import longest_rising
 
 NAME = "ardupilot-bin"
 TIMES_ITS_SIZE = 4.0
@@ -86,20 +82,6 @@ _MESSAGES = (
         remark="positions that were sent to the autopilot: whose they are, the log does not say", moves=True,
     ),
 )  # fmt: skip
-
-
-def sniff_path(_: Path, head: bytes) -> bool:
-    """Whether the beginning of a file looks like this format."""
-    return looks_like(head)
-
-
-def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
-    """The velocities of a DVL in a log, which have no beams.
-
-    Raises:
-        DataError: without `instrument_only`, with what to record instead; for no velocity, or several.
-    """
-    return velocities_recording(streams(content(path, TIMES_ITS_SIZE), place), place, NAME, options)
 
 
 def streams(data: bytes, place: str) -> LogStreams:

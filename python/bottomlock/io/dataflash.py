@@ -10,7 +10,7 @@ Source: ArduPilot, AP_Logger/LogStructure.h and the LogStructure.h of each libra
 import math
 from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,9 +117,7 @@ class Records:
 
     def where(self, chosen: NDArray[np.bool_]) -> "Records":
         """Some of the records."""
-        return Records(
-            self.place, self.name, self.formats, self.values[chosen], self.units, self.factors, self.instance
-        )
+        return replace(self, values=self.values[chosen])
 
 
 def _inverse(factor: float) -> bool:
@@ -127,7 +125,7 @@ def _inverse(factor: float) -> bool:
     return 0.0 < factor < 1.0 and math.isclose(round(1.0 / factor) * factor, 1.0, rel_tol=1e-12)
 
 
-def looks_like(head: bytes) -> bool:
+def sniff(head: bytes) -> bool:
     """Whether a file begins with the record FMT of the record FMT."""
     return head.startswith(HEAD + bytes([_FMT, _FMT, _FMT_BYTES])) and head[5:9] == b"FMT\0"
 
@@ -231,15 +229,7 @@ def _with_units(found: dict[str, Records], names: dict[int, str]) -> dict[str, R
         for column, unit in zip(records.formats, _text(bytes(row["UnitIds"])), strict=False):
             records.units[column] = units.get(unit, "") if unit not in "-#" else ""
             if unit == "#":
-                found[records.name] = records = Records(
-                    records.place,
-                    records.name,
-                    records.formats,
-                    records.values,
-                    records.units,
-                    records.factors,
-                    column,
-                )
+                found[records.name] = records = replace(records, instance=column)
         for column, factor in zip(records.formats, _text(bytes(row["MultIds"])), strict=False):
             if factor not in "-?" and factor in factors:
                 records.factors[column] = factors[factor]

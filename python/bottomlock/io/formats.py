@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from bottomlock.errors import DataError
-from bottomlock.files.table_file import check_memory, check_regular
+from bottomlock.files.table_file import check_regular, content
 from bottomlock.io import (
     ardupilot,
     cerulean,
+    dataflash,
     linkquest,
     nortek_ad2cp,
     nortek_ascii,
@@ -30,6 +31,7 @@ from bottomlock.io import (
 )
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.framing import Stream
+from bottomlock.io.log_stream import velocities_recording
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import show
 from bottomlock.support.nearest import did_you_mean
@@ -65,6 +67,16 @@ def _format(module: Any, title: str) -> Format:  # noqa: ANN401 - modules have n
     return Format(module.NAME, title, module.sniff, module.read, getattr(module, "STREAM", None))
 
 
+def _autopilot(module: Any, title: str, sniff: Callable[[bytes], bool]) -> PathFormat:  # noqa: ANN401 - as above
+    """The velocities of a DVL in a log of streams, which have no beams."""
+
+    def read(path: Path, place: str, options: Options) -> Recording:
+        streams = module.streams(content(path, module.TIMES_ITS_SIZE), place)
+        return velocities_recording(streams, place, module.NAME, options)
+
+    return PathFormat(module.NAME, title, lambda _, head: sniff(head), read)
+
+
 def _no_file(_: bytes) -> bool:
     return False
 
@@ -83,13 +95,8 @@ BYTES = (
 )
 PATHS = (
     PathFormat(ros.NAME, "messages of DVLs in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
-    PathFormat(
-        ardupilot.NAME,
-        "ArduPilot DataFlash .BIN (no beams: rejected with advice)",
-        ardupilot.sniff_path,
-        ardupilot.read_path,
-    ),
-    PathFormat(tlog.NAME, "MAVLink .tlog (no beams: rejected with advice)", tlog.sniff_path, tlog.read_path),
+    _autopilot(ardupilot, "ArduPilot DataFlash .BIN (no beams: rejected with advice)", dataflash.sniff),
+    _autopilot(tlog, "MAVLink .tlog (no beams: rejected with advice)", tlog.sniff),
     PathFormat(table.NAME, "CSV or Parquet, with a column map", table.sniff_path, table.read_path),
 )
 NAMES = tuple(one.name for one in (*BYTES, *PATHS))
@@ -113,19 +120,6 @@ MESSAGES = {
 """Messages with beams: each is a record, of none there is a file."""
 LIVE = STREAMS | MESSAGES
 """Formats with beams that come one ping after the other."""
-
-
-def _content(path: Path) -> bytes:
-    """The bytes of a file.
-
-    Raises:
-        DataError: where it cannot be read.
-    """
-    try:
-        check_memory(path, _TIMES_ITS_SIZE * path.stat().st_size)
-        return path.read_bytes()
-    except OSError as error:
-        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
 
 def detect(path: Path) -> str:
@@ -258,4 +252,4 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
     (by_bytes,) = (one for one in BYTES if one.name == name)
     if place.is_dir():
         raise DataError("is a folder", place=place, expected="a file")
-    return by_bytes.read(_content(place), str(place), options)
+    return by_bytes.read(content(place, _TIMES_ITS_SIZE), str(place), options)

@@ -2,14 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.files.table_file import check_memory
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import Options, make_table, raise_if_empty
 from bottomlock.io.sentences import printable
@@ -147,23 +145,6 @@ def attitudes_of(streams: Sequence[LogStream]) -> Attitudes | None:
         )
         return Attitudes(one.time_ns[good], turned)
     return None
-
-
-def content(path: Path, times_its_size: float) -> bytes:
-    """The bytes of a log, if reading it takes no more memory than there is.
-
-    Args:
-        path: the log.
-        times_its_size: memory that its reader takes, over its size.
-
-    Raises:
-        DataError: where it cannot be read, or is too large for the memory.
-    """
-    try:
-        check_memory(path, times_its_size * path.stat().st_size)
-        return path.read_bytes()
-    except OSError as error:
-        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
 
 def velocity_of_displacements(

@@ -24,8 +24,7 @@ from bottomlock.io.nortek_frames import (
     kinds,
     struct_tm_ns,
 )
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
-from bottomlock.io.water_rows import make_water
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
 from bottomlock.io.water_table import WaterTable
 
 NAME = "nortek-ad2cp"

@@ -16,8 +16,7 @@ from bottomlock.io.binary_records import fields_at
 from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
 from bottomlock.io.nortek_frames import BOTTOM_DVL, WATER_DVL, Frames, frames, kinds, struct_tm_ns
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
-from bottomlock.io.water_rows import make_water
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
 from bottomlock.io.water_table import WaterTable
 
 NAME = "nortek-dvl"

@@ -16,8 +16,7 @@ from bottomlock.io.binary_records import fields_at
 from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_dvl import UNSURE, layer_range_m, no_layer_note, vertical_note
 from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, Frames, frames, kinds
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
-from bottomlock.io.water_rows import make_water
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
 from bottomlock.io.water_table import WaterTable
 
 NAME = "nucleus"

@@ -34,8 +34,7 @@ from bottomlock.io.binary_records import (
 from bottomlock.io.civil_time import minute_ns
 from bottomlock.io.framing import Stream, pd0
 from bottomlock.io.pd0_axes import beams_of_axes
-from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, raise_if_empty, running_sums
-from bottomlock.io.water_rows import make_water
+from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, make_water, raise_if_empty, running_sums
 from bottomlock.io.water_table import WaterTable
 
 NAME = "pd0"

@@ -11,7 +11,6 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,21 +18,17 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.account import Account
-from bottomlock.io.beam_table import Recording
 from bottomlock.io.log_stream import (
     ESTIMATE,
     LogStream,
     LogStreams,
     body_velocity,
     change_of_pressure,
-    content,
     finish,
     never_moves,
-    velocities_recording,
     velocity_of_displacements,
 )
 from bottomlock.io.progress import reporter
-from bottomlock.io.rows import PLAIN, Options
 from bottomlock.support.extras import install
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
@@ -140,7 +135,7 @@ class _Read:
 _Source = tuple[int, int]
 
 
-def sniff_path(_: Path, head: bytes) -> bool:
+def sniff(head: bytes) -> bool:
     """Whether the beginning of a file looks like this format: two records, or one that is whole."""
     end = _end(head, 0)
     return end is not None and (end >= len(head) or _end(head, end) is not None)
@@ -159,15 +154,6 @@ def _end(data: bytes, at: int) -> int | None:
     if magic == _V2 and flags in {0, _SIGNED}:
         return at + _STAMP + 12 + length + 13 * flags
     return None
-
-
-def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
-    """The velocities of a DVL in a log, which have no beams.
-
-    Raises:
-        DataError: without `instrument_only`, with what to record instead; for no velocity, or several.
-    """
-    return velocities_recording(streams(content(path, TIMES_ITS_SIZE), place), place, NAME, options)
 
 
 def streams(data: bytes, place: str) -> LogStreams:

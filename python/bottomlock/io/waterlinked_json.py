@@ -19,8 +19,7 @@ import numpy as np
 from bottomlock.io.beam_table import Account, BeamTable, Floats, Recording
 from bottomlock.io.framing import Lines, Stream
 from bottomlock.io.json_lines import LONGEST_JSON, objects
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty, whole_times
-from bottomlock.io.water_rows import make_water
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty, whole_times
 from bottomlock.io.water_table import WaterTable
 
 NAME = "waterlinked-json"

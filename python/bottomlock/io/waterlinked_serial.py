@@ -15,8 +15,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
 from bottomlock.io.framing import Stream, WaterLinkedLines
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty, whole_times
-from bottomlock.io.water_rows import make_water
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty, whole_times
 from bottomlock.io.water_table import WaterTable
 from bottomlock.io.waterlinked_json import WATER_RANGE_M
 from bottomlock.io.waterlinked_sentences import (

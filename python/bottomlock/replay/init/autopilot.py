@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from bottomlock.files.table_file import content
 from bottomlock.io import ardupilot, tlog
-from bottomlock.io.log_stream import content
 from bottomlock.replay.init.any_table import AnyTable
 
 
