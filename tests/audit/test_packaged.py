@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from bottomlock.audit.run import audit_log
-from bottomlock.io.beams import read_geometry
-from bottomlock.io.packaged_geometries import packaged_geometries
+from bottomlock.io.beams import packaged_geometries, read_geometry
 from bottomlock.recordings.finding import Finding
 from tests.audit.synthetic import channels, janus, make_log
 

@@ -13,8 +13,7 @@ import pytest
 
 from bottomlock import imu, kernel, solve_velocity
 from bottomlock.config.instrument_grades import grades
-from bottomlock.io.beams import read_geometry
-from bottomlock.io.packaged_geometries import packaged_geometries
+from bottomlock.io.beams import packaged_geometries, read_geometry
 from bottomlock.kernel import Navigator, Report, models
 from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.replay import rerun

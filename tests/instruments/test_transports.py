@@ -15,10 +15,9 @@ import pytest
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.encoders.registry import encoder
-from bottomlock.instruments.address import parse_address
 from bottomlock.instruments.faults import NONE, Faults
 from bottomlock.instruments.from_scenario import readings_of_scenario
-from bottomlock.instruments.play import Channel, play, transport_of
+from bottomlock.instruments.play import Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record, records
 from bottomlock.instruments.transports import TcpServer

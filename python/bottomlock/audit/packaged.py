@@ -7,8 +7,7 @@ from bottomlock.audit.beams import BeamAssessment, assess_beams
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS
 from bottomlock.audit.robust import Array
-from bottomlock.io.beams import read_geometry
-from bottomlock.io.packaged_geometries import packaged_geometries
+from bottomlock.io.beams import packaged_geometries, read_geometry
 from bottomlock.recordings.finding import Finding
 
 OTHER_INSTRUMENT = {"swapped_beams", "sign_flipped", "order_or_bias", "rotated_geometry"}

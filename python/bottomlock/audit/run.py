@@ -22,8 +22,7 @@ from bottomlock.audit.mounting_findings import mounting_findings
 from bottomlock.audit.packaged import packaged_findings
 from bottomlock.audit.single_beams import noisy_findings, stuck_findings
 from bottomlock.audit.water import WaterAgreement, water_agreement, water_findings
-from bottomlock.io.beams import check_beam_count, read_geometry
-from bottomlock.io.packaged_geometries import packaged_geometries
+from bottomlock.io.beams import check_beam_count, packaged_geometries, read_geometry
 from bottomlock.io.water_table import WaterTable, read_water_table, water_file
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.finding import Finding, ranked

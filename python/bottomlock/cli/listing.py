@@ -15,9 +15,8 @@ from bottomlock.config.instrument_grades import KINDS, grades, listing
 from bottomlock.config.scenario import copy_packaged, packaged_scenarios
 from bottomlock.figures.palette import stroke
 from bottomlock.files.atomic_write import json_text
-from bottomlock.io.beams import read_geometry, read_instrument_file
+from bottomlock.io.beams import packaged_geometries, read_geometry, read_instrument_file
 from bottomlock.io.formats import BYTES, PATHS
-from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.plant import load_vehicle, packaged_vehicles

@@ -18,11 +18,10 @@ from bottomlock.cli.live_demo_listener import Listener
 from bottomlock.config.scenario import Scenario
 from bottomlock.encoders.registry import encoder
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.instruments.address import parse_address
 from bottomlock.instruments.demo import DVL_HZ, GEOMETRY, demo_scenario
 from bottomlock.instruments.faults import NONE
 from bottomlock.instruments.from_scenario import readings_of_scenario
-from bottomlock.instruments.play import Channel, play, transport_of
+from bottomlock.instruments.play import Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record, depth_lines, imu_lines, records
 from bottomlock.live.config import LiveConfig

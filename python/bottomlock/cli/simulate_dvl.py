@@ -22,11 +22,10 @@ from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.overwriting import check_free
-from bottomlock.instruments.address import EXPECTED, parse_address
 from bottomlock.instruments.faults import parse_faults
 from bottomlock.instruments.from_log import readings_of_case, readings_of_log
 from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
-from bottomlock.instruments.play import Channel, play, transport_of
+from bottomlock.instruments.play import EXPECTED, Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records
 from bottomlock.instruments.sent_table import sent_table

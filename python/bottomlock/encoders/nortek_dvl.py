@@ -12,8 +12,7 @@ import struct
 
 from bottomlock.encoders.fields import NO_FOM_MPS, calendar, single, steps_of, whole
 from bottomlock.encoders.framing import nortek_frame
-from bottomlock.encoders.instrument import Instrument
-from bottomlock.encoders.ping import Ping
+from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.io.columns import LATEST_NS
 from bottomlock.io.nortek_ascii import NO_VELOCITY_MPS, TILT_RAD
 

@@ -10,9 +10,8 @@ import struct
 
 from bottomlock.encoders.fields import NO_FOM_MPS, steps_of
 from bottomlock.encoders.framing import nortek_frame
-from bottomlock.encoders.instrument import Instrument
 from bottomlock.encoders.nortek_dvl import axes_and_fom, beam_range, beam_velocity, echo_s
-from bottomlock.encoders.ping import Ping
+from bottomlock.encoders.ping import Instrument, Ping
 
 NAME = "nucleus"
 _BOTTOM, _WATER, _FAMILY = 0xB4, 0xBE, 0x20

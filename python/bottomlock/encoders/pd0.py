@@ -12,8 +12,7 @@ import struct
 
 from bottomlock.encoders.fields import calendar, steps_of, whole
 from bottomlock.encoders.framing import pd0_wrap
-from bottomlock.encoders.instrument import Instrument
-from bottomlock.encoders.ping import Ping
+from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.io.columns import LATEST_NS
 
 NAME = "pd0"

@@ -1,4 +1,4 @@
-"""One ping of a DVL, as every encoder takes it."""
+"""One ping of a DVL, and what is known of the instrument beside it, as every encoder takes them."""
 
 import math
 from dataclasses import dataclass, replace
@@ -166,3 +166,16 @@ class Ping:
         if self.fom_mps is not None:
             return self.fom_mps
         return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance_m2ps2)[-1]), 0.0))
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """The instrument whose records are written.
+
+    Attributes:
+        tilt_rad: mean tilt of its beams from the vertical.
+        start_ns: when it was switched on, for the formats whose clock counts from there; ns on the pings' clock.
+    """
+
+    tilt_rad: float
+    start_ns: int = 0

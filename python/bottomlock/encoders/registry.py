@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 
 from bottomlock.encoders import cerulean, nortek_dvl, nucleus, pd0, waterlinked_json, waterlinked_serial
-from bottomlock.encoders.instrument import Instrument
-from bottomlock.encoders.ping import Ping
+from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.support.nearest import did_you_mean

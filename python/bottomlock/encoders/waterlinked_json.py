@@ -13,8 +13,7 @@ import math
 from typing import Any
 
 from bottomlock.encoders.fields import NO_FOM_MPS, decimal, steps_of
-from bottomlock.encoders.instrument import Instrument
-from bottomlock.encoders.ping import Ping
+from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.io.columns import LATEST_NS
 
 NAME = "waterlinked-json"

@@ -11,8 +11,7 @@ import math
 
 from bottomlock.encoders.fields import NO_FOM_MPS, decimal, steps_of
 from bottomlock.encoders.framing import waterlinked_sentence
-from bottomlock.encoders.instrument import Instrument
-from bottomlock.encoders.ping import Ping
+from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.encoders.waterlinked_json import NSD_DBM, rssi_dbm
 from bottomlock.errors import DataError
 from bottomlock.io.columns import LATEST_NS

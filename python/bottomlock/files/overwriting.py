@@ -153,14 +153,12 @@ class Result:
         files: Files,
         *,
         force: bool = False,
-        more: Mapping[str, Any] | None = None,
     ) -> list[Path]:
         """Writes the files of the result and its record, and removes those of an earlier one.
 
         Args:
             files: their contents.
             force: as for `check`.
-            more: further entries of the record.
 
         Returns:
             The paths of the files.
@@ -183,7 +181,7 @@ class Result:
             check_apart([self.out / name for name in contents], self.inputs)
             _check_names(self.out, {**before, **contents})
             digests = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
-            stated = {"kind": self.name, MADE_FROM: dict(self.made_from), **(more or {})}
+            stated = {"kind": self.name, MADE_FROM: dict(self.made_from)}
             # Whatever is written is named beforehand, so that what a killed process leaves is known as ours.
             write_record(self.record, stated | {"status": "running"}, {**before, **digests})
             for name, content in contents.items():

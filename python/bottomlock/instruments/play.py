@@ -6,10 +6,30 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bottomlock.errors import OutputError
 from bottomlock.instruments.schedule import Record
 from bottomlock.instruments.terminals import Pty, Serial
 from bottomlock.instruments.transports import File, TcpServer, Transport, Udp
-from bottomlock.ports.address import Address
+from bottomlock.ports.address import Address, Kind, forms
+from bottomlock.ports.address import parse_address as parse
+
+KINDS: tuple[Kind, ...] = ("tcpin", "udpout", "pty", "serial", "file")
+EXPECTED = forms(KINDS)
+
+
+def parse_address(text: str, option: str) -> Address:
+    """The address in a command's option.
+
+    Raises:
+        OutputError: naming the option, for what is none of the forms.
+
+    >>> parse_address("tcpin:16171", "--dvl")
+    Address(kind='tcpin', host='127.0.0.1', port=16171, path='', baud=0)
+    """
+    try:
+        return parse(text, KINDS, what="where an instrument sends", any_port=True)
+    except ValueError as error:
+        raise OutputError(error, place=option) from error
 
 
 def transport_of(address: Address, *, force: bool = False, patient: bool = True) -> Transport:

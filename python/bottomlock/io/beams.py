@@ -31,7 +31,6 @@ from bottomlock.io.columns import (
     number_series,
     read_rows,
 )
-from bottomlock.io.packaged_geometries import packaged_geometries
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
 from bottomlock.support.later import pl
 from bottomlock.support.nearest import guess
@@ -160,6 +159,16 @@ def _text_of(source: str | Path) -> tuple[str, str]:
         expected=f"a file, or one of {', '.join(names)}",
         hint=guess(str(source), names),
     )
+
+
+def packaged_geometries() -> list[str]:
+    """Names of the packaged geometries, sorted.
+
+    >>> "waterlinked_a50" in packaged_geometries()
+    True
+    """
+    folder = resources.files("bottomlock.config") / "geometries"
+    return sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml"))
 
 
 def geometry_text(source: str | Path) -> str:
