@@ -12,24 +12,23 @@ from tests.live.world import BEAM_SD, VELOCITY, Sent, World, config
 
 SECOND = 1_000_000_000
 ALL = np.ones(4, dtype=bool)
+SD = np.full(4, BEAM_SD)
 
 
 def made(acceleration_mps2: float = 1.0) -> BeamJumps:
     """A50 beams of 0.01 m/s: a jump within 0.1 s is more than 0.0566 + 0.1 m/s."""
-    instrument = read_geometry("waterlinked_a50")
-    object.__setattr__(instrument, "beam_sd_mps", np.full(4, BEAM_SD))
-    return BeamJumps(instrument, acceleration_mps2)
+    return BeamJumps(read_geometry("waterlinked_a50").geometry, acceleration_mps2)
 
 
 def test_a_jump_by_hand() -> None:
     """4 √2 σ and the acceleration: 0.156 passes, 0.158 does not; two complete beams tell nothing more."""
     one = made()
     three = np.array([True, True, True, False])
-    one.kept(0, np.zeros(4), three)
-    assert one.kept(SECOND // 10, np.array([0.156, 0.0, 0.0, 0.0]), three).tolist() == three.tolist()
+    one.kept(0, np.zeros(4), three, SD)
+    assert one.kept(SECOND // 10, np.array([0.156, 0.0, 0.0, 0.0]), three, SD).tolist() == three.tolist()
     one = made()
-    one.kept(0, np.zeros(4), three)
-    assert one.kept(SECOND // 10, np.array([0.158, 0.0, 0.0, 0.0]), three).tolist() == [
+    one.kept(0, np.zeros(4), three, SD)
+    assert one.kept(SECOND // 10, np.array([0.158, 0.0, 0.0, 0.0]), three, SD).tolist() == [
         False,
         True,
         True,
@@ -41,19 +40,24 @@ def test_a_jump_by_hand() -> None:
 def test_the_other_beams_tell_a_smaller_one() -> None:
     """Closure of four beams, half of a beam's error each: 0.08 m/s is four sigma of it, and no jump by itself."""
     one = made()
-    one.kept(0, np.zeros(4), ALL)
-    assert one.kept(SECOND // 10, np.array([0.0, 0.08, 0.0, 0.0]), ALL).tolist() == [True, False, True, True]
-    assert one.kept(2 * SECOND // 10, np.array([0.0, 0.06, 0.0, 0.0]), ALL).all()
+    one.kept(0, np.zeros(4), ALL, SD)
+    assert one.kept(SECOND // 10, np.array([0.0, 0.08, 0.0, 0.0]), ALL, SD).tolist() == [
+        True,
+        False,
+        True,
+        True,
+    ]
+    assert one.kept(2 * SECOND // 10, np.array([0.0, 0.06, 0.0, 0.0]), ALL, SD).all()
 
 
 def test_a_vehicle_that_moved_is_taken_after_three_readings() -> None:
     """And a beam that was away for more than two seconds at once."""
     one = made()
-    one.kept(0, np.zeros(4), ALL)
+    one.kept(0, np.zeros(4), ALL, SD)
     new = read_geometry("waterlinked_a50").geometry.beam_velocities([[9.0, 3.0, 0.0]])[0]
-    kept = [one.kept(k * SECOND // 10, new, ALL).all() for k in range(1, REOPENED + 2)]
+    kept = [one.kept(k * SECOND // 10, new, ALL, SD).all() for k in range(1, REOPENED + 2)]
     assert kept == [False] * REOPENED + [True]
-    assert one.kept(5 * SECOND, np.zeros(4), ALL).all()
+    assert one.kept(5 * SECOND, np.zeros(4), ALL, SD).all()
 
 
 @pytest.mark.parametrize(("lost", "most"), [((), 1.5), ((3,), 2.6)])

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from bottomlock.live.checkpoint import begin, pack
-from bottomlock.live.config import LiveConfig
+from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
+from bottomlock.live.navigator_config import NavigatorConfig
 from bottomlock.ports.estimate import SILENT
-from tests.live.world import START_NS, VELOCITY, Sent, World, config
+from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, Sent, World, config
 
 S = 1_000_000_000
 
@@ -82,3 +83,112 @@ def test_nothing_to_save_before_the_alignment() -> None:
     """Nor in mode velocity."""
     assert pack(Engine(config("navigation")), START_NS) is None
     assert pack(Engine(config()), START_NS) is None
+
+
+GEOMETRY = """configuration = "x"
+tilt_deg = 22.5
+mounting_yaw_deg = 45.0
+beam_noise_mps = 0.01
+"""
+SENSORS = """
+[attitude]
+aids = "heading"
+[depth]
+[gps]
+[acoustic_position]
+[water_track]
+[thrust]
+advance_m = 0.1
+[effort]
+mass_kg = [20.0, 20.0, 20.0]
+linear_drag_kg_per_s = [5.0, 5.0, 5.0]
+"""
+
+
+def with_sensors(folder: Path, *changes: tuple[str, str]) -> LiveConfig:
+    """A configuration with every sensor, its geometry in a file, and texts of both files that are others."""
+    text = NAVIGATION_TOML.replace("waterlinked_a50", str(folder / "dvl.toml")) + SENSORS
+    geometry = GEOMETRY
+    text = text.replace(
+        "origin.latitude_deg = 32.8", "origin.latitude_deg = 32.8\norigin.longitude_deg = 0.0"
+    )
+    for kind in ("attitude", "gps", "acoustic", "thrust", "effort"):
+        text += f'[[source]]\nname = "{kind}"\naddress = "{{imu}}"\nformat = "{kind}-csv"\nrate_hz = 1\n'
+    for old, new in changes:
+        assert old in text or old in geometry
+        text, geometry = text.replace(old, new), geometry.replace(old, new)
+    (folder / "dvl.toml").write_text(geometry)
+    places = {"dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": "udpout:127.0.0.1:9"}
+    return parse_config(text.format(format="waterlinked-json", **places), place="test")
+
+
+BEAMS = "beam_noise_mps = 0.01\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (f"[{section}]\n", f"[{section}]\n{line}\n")
+        for section, line in (
+            ("imu", "gyro_bias_walk_deg_per_s_per_rt_s = 0.5"),
+            ("attitude", "yaw_sd_deg = 3.0"),
+            ("depth", "bias_m = 0.2"),
+            ("gps", "position_sd_m = [1.0, 1.0, 1.0]"),
+            ("acoustic_position", "transceiver_m = [1.0, 0.0, 0.0]"),
+            ("water_track", "cells = [2]"),
+            ("thrust", "slip_mps = 0.03"),
+            ("effort", "slip_mps = 0.03"),
+            ("start", "level_sd_deg = 3.0"),
+        )
+    ]
+    + [
+        ("[states]\n", f"[{section}]\n{line}\n[states]\n")
+        for section, line in (
+            ("filter", "gate_probability = 0.9"),
+            ("robust", "enabled = false"),
+            ("navigation", 'method = "sway_current"'),
+        )
+    ]
+    + [
+        ("origin.longitude_deg", "origin.height_m = 1.0\norigin.longitude_deg"),
+        ("dvl.geometry", "dvl.errors.beam_bias_mps = 0.01\ndvl.geometry"),
+        ("tilt_deg = 22.5", "tilt_deg = 23.0"),
+        ("mounting_yaw_deg = 45.0", "mounting_yaw_deg = 44.0"),
+        (f"45.0\n{BEAMS}", "45.0\nbeam_noise_mps = 0.02\n"),
+        (f"45.0\n{BEAMS}", f"45.0\nlever_arms_m = {[[0.1, 0.0, 0.0]] * 4}\n{BEAMS}"),
+        (f"45.0\n{BEAMS}", f"45.0\n{BEAMS}[calibration]\nscale_sd_percent = 0.3\n"),
+    ],
+)
+def test_an_edit_of_any_setting_or_of_the_geometry_begins_anew(tmp_path: Path, old: str, new: str) -> None:
+    """Each section of a navigator, and each part of the geometry, which is the same file by name."""
+    before = with_sensors(tmp_path).content_hash()
+    assert with_sensors(tmp_path).content_hash() == before
+    assert with_sensors(tmp_path, (old, new)).content_hash() != before
+
+
+def test_every_section_of_a_navigator_was_edited(tmp_path: Path) -> None:
+    """The sections above are all that there are."""
+    assert all(getattr(with_sensors(tmp_path), name) is not None for name in NavigatorConfig.model_fields)
+
+
+def test_the_geometry_of_the_start_counts(tmp_path: Path) -> None:
+    """A file that is edited while the program runs: what it saves is of the geometry that it read."""
+    geometry, file = tmp_path / "dvl.toml", tmp_path / "checkpoint"
+    geometry.write_text(GEOMETRY)
+    text = f'[checkpoint]\nfile = "{file}"\n'
+
+    def configured() -> LiveConfig:
+        return config("navigation", extra=text, geometry=str(geometry))
+
+    engine = Engine(configured())
+    for arrival_ns, source, data in World(3.0).arrivals(imu=True):
+        engine.arrive(source, arrival_ns, data)
+    geometry.write_text(GEOMETRY.replace("22.5", "23.0"))
+    content = pack(engine, engine.now_ns)
+    assert content is not None
+    file.write_bytes(content)
+    _, used, said = begin(configured(), engine.now_ns + S)
+    assert used is None
+    assert "another geometry" in said
+    geometry.write_text("# The same.\n" + GEOMETRY)
+    assert begin(configured(), engine.now_ns + S)[1] is not None

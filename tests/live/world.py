@@ -123,8 +123,15 @@ rate_hz = 10
 """
 
 
-def config(mode: str = "velocity", *, extra: str = "", **addresses: str) -> LiveConfig:
-    """A configuration of the tests."""
+def config(
+    mode: str = "velocity",
+    *,
+    extra: str = "",
+    geometry: str = "waterlinked_a50",
+    change: tuple[str, str] = ("", ""),
+    **addresses: str,
+) -> LiveConfig:
+    """A configuration of the tests, with a text of it that is another."""
     places = {
         "dvl": "tcp:127.0.0.1:9",
         "imu": "udpin:127.0.0.1:9",
@@ -132,7 +139,9 @@ def config(mode: str = "velocity", *, extra: str = "", **addresses: str) -> Live
         "format": "waterlinked-json",
     }
     text = (VELOCITY_TOML if mode == "velocity" else NAVIGATION_TOML).format(**(places | addresses))
-    return parse_config(text + extra, place="test")
+    assert change[0] in text
+    text = text.replace(*change, 1) if change[0] else text
+    return parse_config(text.replace("waterlinked_a50", geometry) + extra, place="test")
 
 
 Lost = Callable[[float], tuple[int, ...]]

@@ -5,7 +5,6 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from bottomlock import units
 from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section
 from bottomlock.kernel.models import Calibration
 
@@ -48,7 +47,7 @@ class StatedCalibration(Section):
 
 
 class CalibrationSection(Section):
-    """Mounting and clock of the DVL as states of a case's filter, 1 sigma beforehand.
+    """Mounting and clock of the DVL as states of the filter, 1 sigma beforehand.
 
     What is not given is that of the DVL's file, and 0 (certain) without. `mounting_sd_deg` is one value or three, about
     the platform's forward, right and down axes. The scale has its prior in `dvl.errors.scale_factor_percent`.
@@ -76,10 +75,3 @@ class CalibrationSection(Section):
         angles = stated.mounting_sd_deg if self.mounting_sd_deg is None else self.mounting_sd_deg
         clock_s = stated.clock_sd_s if self.clock_sd_s is None else self.clock_sd_s
         return Calibration(mounting_sd_rad=tuple(np.deg2rad(angles).tolist()), clock_sd_s=clock_s)
-
-
-def scale_sd(stated: StatedCalibration | None, *, given: bool, otherwise: float) -> float:
-    """1 sigma of the scale factor: the case's where it is given there, else the DVL's file's, else the default."""
-    if given or stated is None or stated.scale_sd_percent is None:
-        return otherwise
-    return units.fraction_from_percent(stated.scale_sd_percent)

@@ -1,7 +1,12 @@
-"""Errors of a DVL that a filter assumes, of a replay or live."""
+"""Geometry, noise and errors of a DVL as a filter takes them, of a replay or live."""
+
+from typing import Literal, Self
+
+from pydantic import model_validator
 
 from bottomlock import units
-from bottomlock.config.scenario_sections import NonNegative, Section
+from bottomlock.config.calibration import StatedCalibration
+from bottomlock.config.scenario_sections import NonNegative, Positive, Section
 from bottomlock.kernel import models
 
 
@@ -13,12 +18,36 @@ class DvlErrors(Section):
     scale_factor_percent: NonNegative = 0.7
     scale_factor_walk_percent_per_rt_s: NonNegative = 5e-3
 
-    def kernel_model(self, beam_noise_sd_mps: float) -> models.DvlModel:
-        """The errors in SI, with the noise of a beam."""
+    def kernel_model(self, beam_noise_sd_mps: float, stated: StatedCalibration | None) -> models.DvlModel:
+        """The errors in SI, with the noise of a beam; a scale that is not given here is as the DVL's file states it."""
+        scale_percent = self.scale_factor_percent
+        if "scale_factor_percent" not in self.model_fields_set and stated is not None:
+            scale_percent = stated.scale_sd_percent or scale_percent
         return models.DvlModel(
             beam_noise_sd_mps=beam_noise_sd_mps,
             beam_bias_sd_mps=self.beam_bias_mps,
             beam_bias_walk_mps_rts=self.beam_bias_walk_mps_per_rt_s,
-            scale_factor_sd=units.fraction_from_percent(self.scale_factor_percent),
+            scale_factor_sd=units.fraction_from_percent(scale_percent),
             scale_factor_walk_rts=units.fraction_from_percent(self.scale_factor_walk_percent_per_rt_s),
         )
+
+
+class DvlSettings(Section):
+    """The DVL: its geometry (packaged name or TOML file), the noise of its beams and the other errors, 1 sigma.
+
+    `beam_noise_mps` replaces that of the geometry; with `beam_noise_from` = "recording" the noise is the instrument's
+    own figure of merit of each beam and ping.
+    """
+
+    geometry: str
+    beam_noise_mps: Positive | None = None
+    beam_noise_from: Literal["geometry", "recording"] = "geometry"
+    errors: DvlErrors = DvlErrors()
+
+    @model_validator(mode="after")
+    def _noise_once(self) -> Self:
+        if self.beam_noise_from == "recording" and self.beam_noise_mps is not None:
+            raise ValueError(
+                'beam_noise_from is "recording", and beam_noise_mps is given: expected one of them'
+            )
+        return self

@@ -195,8 +195,8 @@ def read_instrument_file(source: str | Path) -> InstrumentFile:
         raise refusal(error, place, InstrumentFile) from error
 
 
-def read_geometry(source: str | Path) -> Instrument:
-    """Reads a DVL from a TOML file or a packaged name.
+def read_geometry(source: str | Path, *, beam_noise_mps: float | None = None) -> Instrument:
+    """Reads a DVL from a TOML file or a packaged name; `beam_noise_mps`, 1 sigma, replaces the noise of its beams.
 
     Raises:
         ScenarioError: as `read_instrument_file`, and for directions that are not unit vectors.
@@ -206,7 +206,10 @@ def read_geometry(source: str | Path) -> Instrument:
         4
     """
     place = str(source) if Path(source).is_file() else f"geometry {source}"
-    return instrument_of(read_instrument_file(source), place=place)
+    settings = read_instrument_file(source)
+    if beam_noise_mps is not None:
+        settings = settings.model_copy(update={"beam_noise_mps": beam_noise_mps})
+    return instrument_of(settings, place=place)
 
 
 def instrument_of(settings: InstrumentFile, *, place: str) -> Instrument:

@@ -61,6 +61,7 @@ class Stream:
         repeats: whether a report may repeat the beams of the report before.
         sums: whether older versions carry intervals in place of times.
         lost: whether a record without any beam is a ping, with all of them lost.
+        figures: whether its records can hold a figure of merit of each beam, 1 sigma.
     """
 
     frame: Callable[[int], Framer]
@@ -70,6 +71,7 @@ class Stream:
     repeats: bool = False
     sums: bool = False
     lost: bool = False
+    figures: bool = False
 
 
 class Lines(Framer):

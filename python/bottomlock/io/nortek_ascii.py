@@ -17,7 +17,7 @@ from bottomlock.io.lines import Bytes, is_text, running_xor
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nortek-ascii"
-STREAM = Stream(NortekLines)
+STREAM = Stream(NortekLines, figures=True)
 MOST_BEAMS = 4
 NO_VELOCITY_MPS, NO_FOM_MPS = -32.768, 10.0
 TILT_RAD = math.radians(25.0)

@@ -20,7 +20,7 @@ from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, rais
 from bottomlock.io.water_table import WaterTable
 
 NAME = "nortek-dvl"
-STREAM = Stream(lambda _: nortek(), kind=BOTTOM_DVL, water=(WATER_DVL,))
+STREAM = Stream(lambda _: nortek(), kind=BOTTOM_DVL, water=(WATER_DVL,), figures=True)
 _BEAMS = 4
 _DATA = np.dtype(
     [

@@ -20,7 +20,7 @@ from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, rais
 from bottomlock.io.water_table import WaterTable
 
 NAME = "nucleus"
-STREAM = Stream(lambda _: nortek(), kind=BOTTOM_NUCLEUS, water=(WATER_NUCLEUS,))
+STREAM = Stream(lambda _: nortek(), kind=BOTTOM_NUCLEUS, water=(WATER_NUCLEUS,), figures=True)
 _BEAMS = 3
 _FAMILY = 0x20
 _NUCLEUS_RECORDS = {0x82, 0x87, 0xAA, 0xB4, 0xBE, 0xD2, 0xDC}

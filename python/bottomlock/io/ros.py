@@ -28,7 +28,7 @@ from bottomlock.support.extras import install
 
 NAME = "ros"
 NAME_MESSAGE = "ros-dvl"
-STREAM = Stream(lambda _: Framer(), repeats=True)
+STREAM = Stream(lambda _: Framer(), repeats=True, figures=True)
 TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")
 _BEAMS = 4
 _BOTTOM, _WATER = 1, 2

@@ -242,8 +242,8 @@ class AlignedNavigator:
             )
 
     def solve(self, time_ns: int, ping: Ping) -> VelocityFixes:
-        """The velocity of a ping by itself, which the alignment waits for."""
-        fixes = solve_ping(self._instrument, ping, "info")
+        """The velocity of a ping by itself, which the alignment waits for; noise as `NavigatorConfig.with_noise`."""
+        fixes = solve_ping(self._instrument.geometry, ping, "info")
         if int(fixes.rank[0]) == 3:
             self._alignment.velocity(time_ns, fixes.velocity_p_mps[0])
             if self._motion is not None:
@@ -258,9 +258,7 @@ class AlignedNavigator:
         """
         if self.navigator is None:
             return ()
-        return self.navigator.push_beams(
-            time_ns, ping.velocity_mps, ping.valid, sd_mps=self._instrument.beam_sd_mps
-        )
+        return self.navigator.push_beams(time_ns, ping.velocity_mps, ping.valid, sd_mps=ping.sd_mps)
 
     def water(self, time_ns: int, ping: Ping) -> Iterator[tuple[int, Flags, Sequence[Report]]]:
         """Takes the cells of the water that came with a ping; yields time, valid beams and reports of each.

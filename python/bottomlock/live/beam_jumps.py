@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beams import Instrument
+from bottomlock.kernel import BeamGeometry
 from bottomlock.live.closure import whitened_closure
 
 JUMP_SD = 4.0
@@ -26,34 +26,37 @@ class BeamJumps:
     """Beams of each ping that are no outliers.
 
     Args:
-        instrument: geometry and claimed noise.
+        geometry: the beams.
         acceleration_mps2: largest acceleration of the vehicle along a beam.
 
     Attributes:
         why: what was left out of the last ping; "" if nothing was.
     """
 
-    def __init__(self, instrument: Instrument, acceleration_mps2: float) -> None:
-        beams = instrument.geometry.beams
-        self._sd_mps, self._acceleration = instrument.beam_sd_mps, acceleration_mps2
-        self._rows = whitened_closure(instrument)
+    def __init__(self, geometry: BeamGeometry, acceleration_mps2: float) -> None:
+        beams = geometry.beams
+        self._geometry, self._acceleration = geometry, acceleration_mps2
         self._before_mps, self._before_ns = np.full(beams, np.nan), np.zeros(beams, dtype=np.int64)
         self._jumped = np.zeros(beams, dtype=np.int64)
         self.why = ""
 
     def kept(
-        self, time_ns: int, velocity_mps: NDArray[np.float64], valid: NDArray[np.bool_]
+        self,
+        time_ns: int,
+        velocity_mps: NDArray[np.float64],
+        valid: NDArray[np.bool_],
+        sd_mps: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
-        """Which beams (n,) of a ping to use; their readings are what the next ones are compared with."""
+        """Which beams (n,) of a ping with its claimed noise to use; the next ones are compared with their readings."""
         age_s = np.abs(time_ns - self._before_ns) * 1e-9
         known = valid & np.isfinite(self._before_mps) & (age_s <= OLDEST_S)
         change = np.where(known, np.abs(velocity_mps - self._before_mps), 0.0)
-        limit = JUMP_SD * math.sqrt(2.0) * self._sd_mps + self._acceleration * age_s
+        limit = JUMP_SD * math.sqrt(2.0) * sd_mps + self._acceleration * age_s
         jumped = known & (change > limit) & (self._jumped < REOPENED)
         keep: NDArray[np.bool_] = valid & ~jumped
-        if keep.all() and self._rows.size and known.any():
-            closure = self._rows @ (velocity_mps / self._sd_mps)
-            if float(np.abs(closure).max()) > CLOSURE_SD:
+        if keep.all() and known.any():
+            closure = whitened_closure(self._geometry, sd_mps) @ (velocity_mps / sd_mps)
+            if closure.size and float(np.abs(closure).max()) > CLOSURE_SD:
                 worst = int(np.argmax(change / limit))
                 keep[worst] = self._jumped[worst] >= REOPENED
         left_out = valid & ~keep

@@ -1,11 +1,10 @@
 """The navigator saved while it runs, so that a restart within seconds goes on instead of aligning anew.
 
-The file is a line of JSON (when, reset counter, digest of the settings) and the bytes of `Navigator.save`, which carry
-their own digest. A start continues with the next reset counter; the time since the last reading is a gap like any
-other, bridged with its uncertainty, and nothing is sent before a ping has been used.
+The file is a line of JSON (when, reset counter, digest of the settings and the geometry) and the bytes of
+`Navigator.save`, which carry their own digest. A start continues with the next reset counter; the time since the last
+reading is a gap like any other, bridged with its uncertainty, and nothing is sent before a ping has been used.
 """
 
-import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -17,25 +16,6 @@ from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.ports.estimate import SILENT
 
-_SETTINGS = {
-    "dvl",
-    "imu",
-    "attitude",
-    "depth",
-    "origin",
-    "navigation",
-    "filter",
-    "robust",
-    "water_track",
-    "thrust",
-    "effort",
-}
-"""Sections that a saved navigator depends on."""
-
-
-def _digest(config: LiveConfig) -> str:
-    return hashlib.sha256(config.model_dump_json(include=_SETTINGS).encode()).hexdigest()
-
 
 def pack(engine: Engine, now_ns: int) -> bytes | None:
     """A checkpoint; None while there is nothing that is worth going on with."""
@@ -46,7 +26,7 @@ def pack(engine: Engine, now_ns: int) -> bytes | None:
         or engine.state in SILENT
     ):
         return None
-    head = {"saved_ns": now_ns, "reset_counter": engine.reset_counter, "settings": _digest(engine.config)}
+    head = {"saved_ns": now_ns, "reset_counter": engine.reset_counter, "settings": engine.content_hash}
     return json.dumps(head).encode() + b"\n" + estimator.navigator.save()
 
 
@@ -87,12 +67,12 @@ def _unpack(config: LiveConfig, content: bytes) -> tuple[dict[str, Any], Navigat
     line, _, saved = content.partition(b"\n")
     try:
         head = json.loads(line)
-        fits = head["settings"] == _digest(config)
+        fits = head["settings"] == config.content_hash()
         numbers = [head["saved_ns"], head["reset_counter"]]
     except (ValueError, KeyError, TypeError) as error:
         raise DataError("it is no checkpoint of `bottomlock live`") from error
     if not all(isinstance(value, int) for value in numbers):
         raise DataError("it is no checkpoint of `bottomlock live`")
     if not fits:
-        raise DataError("it was made with other settings")
+        raise DataError("it was made with other settings or another geometry of the DVL")
     return head, Navigator.load(saved)

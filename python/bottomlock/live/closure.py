@@ -9,7 +9,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beams import Instrument
+from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.closure import closure_rows
 
 PINGS = 20
@@ -18,17 +18,16 @@ _GAUSSIAN = 0.6745
 """Median of |z| of a standard normal z."""
 
 
-def whitened_closure(instrument: Instrument) -> NDArray[np.float64]:
+def whitened_closure(geometry: BeamGeometry, sd_mps: NDArray[np.float64]) -> NDArray[np.float64]:
     """(k, n) combinations of the readings over their claimed noise that no velocity causes, each of variance 1."""
-    whitened = instrument.geometry.directions_p / instrument.beam_sd_mps[:, np.newaxis]
-    return closure_rows(whitened)
+    return closure_rows(geometry.directions_p / sd_mps[:, np.newaxis])
 
 
 class Closure:
     """Scatter of the closure over what the noise of the beams claims.
 
     Args:
-        instrument: geometry and claimed noise.
+        geometry: the beams.
 
     Attributes:
         ratio: robust, over the last `PINGS` complete pings; None before there are so many, and with three beams. With
@@ -36,22 +35,27 @@ class Closure:
 
     Examples:
         >>> from bottomlock.io.beams import read_geometry
-        >>> closure = Closure(read_geometry("waterlinked_a50"))  # claims 4 mm/s
-        >>> for sign in [1.0, -1.0] * 10: closure.add(sign * np.array([0.08, 0.0, 0.0, 0.0]), np.ones(4, dtype=bool))
+        >>> a50 = read_geometry("waterlinked_a50")  # claims 4 mm/s
+        >>> closure, one, valid = Closure(a50.geometry), np.array([0.08, 0.0, 0.0, 0.0]), np.ones(4, dtype=bool)
+        >>> for sign in [1.0, -1.0] * 10: closure.add(sign * one, valid, a50.beam_sd_mps)
         >>> round(closure.ratio)
         15
     """
 
-    def __init__(self, instrument: Instrument) -> None:
-        self._sd_mps = instrument.beam_sd_mps
-        self._rows = whitened_closure(instrument)
+    def __init__(self, geometry: BeamGeometry) -> None:
+        self._geometry = geometry
         self._last: deque[NDArray[np.float64]] = deque(maxlen=PINGS)
         self.ratio: float | None = None
 
-    def add(self, velocity_mps: NDArray[np.float64], valid: NDArray[np.bool_]) -> None:
-        """Takes a ping: velocities along the beams (n,) and which are valid (n,)."""
-        if not self._rows.size or not valid.all():
+    def add(
+        self, velocity_mps: NDArray[np.float64], valid: NDArray[np.bool_], sd_mps: NDArray[np.float64]
+    ) -> None:
+        """Takes a ping: velocities along the beams (n,), which are valid (n,), and their claimed noise (n,)."""
+        if not valid.all():
             return
-        self._last.append(self._rows @ (velocity_mps / self._sd_mps))
+        rows = whitened_closure(self._geometry, sd_mps)
+        if not rows.size:
+            return
+        self._last.append(rows @ (velocity_mps / sd_mps))
         if len(self._last) == PINGS:
             self.ratio = float(np.median(np.abs(self._last)) / _GAUSSIAN)

@@ -11,6 +11,7 @@ from bottomlock.config.effort import require_one_use
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
+from bottomlock.io.formats import LIVE
 from bottomlock.live.navigator_config import NavigatorConfig, kernel_settings
 from bottomlock.live.sections import (
     DVL_FORMATS,
@@ -63,11 +64,20 @@ class LiveConfig(NavigatorConfig):
             )
         if [source.address for source in self.source].count("stdin") > 1:
             raise ValueError("two sources read stdin, expected one at most")
+        self._dvl_states_noise(next(one.format for one in self.source if one.name == dvls[0]))
         if self.mode == "navigation":
             self._can_navigate()
         else:
             self._needs_nothing_else()
         return self
+
+    def _dvl_states_noise(self, form: str) -> None:
+        stating = [name for name, one in LIVE.items() if one.stream is not None and one.stream.figures]
+        if self.dvl.beam_noise_from == "recording" and form not in stating:
+            raise ValueError(
+                f"dvl.beam_noise_from is \"recording\", and format '{form}' has no figure of merit of a beam, expected "
+                f'"geometry", or a DVL with a format of {", ".join(stating)}'
+            )
 
     def _can_navigate(self) -> None:
         missing = [f"[{key}]" for key in ("imu", "origin", "start") if getattr(self, key) is None]
@@ -141,8 +151,8 @@ class LiveConfig(NavigatorConfig):
             )
 
     def _needs_nothing_else(self) -> None:
-        for key in (*FORMATS, "water_track", "origin", "start", "checkpoint"):
-            if getattr(self, key) is not None:
+        for key in (*FORMATS, "water_track", "origin", "start", "calibration", "checkpoint"):
+            if getattr(self, key) is not None and key in self.model_fields_set:
                 raise ValueError(
                     f'section [{key}] belongs to mode = "navigation", and the mode is "velocity"'
                 )

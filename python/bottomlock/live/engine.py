@@ -84,6 +84,9 @@ class Engine:
         config: the configuration.
         make_estimator: makes the estimator; by default that of the mode.
         reset_counter: of the estimates, at the start.
+
+    Attributes:
+        content_hash: of what the navigator was made of at the start, whatever becomes of the files since.
     """
 
     def __init__(
@@ -94,6 +97,7 @@ class Engine:
         reset_counter: int = 0,
     ) -> None:
         self.config = config
+        self.content_hash = config.content_hash()
         instrument = config.instrument()
         self.beams = instrument.geometry.beams
         self.estimator = (make_estimator or _estimator)(config)
@@ -109,6 +113,8 @@ class Engine:
         self._ping_period_ns = _period_ns(one for one in config.source if one.format in DVL_FORMATS)
         self._imu_period_ns = _period_ns(config.sources_of(config.motion))
         self._moves = AttitudeReading if isinstance(config.imu, ImuFromAttitude) else ImuReading
+        # Only stamps that are taken as they are have the offset that the DVL's file states.
+        self._dvl_offset_ns = units.ns_from_s(instrument.stated.clock_offset_s)
         self._steps_seen = 0
         self._failed = ""
         self.now_ns = 0
@@ -228,6 +234,7 @@ class Engine:
         if is_ping and reading.time_ns in one.stamps:
             one.refused.add("its time repeats")
             return None
+        offset_ns = self._dvl_offset_ns if is_ping else 0
         if one.section.clock == "arrival":
             return arrival_ns - latency_ns
         if one.section.clock == "host":
@@ -236,7 +243,7 @@ class Engine:
             if not -OLDEST_NS < ahead_ns <= units.ns_from_s(one.section.step_s):
                 one.refused.add("its time is not that of the host")
                 return None
-            return reading.time_ns - latency_ns
+            return reading.time_ns + offset_ns - latency_ns
         sent_ns = reading.transmission_ns if isinstance(reading, Ping) else reading.time_ns
         verdict = one.clock.observe(sent_ns, arrival_ns)
         if verdict == "late":
@@ -312,8 +319,7 @@ def _estimator(config: LiveConfig) -> Estimator:
         from bottomlock.live.navigation import NavigationEstimator  # noqa: PLC0415 - mode velocity starts without it
 
         return NavigationEstimator(config)
-    instrument = config.instrument()
-    return VelocityEstimator(instrument, config.velocity)
+    return VelocityEstimator(config)
 
 
 def _period_ns(sources: Iterable[SourceSection]) -> int:

@@ -6,12 +6,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beams import Instrument
-from bottomlock.kernel import VelocityFixes, solve_velocity
+from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.live.beam_jumps import BeamJumps
 from bottomlock.live.closure import Closure
+from bottomlock.live.config import LiveConfig
 from bottomlock.live.reasons import Reasons
-from bottomlock.live.sections import VelocityMethod, VelocitySection
+from bottomlock.live.sections import VelocityMethod
 from bottomlock.ports.estimate import Beams, Estimate, State
 from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.water_cells import CellCounts
@@ -109,22 +109,22 @@ class LastPing:
         self.why = ""
 
 
-def solve_ping(instrument: Instrument, ping: Ping, method: VelocityMethod) -> VelocityFixes:
-    """The velocity of one ping along the directions that its valid beams determine."""
+def solve_ping(geometry: BeamGeometry, ping: Ping, method: VelocityMethod) -> VelocityFixes:
+    """The velocity of one ping along the directions that its valid beams determine; its noise is `sd_mps`."""
     return solve_velocity(
-        instrument.geometry,
+        geometry,
         ping.velocity_mps[np.newaxis],
         ping.valid[np.newaxis],
         method=method,
-        beam_sd_mps=instrument.beam_sd_mps,
+        beam_sd_mps=ping.sd_mps,
     )
 
 
-def beams_of(instrument: Instrument, ping: Ping, *, offset_ns: int, before_ns: int | None) -> Beams:
+def beams_of(ping: Ping, *, offset_ns: int, before_ns: int | None) -> Beams:
     """The ping for ports that pass beams on; `offset_ns` brings the instrument's clock to the host's."""
     return Beams(
         velocity_mps=np.where(ping.valid, ping.velocity_mps, np.nan),
-        sd_mps=instrument.beam_sd_mps,
+        sd_mps=ping.sd_mps,
         range_m=positive(ping.range_m),
         transmission_ns=ping.transmission_ns + offset_ns,
         interval_ns=None if before_ns is None else ping.time_ns - before_ns,
@@ -139,9 +139,10 @@ def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
 class VelocityEstimator:
     """Mode velocity: what the beams of the last ping determine, and nothing else. See `Estimator`."""
 
-    def __init__(self, instrument: Instrument, section: VelocitySection) -> None:
-        self._instrument, self._method = instrument, section.method
-        self._jumps = BeamJumps(instrument, section.acceleration_mps2)
+    def __init__(self, config: LiveConfig) -> None:
+        self._config, self._instrument = config, config.instrument()
+        geometry = self._instrument.geometry
+        self._jumps = BeamJumps(geometry, config.velocity.acceleration_mps2)
         self._fixes: VelocityFixes | None = None
         self._beams: Beams | None = None
         self._before_ns: int | None = None
@@ -154,27 +155,31 @@ class VelocityEstimator:
         self.imu_used_ns: int | None = None
         self.water_used_ns: int | None = None
         self.water_counts = CellCounts()
-        self.last = LastPing(instrument.geometry.beams)
+        self.last = LastPing(geometry.beams)
         self.gated = Reasons()
-        self.closure = Closure(instrument)
+        self.closure = Closure(geometry)
         self.imu_fault = ""
         self.reference_error: tuple[Floats, Floats] | None = None
         self.current: tuple[Floats, Floats] | None = None
 
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
-        """Solves a ping."""
-        self.closure.add(ping.velocity_mps, ping.valid)
+        """Solves a ping.
+
+        Raises:
+            KernelError: as `NavigatorConfig.with_noise`.
+        """
+        ping = self._config.with_noise(ping, self._instrument)
+        self.closure.add(ping.velocity_mps, ping.valid, ping.sd_mps)
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
-        ping = replace(ping, valid=self._jumps.kept(time_ns, ping.velocity_mps, ping.valid))
-        fixes = solve_ping(self._instrument, ping, self._method)
+        kept = self._jumps.kept(time_ns, ping.velocity_mps, ping.valid, ping.sd_mps)
+        ping = replace(ping, valid=kept)
+        fixes = solve_ping(self._instrument.geometry, ping, self._config.velocity.method)
         rank = int(fixes.rank[0])
         self.last.why = self._jumps.why
         self.last.used = fixes.beams_used[0]
         self.last.verdict = f"determines {rank} of 3 directions"
         self._fixes = fixes
-        self._beams = beams_of(
-            self._instrument, ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns
-        )
+        self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns)
         self._before_ns, self._time_ns = ping.time_ns, time_ns
         if rank == 3:
             self.waiting_for = ""

@@ -71,7 +71,7 @@ class NavigationEstimator:
         self.water_used_ns: int | None = None
         self.last = LastPing(self._instrument.geometry.beams)
         self.gated = Reasons()
-        self.closure = Closure(self._instrument)
+        self.closure = Closure(self._instrument.geometry)
 
     @property
     def navigator(self) -> Navigator | None:
@@ -192,17 +192,16 @@ class NavigationEstimator:
         """Takes a ping.
 
         Raises:
-            KernelError: for one that is older than the horizon.
+            KernelError: for one that is older than the horizon, and as `NavigatorConfig.with_noise`.
         """
+        ping = self._config.with_noise(ping, self._instrument)
         self._now_ns = arrival_ns
         fixes = self._aligned.solve(time_ns, ping)
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         self.last.used = np.zeros_like(ping.valid)
         self.last.nis, self.last.verdict, self.last.why = None, "no valid beam", ""
-        self.closure.add(ping.velocity_mps, ping.valid)
-        self._beams = beams_of(
-            self._instrument, ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns
-        )
+        self.closure.add(ping.velocity_mps, ping.valid, ping.sd_mps)
+        self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns)
         self._before_ns = ping.time_ns
         if self.navigator is None:
             return
@@ -264,7 +263,7 @@ class NavigationEstimator:
         if not self.last.why and bool((ping.valid & ~used).any()):
             self.last.why = "a beam that does not fit has no weight"
         if (ping.valid & ~used).any():
-            fixes = solve_ping(self._instrument, replace(ping, valid=used), "info")
+            fixes = solve_ping(self._instrument.geometry, replace(ping, valid=used), "info")
         self.rank = int(fixes.rank[0])
         if self.rank:
             self._fixes, self.ping_used_ns = fixes, self._now_ns

@@ -1,5 +1,7 @@
 """The sections of a navigator that is fed with what arrives, and what the kernel takes of them."""
 
+import hashlib
+import json
 import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
@@ -9,20 +11,21 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Tag
 
 from bottomlock import units
+from bottomlock.config.calibration import CalibrationSection
+from bottomlock.config.dvl_errors import DvlSettings
 from bottomlock.config.effort import EffortErrors
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust, Section
 from bottomlock.config.sensors import SENSORS
 from bottomlock.config.thrust import ThrustErrors
 from bottomlock.config.water_cells import WaterCells
-from bottomlock.io.beams import Instrument, read_geometry
-from bottomlock.kernel import models, normal_gravity_mps2
+from bottomlock.io.beams import Instrument, read_geometry, read_instrument_file
+from bottomlock.kernel import KernelError, models, normal_gravity_mps2
 from bottomlock.live.sections import (
     LEVELLING_SD_DEG,
     AcousticPositionSection,
     AttitudeSection,
     DepthSection,
-    DvlSection,
     GpsSection,
     ImuFromAttitude,
     ImuSection,
@@ -32,12 +35,13 @@ from bottomlock.live.sections import (
     kind_of_imu,
 )
 from bottomlock.ports.rotation import matrix, quaternion
+from bottomlock.recordings.readings import LOST_SD_MPS, Ping
 
 
 class NavigatorConfig(Section):
     """The DVL, the other sensors, the start and the filter; where readings come from is not here."""
 
-    dvl: DvlSection
+    dvl: DvlSettings
     imu: (
         Annotated[
             Annotated[ImuSection, Tag(ImuSection.__name__)]
@@ -58,6 +62,7 @@ class NavigatorConfig(Section):
     navigation: NavigationSection = NavigationSection()
     filter: Filter = Filter()
     robust: Robust = Robust()
+    calibration: CalibrationSection = CalibrationSection()
 
     def start_is_known(self, *, by_attitude: bool) -> None:
         """Checks that somebody gives the initial level and heading, and the place where positions need one.
@@ -127,11 +132,36 @@ class NavigatorConfig(Section):
         Raises:
             ScenarioError: as `read_geometry`.
         """
-        instrument = read_geometry(self.dvl.geometry)
-        if self.dvl.beam_noise_mps is None:
-            return instrument
-        noise = np.full(instrument.geometry.beams, self.dvl.beam_noise_mps)
-        return replace(instrument, beam_sd_mps=noise)
+        return read_geometry(self.dvl.geometry, beam_noise_mps=self.dvl.beam_noise_mps)
+
+    def with_noise(self, ping: Ping, instrument: Instrument) -> Ping:
+        """The ping with the noise of its beams that the filter takes: the geometry's, or its own figures of merit.
+
+        Raises:
+            KernelError: for a valid beam without a figure where the section asks for it.
+        """
+        if self.dvl.beam_noise_from == "geometry":
+            return replace(ping, sd_mps=instrument.beam_sd_mps)
+        stated = ping.sd_mps > 0.0
+        wrong = np.flatnonzero(ping.valid & ~stated)
+        if wrong.size:
+            raise KernelError(
+                f"beam {wrong[0] + 1} is valid and its figure of merit is {ping.sd_mps[wrong[0]]}",
+                expected='more than 0: dvl.beam_noise_from = "recording" needs it of every valid beam',
+            )
+        return replace(ping, sd_mps=np.where(stated, ping.sd_mps, LOST_SD_MPS))
+
+    def content_hash(self) -> str:
+        """SHA-256 of every section that a navigator is made of, and of the DVL's geometry by what its file says.
+
+        Raises:
+            ScenarioError: as `read_geometry`.
+        """
+        content = self.model_dump(mode="json", include=set(NavigatorConfig.model_fields))
+        content["dvl"]["geometry"] = read_instrument_file(self.dvl.geometry).model_dump(
+            mode="json", exclude={"name", "columns"}
+        )
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -176,7 +206,7 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
             earth=origin.earth,
         ),
         imu=_imu_model(imu, config.attitude),
-        dvl=config.dvl.errors.kernel_model(float(instrument.beam_sd_mps.mean())),
+        dvl=config.dvl.errors.kernel_model(float(instrument.beam_sd_mps.mean()), instrument.calibration),
         initial=models.InitialModel(
             position_sd_m=start.position_sd_m,
             attitude_sd_rad=(tilt, tilt, heading),
@@ -190,6 +220,7 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
         **imu.limits.kernel_options() | {"imu_gap": "inflate"},
         imu_sampling="averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
         water_track=config.water_track is not None,
+        calibration=config.calibration.prior(instrument.calibration),
         **added,
     )
     axes = np.eye(3)

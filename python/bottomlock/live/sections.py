@@ -7,7 +7,6 @@ from pydantic_core import PydanticCustomError
 
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
-from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegative, Positive, Section, Vector
 from bottomlock.io.formats import LIVE
@@ -51,17 +50,6 @@ else:
             "mavlink",
         )
     ]
-
-
-class DvlSection(Section):
-    """The DVL: its geometry (packaged name or TOML file), the noise of its beams and the other errors, 1 sigma.
-
-    `beam_noise_mps` replaces that of the geometry.
-    """
-
-    geometry: str
-    beam_noise_mps: Positive | None = None
-    errors: DvlErrors = DvlErrors()
 
 
 class ImuSection(Imu):

@@ -56,8 +56,7 @@ class StartedNavigator:
     """
 
     def __init__(self, config: NavigatorConfig, instrument: Instrument, settings: KernelSettings) -> None:
-        self._config = config
-        self._beams = instrument.geometry.beams
+        self._config, self._instrument = config, instrument
         self._aligned = AlignedNavigator(config, instrument, settings, longest_attitude_s=SLOWEST_ATTITUDE_S)
         self.unused = Reasons()
 
@@ -79,7 +78,7 @@ class StartedNavigator:
         require_reading(reading)
         if self._is_without_section(reading):
             return []
-        reading = checked(reading, self._beams)
+        reading = checked(reading, self._instrument.geometry.beams)
         if isinstance(reading, ImuReading):
             return list(self._aligned.imu(reading.time_ns, reading))
         if isinstance(reading, Ping):
@@ -92,6 +91,7 @@ class StartedNavigator:
         return list(self._aligned.aid(reading.time_ns, reading))
 
     def _ping(self, ping: Ping) -> list[Report]:
+        ping = self._config.with_noise(ping, self._instrument)
         reports = list(self._aligned.beams(ping.time_ns, ping))
         self._aligned.solve(ping.time_ns, ping)  # after it, so that a ping that is refused gives no velocity
         if self.navigator is None:

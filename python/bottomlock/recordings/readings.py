@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from bottomlock.recordings.water_cells import CellTable
 
 Triple = tuple[float, float, float]
+LOST_SD_MPS = 1.0
+"""1 sigma that stands for a lost beam where each has its own: nothing uses it."""
 Quaternion = tuple[float, float, float, float]
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from bottomlock.config.dvl_errors import DvlErrors
+from bottomlock.config.dvl_errors import DvlSettings
 from bottomlock.config.scenario_sections import Outage, Positive, Section
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.replay.stream_sections import Clock, ColumnTriple, ReorderedStream
@@ -14,7 +14,7 @@ from bottomlock.replay.stream_sections import Clock, ColumnTriple, ReorderedStre
 Beam = Annotated[int, Field(ge=1, le=8)]
 
 
-class DvlStream(ReorderedStream):
+class DvlStream(DvlSettings, ReorderedStream):
     """Beams as recorded (source "beams"), or projected from the instrument's velocity ("velocity", semi-synthetic).
 
     `geometry` is a TOML file of the instrument or a packaged name: directions, mounting, lever arms, noise of the
@@ -27,15 +27,11 @@ class DvlStream(ReorderedStream):
 
     source: Literal["beams", "velocity"] = "beams"
     clock: Clock = Clock(column="time_ns", unit="ns")
-    geometry: str
     geometry_known: bool = True
     velocity: ColumnTriple | None = None
     velocity_unit: Literal["m/s", "cm/s", "mm/s"] = "m/s"
     velocity_scale: Positive = 1.0
     valid: str | None = None
-    beam_noise_mps: Positive | None = None
-    beam_noise_from: Literal["geometry", "recording"] = "geometry"
-    errors: DvlErrors = DvlErrors()
 
     @model_validator(mode="before")
     @classmethod
@@ -64,12 +60,8 @@ class DvlStream(ReorderedStream):
                 )
         elif "clock" not in self.model_fields_set:
             raise ValueError("source = \"velocity\" needs a 'clock', the times of the table's rows")
-        if self.beam_noise_from == "recording" and (
-            self.source != "beams" or self.beam_noise_mps is not None
-        ):
-            raise ValueError(
-                'beam_noise_from = "recording" needs source = "beams", and no beam_noise_mps beside it'
-            )
+        if self.beam_noise_from == "recording" and self.source != "beams":
+            raise ValueError('beam_noise_from = "recording" needs source = "beams"')
         return self
 
 

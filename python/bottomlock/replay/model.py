@@ -4,11 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.config.calibration import scale_sd
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
-from bottomlock.kernel.models import DvlModel, Environment, ImuModel, InitialModel, Model, Options
+from bottomlock.kernel.models import Environment, ImuModel, InitialModel, Model, Options
 from bottomlock.replay.case import Case
 from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.stream_sections import ImuFromAttitude
@@ -84,19 +83,12 @@ def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialMo
             earth=case.origin.earth,
         ),
         imu=imu,
-        dvl=_dvl_model(case, streams.instrument),
+        dvl=case.dvl.errors.kernel_model(
+            float(streams.instrument.beam_sd_mps.mean()), streams.instrument.calibration
+        ),
         initial=initial,
         **sensors,
     )
-
-
-def _dvl_model(case: Case, instrument: Instrument) -> DvlModel:
-    """Errors of the DVL; the prior of its scale is that of its file where the case gives none."""
-    errors = case.dvl.errors
-    own = errors.kernel_model(float(instrument.beam_sd_mps.mean()))
-    given = "scale_factor_percent" in errors.model_fields_set
-    sd = scale_sd(instrument.calibration, given=given, otherwise=own.scale_factor_sd)
-    return own.replace(scale_factor_sd=sd)
 
 
 def kernel_options(case: Case, instrument: Instrument, motion: VehicleMotion | None = None) -> Options:

@@ -17,6 +17,7 @@ from bottomlock.recordings.axes import (
     to_platform_axes,
 )
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
+from bottomlock.recordings.readings import LOST_SD_MPS
 from bottomlock.recordings.streams import (
     Attitudes,
     Beams,
@@ -76,10 +77,7 @@ def read_streams(case: Case) -> Streams:
     clocks: dict[str, ClockReport] = {}
     notes: list[str] = []
     inertial = None if isinstance(case.imu, ImuFromAttitude) else _inertial(case.imu, clocks, notes)
-    instrument = read_geometry(case.dvl.geometry)
-    if case.dvl.beam_noise_mps is not None:
-        sd = np.full(instrument.geometry.beams, case.dvl.beam_noise_mps)
-        instrument = replace(instrument, beam_sd_mps=sd)
+    instrument = read_geometry(case.dvl.geometry, beam_noise_mps=case.dvl.beam_noise_mps)
     beams = _beams(case, instrument, clocks, notes)
     water, water_counts = (
         (None, None) if case.water_file is None else read_water(case, case.water_file, instrument, clocks)
@@ -249,7 +247,7 @@ def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
             key=f"column 'beam{beam + 1}_sd_mps'",
             expected='more than 0: dvl.beam_noise_from = "recording" needs it of every valid beam',
         )
-    return np.asarray(np.where(sd > 0.0, sd, 1.0))
+    return np.asarray(np.where(sd > 0.0, sd, LOST_SD_MPS))
 
 
 def _depths(depth: DepthStream, clocks: dict[str, ClockReport]) -> Depths:
