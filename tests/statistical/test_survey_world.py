@@ -10,6 +10,8 @@ when their prior changed, from runs of this seed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import polars as pl
 import pytest
 
@@ -24,25 +26,27 @@ TRUSTED = ("tc", "sway_current", "consistent")
 MASKS = [(1, 2), (1,)]
 
 
-@pytest.fixture(scope="module", params=[30, pytest.param(100, marks=pytest.mark.deep)])
-def table(request: pytest.FixtureRequest) -> pl.DataFrame:
+def table(methods: Sequence[str], masks: Sequence[tuple[int, ...]], runs: int) -> pl.DataFrame:
+    """The study of these cells on both trajectories; a method's runs do not depend on the others."""
     world = load_scenario("survey_table2")
     scenarios = [
-        in_world(load_scenario(name), world).with_overrides(methods=[*TRUSTED, "nsv"])
+        in_world(load_scenario(name), world).with_overrides(methods=methods)
         for name in ("straight", "figure_eight")
     ]
-    return study(cells(scenarios, masks=MASKS), runs=request.param, seed=SEED, threads=1)
+    return study(cells(scenarios, masks=masks), runs=runs, seed=SEED, threads=1)
 
 
-@pytest.mark.long
-def test_trusted_methods_are_consistent(table: pl.DataFrame) -> None:
+@pytest.mark.parametrize(
+    "runs", [pytest.param(30, marks=pytest.mark.long), pytest.param(100, marks=pytest.mark.deep)]
+)
+def test_trusted_methods_are_consistent(runs: int) -> None:
     """Velocity and attitude in band and nothing overconfident, but for two cells with one beam.
 
     The position of `tc` on the straight leg is claimed too well, after minutes without a second beam
     (docs/linear_range.md). In the figure of eight `sway_current` and `consistent` may be conservative: their prior lets
     the current change within half an hour, and claims 10 % more than the error (docs/methods/sway_current.md).
     """
-    trusted = table.filter(pl.col("method").is_in(TRUSTED))
+    trusted = table([*TRUSTED, "nsv"], MASKS, runs).filter(pl.col("method").is_in(TRUSTED))
     assert trusted.height == len(TRUSTED) * 2 * len(MASKS)
     one_beam = pl.col("beams") == "1"
     lost = (pl.col("method") == "tc") & (pl.col("trajectory") == "straight") & one_beam
@@ -55,7 +59,7 @@ def test_trusted_methods_are_consistent(table: pl.DataFrame) -> None:
     assert (loose["nees_velocity_attitude_least"] > loose["nees_velocity_attitude_lo"] / 1.15**2).all()
 
 
-def test_no_sway_over_ground_is_no_assumption_for_a_current(table: pl.DataFrame) -> None:
+def test_no_sway_over_ground_is_no_assumption_for_a_current() -> None:
     """The current across is 0.3 m/s: `nsv` is overconfident wherever it solves anything."""
-    found = table.filter(method="nsv", beams="1,2")
+    found = table(["nsv"], [(1, 2)], 30)
     assert found["verdict_velocity_attitude"].to_list() == ["overconfident"] * 2

@@ -27,7 +27,7 @@ from tests.statistical import ensembles, worlds
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-METHODS: tuple[Method, ...] = ("lc", "tc", "nsv", "elc", "sway_current")
+METHODS: tuple[Method, ...] = ("tc", "nsv", "elc", "sway_current")
 PATHS = {
     "straight": worlds.straight,
     "figure_eight": worlds.figure_eight,
@@ -124,7 +124,7 @@ def test_holds_in_a_cross_current(name: str) -> None:
 
 
 @pytest.mark.first_cases(1)
-@pytest.mark.parametrize("current_mps", [0.0, CROSS_MPS])
+@pytest.mark.parametrize("current_mps", [CROSS_MPS, 0.0])
 @pytest.mark.parametrize("name", list(PATHS))
 def test_never_claims_too_much_on_the_vehicle(name: str, current_mps: float) -> None:
     """The vehicle slips less, and its current changes less, than the prior has it: NEES below its mean, not above.
