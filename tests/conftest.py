@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
 # Test processes already use every core; set before numpy, polars and the kernel start their pools.
@@ -26,6 +27,27 @@ for name, examples in {"dev": 50, "long": 200, "deep": 20_000}.items():
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+class WrittenDoctests:
+    """Modules without an example are not searched for one: most of the package, and every test."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(
+        self, file_path: Path
+    ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+        """The collectors of a file."""
+        collectors = yield
+        return [
+            collector
+            for collector in collectors
+            if not isinstance(collector, DoctestModule) or b">>>" in file_path.read_bytes()
+        ]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Of the package too, which lies outside this folder."""
+    config.pluginmanager.register(WrittenDoctests())
 
 
 @pytest.hookimpl(tryfirst=True)
