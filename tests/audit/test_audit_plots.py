@@ -45,6 +45,7 @@ def test_curves_are_those_of_the_audit() -> None:
     np.testing.assert_allclose(times[1:3], [20.0, 40.0])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_times_that_go_back_have_no_curves() -> None:
     log = make_log(4)
     back = log.time_ns.copy()
@@ -58,6 +59,7 @@ def test_times_that_go_back_have_no_curves() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.skipif(chromium() is None, reason="no Chromium")
 def test_page_without_a_map_in_a_browser(tmp_path: Path) -> None:
     text = audit_files(audit_log(make_log(3)))["audit.html"]

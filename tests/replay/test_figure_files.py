@@ -13,6 +13,7 @@ from bottomlock.replay.report import Drawing, ReplayTables, dive_of, drawings, r
 from bottomlock.replay.run_and_report import run_and_report
 from bottomlock.statistics.replay import error_norms
 from tests.drawn_points import held, points
+from tests.undrawn import figures_undrawn
 
 CASE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
 DAY_NS = 86_400e9
@@ -23,7 +24,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """More methods than the first figures show, so that some are folded."""
     out = tmp_path_factory.mktemp("files") / "dive"
     methods = ["ins", "lc", "tc", "info", "weak_sway", "sway_current"]
-    run_and_report(load_case(CASE).with_methods(methods), out)
+    with figures_undrawn():
+        run_and_report(load_case(CASE).with_methods(methods), out)
     return out
 
 
