@@ -12,8 +12,9 @@ import pytest
 
 from bottomlock.replay import rerun
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import ReplayResult
 from tests.replay.akit import SECTIONS, akit_case
+from tests.replay.undiagnosed import replay_undiagnosed
 
 pytestmark = pytest.mark.recordings
 
@@ -37,14 +38,14 @@ def data(recordings: Path) -> Path:
 def full(data: Path, scratch: Path) -> pl.DataFrame:
     """Every section with every beam, methods ins, lc and tc."""
     lines = 'methods = ["ins", "lc", "tc"]'
-    return pl.concat([replay_case(akit_case(data, scratch, s, replay=lines)).runs for s in SECTIONS])
+    return pl.concat([replay_undiagnosed(akit_case(data, scratch, s, replay=lines)).runs for s in SECTIONS])
 
 
 @cache
 def two_beams(data: Path, scratch: Path, section: int) -> ReplayResult:
     """A section without beams 3 and 4, no noise added."""
     lines = 'smooth = false\nmethods = ["tc", "info", "vb_exact"]'
-    return replay_case(akit_case(data, scratch, section, asks=("lost_34",), replay=lines))
+    return replay_undiagnosed(akit_case(data, scratch, section, asks=("lost_34",), replay=lines))
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,7 @@ def test_full_velocity_against_the_reference(data: Path, scratch: Path) -> None:
 def test_ins_alone_drifts_as_the_recordings_say(data: Path, scratch: Path, section: int) -> None:
     """No depth, no beams: a wrong sign, clock or axis would be kilometres."""
     case = akit_case(data, scratch, section, depth=False, replay='smooth = false\nmethods = ["ins"]')
-    (end,) = replay_case(case).runs["position_final_m"]
+    (end,) = replay_undiagnosed(case).runs["position_final_m"]
     assert DRIFT_M[0] <= end <= DRIFT_M[1]
 
 
@@ -114,7 +115,7 @@ def test_limits_of_two_beams(data: Path, scratch: Path) -> None:
     """
     lines = f"smooth = false\nmethods = {list(TRUSTED)}"
     runs = pl.concat(
-        replay_case(akit_case(data, scratch, section, asks=("lost_34",), replay=lines)).runs
+        replay_undiagnosed(akit_case(data, scratch, section, asks=("lost_34",), replay=lines)).runs
         for section in SECTIONS
     )
     for method in TRUSTED:

@@ -12,11 +12,11 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
-from bottomlock.replay.run import replay_case
 from tests.cli.calls import command
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_a50
 from tests.io.autopilot_logs import BOOT_S, START_S, write_bin, write_tlog
+from tests.replay.undiagnosed import replay_undiagnosed
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,11 @@ def made(folder: Path, *files: Path, without: tuple[str, ...] = ()) -> tuple[Cas
 
 def end_m(case: Case) -> tuple[float, dict[str, Any]]:
     """Error at the end against the reference, and the row of the method."""
-    row = replay_case(case.with_methods(["tc"])).runs.filter(pl.col("pass") == "forward").row(0, named=True)
+    row = (
+        replay_undiagnosed(case.with_methods(["tc"]))
+        .runs.filter(pl.col("pass") == "forward")
+        .row(0, named=True)
+    )
     return float(row["position_final_m"]), row
 
 

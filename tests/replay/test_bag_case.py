@@ -14,9 +14,9 @@ pytest.importorskip("rosbags", reason="bags need the extra .[ros]")
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.bag import bag_tables
 from bottomlock.replay.init.make import make_case
-from bottomlock.replay.run import replay_case
 from tests.dive import Dive, drawn_dive
 from tests.io.test_ros_waterlinked import registered
+from tests.replay.undiagnosed import replay_undiagnosed
 from tests.ros_messages import IMU, POSE, Messages, write_ros2
 
 START_NS = 1_700_000_000_000_000_000
@@ -90,7 +90,11 @@ def test_a_bag_makes_a_case_that_runs(dive: Dive, tmp_path: Path, beams: bool) -
     case = load_case(tmp_path / "case.toml")
     assert case.readings.axes == ("x", "-y", "-z")
     assert case.dvl.source == ("beams" if beams else "velocity")
-    row = replay_case(case.with_methods(["tc"])).runs.filter(pl.col("pass") == "forward").row(0, named=True)
+    row = (
+        replay_undiagnosed(case.with_methods(["tc"]))
+        .runs.filter(pl.col("pass") == "forward")
+        .row(0, named=True)
+    )
     assert row["fixes_rejected"] == 0
     # No attitude was recorded: the heading is found from the positions alone, if at all.
     assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0

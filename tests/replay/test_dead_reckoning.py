@@ -23,9 +23,10 @@ from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reckon import attitude_errors
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import ReplayResult
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_case
+from tests.replay.undiagnosed import replay_undiagnosed
 
 Floats = NDArray[np.float64]
 NS = 1_000_000_000
@@ -162,7 +163,7 @@ def replayed(dive: Dive, tmp_path_factory: pytest.TempPathFactory) -> ReplayResu
     text = path.read_text(encoding="utf-8")
     outage = '[[what_if]]\nname = "dark"\noutages = [{ beams = [1, 2, 3, 4], from_s = 30.0, to_s = 60.0 }]\n'
     path.write_text(text + outage, encoding="utf-8")
-    return replay_case(load_case(path))
+    return replay_undiagnosed(load_case(path))
 
 
 def test_it_stands_in_every_table_without_being_named(replayed: ReplayResult) -> None:
@@ -186,7 +187,7 @@ def test_without_an_attitude_it_is_left_out(dive: Dive, tmp_path: Path) -> None:
     path = write_case(dive, tmp_path)
     text = path.read_text(encoding="utf-8")
     path.write_text(text[: text.index("[attitude]")] + text[text.index("[reference]") :], encoding="utf-8")
-    assert replay_case(load_case(path)).manifest["methods"] == ["lc", "tc"]
+    assert replay_undiagnosed(load_case(path)).manifest["methods"] == ["lc", "tc"]
 
 
 def test_the_claims_of_the_attitude_are_taken_apart(dive: Dive, tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
 from tests.dive import EARTH, Dive, Floats, drawn_dive
 from tests.dive_logs import write_a50, write_csv
+from tests.replay.undiagnosed import replay_undiagnosed
 
 EPOCH_S = 1.7e9
 G = 9.80665
@@ -44,7 +45,7 @@ def made(folder: Path, *files: Path) -> Case:
 
 
 def tc_row(case: Case) -> dict[str, Any]:
-    runs = replay_case(case.with_methods(["tc"])).runs
+    runs = replay_undiagnosed(case.with_methods(["tc"])).runs
     return runs.filter(pl.col("pass") == "forward").row(0, named=True)
 
 

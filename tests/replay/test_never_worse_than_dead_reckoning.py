@@ -15,9 +15,9 @@ import pytest
 from bottomlock.cli.simulate import geometry_file
 from bottomlock.config.scenario import load_scenario
 from bottomlock.replay.case import parse_case
-from bottomlock.replay.run import replay_case
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
+from tests.replay.undiagnosed import replay_undiagnosed
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -125,7 +125,7 @@ def scores(world: str, runs: int, folder: Path) -> pl.DataFrame:
     for run in range(runs):
         for sensor, readings in sensor_streams(simulation, truth, run=run).items():
             readings.write_parquet(folder / f"{sensor}.parquet")
-        samples = replay_case(case).samples
+        samples = replay_undiagnosed(case).samples
         squared = pl.col("err_position_north_m") ** 2 + pl.col("err_position_east_m") ** 2
         claimed = pl.col("sd_position_north_m") ** 2 + pl.col("sd_position_east_m") ** 2
         rows.append(samples.group_by("method").agg(error_m2=squared.mean(), claimed_m2=claimed.mean()))
