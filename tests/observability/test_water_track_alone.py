@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import CurrentLayers
-from bottomlock.simulation.build import build_simulation
+from bottomlock.simulation.build import Simulation, build_simulation
+from bottomlock.truth.truth import Truth
 from tests.imu_blocks import measured
 from tests.run_events import Readings
 
@@ -40,8 +41,8 @@ class Sigmas(NamedTuple):
 
 
 @cache
-def sigmas(*, current_sd_mps: float = 0.3, current_time_s: float = STEADY_S, bottom: bool = False) -> Sigmas:
-    """Of `tc` with a tactical IMU along legs, turns and dives; with `bottom` it is never lost."""
+def dive() -> tuple[Scenario, Simulation, Truth, Readings]:
+    """A tactical IMU along legs, turns and dives."""
     content = load_scenario("straight").model_dump(exclude_unset=True)
     content.pop("mission")
     motion: dict[str, Any] = {"dive_angle_deg": 10.0, "dive_s": 60.0, "leg_s": 120.0, "turn_s": 20.0}
@@ -49,6 +50,13 @@ def sigmas(*, current_sd_mps: float = 0.3, current_time_s: float = STEADY_S, bot
     scenario = Scenario.model_validate(content | {"imu": {"grade": "tactical"}, "trajectory": motion})
     simulation = build_simulation(scenario)
     truth = simulation.truth()
+    return scenario, simulation, truth, Readings(simulation, truth, run=0)
+
+
+@cache
+def sigmas(*, current_sd_mps: float = 0.3, current_time_s: float = STEADY_S, bottom: bool = False) -> Sigmas:
+    """Of `tc` along the dive; with `bottom` it is never lost."""
+    scenario, simulation, truth, readings = dive()
     options = scenario.kernel_options()
     options = options.replace(
         water_track=True,
@@ -56,7 +64,6 @@ def sigmas(*, current_sd_mps: float = 0.3, current_time_s: float = STEADY_S, bot
         current_layers=CurrentLayers(sd_mps=0.0),
         gate="off",
     )
-    readings = Readings(simulation, truth, run=0)
     drawn: Any = readings._drawn
     navigator = Navigator(simulation.geometry, readings._model, options, drawn["initial"], method="tc")
     attitude = Rotation.from_quat(truth.attitude_t_p, scalar_first=True)

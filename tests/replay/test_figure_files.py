@@ -10,10 +10,10 @@ import pytest
 from bottomlock.replay.case import load_case
 from bottomlock.replay.figures import nis_panel
 from bottomlock.replay.report import Drawing, ReplayTables, dive_of, drawings, read_replay
-from bottomlock.replay.run_and_report import run_and_report
+from bottomlock.replay.run import write_replay
 from bottomlock.statistics.replay import error_norms
 from tests.drawn_points import held, points
-from tests.undrawn import figures_undrawn
+from tests.replay.undiagnosed import replay_undiagnosed
 
 CASE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
 DAY_NS = 86_400e9
@@ -24,8 +24,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """More methods than the first figures show, so that some are folded."""
     out = tmp_path_factory.mktemp("files") / "dive"
     methods = ["ins", "lc", "tc", "info", "weak_sway", "sway_current"]
-    with figures_undrawn():
-        run_and_report(load_case(CASE).with_methods(methods), out)
+    write_replay(replay_undiagnosed(load_case(CASE).with_methods(methods)), out)
     return out
 
 

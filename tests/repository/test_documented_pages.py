@@ -7,6 +7,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("page", "printed"),
     [
