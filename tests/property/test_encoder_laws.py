@@ -18,6 +18,7 @@ from bottomlock.io.beam_table import Recording
 from bottomlock.io.rows import Options
 from tests.oracle.rotations import Array
 from tests.property import strategies as sea
+from tests.property.encoder_steps import STEPS
 
 FEWER = settings(max_examples=settings().max_examples // 4)
 SMALLEST = 1e-37
@@ -75,7 +76,7 @@ def pings(draw: st.DrawFn, beams: int, fastest: float = 32.0) -> list[Ping]:
 
 def states(ping: Ping, one: Format) -> int:
     """The time that the record states, ns on the clock of the table."""
-    time_ns = ping.time_ns if one.time_of == "validity" else ping.sent_ns
+    time_ns = ping.time_ns if STEPS[one.name].time_of == "validity" else ping.sent_ns
     return time_ns - (START_NS if one.name == "cerulean-dvkfc" else 0)
 
 
@@ -91,7 +92,7 @@ def near(value: Array, truth: Array, step: float, relative: float) -> None:
 @given(data=st.data())
 def test_pings_read_back(one: Format, data: st.DataObject) -> None:
     """Every number of beams lost, any time of this century, any speed and range of a DVL."""
-    sent = data.draw(pings(one.beams))
+    sent, steps = data.draw(pings(one.beams)), STEPS[one.name]
     encode = instrument(one).encode
     recording = read(one, b"".join(encode(ping) for ping in sent))
     table, account = recording.table, recording.account
@@ -103,19 +104,24 @@ def test_pings_read_back(one: Format, data: st.DataObject) -> None:
     near(
         np.where(table.valid, table.velocity_mps, np.nan),
         truth,
-        one.velocity_step_mps,
-        one.relative,
+        steps.velocity_step_mps,
+        steps.relative,
     )
-    near(table.range_m, np.array([ping.range_m for ping in sent]), one.range_step_m, one.relative)
+    near(
+        table.range_m,
+        np.array([ping.range_m for ping in sent]),
+        steps.range_step_m,
+        steps.relative,
+    )
     late = [abs(int(t) - states(ping, one)) for t, ping in zip(table.time_ns, sent, strict=True)]
-    assert max(late) <= one.time_step_ns // 2
+    assert max(late) <= steps.time_step_ns // 2
     if (table.instrument_valid >= 0).any():
         known = [ping.velocity_p_mps is not None for ping in sent]
         assert np.array_equal(table.instrument_valid == 1, known)
         own = np.array([ping.velocity_p_mps for ping in sent if ping.velocity_p_mps is not None]).reshape(
             -1, 3
         )
-        near(table.instrument_mps[known], own, one.velocity_step_mps, one.relative)
+        near(table.instrument_mps[known], own, steps.velocity_step_mps, steps.relative)
 
 
 def plain(beams: int, **changed: Any) -> Ping:  # noqa: ANN401 - any field
@@ -139,7 +145,7 @@ def plain(beams: int, **changed: Any) -> Ping:  # noqa: ANN401 - any field
 )
 def test_what_does_not_fit_is_an_error(one: Format, value: float, beam: int, sign: int) -> None:
     """A number at or beyond the field's limit comes back as it is, or is not written: never wrapped or clipped."""
-    count = one.beams
+    count, steps = one.beams, STEPS[one.name]
     for near_limit in (value, sign * 32.767, sign * 32.768, sign * 32.7675, sign * 1e9):
         velocity = np.full(count, 0.5)
         velocity[beam] = near_limit
@@ -150,7 +156,7 @@ def test_what_does_not_fit_is_an_error(one: Format, value: float, beam: int, sig
             continue
         table = read(one, data).table
         assert table.valid.all()
-        near(table.velocity_mps[0], velocity, one.velocity_step_mps, one.relative)
+        near(table.velocity_mps[0], velocity, steps.velocity_step_mps, steps.relative)
 
 
 @pytest.mark.parametrize("one", FORMATS, ids=lambda one: one.name)
@@ -158,7 +164,7 @@ def test_what_does_not_fit_is_an_error(one: Format, value: float, beam: int, sig
 @given(value=st.floats(0.0, 1e12))
 def test_ranges_do_not_wrap(one: Format, value: float) -> None:
     """A range comes back, reads as none where it rounds to the mark for none, or is an error."""
-    count = one.beams
+    count, steps = one.beams, STEPS[one.name]
     for near_limit in (value, 655.35, 655.36, 167_772.15, 167_772.16):
         ranges = np.full(count, 3.0)
         ranges[1] = near_limit
@@ -169,4 +175,9 @@ def test_ranges_do_not_wrap(one: Format, value: float) -> None:
             continue
         found = read(one, data).table.range_m[0]
         assert np.isnan(found[1]) <= (near_limit < 1e-6)
-        near(found[np.isfinite(found)], ranges[np.isfinite(found)], one.range_step_m, one.relative)
+        near(
+            found[np.isfinite(found)],
+            ranges[np.isfinite(found)],
+            steps.range_step_m,
+            steps.relative,
+        )

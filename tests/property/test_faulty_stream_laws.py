@@ -15,6 +15,7 @@ from bottomlock.instruments.readings import Readings, ranges_or_flat
 from bottomlock.instruments.schedule import POWERED_S, records
 from bottomlock.io import formats
 from bottomlock.io.rows import Options
+from tests.property.encoder_steps import STEPS
 
 BASE_NS = 1_767_225_600_000_000_000
 PINGS = 12
@@ -52,7 +53,7 @@ def readings(beams: int, seed: int) -> Readings:
 )
 def test_rows_are_records_that_were_sent(one: Format, seed: int, faults: Faults) -> None:
     """Drops, duplicates, stale records, half lines and clock steps, in any mixture."""
-    run = readings(one.beams, seed)
+    run, steps = readings(one.beams, seed), STEPS[one.name]
     powered_ns = run.first_ns + BASE_NS - round(POWERED_S * 1e9)
     writer = encoder(one.name, run.geometry, start_ns=powered_ns)
     sent = list(records(run, writer, faults, seed=seed, offset_ns=BASE_NS))
@@ -65,10 +66,10 @@ def test_rows_are_records_that_were_sent(one: Format, seed: int, faults: Faults)
         return
     since_ns = powered_ns if one.name == "cerulean-dvkfc" else 0
     stated = [record.stated for record in sent if record.data and record.stated is not None]
-    times = np.array([(p.time_ns if one.time_of == "validity" else p.sent_ns) - since_ns for p in stated])
+    times = np.array([(p.time_ns if steps.time_of == "validity" else p.sent_ns) - since_ns for p in stated])
     for row in range(table.rows):
         # Steps of the clock may bring two records to one time.
-        near = np.flatnonzero(np.abs(times - table.time_ns[row]) <= one.time_step_ns // 2)
+        near = np.flatnonzero(np.abs(times - table.time_ns[row]) <= steps.time_step_ns // 2)
         assert near.size
         valid = table.valid[row]
         assert any(
@@ -77,7 +78,7 @@ def test_rows_are_records_that_were_sent(one: Format, seed: int, faults: Faults)
                 table.velocity_mps[row, valid],
                 stated[k].beam_velocity_mps[valid],
                 rtol=1e-6,
-                atol=0.51 * one.velocity_step_mps,
+                atol=0.51 * steps.velocity_step_mps,
             )
             for k in near
         )

@@ -5,7 +5,6 @@ A new one is a module with `NAME` and `encode(ping, instrument)`, and a line in 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -18,56 +17,28 @@ from bottomlock.support.nearest import did_you_mean
 
 @dataclass(frozen=True)
 class Format:
-    """A maker's record of a ping, and how fine its numbers are.
+    """A maker's record of a ping.
 
     Attributes:
         name: as the reader's.
         title: of the instrument.
         beams: that a record holds.
         encode: bytes of a ping.
-        time_of: which of a ping's times the record's clock states.
-        time_step_ns: step of that clock.
-        velocity_step_mps: step of a beam's velocity; 0 for a float.
-        range_step_m: step of a beam's range; 0 for a float.
-        relative: largest relative error of a float in the record.
     """
 
     name: str
     title: str
     beams: int
     encode: Callable[[Ping, Instrument], bytes]
-    time_of: Literal["validity", "trigger"]
-    time_step_ns: int
-    velocity_step_mps: float = 0.0
-    range_step_m: float = 0.0
-    relative: float = 0.0
 
 
-_SINGLE = 2.0**-23
 FORMATS = (
-    Format(waterlinked_json.NAME, "Water Linked TCP", 4, waterlinked_json.encode, "validity", 1000),
-    Format(
-        waterlinked_serial.NAME,
-        "Water Linked serial",
-        4,
-        waterlinked_serial.encode,
-        "validity",
-        1000,
-        1e-3,
-        0.01,
-    ),
-    Format(pd0.NAME, "Teledyne PD0, beams", 4, pd0.encode, "trigger", 10_000_000, 1e-3, 0.01),
-    Format(
-        nortek_dvl.NAME,
-        "Nortek DVL500, DVL1000, DF21",
-        4,
-        nortek_dvl.encode,
-        "trigger",
-        100_000,
-        relative=_SINGLE,
-    ),
-    Format(nucleus.NAME, "Nortek Nucleus1000", 3, nucleus.encode, "trigger", 1000, relative=_SINGLE),
-    Format(cerulean.NAME, "Cerulean Tracker 650", 3, cerulean.encode, "trigger", 1000, 1e-6, 1e-6),
+    Format(waterlinked_json.NAME, "Water Linked TCP", 4, waterlinked_json.encode),
+    Format(waterlinked_serial.NAME, "Water Linked serial", 4, waterlinked_serial.encode),
+    Format(pd0.NAME, "Teledyne PD0, beams", 4, pd0.encode),
+    Format(nortek_dvl.NAME, "Nortek DVL500, DVL1000, DF21", 4, nortek_dvl.encode),
+    Format(nucleus.NAME, "Nortek Nucleus1000", 3, nucleus.encode),
+    Format(cerulean.NAME, "Cerulean Tracker 650", 3, cerulean.encode),
 )
 NAMES = tuple(one.name for one in FORMATS)
 

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, ScenarioError
 from bottomlock.export.formats import check_formats, results_of, write_export
 from bottomlock.export.tracks import (
     Export,
     ExportTrack,
-    chosen_methods,
     environment_at,
     geodetic_of,
     orientation_enu_flu,
@@ -44,9 +43,7 @@ def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None)
         DataError: for a replay without one position.
     """
     manifest = tables.manifest
-    chosen = (
-        [taken(manifest)] if methods is None else chosen_methods(methods, manifest["methods"], "the replay")
-    )
+    chosen = [taken(manifest)] if methods is None else _chosen(methods, manifest["methods"])
     origin = None if manifest["origin"] is None else Place(**manifest["origin"])
     stated = manifest["configuration"]["origin"]
     latitude_rad = np.deg2rad(stated["latitude_deg"]) if origin is None else origin.latitude_rad
@@ -71,6 +68,20 @@ def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None)
     }
     pings = {group: _of_case(tables.pings, group) for group in groups}
     return Export(manifest["case"], tracks, pings, fixes)
+
+
+def _chosen(methods: Sequence[str], known: Sequence[str]) -> list[str]:
+    """The methods that a user names, each once.
+
+    Raises:
+        ScenarioError: for one that is not known.
+    """
+    for method in methods:
+        if method not in known:
+            raise ScenarioError(
+                "is not in the replay", place=f"'{method}'", expected=f"of {', '.join(known)}"
+            )
+    return list(dict.fromkeys(methods))
 
 
 def _of_case(table: pl.DataFrame, what_if: str) -> pl.DataFrame:

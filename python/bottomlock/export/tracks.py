@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import ScenarioError
 from bottomlock.figures.palette import stroke
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.kernel.models import Environment
@@ -104,15 +103,3 @@ def geodetic_of(position_t_m: Floats, origin: Place | None) -> Floats | None:
         return None
     latitude, longitude, height = geodetic_from_tangent(position_t_m, origin)
     return np.stack([np.rad2deg(latitude), np.rad2deg(longitude), height], axis=-1)
-
-
-def chosen_methods(methods: Sequence[str], known: Sequence[str], place: str) -> list[str]:
-    """The methods that a user names, each once.
-
-    Raises:
-        ScenarioError: for one that is not known; `place` says where.
-    """
-    for method in methods:
-        if method not in known:
-            raise ScenarioError(f"is not in {place}", place=f"'{method}'", expected=f"of {', '.join(known)}")
-    return list(dict.fromkeys(methods))
