@@ -18,10 +18,11 @@ ROWS = {row.name: row for row in rows()}
     [
         ("right: velocity, dive 3", "yes"),
         ("right: beams of json, dive 4", "yes"),
-        ("mistake: deg/s named rad/s", "yes"),
-        ("mistake: DVL clock 1.5 s late", "yes"),
+        # Units and clocks: tests/replay/test_first_case.py.
+        pytest.param("mistake: deg/s named rad/s", "yes", marks=pytest.mark.long),
+        pytest.param("mistake: DVL clock 1.5 s late", "yes", marks=pytest.mark.long),
         ("case: 04 zeros when lost", "yes"),
-        ("case: 05 code -32.768", "yes"),
+        pytest.param("case: 05 code -32.768", "yes", marks=pytest.mark.long),
         ("mistake: gyro z reversed", "no"),
         ("mistake: DVL turned by 30 deg", "no"),
         ("mistake: beams 2 and 3 exchanged", "no"),
