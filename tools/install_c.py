@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -39,13 +40,17 @@ def soname(of: str) -> str:
     return f"libbottomlock.so.{major}" + (f".{minor}" if major == "0" else "")
 
 
-def build() -> tuple[Path, list[str]]:
+def build(features: Sequence[str] = ()) -> tuple[Path, list[str]]:
     """Compiles the libraries: their folder, and what a program is linked to beside the static one.
+
+    Args:
+        features: of the crate.
 
     Raises:
         SystemExit: where cargo fails.
     """
-    command = ["cargo", "rustc", "--release", "--locked", "--package", "bottomlock-c", "--"]
+    command = ["cargo", "rustc", "--release", "--locked", "--package", "bottomlock-c"]
+    command += [*(f"--features={name}" for name in features), "--"]
     command += ["-C", "strip=symbols", "-C", f"link-arg=-Wl,-soname,{soname(version())}"]
     command += ["--print", "native-static-libs"]
     done = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, check=False)  # noqa: S603 - our own arguments
@@ -62,13 +67,17 @@ def filled(template: Path, words: dict[str, str]) -> str:
     return re.sub(r"@([A-Z_]+)@", lambda match: words[match.group(1)], template.read_text(encoding="utf-8"))
 
 
-def install(prefix: Path) -> list[Path]:
+def install(prefix: Path, features: Sequence[str] = ()) -> list[Path]:
     """Builds and installs; the files that were written.
+
+    Args:
+        prefix: the folder of `include` and `lib`.
+        features: of the crate.
 
     Raises:
         SystemExit: where cargo fails.
     """
-    built, system = build()
+    built, system = build(features)
     number, name = version(), soname(version())
     major, minor, _ = number.split(".")
     shared = f"libbottomlock.so.{number}"

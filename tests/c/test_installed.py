@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from tests.c.navigator import CError, CLibrary
-from tools.install_c import CRATE, version
+from tools.install_c import CRATE, install, version
 
 VELOCITY = "velocity 2.002 -0.003 0.000 m/s"
 WARNINGS = ("-Wall", "-Wextra", "-pedantic", "-Werror")
@@ -102,6 +102,15 @@ endif()
 
 def test_by_ctypes(prefix: Path, folder: Path) -> None:
     library = prefix / "lib" / "libbottomlock.so"
+    assert run(sys.executable, "-S", "first_fix.py", library, cwd=folder).strip() == VELOCITY
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("prefix")
+def test_without_the_simulation(folder: Path) -> None:
+    """As users install it: the other tests have the wheel's kernel."""
+    install(folder / "alone")
+    library = folder / "alone" / "lib" / "libbottomlock.so"
     assert run(sys.executable, "-S", "first_fix.py", library, cwd=folder).strip() == VELOCITY
 
 
