@@ -1,4 +1,4 @@
-"""Vehicles and flights shared by the plant's tests; simulated once, never from the cache."""
+"""Vehicles and flights shared by the plant's tests; simulated once."""
 
 import pytest
 
@@ -22,8 +22,6 @@ def remus() -> Vehicle:
 def flights(tauv: Vehicle) -> dict[str, Flight]:
     """The three missions in still water."""
     return {
-        mission.name: fly(
-            tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False
-        )
+        mission.name: fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
         for mission in (straight(), figure_eight(), lawn_mower())
     }

@@ -85,9 +85,7 @@ def pilot(
     step_s: float = 1.0 / 30.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Fly the mission's first segment closed loop from a whole state (28): times and states."""
-    rates = model.derivative(
-        vehicle, SCALAR, speed_mps=mission.speed_mps, law=mission.law, gravity_mps2=GRAVITY_MPS2
-    )
+    rates = model.derivative(vehicle, mission, SCALAR, GRAVITY_MPS2)
     steps = round(duration_s / step_s)
     rows = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64)).tolist()
     advance = runge_kutta_step(rates, SCALAR, step_s)

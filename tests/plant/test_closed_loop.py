@@ -30,7 +30,7 @@ def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
     mission = lawn_mower(duration_s=15.0)
     group = _fleet(tauv, mission, 2)
     blocks = list(fly_on_estimate(group, _perfect))
-    truth = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False).truth
+    truth = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2).truth
     assert (np.concatenate([block.time_ns for block in blocks]) == truth.time_ns).all()
     for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "force_p_mps2"):
         together = np.concatenate([getattr(block, name) for block in blocks], axis=1)

@@ -67,7 +67,7 @@ def crabbing(**changed: Any) -> Mission:  # noqa: ANN401 - of a mission
 
 @pytest.fixture(scope="module")
 def flight() -> Flight:
-    return fly(ROV, crabbing(), latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
+    return fly(ROV, crabbing(), latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
 
 
 def test_the_thrusters_push_as_published() -> None:

@@ -79,7 +79,7 @@ def test_components_equal_the_vectorial_form(
 ) -> None:
     """M nu' = tau - C_RB nu - C_A nu - D nu - g, with matrices built apart from the components."""
     vehicle, quaternion = VEHICLES[name], quaternion / np.linalg.norm(quaternion)
-    thrust, torque = propeller_wrench(vehicle, SCALAR)(float(nu[0]), shaft)
+    thrust, torque = propeller_wrench(vehicle)(float(nu[0]), shaft)
     tau = np.array(fin_wrench(vehicle, SCALAR)(*nu.tolist(), tuple(fins.tolist())))
     tau += np.array([thrust, 0.0, 0.0, torque, 0.0, 0.0])
     tau -= hull_damping_matrix(vehicle, nu) @ nu

@@ -142,7 +142,7 @@ def test_turning_circle_against_prestero(
 def test_roll_that_balances_the_propeller(remus: Vehicle) -> None:
     """Fins level, cruise: -3.9 deg; at sea -5.3 deg with an earlier propeller at 1500 rpm (Prestero 2001, Eq. 4.47)."""
     shaft = trim(remus, 1.54, GRAVITY_MPS2).shaft_rps
-    _, torque = propeller_wrench(remus, SCALAR)(1.54, shaft)
+    _, torque = propeller_wrench(remus)(1.54, shaft)
     stiffness = remus.rigid_body.mass * GRAVITY_MPS2 * remus.rigid_body.centre_of_gravity_z
     assert math.degrees(math.asin(torque / stiffness)) == pytest.approx(-3.9, abs=0.1)
 

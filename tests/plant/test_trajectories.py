@@ -1,19 +1,16 @@
 """The three missions: tracked, physical, smooth, converged, deterministic, and true to an ideal strapdown."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bottomlock.config.scenario import EARTH_RATE_RADPS
-from bottomlock.errors import Note
 from bottomlock.plant import (
     Current,
     Flight,
     StuckFin,
     Vehicle,
-    cache,
     figure_eight,
     fly,
     lawn_mower,
@@ -23,7 +20,6 @@ from bottomlock.plant import (
 )
 from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.matrices import rotation_t_p
-from bottomlock.truth.truth import Truth
 from tests.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
 NAMES = ("straight", "figure_eight", "lawn_mower")
@@ -111,39 +107,10 @@ def test_the_same_mission_gives_the_same_bits(tauv: Vehicle) -> None:
     assert (first.state == second.state).all()
 
 
-def test_flights_come_back_from_the_cache_bit_for_bit(
-    tauv: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
-    mission = straight(duration_s=3.0)
-
-    def simulated_truth() -> Truth:
-        return fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2).truth
-
-    first = simulated_truth()
-    (kept,) = (tmp_path / "kept").glob("*.npz")
-    monkeypatch.setattr("bottomlock.plant.truth.swim", lambda *_, **__: pytest.fail("not from the cache"))
-    again = simulated_truth()
-    assert (again.force_p_mps2 == first.force_p_mps2).all()
-    settings = {"gravity_mps2": GRAVITY_MPS2, "imu_rate_hz": 150.0}
-    faster = replace(mission, speed_mps=1.9)
-    assert cache.history_key(tauv, mission, **settings) != cache.history_key(tauv, faster, **settings)
-    monkeypatch.undo()
-    monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
-    whole = kept.read_bytes()
-    for spoilt in (whole[:100], whole[:2000] + b"\x01" + whole[2001:]):
-        kept.write_bytes(spoilt)
-        with pytest.warns(Note, match=r"cached truth: .*npz: has changed since .*; it is computed again"):
-            assert (simulated_truth().force_p_mps2 == first.force_p_mps2).all()
-        assert kept.read_bytes() == whole
-    kept.unlink()
-    assert (simulated_truth().force_p_mps2 == first.force_p_mps2).all()
-
-
 def test_a_cross_current_makes_ground_sway(tauv: Vehicle) -> None:
     """0.3 m/s across: the vehicle crabs with 0.3 m/s of sway over ground, almost none in the water."""
     mission = straight(duration_s=120.0, current=Current.towards(0.3, np.pi / 2))
-    flight = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
+    flight = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
     assert flight.truth.velocity_p_mps[-1, 1] == pytest.approx(0.3, abs=0.01)
     assert abs(flight.history.velocity_through_water_p_mps[-1, 1]) < 1e-3
     assert np.abs(flight.history.state[:, 1]).max() < 1.0

@@ -14,7 +14,7 @@ from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.plant import model
-from bottomlock.plant.equations import acceleration, to_tangent
+from bottomlock.plant.equations import to_tangent
 from bottomlock.plant.guidance import offset_and_heading
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.ideal_sensors import inertial_measurements
@@ -126,21 +126,11 @@ class VehicleGroup:
         times = 0.5 * self._step_s * np.arange(2 * steps + 1, dtype=np.float64)
         self._rows = [list(row) for row in mission.timetable(times)]
         self._time_ns = sample_times_ns(steps * self._step_s, imu_rate_hz)
-        self._nu_dot = acceleration(vehicle, gravity_mps2, ARRAY)
-        self._rates = model.derivative(
-            vehicle,
-            ARRAY,
-            speed_mps=mission.speed_mps,
-            law=mission.law,
-            gravity_mps2=gravity_mps2,
-            stuck=mission.stuck,
-            heading_rad=mission.heading_rad,
-        )
+        self._accelerations = model.accelerations(vehicle, gravity_mps2)
+        self._rates = model.derivative(vehicle, mission, ARRAY, gravity_mps2)
         self._advance = runge_kutta_step(self._rates, ARRAY, self._step_s)
         self._renew = attitude_by_rates(ARRAY, self._step_s)
         start = start_state(vehicle, mission, gravity_mps2)
-        if mission.stuck is not None:
-            start[model.FINS.start + mission.stuck.fin - 1] = mission.stuck.angle_rad
         self._state = [np.full(runs, value) for value in start]
         self._guides = guide_rows(mission.segments)
         self._segments = np.array(self._guides)
@@ -203,18 +193,11 @@ class VehicleGroup:
         count = samples.shape[1]
         which = np.arange(first_sample, first_sample + count)
         times = which * (self._step_s / self._parts)
-        rows = np.tile(self.mission.timetable(times), (self.runs, 1)).T
-        flat = list(samples.reshape(-1, samples.shape[-1]).T)
-        q0, q1, q2, q3, u, v, w, p, q, r = flat[3:13]
-        _, _, sink = to_tangent(q0, q1, q2, q3, u, v, w)
-        current_velocity_n = (rows[0] + rows[4] * flat[2], rows[1] + rows[5] * flat[2], 0.0 * u)
-        current_accel_n = (rows[2] + rows[4] * sink, rows[3] + rows[5] * sink, 0.0 * u)
-        nu_dot = self._nu_dot(
-            (q0, q1, q2, q3), (u, v, w, p, q, r), flat[model.OWN :], current_velocity_n, current_accel_n
-        )
+        rows = np.tile(self.mission.timetable(times), (self.runs, 1))
+        flat = samples.reshape(-1, samples.shape[-1])
         omega, force = inertial_measurements(
-            samples.reshape(-1, samples.shape[-1]),
-            np.stack(nu_dot, axis=1),
+            flat,
+            self._accelerations(flat, rows),
             latitude_rad=self._latitude_rad,
             gravity_mps2=self._gravity_mps2,
             earth_rate_radps=self._earth_rate_radps,

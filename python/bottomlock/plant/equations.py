@@ -106,7 +106,7 @@ def fin_and_hull_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[...,
     The actuators begin with the deflections of the fins (rad) and the shaft speed (rev/s).
     """
     hull, fins = hull_wrench(vehicle, maths), fin_wrench(vehicle, maths)
-    propeller = propeller_wrench(vehicle, maths)
+    propeller = propeller_wrench(vehicle)
 
     def wrench(
         u: Number, v: Number, w: Number, p: Number, q: Number, r: Number, actuators: Sequence[Number]

@@ -9,16 +9,17 @@ from collections.abc import Callable, Sequence
 from itertools import chain
 from typing import TypeAlias
 
-from bottomlock.plant.actuators import StuckFin
+import numpy as np
+
 from bottomlock.plant.equations import Four, Six, Three, acceleration, to_platform, to_tangent
-from bottomlock.plant.guidance import Law, Segment, constant_bearing, line_of_sight
+from bottomlock.plant.guidance import Segment, constant_bearing, line_of_sight
 from bottomlock.plant.hovering import thruster_steering
 from bottomlock.plant.hovering_vehicle import AnyVehicle
-from bottomlock.plant.maths import Maths, Number
+from bottomlock.plant.maths import ARRAY, FloatArray, Maths, Number
+from bottomlock.plant.mission import Mission
 from bottomlock.plant.steering import Motion, Steer, Wanted, fin_steering
 from bottomlock.plant.vehicle import Vehicle
 
-POSITION = slice(0, 3)
 ATTITUDE = slice(3, 7)
 NU = slice(7, 13)
 FINS = slice(13, 17)
@@ -75,15 +76,18 @@ def quaternion_rate(attitude: Four[Number], p: Number, q: Number, r: Number) -> 
     )
 
 
+def _current(row: Row[Number], depth: Number) -> Three[Number]:
+    """Velocity of the current at a depth, tangent frame."""
+    return row[0] + row[4] * depth, row[1] + row[5] * depth, 0.0 * depth
+
+
+def _current_rate(row: Row[Number], sink: Number) -> Three[Number]:
+    """Acceleration of the current along the path of a vehicle that sinks, tangent frame."""
+    return row[2] + row[4] * sink, row[3] + row[5] * sink, 0.0 * sink
+
+
 def derivative(
-    vehicle: AnyVehicle,
-    maths: Maths[Number],
-    *,
-    speed_mps: float,
-    law: Law,
-    gravity_mps2: float,
-    stuck: StuckFin | None = None,
-    heading_rad: float | None = None,
+    vehicle: AnyVehicle, mission: Mission, maths: Maths[Number], gravity_mps2: float
 ) -> Derivative[Number]:
     """Build x' as a function of the state, the timetable's row, the path segment and the navigation error.
 
@@ -93,13 +97,13 @@ def derivative(
     nu_dot = acceleration(vehicle, gravity_mps2, maths)
     estimate = estimated_motion(maths)
     steer: Steer[Number] = (
-        fin_steering(vehicle, maths, stuck)
+        fin_steering(vehicle, maths, mission.stuck)
         if isinstance(vehicle, Vehicle)
-        else thruster_steering(vehicle, maths, heading_rad)
+        else thruster_steering(vehicle, maths, mission.heading_rad)
     )
     guide = (
-        line_of_sight(vehicle, speed_mps, maths)
-        if law == "line_of_sight"
+        line_of_sight(vehicle, mission.speed_mps, maths)
+        if mission.law == "line_of_sight"
         else constant_bearing(vehicle, maths)
     )
 
@@ -108,15 +112,12 @@ def derivative(
     ) -> list[Number]:
         north, east, depth, q0, q1, q2, q3, u, v, w, p, q, r = state[:OWN]
         own = state[OWN:]
-        c_n, c_e, a_n, a_e, s_n, s_e, depth_wanted, sink_wanted, t_n, t_e, t_vn, t_ve, t_rate = row
+        depth_wanted, sink_wanted, t_n, t_e, t_vn, t_ve, t_rate = row[6:]
         target = (t_n, t_e, t_vn, t_ve, t_rate)
         attitude = (q0, q1, q2, q3)
         velocity_n = to_tangent(q0, q1, q2, q3, u, v, w)
         v_d = velocity_n[2]
-        zero = 0.0 * u
-        current_velocity_n = (c_n + s_n * depth, c_e + s_e * depth, zero)
-        current_accel_n = (a_n + s_n * v_d, a_e + s_e * v_d, zero)
-        nu_rates = nu_dot(attitude, (u, v, w, p, q, r), own, current_velocity_n, current_accel_n)
+        nu_rates = nu_dot(attitude, (u, v, w, p, q, r), own, _current(row, depth), _current_rate(row, v_d))
         motion = Motion(
             *estimate(attitude, velocity_n, error), depth - error[2], v_d - error[5], (p, q, r), nu_rates[0]
         )
@@ -128,10 +129,21 @@ def derivative(
     return rates
 
 
-def velocity_through_water_p(state: Sequence[Number], row: Sequence[Number]) -> tuple[Number, Number, Number]:
-    """Velocity relative to the water, platform frame, m/s, from a state and its timetable row."""
-    depth = state[2]
-    q0, q1, q2, q3, u, v, w = (state[index] for index in range(3, 10))
-    c_n, c_e, s_n, s_e = row[0], row[1], row[4], row[5]
-    uc, vc, wc = to_platform(q0, q1, q2, q3, c_n + s_n * depth, c_e + s_e * depth, 0.0 * u)
-    return u - uc, v - vc, w - wc
+def accelerations(vehicle: AnyVehicle, gravity_mps2: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Build nu' (n, 6), m/s² and rad/s², of states (n, size) at the rows (n, 13) of the timetable."""
+    nu_dot = acceleration(vehicle, gravity_mps2, ARRAY)
+
+    def along(states: FloatArray, rows: FloatArray) -> FloatArray:
+        _, _, depth, q0, q1, q2, q3, u, v, w, p, q, r, *own = states.T
+        _, _, sink = to_tangent(q0, q1, q2, q3, u, v, w)
+        current = _current(list(rows.T), depth), _current_rate(list(rows.T), sink)
+        return np.stack(nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), own, *current), axis=1)
+
+    return along
+
+
+def velocity_through_water_p(states: FloatArray, rows: FloatArray) -> FloatArray:
+    """Velocity relative to the water (n, 3), platform frame, m/s, of states at the rows of the timetable."""
+    _, _, depth, q0, q1, q2, q3 = states.T[:7]
+    current_p = to_platform(q0, q1, q2, q3, *_current(list(rows.T), depth))
+    return np.asarray(states[:, NU][:, :3] - np.stack(current_p, axis=1))

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
-from bottomlock.plant.maths import Maths, Number
+from bottomlock.plant.maths import Number
 from bottomlock.plant.vehicle import Vehicle
 
 
 def propeller_wrench(
-    vehicle: Vehicle, maths: Maths[Number]
+    vehicle: Vehicle,
 ) -> Callable[[Number, Number], tuple[Number, Number]]:
     """Build net thrust X (N) and roll moment K (N m) from speed u (m/s) and shaft n (rev/s).
 
@@ -22,7 +22,6 @@ def propeller_wrench(
     thrust_0, thrust_1 = thrust * prop.thrust_at_rest, thrust * prop.thrust_slope * advance
     torque = -prop.rotation * density * diameter**5
     torque_0, torque_1 = torque * prop.torque_at_rest, torque * prop.torque_slope * advance
-    del maths  # products only: the same line serves floats and arrays
 
     def wrench(u: Number, shaft: Number) -> tuple[Number, Number]:
         size = abs(shaft)

@@ -9,7 +9,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
-from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray, IntArray
+from bottomlock.plant.maths import SCALAR, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import guide_rows, passed
 from bottomlock.plant.trim import start_state
@@ -79,20 +79,10 @@ def swim(
     ticks = max(1, round(TICK_S / step_s))
     table = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64))
     rows = table.tolist()
-    rates = model.derivative(
-        vehicle,
-        SCALAR,
-        speed_mps=mission.speed_mps,
-        law=mission.law,
-        gravity_mps2=gravity_mps2,
-        stuck=mission.stuck,
-        heading_rad=mission.heading_rad,
-    )
+    rates = model.derivative(vehicle, mission, SCALAR, gravity_mps2)
     advance = runge_kutta_step(rates, SCALAR, step_s)
     renew_attitude = attitude_by_rates(SCALAR, step_s)
     state = start_state(vehicle, mission, gravity_mps2)
-    if mission.stuck is not None:
-        state[model.FINS.start + mission.stuck.fin - 1] = mission.stuck.angle_rad
     guides = guide_rows(mission.segments)
     index = next_segment(guides, 0, state[0], state[1])
     segment = guides[index]
@@ -130,26 +120,12 @@ def _history(
     imu_rate_hz: float,
     gravity_mps2: float,
 ) -> StateHistory:
-    rates = model.derivative(
-        vehicle,
-        ARRAY,
-        speed_mps=mission.speed_mps,
-        law=mission.law,
-        gravity_mps2=gravity_mps2,
-        stuck=mission.stuck,
-        heading_rad=mission.heading_rad,
-    )
-    rows = list(mission.timetable(np.arange(len(states)) / imu_rate_hz).T)
-    segment = tuple(np.array(guide_rows(mission.segments))[indices].T)
-    columns = list(states.T)
-    error = (np.zeros(len(states)),) * 9
-    derivative = rates(columns, rows, segment, error)
-    water = model.velocity_through_water_p(columns, rows)
+    rows = mission.timetable(np.arange(len(states)) / imu_rate_hz)
     return StateHistory(
         time_ns=sample_times_ns(mission.duration_s, imu_rate_hz)[: len(states)],
         state=states,
-        acceleration=np.stack(derivative[model.NU], axis=1),
-        velocity_through_water_p_mps=np.stack(water, axis=1),
+        acceleration=model.accelerations(vehicle, gravity_mps2)(states, rows),
+        velocity_through_water_p_mps=model.velocity_through_water_p(states, rows),
         segment=indices,
     )
 

@@ -85,7 +85,10 @@ def trim(vehicle: Vehicle, speed_mps: float, gravity_mps2: float) -> Trim:
 
 
 def start_state(vehicle: AnyVehicle, mission: Mission, gravity_mps2: float) -> list[float]:
-    """Initial state in the layout of `model`: steady on the first segment, with the course along it."""
+    """Initial state in the layout of `model`: steady on the first segment, with the course along it.
+
+    A stuck fin is where it is stuck.
+    """
     first = mission.segments[0]
     depth, _ = mission.depth.at(np.array([0.0]))
     row = mission.timetable(np.array([0.0]))[0]
@@ -126,9 +129,12 @@ def start_state(vehicle: AnyVehicle, mission: Mission, gravity_mps2: float) -> l
     )
     speed_i = (steady.shaft_rps - pilot.speed.feed_forward * mission.speed_mps) / pilot.speed.integral
     depth_i = -mission.speed_mps * sine / guide.depth_integral
+    fins = list(steady.fins_rad)
+    if mission.stuck is not None:
+        fins[mission.stuck.fin - 1] = mission.stuck.angle_rad
     return [
         first.north_m, first.east_m, float(depth[0]), *attitude, *velocity, 0.0, 0.0, 0.0,
-        *steady.fins_rad, steady.shaft_rps,
+        *fins, steady.shaft_rps,
         roll_i, 0.0, pitch_i, 0.0, yaw_i, 0.0, speed_i, 0.0, math.atan2(aside, ahead), depth_i,
     ]  # fmt: skip
 
@@ -186,14 +192,7 @@ def eigenvalues(
     """
     mission = replace(straight(speed_mps=speed_mps), heading_rad=heading_rad)
     start = np.array(start_state(vehicle, mission, gravity_mps2))
-    rates = model.derivative(
-        vehicle,
-        SCALAR,
-        speed_mps=speed_mps,
-        law="line_of_sight",
-        gravity_mps2=gravity_mps2,
-        heading_rad=heading_rad,
-    )
+    rates = model.derivative(vehicle, mission, SCALAR, gravity_mps2)
     row = [float(value) for value in mission.timetable(np.array([0.0]))[0]]
     segment, error = guide_rows(mission.segments)[0], (0.0,) * 9
     q0, q1, q2, q3 = start[model.ATTITUDE]

@@ -1,9 +1,9 @@
 """From a mission to the truth from which the sensors are simulated."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from bottomlock.config.scenario import EARTH_RATE_RADPS
-from bottomlock.plant.cache import history_key, load_history, store_history
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.ideal_sensors import inertial_measurements
 from bottomlock.plant.mission import Mission
@@ -57,30 +57,29 @@ def fly(
     gravity_mps2: float,
     earth_rate_radps: float = EARTH_RATE_RADPS,
     imu_rate_hz: float = 150.0,
-    use_cache: bool = True,
 ) -> Flight:
     """Check the vehicle, integrate the mission controlled on the truth, and return the truth at the IMU's rate.
 
-    Latitude in rad, gravity in m/s² (the kernel's normal gravity). The same arguments give the same bits; the state
-    history is cached under a hash of vehicle, mission, gravity, rate and source.
+    Latitude in rad, gravity in m/s² (the kernel's normal gravity). The same arguments give the same bits.
 
     Raises:
         ScenarioError: for a vehicle without a stable trim, or a mission outside its limits.
 
     >>> from bottomlock.plant import load_vehicle, straight
     >>> mission = straight(duration_s=1.0)
-    >>> flight = fly(load_vehicle("tauv"), mission, latitude_rad=0.57, gravity_mps2=9.795, use_cache=False)
+    >>> flight = fly(load_vehicle("tauv"), mission, latitude_rad=0.57, gravity_mps2=9.795)
     >>> len(flight.truth.time_ns)
     151
     """
-    key = history_key(vehicle, mission, gravity_mps2=gravity_mps2, imu_rate_hz=imu_rate_hz)
-    history = load_history(key) if use_cache else None
-    if history is None:
-        check_stability(vehicle, gravity_mps2)
-        history = swim(vehicle, mission, gravity_mps2=gravity_mps2, imu_rate_hz=imu_rate_hz)
-        if use_cache:
-            store_history(key, history)
+    history = _history(vehicle, mission, gravity_mps2, imu_rate_hz)
     truth = truth_of(
         history, latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate_radps
     )
     return Flight(vehicle, mission, history, truth)
+
+
+@lru_cache(maxsize=4)
+def _history(vehicle: AnyVehicle, mission: Mission, gravity_mps2: float, imu_rate_hz: float) -> StateHistory:
+    """The state history; a sweep asks for that of the same few missions for every value."""
+    check_stability(vehicle, gravity_mps2)
+    return swim(vehicle, mission, gravity_mps2=gravity_mps2, imu_rate_hz=imu_rate_hz)

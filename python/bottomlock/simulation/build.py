@@ -99,7 +99,7 @@ class Simulation:
         return digest.hexdigest()
 
     def flight(self) -> Flight:
-        """The vehicle's mission with guidance on the truth; read from the cache where it was simulated before.
+        """The vehicle's mission with guidance on the truth.
 
         Raises:
             ScenarioError: for a truth without a vehicle.
