@@ -1,58 +1,14 @@
-"""Figures within a page: smaller, in the page's colours, and to the eye the same."""
+"""Figures within a page: in the page's colours, with ids of their own."""
 
 from __future__ import annotations
 
 import re
 
 import matplotlib as mpl
-import numpy as np
-import pytest
-from numpy.typing import NDArray
 
-from bottomlock.figures.inline_svg import TOLERANCE_PT, compact_path, inline_svg
+from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import STYLE, new_figure, svg_text
 from bottomlock.pages.shared_svg import share_svg
-
-Points = NDArray[np.float64]
-
-
-def _drawn(data: str) -> Points:
-    """The points (n, 2) of a path as `compact_path` writes it: one absolute, the others relative."""
-    numbers = [float(one) for one in re.findall(r"-?(?:\d+\.?\d*|\.\d+)", data)]
-    return np.asarray(np.cumsum(np.array(numbers).reshape(-1, 2), axis=0))
-
-
-def _distance_to(points: Points, line: Points) -> Points:
-    """Distance of each point (n,) from a broken line, by every stretch of it."""
-    start, along = line[:-1], np.diff(line, axis=0)
-    length = np.maximum((along**2).sum(axis=1), 1e-12)
-    share = np.clip(((points[:, None] - start) * along).sum(axis=2) / length, 0.0, 1.0)
-    return np.asarray(
-        np.hypot(*np.moveaxis(points[:, None] - start - share[..., None] * along, 2, 0)).min(axis=1)
-    )
-
-
-@pytest.mark.parametrize("roughness", [0.0, 0.1, 3.0])
-@pytest.mark.parametrize("turns", [0.0, 2.0])
-def test_no_point_is_far_from_what_is_drawn(roughness: float, turns: float) -> None:
-    """Of a smooth curve, a rough one, and one that turns back; a smooth one loses most of its points."""
-    t = np.linspace(0.0, 1.0, 400)
-    rng = np.random.default_rng(1)
-    x = 300.0 * t if turns == 0.0 else 100.0 + 90.0 * np.cos(2.0 * np.pi * turns * t)
-    y = 100.0 + 80.0 * np.sin(2.0 * np.pi * t) + roughness * rng.standard_normal(400)
-    points = np.asarray(np.round(np.column_stack([x, y]), 1), dtype=np.float64)
-    data = "M " + "\nL ".join(f"{a:.1f} {b:.1f}" for a, b in points) + "\n"
-    drawn = _drawn(compact_path(data))
-    assert _distance_to(points, drawn).max() <= TOLERANCE_PT + 1e-9
-    np.testing.assert_allclose(drawn[[0, -1]], points[[0, -1]], atol=1e-9)
-    assert len(drawn) < (120 if roughness == 0.0 else 400)
-
-
-def test_curves_of_letters_keep_every_point() -> None:
-    """Control points are relative to where the curve begins."""
-    assert compact_path("M 1 2\nQ 3 4 5 6\nQ 7 8 9 10.5\nC 1 1 2 2 3 3\nz\n") == (
-        "M1 2q2 2 4 4 2 2 4 4.5c-8-9.5-7-8.5-6-7.5z"
-    )
 
 
 def _figure_svg(name: str) -> str:

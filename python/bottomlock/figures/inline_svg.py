@@ -1,32 +1,20 @@
-"""A figure within a page: an SVG in the page's colours, with no more points than a screen can show."""
+"""A figure within a page: an SVG in the page's colours, without what nothing refers to."""
 
-import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from html import escape
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bottomlock.figures.palette import FAINT, INK, PAPER
 
-TOLERANCE_PT = 0.15
-"""Greatest distance of a point that is left out from the line that is drawn: a fifth of a pixel of a figure shown at
-its greatest width. The files of a figure keep every point."""
-
 _REFERENCE = re.compile(r"#([\w.-]+)")
-_COMMANDS = re.compile(r"(?:L[^MLQCZz]*)+|[MQC][^MLQCZz]*|[Zz]")
 _MOVED = re.compile(r"translate\((\S+?)(?: (\S+?))?\)")
-
-_Step = tuple[str, NDArray[np.int64]]
 
 
 def inline_svg(svg: str, name: str, words: str) -> str:
     """The SVG for a page: ids made unique, ink replaced by the colours of the page, background removed.
 
-    Curves are thinned to `TOLERANCE_PT`, coordinates are written in tenths of a point relative to one another, and what
-    nothing refers to is left out.
+    Places are written in tenths of a point, and what nothing refers to is left out.
 
     Args:
         svg: from `palette.svg_text`.
@@ -79,7 +67,7 @@ def _attributes(tag: str, given: dict[str, str], ids: dict[str, str]) -> Iterato
             if value in ids:
                 yield key, ids[value]
         elif key == "d":
-            yield key, compact_path(value)
+            yield key, " ".join(value.split())
         elif key == "style":
             yield key, _coloured(value)
         elif tag == "use" and key == "transform" and _MOVED.fullmatch(value):
@@ -112,90 +100,3 @@ def _coloured(style: str) -> str:
     """A style without blanks, its ink and paper those of the page."""
     style = re.sub(r"([:;]) ", r"\1", style).replace(f"fill:{PAPER}", "fill:none")
     return style.replace(INK, "var(--ink)").replace(FAINT, "var(--faint)")
-
-
-def compact_path(data: str) -> str:
-    """The data of a path, thinned, in tenths and relative.
-
-    >>> compact_path("M 10 10 L 20 10.04 L 30 10 L 30 20.5 z")
-    'M10 10l20 0 0 10.5z'
-    """
-    text, last, at = [], "", np.zeros(2, dtype=np.int64)
-    for command, points in _thinned(_steps(data)):
-        if command == "z":
-            text.append("z")
-            last = command
-            continue
-        # A path begins at an absolute place; what follows is relative to the point before it.
-        name = "M" if not text else command.lower()
-        text.append("" if name == last else name)
-        start = np.concatenate([at[None], points[:-1]]) if name == "l" else at
-        shifts = (points if name == "M" else points - start).ravel()
-        at = points[-1]
-        text.append(_numbers(shifts, glued=name != last))
-        last = name
-    return "".join(text)
-
-
-def _numbers(tenths: NDArray[np.int64], *, glued: bool) -> str:
-    """Whole tenths as decimals, parted by a blank where there is no minus."""
-    words = []
-    for k, one in enumerate(tenths.tolist()):
-        whole, part = divmod(abs(one), 10)
-        size = f"{whole}.{part}" if part and whole else f".{part}" if part else f"{whole}"
-        sign = "-" if one < 0 else "" if glued and k == 0 else " "
-        words.append(sign + size)
-    return "".join(words)
-
-
-def _steps(data: str) -> list[_Step]:
-    """Commands with their points (n, 2) in tenths; lines that follow one another are one step."""
-    steps = []
-    for found in _COMMANDS.finditer(data):
-        words = found[0].replace("L", " ")
-        command = "L" if found[0][0] == "L" else words[0].upper()
-        tenths = np.rint(np.array(words.lstrip("MQCZz").split(), dtype=float) * 10.0).astype(np.int64)
-        steps.append(("z" if command == "Z" else command, tenths.reshape(-1, 2)))
-    return steps
-
-
-def _thinned(steps: list[_Step]) -> Iterator[_Step]:
-    """The same with fewer points on lines."""
-    at = np.zeros((1, 2), dtype=np.int64)
-    for command, points in steps:
-        if command == "L" and len(points) > 1:
-            line = np.concatenate([at, points])
-            yield command, line[_kept(line, 10.0 * TOLERANCE_PT)][1:]
-        else:
-            yield command, points
-        at = points[-1:] if len(points) else at
-
-
-def _kept(line: NDArray[np.int64], tolerance: float) -> NDArray[np.bool_]:
-    """Which points of a line (n, 2) remain so that none is farther than the tolerance from what is drawn.
-
-    From a point that stays, the next one is the last that a straight line reaches while it passes every point between
-    within the tolerance: each of those leaves a sector of directions, and the sectors are intersected.
-    """
-    x, y = line[:, 0].tolist(), line[:, 1].tolist()
-    kept = np.zeros(len(x), dtype=bool)
-    at = 0
-    while at < len(x) - 1:
-        kept[at] = True
-        low, high, first, farthest, last = -math.pi, math.pi, None, 0.0, at + 1
-        for k in range(at + 1, len(x)):
-            distance = math.hypot(x[k] - x[at], y[k] - y[at])
-            if distance < farthest - tolerance:
-                break
-            if distance > tolerance:
-                direction = math.atan2(y[k] - y[at], x[k] - x[at])
-                first = direction if first is None else first
-                turned = math.remainder(direction - first, 2.0 * math.pi)
-                if not low <= turned <= high:
-                    break
-                half = math.asin(tolerance / distance)
-                low, high = max(low, turned - half), min(high, turned + half)
-            farthest, last = max(farthest, distance), k
-        at = last
-    kept[-1] = True
-    return kept
