@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 import bottomlock
-from bottomlock.tables.fixes import fixes_schema, robust_fixes_schema
+from bottomlock.tables.fixes import fixes_schema
 from tests.cli.calls import command
 
 PINGS = 400
@@ -44,7 +44,9 @@ def fixes(log: Path, *switches: str) -> tuple[pl.DataFrame, str]:
 
 def test_robust_is_the_default(log: Path) -> None:
     frame, words = fixes(log)
-    assert frame.schema == pl.Schema(robust_fixes_schema(4))
+    measured = ("beam_sd_factor", "halfwidth_2sigma_over_sd", "halfwidth_3sigma_over_sd")
+    screened = {"outlier_test": pl.String(), **dict.fromkeys(measured, pl.Float64())}
+    assert frame.schema == pl.Schema(fixes_schema(4) | screened)
     assert frame.equals(fixes(log, "--robust")[0])
     assert "beam noise, all pings: claimed sd 42 mm/s, measured" in words
     assert "1 with a beam rejected" in words

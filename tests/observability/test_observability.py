@@ -16,7 +16,7 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator
 from bottomlock.kernel.models import DepthModel, DvlModel, InitialState, Model
-from bottomlock.observability.analysis import LEAST_GAP, Aiding, Finding, deviations, observe
+from bottomlock.observability.analysis import Aiding, Finding, deviations, observe
 from bottomlock.observability.figure import deviation_figure, deviation_panels
 from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.report import observe_scenario
@@ -30,6 +30,8 @@ from tests.oracle.rotations import matrix_from_quaternion
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 ALL = Aiding(beams=(1, 2, 3, 4))
+LEAST_GAP = 1e3
+"""Ratio of singular values from which the kernel decides a rank."""
 
 
 def model(truth: Truth, earth_rate_radps: float = 0.0) -> Model:

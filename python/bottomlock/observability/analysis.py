@@ -38,9 +38,6 @@ from bottomlock.units import ns_from_s
 Kind = Literal["full", "inertial", "paper", "paper_printed"]
 """The filter's 20 states, its first 15, or the 2015 model with the consistent or the printed sign of H."""
 
-LEAST_GAP = 1e3
-"""A rank is decided only with this ratio between the singular values that are kept and those that are dropped."""
-
 
 @dataclass(frozen=True)
 class Aiding:
@@ -110,7 +107,7 @@ class Finding:
     Attributes:
         states: names of the n states.
         rank: number of singular values above the noise floor.
-        decided: true where the gap is at least `LEAST_GAP` and at least `widest_step`, and no dropped value stands out
+        decided: true where the gap is at least 1000 and at least `widest_step`, and no dropped value stands out
             of rounding.
         gap: smallest kept over largest dropped singular value (or the noise floor).
         widest_step: largest ratio between neighbours among the kept ones.

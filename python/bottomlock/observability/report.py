@@ -15,7 +15,7 @@ from bottomlock.figures.images import images_of
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Result
 from bottomlock.kernel import kernel_version
-from bottomlock.observability.analysis import Aiding, Deviations, Kind, deviations, observe
+from bottomlock.observability.analysis import Aiding, Kind, deviations, observe
 from bottomlock.observability.figure import deviation_figure
 from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.schedule import Schedule, Times
@@ -34,13 +34,11 @@ class Observed:
         table: `tables.observability.OBSERVABILITY`.
         own: name of the aiding set of the scenario itself; None for the paper's cases.
         manoeuvres: `tables.observability.MANOEUVRE_RANKING`, or None.
-        history: the deviations of the figure; None for the paper's cases.
     """
 
     table: pl.DataFrame
     own: str | None = None
     manoeuvres: pl.DataFrame | None = None
-    history: Deviations | None = None
 
 
 def scenario_schedule(simulation: Simulation, truth: Truth) -> tuple[Schedule, Schedule]:
@@ -113,7 +111,7 @@ def observe_scenario(source: str | Path, out: str | Path, *, force: bool = False
     tables = {"observability": table, "manoeuvre_ranking": ranking}
     files = {f"{name}.parquet": parquet_bytes(frame) for name, frame in tables.items()}
     result.write(files | images_of(deviation_figure(history, title=title)).files("deviations"), force=force)
-    return Observed(table, own_name, ranking, history)
+    return Observed(table, own_name, ranking)
 
 
 def _check_schedule(scenario: Scenario, own: Aiding, every: Schedule) -> None:

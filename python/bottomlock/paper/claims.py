@@ -2,7 +2,7 @@
 
 import tomllib
 from importlib import resources
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -21,26 +21,31 @@ class _Claim(BaseModel):
     quantity: Literal["velocity", "attitude", "bias"]
     says: str
     reading: str
-
-
-class ValueClaim(_Claim):
-    """RMS over runs of one method at one time."""
-
-    kind: Literal["value"]
-    method: str
-    printed: float
-    half_digit: float
-    time_s: float
+    _ruled_by: ClassVar[str] = "kind"
+    """The field whose value names the rule."""
 
     @property
     def rule(self) -> str:
         """Name of the rule of the verdict."""
-        return "value"
+        return str(getattr(self, self._ruled_by))
+
+
+class _OneMethodClaim(_Claim):
+    method: str
 
     @property
     def methods(self) -> list[str]:
         """The methods that the claim is about."""
         return [self.method]
+
+
+class ValueClaim(_OneMethodClaim):
+    """RMS over runs of one method at one time."""
+
+    kind: Literal["value"]
+    printed: float
+    half_digit: float
+    time_s: float
 
 
 class ImprovementClaim(_Claim):
@@ -53,11 +58,6 @@ class ImprovementClaim(_Claim):
     printed: float
     half_digit: float
     time_s: float
-
-    @property
-    def rule(self) -> str:
-        """Name of the rule of the verdict."""
-        return "improvement"
 
     @property
     def words(self) -> str:
@@ -74,6 +74,7 @@ class ImprovementClaim(_Claim):
 class OrderingClaim(_Claim):
     """Each of `better` against each of `worse`, or against itself on another trajectory."""
 
+    _ruled_by = "relation"
     kind: Literal["ordering"]
     better: list[str]
     worse: list[str]
@@ -81,11 +82,6 @@ class OrderingClaim(_Claim):
     time_s: float
     tolerance: float = 0.0
     than_trajectory: str | None = None
-
-    @property
-    def rule(self) -> str:
-        """Name of the rule of the verdict."""
-        return self.relation
 
     @property
     def methods(self) -> list[str]:
@@ -100,49 +96,29 @@ class OrderingClaim(_Claim):
         return [(better, worse) for better in self.better for worse in self.worse]
 
 
-class DriftClaim(_Claim):
+class DriftClaim(_OneMethodClaim):
     """How the RMS of one method changes over a window of time, or in the turns."""
 
+    _ruled_by = "pattern"
     kind: Literal["drift"]
-    method: str
     pattern: Literal["rising", "level", "oscillating"]
     window_s: tuple[float, float] | None = None
     tolerance: float = 0.0
 
-    @property
-    def rule(self) -> str:
-        """Name of the rule of the verdict."""
-        return self.pattern
 
-    @property
-    def methods(self) -> list[str]:
-        """The methods that the claim is about."""
-        return [self.method]
-
-
-class CauseClaim(_Claim):
+class CauseClaim(_OneMethodClaim):
     """A drift over a window of time, and the cause that is given for it: without the cause the drift is smaller."""
 
     kind: Literal["cause"]
-    method: str
     window_s: tuple[float, float]
     without: Literal["dive"]
     tolerance: float
-
-    @property
-    def rule(self) -> str:
-        """Name of the rule of the verdict."""
-        return "cause"
-
-    @property
-    def methods(self) -> list[str]:
-        """The methods that the claim is about."""
-        return [self.method]
 
 
 class BiasClaim(_Claim):
     """Remaining errors of the IMU biases at the end, as fractions of the bias (the error without aiding)."""
 
+    _ruled_by = "pattern"
     kind: Literal["bias"]
     methods: list[str]
     biases: list[str]
@@ -151,11 +127,6 @@ class BiasClaim(_Claim):
     """All shrink; none shrinks; all together shrink more than on another trajectory."""
     tolerance: float = 0.0
     than_trajectory: str | None = None
-
-    @property
-    def rule(self) -> str:
-        """Name of the rule of the verdict."""
-        return self.pattern
 
 
 class NotTestableError(Exception):

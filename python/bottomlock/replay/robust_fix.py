@@ -29,7 +29,12 @@ class RobustFixes:
     halfwidths: Floats
 
     def to_frame(self, time_ns: Times) -> pl.DataFrame:
-        """A table with the columns of `tables.fixes.robust_fixes_schema`."""
+        """A table with the columns of `tables.fixes.fixes_schema`, and the noise and outlier test of each ping.
+
+        `beam_sd_factor` is the noise used over the claimed noise of the beams; the covariances contain it. The
+        half-widths of the intervals that a Gaussian covers with 2 and 3 sigma (95.4 and 99.7 %) are in standard
+        deviations of the fix.
+        """
         return self.fixes.to_frame(time_ns).with_columns(
             pl.Series("outlier_test", [OUTLIER_TESTS[code] for code in self.screened.outcome], pl.String),
             pl.Series("beam_sd_factor", self.factor),

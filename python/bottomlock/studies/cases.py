@@ -39,16 +39,13 @@ _LOSS = (
 """Keys of `[dvl]` that lose beams."""
 
 
-def masks(beams: int, *, whole: bool = True) -> list[tuple[int, ...]]:
-    """Every set of returning beams, 1 to `beams`, more beams first; `whole`: with all beams.
+def masks(beams: int) -> list[tuple[int, ...]]:
+    """Every set of returning beams, 1 to `beams`, more beams first.
 
     >>> masks(3)
     [(1, 2, 3), (1, 2), (1, 3), (2, 3), (1,), (2,), (3,)]
-    >>> len(masks(4, whole=False))
-    14
     """
-    sizes = range(beams if whole else beams - 1, 0, -1)
-    return [mask for size in sizes for mask in combinations(range(1, beams + 1), size)]
+    return [mask for size in range(beams, 0, -1) for mask in combinations(range(1, beams + 1), size)]
 
 
 def masked(scenario: Scenario, mask: tuple[int, ...]) -> Scenario:

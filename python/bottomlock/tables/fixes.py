@@ -27,18 +27,3 @@ def fixes_schema(beams: int) -> dict[str, pl.DataType]:
         **{f"cov_{first}_{second}_m2ps2": pl.Float64() for first, second in pairs},
         **{f"beam{k + 1}_used": pl.Boolean() for k in range(beams)},
     }
-
-
-def robust_fixes_schema(beams: int) -> dict[str, pl.DataType]:
-    """The columns of `fixes_schema`, and the noise and outlier test of each ping (`replay.robust_fix`).
-
-    `beam_sd_factor` is the noise used over the claimed noise of the beams; the covariances contain it. The half-widths
-    of the intervals that a Gaussian covers with 2 and 3 sigma (95.4 and 99.7 %) are in standard deviations of the fix.
-    """
-    return {
-        **fixes_schema(beams),
-        "outlier_test": pl.String(),
-        "beam_sd_factor": pl.Float64(),
-        "halfwidth_2sigma_over_sd": pl.Float64(),
-        "halfwidth_3sigma_over_sd": pl.Float64(),
-    }
