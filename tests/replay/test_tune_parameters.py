@@ -78,23 +78,21 @@ def test_a_case_with_other_values(case_path: Path) -> None:
     assert value_of(other, gyro) == value_of(case, gyro)
 
 
-@pytest.mark.parametrize("is_central", [False, True])
-def test_an_edge_beside_the_best_values_is_named(is_central: bool) -> None:
+def test_an_edge_beside_the_best_values_is_named() -> None:
     """Where the kernel refuses the settings of a step, no derivative is made of the others."""
     dived = dive(1, seconds=20.0)
 
     def inputs(at: Floats) -> Inputs:
-        if (at[1] < -1e-12) if is_central else (at[1] > 1e-12):
+        if at[1] > 1e-12:
             raise KernelError("beyond the edge")
         return Inputs(model(dived.noise), Options(gate="off", robust=None, imu_sampling="averaged"))
 
     with ThreadPoolExecutor(1) as executor:
         criterion = Criterion(
-            dived.geometry, dived.start, passes_of(dived.log, ()), inputs, np.zeros(2), np.ones(2), executor,
-            is_central=is_central,
-        )  # fmt: skip
+            dived.geometry, dived.start, passes_of(dived.log, ()), inputs, np.zeros(2), executor
+        )
         best = criterion.candidates([np.zeros(2)])[0]
-        with pytest.raises(DataError, match=r"where parameter 2 of 2 is [+-]0\.\d+ from its best value"):
+        with pytest.raises(DataError, match=r"where parameter 2 of 2 is \+0\.\d+ from its best value"):
             criterion.slopes(best)
 
 

@@ -48,7 +48,7 @@ def test_turns_and_beams_are_tuned(tmp_path: Path) -> None:
     assert keys[:2] == [ACCEL_KEY.replace("accel", "gyro").replace("mps", "deg"), BEAM_KEY]
     assert not any("bias_walk" in key for key in keys if key.startswith("imu."))
     assert tuned.parameters[0].old > 0.1
-    assert tuned.whole.new is not None
-    outages = [term for term in tuned.whole.new.terms if term.horizon_s > 0.0]
+    assert tuned.new is not None
+    outages = [term for term in tuned.new.terms if term.horizon_s > 0.0]
     assert outages
     assert all(0.4 < term.error_over_sd < 2.0 for term in outages)

@@ -26,7 +26,6 @@ from tests.statistical.tune_logs import (
 
 TUNED = ("accel_noise", "gyro_noise", "accel_walk", "gyro_walk", "beam_noise", "tilt", "yaw")
 OPTIONS = Options(gate="off", robust=None, imu_sampling="averaged")
-PRIOR_SD = float(np.log(10.0))
 
 
 def each(of: Callable[[int], tuple[float, ...]], seeds: Sequence[int]) -> NDArray[np.float64]:
@@ -48,9 +47,8 @@ def tuned(dived: Dive, begun: dict[str, float], names: tuple[str, ...] = TUNED) 
     horizons = horizons_of(float(times[-1] - times[0]) * 1e-9)
     with ThreadPoolExecutor(1) as executor:
         criterion = Criterion(
-            dived.geometry, dived.start, passes_of(dived.log, horizons), inputs, start,
-            np.full(len(names), PRIOR_SD), executor,
-        )  # fmt: skip
+            dived.geometry, dived.start, passes_of(dived.log, horizons), inputs, start, executor
+        )
         return criterion, search(criterion, [start])
 
 
@@ -62,7 +60,7 @@ def errors_over_sd(seed: int) -> tuple[float, ...]:
     factors = np.exp(rng.normal(0.0, 0.7, len(TUNED)))
     begun = dict(kind) | {name: kind[name] * factor for name, factor in zip(TUNED, factors, strict=True)}
     criterion, found = tuned(dived, begun)
-    sd = uncertainty(criterion, found, 60.0).sd
+    sd = uncertainty(criterion, found, 60.0)
     return tuple((found.best.at - np.log([kind[name] for name in TUNED])) / sd)
 
 

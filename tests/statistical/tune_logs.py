@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,14 +48,12 @@ KINDS = (AUTOPILOT, TACTICAL, COARSE)
 
 @dataclass(frozen=True, eq=False)
 class Dive:
-    """A simulated dive: the log, the model that made it, the start, and the truth at the inertial readings."""
+    """A simulated dive: the log, the noise that made it, and the start."""
 
     geometry: BeamGeometry
     log: dict[str, Any]
     noise: Mapping[str, float]
     start: InitialState
-    position_t_m: NDArray[np.float64]
-    attitude: Rotation
 
 
 def walk(rng: np.random.Generator, count: int, width: int, sd: float, step_s: float) -> NDArray[np.float64]:
@@ -83,8 +81,6 @@ def dive(
     rate_hz: float = 20.0,
     ping_hz: float = 2.0,
     attitude_hz: float = 2.0,
-    mounting_deg: Sequence[float] = (0.0, 0.0, 0.0),
-    late_s: Sequence[float] = (0.0, 0.0),
     slip: tuple[float, float] | None = None,
 ) -> Dive:
     """A vehicle that turns and changes its speed.
@@ -93,8 +89,6 @@ def dive(
         seed: of everything random.
         noise: 1 sigma of the errors.
         seconds, rate_hz, ping_hz, attitude_hz: length, and rates of the sensors.
-        mounting_deg: roll, pitch and yaw of the DVL, which the log's geometry does not have.
-        late_s: what has to be added to the stamps of the pings and of the attitudes.
         slip: 1 sigma (m/s) and time (s) of sway and heave through the water, about a torpedo's turns and trim, in a
             current; these are drawn from the filter's prior. It does not pitch: to the filter the heave of a pitching
             vehicle is more than its slip.
@@ -143,24 +137,20 @@ def dive(
     rate += rng.normal(0.0, noise["gyro_noise"] / np.sqrt(step_s), (count, 3))
     geometry = BeamGeometry.janus(TILT_RAD)
     pings = np.arange(int(rate_hz / ping_hz), count, int(rate_hz / ping_hz))
-    mounting = Rotation.from_euler("ZYX", mounting_deg[::-1], degrees=True)
-    beams = (
-        velocity_p[pings] @ mounting.apply(geometry.directions_p).T * (1.0 + rng.normal(0.0, noise["scale"]))
-    )
+    beams = velocity_p[pings] @ np.asarray(geometry.directions_p).T * (1.0 + rng.normal(0.0, noise["scale"]))
     beams += rng.normal(0.0, noise["beam_bias"], 4) + rng.normal(0.0, noise["beam_noise"], beams.shape)
     sensed = np.arange(int(rate_hz / attitude_hz), count, int(rate_hz / attitude_hz))
     scatter = np.array([noise["tilt"], noise["tilt"], noise["yaw"]])
     time_ns = np.round(t * 1e9).astype(np.int64)
-    dvl_late_ns, attitude_late_ns = (round(late * 1e9) for late in late_s)
     log = {
         "imu_time_ns": time_ns,
         "force_p_mps2": force,
         "omega_p_radps": rate,
-        "dvl_time_ns": time_ns[pings] - dvl_late_ns,
+        "dvl_time_ns": time_ns[pings],
         "beam_velocity_mps": beams,
         "beam_valid": np.ones(beams.shape, dtype=bool),
         "beam_sd_mps": np.full(beams.shape, noise["beam_noise"]),
-        "attitude_time_ns": time_ns[sensed] - attitude_late_ns,
+        "attitude_time_ns": time_ns[sensed],
         "attitude_rpy_rad": rpy[sensed] + rng.normal(0.0, 1.0, (len(sensed), 3)) * scatter,
     }
     initial = model(noise).initial
@@ -172,8 +162,7 @@ def dive(
         ).as_quat(scalar_first=True),
         velocity_p_mps=velocity_p[0] + rng.normal(0.0, 1.0, 3) * initial.velocity_sd_mps,
     )
-    position = np.cumsum(velocity_t, axis=0) * step_s
-    return Dive(geometry, log, dict(noise), start, position, attitude)
+    return Dive(geometry, log, dict(noise), start)
 
 
 def model(noise: Mapping[str, float]) -> Model:

@@ -13,10 +13,9 @@ from bottomlock.cli.parameters import Threads, check_threads
 from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.judge import SUM_S, Judged, Term
-from bottomlock.replay.tune.parameters import SWAY_KEYS
 from bottomlock.replay.tune.passes import LEFT_OUT, MEASURED, METHODS
 from bottomlock.replay.tune.result import record_of, require_free, write_tuned
-from bottomlock.replay.tune.run import CONSTANTS, SWAY, Part, Progress, Tuned, TunedParameter, tune_case
+from bottomlock.replay.tune.run import Progress, Tuned, TunedParameter, tune_case
 
 
 def tune(
@@ -64,7 +63,7 @@ def tune(
 
         def report(now: Progress) -> None:
             bar.start()
-            bar.update(task, description=f"{now.stage}, iteration {now.iteration}: {now.passes} passes")
+            bar.update(task, description=f"iteration {now.iteration}: {now.passes} passes")
 
         tuned = tune_case(loaded, fraction=fraction, methods=names, threads=threads, progress=report)
     write_tuned(case, tuned, target, force=force)
@@ -91,32 +90,29 @@ def print_tuned(tuned: Tuned) -> None:
         ["measurement"],
         ["after", "number", "error/σ old", "new", "log-lik. old", "new"],
     )
-    for part in tuned.parts:
-        if part.name == CONSTANTS:
-            continue
-        for old, new in _pairs(part):
-            term = new or old
-            assert term is not None
-            after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
-            if term.sensor == LEFT_OUT:
-                after = f"up to {after}"
-            table.add_row(term.sensor, after, str(term.count), *(_of(one, "error_over_sd") for one in (old, new)),
-                          *(_of(one, "score") for one in (old, new)))  # fmt: skip
+    for old, new in _pairs(tuned):
+        term = new or old
+        assert term is not None
+        after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
+        if term.sensor == LEFT_OUT:
+            after = f"up to {after}"
+        table.add_row(term.sensor, after, str(term.count), *(_of(one, "error_over_sd") for one in (old, new)),
+                      *(_of(one, "score") for one in (old, new)))  # fmt: skip
     console.print(table)
     for words in sentences(tuned):
         console.print(words, highlight=False, soft_wrap=True)
 
 
 def _row(one: TunedParameter) -> tuple[str | Text, ...]:
-    old = f"{one.old:.3g}" if one.old != 0.0 or not one.is_noise else "–"
+    old = f"{one.old:.3g}" if one.old != 0.0 else "–"
     if not one.is_determined:
         return one.words, old, Text("not determined", style="dim"), "–", "–"
     return one.words, old, f"{one.value:.3g}", f"{one.sd:.2g}", f"{one.gain:.3g}"
 
 
-def _pairs(part: Part) -> list[tuple[Term | None, Term | None]]:
+def _pairs(tuned: Tuned) -> list[tuple[Term | None, Term | None]]:
     by_term = [
-        {(term.sensor, term.horizon_s): term for term in _terms(judged)} for judged in (part.old, part.new)
+        {(term.sensor, term.horizon_s): term for term in _terms(judged)} for judged in (tuned.old, tuned.new)
     ]
     keys = sorted({*by_term[0], *by_term[1]})
     return [(by_term[0].get(key), by_term[1].get(key)) for key in keys]
@@ -136,7 +132,7 @@ def _of(term: Term | None, name: str) -> str:
 def sentences(tuned: Tuned) -> list[str]:
     """The verdicts, a sentence a line."""
     lines = []
-    for name, judged in (("old", tuned.whole.old), ("new", tuned.whole.new)):
+    for name, judged in (("old", tuned.old), ("new", tuned.new)):
         if judged is None:
             lines.append(f"{name} values: the filter ends in an error")
             continue
@@ -149,19 +145,14 @@ def sentences(tuned: Tuned) -> list[str]:
     lines.append(f"{outliers} of {beams} beam readings left out as outliers, of old and new alike")
     if not tuned.has_settled:
         lines.append("the search did not come to an end: tune the tuned case again")
-    lines += [f"{part.name}: {_verdict(part, tuned)}" for part in tuned.parts[1:]]
-    if any(one.key in SWAY_KEYS for one in tuned.parameters) and tuned.parts[-1].name != SWAY:
-        lines.append("sway: too few whole pings to judge two beams by; its prior is kept")
-    lines.append(_verdict(tuned.whole, tuned))
+    lines.append(_verdict(tuned))
     return lines
 
 
-def _verdict(part: Part, tuned: Tuned) -> str:
-    gain = f"log-likelihood gain on the rest {part.gain:.1f} ± {part.gain_sd:.1f}"
-    if not part.keys:
+def _verdict(tuned: Tuned) -> str:
+    gain = f"log-likelihood gain on the rest {tuned.gain:.1f} ± {tuned.gain_sd:.1f}"
+    if not any(one.is_determined for one in tuned.parameters):
         return "the recording determines none of the settings: the old values are kept"
-    if set(part.keys) <= set(tuned.values):
+    if tuned.is_better:
         return f"{gain}: the new values are better and were written"
-    if part.is_better:
-        return f"{gain}: better, but with the rest of the new values not: the old ones are kept"
     return f"{gain}: the new values are not better there by more than chance; the old ones are kept"

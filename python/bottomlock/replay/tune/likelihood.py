@@ -81,25 +81,17 @@ def loss(nis: Floats, rows: int) -> Floats:
     return np.where(nis <= bound, nis, 2.0 * np.sqrt(bound * np.maximum(nis, bound)) - bound)
 
 
-@dataclass(frozen=True, eq=False)
-class Derivatives:
-    """Gradient (n, P) of each innovation's score, its expected square (n, P, P), and the information (n, P, P).
-
-    The last two differ where a step has noise of its own.
-    """
-
-    gradient: Floats
-    square: Floats
-    information: Floats
-
-
 def derivatives(
     groups: Sequence[Group],
     stepped: Sequence[Sequence[Group]],
-    step: Floats,
+    step: float,
     executor: Executor,
-) -> Derivatives:
-    """Derivatives of the scores by parameters, from the innovations of candidates a step away in one parameter each."""
+) -> tuple[Floats, Floats]:
+    """Gradient (n, P) of each innovation's score and its Fisher information (n, P, P) by parameters.
+
+    From the innovations of candidates a step away in one parameter each; the information is the gradient's expected
+    square.
+    """
 
     def of_group(k: int) -> tuple[Floats, Floats]:
         group = groups[k]
@@ -112,48 +104,21 @@ def derivatives(
         relative = np.einsum("nij,pnjk->pnik", inverse, ds)
         fit = np.einsum("ni,pni->np", scaled, dz) - 0.5 * np.einsum("ni,pnij,nj->np", scaled, ds, scaled)
         gradient = weight[:, None] * fit + 0.5 * np.einsum("pnii->np", relative)
-        return gradient, _information(dz, dz, inverse, relative)
+        return gradient, _information(dz, inverse, relative)
 
-    gradients, fisher_matrices = zip(*executor.map(of_group, range(len(groups))), strict=True)
-    fisher = np.concatenate(fisher_matrices)
-    return Derivatives(np.concatenate(gradients), fisher, fisher)
-
-
-def central_derivatives(
-    groups: Sequence[Group],
-    ahead: Sequence[Sequence[Group]],
-    behind: Sequence[Sequence[Group]],
-    step: Floats,
-    gradient: Floats,
-) -> Derivatives:
-    """The same by parameters whose step has noise of its own, from candidates a step ahead and a step behind.
-
-    A clock moves a measurement along the noisy inertial readings. The square of a difference has that noise as if it
-    were information; the product of the differences ahead and behind, whose noises are independent, has not. The
-    gradient (n, P) is that of the scores as they are, for its noise correlates with the innovation's.
-    """
-    squares, information = [], []
-    for k, group in enumerate(groups):
-        inverse = np.asarray(np.linalg.inv(group.covariance))
-        dz, ds = _slopes(group, [one[k] for one in ahead], step)
-        dz_behind, ds_behind = _slopes(group, [one[k] for one in behind], -step)
-        relative = np.einsum("nij,pnjk->pnik", inverse, 0.5 * (ds + ds_behind))
-        squares.append(_information(0.5 * (dz + dz_behind), 0.5 * (dz + dz_behind), inverse, relative))
-        crossed = _information(dz, dz_behind, inverse, relative)
-        information.append(0.5 * (crossed + crossed.transpose(0, 2, 1)))
-    return Derivatives(gradient, np.concatenate(squares), np.concatenate(information))
+    gradients, information = zip(*executor.map(of_group, range(len(groups))), strict=True)
+    return np.concatenate(gradients), np.concatenate(information)
 
 
-def _slopes(group: Group, stepped: Sequence[Group], step: Floats) -> tuple[Floats, Floats]:
+def _slopes(group: Group, stepped: Sequence[Group], step: float) -> tuple[Floats, Floats]:
     """(P, n, k) and (P, n, k, k): by how much innovations and their covariances change."""
-    pairs = list(zip(stepped, step, strict=True))
     return (
-        np.stack([(one.residual - group.residual) / h for one, h in pairs]),
-        np.stack([(one.covariance - group.covariance) / h for one, h in pairs]),
+        np.stack([one.residual - group.residual for one in stepped]) / step,
+        np.stack([one.covariance - group.covariance for one in stepped]) / step,
     )
 
 
-def _information(dz: Floats, other: Floats, inverse: Floats, relative: Floats) -> Floats:
-    """(n, P, P) of two slopes (P, n, k) of the innovations and the relative one (P, n, k, k) of their covariances."""
-    mean = np.einsum("pni,nij,qnj->npq", dz, inverse, other, optimize=True)
+def _information(dz: Floats, inverse: Floats, relative: Floats) -> Floats:
+    """(n, P, P) of the slopes (P, n, k) of the innovations and the relative ones (P, n, k, k) of their covariances."""
+    mean = np.einsum("pni,nij,qnj->npq", dz, inverse, dz, optimize=True)
     return np.asarray(mean + 0.5 * np.einsum("pnij,qnji->npq", relative, relative, optimize=True))

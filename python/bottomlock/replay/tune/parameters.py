@@ -8,27 +8,16 @@ import numpy as np
 
 from bottomlock import units
 from bottomlock.config.scenario_sections import Section
-from bottomlock.io.beams import InstrumentFile
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case
 from bottomlock.replay.model import imu_model
-from bottomlock.replay.stream_sections import ImuFromAttitude, ImuStream
+from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
 
-FACTOR = 10.0
-"""A setting of a case is right within this factor, 1 sigma: the width of its log-normal prior."""
+PRIOR_SD = float(np.log(10.0))
+"""1 sigma of the logarithm of a setting of a case: it is right within a factor of ten."""
 STEP = 0.02
 """Step of the derivatives, in the natural logarithm of a parameter."""
-CLOCK_SD_S = 0.2
-"""A clock offset of a case is right to this, 1 sigma."""
-MOUNTING_SD_DEG = 3.0
-"""A mounting angle of a case is right to this, 1 sigma."""
-CLOCK_STEP_S = 0.1
-"""Step of the derivatives by a clock: an acceleration is a mean over it, not one noisy reading."""
-LARGEST_PITCH_DEG = 60.0
-"""Stated pitch of a mounting beyond which roll and yaw are no longer angles of their own, and are left alone."""
-DVL_FILE = "dvl.geometry."
-"""Before the keys that stand in the DVL's own file."""
 ALLAN_CORNER_S = 100.0
 """Time at which a random walk that the case leaves out overtakes the white noise, for its prior."""
 S = TypeVar("S", bound=Section)
@@ -41,25 +30,19 @@ WATER_NOISE, LAYERS = "water_track.noise_mps", "filter.current_layers.sd_mps"
 
 @dataclass(frozen=True)
 class Parameter:
-    """A setting that is tuned, and the coordinate in which it is searched.
+    """A setting that is tuned; it is searched in its natural logarithm.
 
     Attributes:
-        key: its place in the case, with dots; with `DVL_FILE` before it, in the file that `dvl.geometry` names.
+        key: its place in the case, with dots.
         start: its value in the case, or its prior where the case has none.
         is_given: whether `start` is the case's, and not the prior of what the case leaves at zero.
         words: what it is, for tables.
-        unit: the coordinate is the value over it; None for the natural logarithm of the value.
-        prior_sd: 1 sigma of the coordinate beforehand, about `start`.
-        step: of its derivatives, in the coordinate.
     """
 
     key: str
     start: float
     is_given: bool
     words: str
-    unit: float | None = None
-    prior_sd: float = float(np.log(FACTOR))
-    step: float = STEP
 
     @property
     def is_inertial_noise(self) -> bool:
@@ -70,18 +53,6 @@ class Parameter:
     def old(self) -> float:
         """The value in the case, 0 where it has none."""
         return self.start if self.is_given else 0.0
-
-    def coordinate(self, value: float) -> float:
-        """The coordinate of a value."""
-        return float(np.log(value)) if self.unit is None else value / self.unit
-
-    def value(self, coordinate: float) -> float:
-        """The value at a coordinate."""
-        return float(np.exp(coordinate)) if self.unit is None else coordinate * self.unit
-
-    def sd(self, value: float, coordinate_sd: float) -> float:
-        """1 sigma of a value."""
-        return coordinate_sd * (value if self.unit is None else self.unit)
 
 
 def _walk_of(noise_key: str) -> Callable[[Case], float]:
@@ -124,8 +95,6 @@ SWAY_KEYS: dict[str, str] = {
 SLIP_EPOCHS = "filter.water.slip_epochs"
 USES_SLIP = ("sway_current", "consistent")
 """Methods with the prior of the slip."""
-DVL_CLOCK, ATTITUDE_CLOCK = f"{DVL_FILE}calibration.clock_offset_s", "attitude.clock.offset_s"
-MOUNTING = tuple(f"{DVL_FILE}mounting_{name}_deg" for name in ("roll", "pitch", "yaw"))
 
 
 def sway_of(case: Case) -> list[Parameter]:
@@ -136,36 +105,6 @@ def sway_of(case: Case) -> list[Parameter]:
         Parameter(key, value_of(case, key) or 1.0, is_given=True, words=words)
         for key, words in SWAY_KEYS.items()
     ]
-
-
-def constants_of(case: Case, instrument: InstrumentFile) -> list[Parameter]:
-    """Clock offsets and mounting that are taken as stated: not those that the filter has as states.
-
-    A vehicle without inertial readings has none: nothing else tells when and where a ping was measured.
-    """
-    if not isinstance(case.imu, ImuStream):
-        return []
-    estimated = case.calibration.prior(instrument.calibration)
-
-    def constant(key: str, start: float, words: str, unit: float, step: float) -> Parameter:
-        return Parameter(key, start, is_given=True, words=words, unit=unit, prior_sd=1.0, step=step / unit)
-
-    found = []
-    if estimated.clock_sd_s == 0.0:
-        stated = instrument.calibration
-        start = 0.0 if stated is None else stated.clock_offset_s
-        found.append(constant(DVL_CLOCK, start, "DVL clock offset, s", CLOCK_SD_S, CLOCK_STEP_S))
-    if case.attitude is not None and case.attitude.aids != "nothing":
-        start = case.attitude.clock.offset_s
-        found.append(constant(ATTITUDE_CLOCK, start, "attitude clock offset, s", CLOCK_SD_S, CLOCK_STEP_S))
-    if not any(estimated.mounting_sd_rad) and abs(instrument.mounting_pitch_deg) < LARGEST_PITCH_DEG:
-        for key in MOUNTING:
-            name = key.removeprefix(DVL_FILE)
-            words = f"DVL {name.removesuffix('_deg').replace('_', ' ')}, deg"
-            found.append(
-                constant(key, getattr(instrument, name), words, MOUNTING_SD_DEG, 0.1 * MOUNTING_SD_DEG)
-            )
-    return found
 
 
 def noise_of(case: Case, streams: Streams) -> list[Parameter]:
@@ -231,10 +170,8 @@ def value_of(case: Case, key: str) -> float | None:
 
 
 def with_values(case: Case, values: Mapping[str, float]) -> Case:
-    """The case with other values; those in the DVL's own file are not its."""
+    """The case with other values."""
     for key, value in values.items():
-        if key.startswith(DVL_FILE):
-            continue
         case = _replaced(case, key.split("."), value)
     return case
 
@@ -245,6 +182,6 @@ def _replaced(section: S, names: list[str], value: float) -> S:
 
 
 def coordinates_of(parameters: Sequence[Parameter], values: Mapping[str, float] | None = None) -> Floats:
-    """(P,) coordinates of values by their keys; of those at the start where there are none."""
+    """(P,) logarithms of values by their keys; of those at the start where there are none."""
     values = values or {}
-    return np.array([one.coordinate(values.get(one.key, one.start)) for one in parameters])
+    return np.log([values.get(one.key, one.start) for one in parameters])

@@ -1,7 +1,7 @@
 """The passes over a recording that a candidate is scored on: all measurements used, and outages of the beams."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ BEYOND_TWO = "beams beyond two"
 """Name of the predictions of the beams that are lost while two are used."""
 SWAY_METHOD = "sway_current"
 ASSUMED = ("heave", "sway")
-"""Names of its assumptions: what of the velocity through the water is not the turn's is slip."""
+"""Names of its assumptions, which are no measurements."""
 SWAY_HORIZONS_S = (1.0, 3.0, 10.0, 30.0)
 """Times at which the lost beams are predicted, since the last whole ping: the slip has a memory of seconds."""
 SWAY_RECOVERY_S = 10.0
@@ -51,14 +51,14 @@ class Pass:
         scored_ns, horizon: times (n,) of the withheld pings that are scored, and the horizon of each, from 1; None
             where every innovation is scored at horizon 0, the one step.
         name: of its predictions.
-        is_of_slip: whether the assumptions on sway and heave are scored, and not the measurements.
+        methods: that predict, where others than those of the search do.
     """
 
     log: Mapping[str, Any]
     scored_ns: Times | None
     horizon: NDArray[np.intp] | None
     name: str = "beams"
-    is_of_slip: bool = False
+    methods: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,16 +80,12 @@ class Inputs:
         model, options: of the filter.
         beam_sd_factor: on the noise of the beams.
         water_sd_factor: on that of the beams of the water.
-        geometry: of the beams; None for that of the recording.
-        later_ns: what is added to the times of a stream, by the prefix of its keys in the log.
     """
 
     model: Model
     options: Options
     beam_sd_factor: float = 1.0
     water_sd_factor: float = 1.0
-    geometry: BeamGeometry | None = None
-    later_ns: Mapping[str, int] = field(default_factory=dict)
 
     def with_noise(self, log: Mapping[str, Any]) -> Any:  # noqa: ANN401 - as the kernel takes it
         """A log with the noise of the beams of bottom and water."""
@@ -120,13 +116,15 @@ def as_recorded(_: Flags) -> Mapping[str, Floats]:
 def passes_of(
     log: Mapping[str, Any], horizons_s: Sequence[float], readings: Readings = as_recorded
 ) -> list[Pass]:
-    """The pass with all measurements, those with outages as long as the longest horizon, one without single beams."""
-    plain = Pass(log, None, None)
+    """The pass with all measurements, those with outages as long as the longest horizon, one without single beams.
+
+    Without a horizon there is the first alone.
+    """
     if not horizons_s:
-        return [plain]
+        return [Pass(log, None, None)]
     outages = [_with_outages(log, horizons_s, phase / PHASES, readings) for phase in range(PHASES)]
     left_out = beams_left_out(log, readings)
-    return [plain, *outages, *([] if left_out is None else [left_out])]
+    return [Pass(log, None, None), *outages, *([] if left_out is None else [left_out])]
 
 
 def _with_outages(
@@ -212,7 +210,7 @@ def passes_with_two_beams(log: Mapping[str, Any], readings: Readings = as_record
             return []
         order = np.argsort(np.concatenate(rows), kind="stable")
         predicted, places = np.concatenate(rows)[order], np.concatenate(horizon)[order]
-        passes.append(_predicting(log, is_lost, predicted, places, BEYOND_TWO, readings))
+        passes.append(_predicting(log, is_lost, predicted, places, BEYOND_TWO, readings, (SWAY_METHOD,)))
     return passes
 
 
@@ -223,6 +221,7 @@ def _predicting(
     horizon: NDArray[np.intp],
     name: str,
     readings: Readings,
+    methods: tuple[str, ...] = (),
 ) -> Pass:
     """The pass without lost beams (n, B), which are predicted at rows (m,), a nanosecond after the others were used."""
     valid = log["beam_valid"]
@@ -239,7 +238,7 @@ def _predicting(
         "dvl_withheld": is_second,
     }
     pings |= readings(valid & ~is_lost)
-    return Pass(dict(log) | pings, time_ns[is_second], horizon, name)
+    return Pass(dict(log) | pings, time_ns[is_second], horizon, name, methods)
 
 
 def fly(
@@ -253,34 +252,26 @@ def fly(
 ) -> list[Group]:
     """The scored innovations of a candidate along a pass, from a time on, by the methods in their order.
 
-    Times are those of the log, before a candidate's clocks.
-
     Raises:
         KernelError: where the filter ends in an error.
     """
     log = inputs.with_noise(one.log)
-    for prefix, later_ns in inputs.later_ns.items():
-        if f"{prefix}_time_ns" in log:
-            log[f"{prefix}_time_ns"] = log[f"{prefix}_time_ns"] + later_ns
     result = replay_log(
-        inputs.geometry or geometry, inputs.model, inputs.options, list(methods), log, start,
+        geometry, inputs.model, inputs.options, list(one.methods or methods), log, start,
         sample_time_ns=log["imu_time_ns"][-1:], innovations=one.scored_ns is None,
     )  # fmt: skip
     groups = []
     for innovations in result["innovations"]:
         for sensor, records in innovations.items():
-            if one.scored_ns is not None and sensor != "beams":
+            if sensor in ASSUMED or (one.scored_ns is not None and sensor != "beams"):
                 continue
-            if (sensor in ASSUMED) != one.is_of_slip:
-                continue
-            prefix = "dvl" if sensor == "beams" else sensor
-            groups += _groups(one, sensor, records, inputs.later_ns.get(prefix, 0), from_ns)
+            groups += _groups(one, sensor, records, from_ns)
     return groups
 
 
-def _groups(one: Pass, sensor: str, records: Mapping[str, Any], later_ns: int, from_ns: int) -> list[Group]:
+def _groups(one: Pass, sensor: str, records: Mapping[str, Any], from_ns: int) -> list[Group]:
     """The scored innovations of a sensor, those with as many rows together."""
-    time_ns = records["time_ns"] - later_ns
+    time_ns = records["time_ns"]
     horizon = np.zeros(len(time_ns), dtype=np.intp)
     chosen = time_ns >= from_ns
     if one.scored_ns is not None:

@@ -1,7 +1,7 @@
 """A tuned case as a file: the user's text with the new values, each with its 1 sigma and gain, and a record in JSON."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ from bottomlock.files.records import write_record
 from bottomlock.io.beams import geometry_text
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.run import file_digests
-from bottomlock.replay.tune.parameters import DVL_FILE
 from bottomlock.replay.tune.run import Tuned, TunedParameter
 from bottomlock.tables.versions import library_versions
 
@@ -28,11 +27,6 @@ KIND = "tune"
 def record_of(out: Path) -> Path:
     """The record beside a tuned case."""
     return out.with_suffix(".json")
-
-
-def dvl_file_of(out: Path) -> Path:
-    """The DVL's file beside a tuned case, where its mounting or clock was tuned."""
-    return out.with_name(f"{out.stem}_dvl.toml")
 
 
 def require_free(path: Path, out: Path, *, inputs: Iterable[Path] = (), force: bool) -> None:
@@ -51,7 +45,7 @@ def require_free(path: Path, out: Path, *, inputs: Iterable[Path] = (), force: b
             hint="write the tuned case into the same folder",
         )
     check_apart([record_of(out)], [path, *inputs])
-    check_free(out, dvl_file_of(out), inputs=[path, *inputs], force=force)
+    check_free(out, inputs=[path, *inputs], force=force)
 
 
 def rounded(one: TunedParameter) -> float:
@@ -64,53 +58,38 @@ def rounded(one: TunedParameter) -> float:
 
 def remark(one: TunedParameter) -> str:
     """The comment beside a tuned value."""
-    old = f"{one.old:.3g}" if one.old != 0.0 or not one.is_noise else "none"
+    old = f"{one.old:.3g}" if one.old != 0.0 else "none"
     return f"tuned: ± {one.sd:.2g} (1 sigma), was {old}, log-likelihood gain {one.gain:.3g}"
 
 
-def _edited(text: str, chosen: Sequence[TunedParameter], place: str) -> str:
-    keys = [one.key.removeprefix(DVL_FILE) for one in chosen]
-    values: dict[str, float | str] = dict(zip(keys, map(rounded, chosen), strict=True))
-    return edited(text, values, dict(zip(keys, map(remark, chosen), strict=True)), place=place)
-
-
-def tuned_texts(path: Path, tuned: Tuned, out: Path) -> tuple[str, str | None]:
-    """The text of the case with its tuned values, and that of the DVL's file where some of these are its.
+def tuned_text(path: Path, tuned: Tuned) -> str:
+    """The text of the case with its tuned values.
 
     Raises:
         ScenarioError: for a key that is not on a line of its own.
     """
-    text, dvl_text = read_text(path), None
     chosen = [one for one in tuned.parameters if one.key in tuned.values]
-    of_dvl = [one for one in chosen if one.key.startswith(DVL_FILE)]
-    if of_dvl:
-        geometry = tuned.case.dvl.geometry
-        dvl_text = _edited(geometry_text(geometry), of_dvl, geometry)
-        key, words = "dvl.geometry", f"tuned: {Path(geometry).name} with another mounting or clock"
-        text = edited(text, {key: dvl_file_of(out).name}, {key: words}, place=str(path))
-    text = _edited(text, [one for one in chosen if one not in of_dvl], str(path))
+    values: dict[str, float | str] = {one.key: rounded(one) for one in chosen}
+    text = edited(read_text(path), values, {one.key: remark(one) for one in chosen}, place=str(path))
     parse_case(text, place=str(path), folder=path.parent)
-    return text, dvl_text
+    return text
 
 
 def write_tuned(path: Path, tuned: Tuned, out: Path, *, force: bool = False) -> None:
-    """Writes the tuned case, with the DVL's file where it is another, and beside it the record of how it was found.
+    """Writes the tuned case, and beside it the record of how it was found.
 
     Raises:
         OutputError: as `require_free`, or where a file cannot be written.
-        ScenarioError: as `tuned_texts`.
+        ScenarioError: as `tuned_text`.
     """
     require_free(path, out, force=force)
-    text, dvl_text = tuned_texts(path, tuned, out)
-    digests = {out.name: write_text(out, text)}
-    if dvl_text is not None:
-        digests[dvl_file_of(out).name] = write_text(dvl_file_of(out), dvl_text)
+    digests = {out.name: write_text(out, tuned_text(path, tuned))}
     write_record(record_of(out), {"status": "complete"} | record(tuned), digests)
 
 
 def record(tuned: Tuned) -> dict[str, Any]:
     """What was tuned, by versions, case and files with their SHA-256, and what was found, as JSON holds it."""
-    whole, case = tuned.whole, tuned.case
+    case = tuned.case
     content: dict[str, Any] = _finite(
         {
             "kind": KIND,
@@ -126,11 +105,10 @@ def record(tuned: Tuned) -> dict[str, Any]:
             "parameters": [asdict(one) | {"is_written": one.key in tuned.values} for one in tuned.parameters],
             "horizons_s": list(tuned.horizons_s),
             "outliers": list(tuned.outliers),
-            "old": None if whole.old is None else asdict(whole.old),
-            "new": None if whole.new is None else asdict(whole.new),
-            "gain": whole.gain,
-            "gain_sd": whole.gain_sd,
-            "parts": [asdict(one) | {"is_better": one.is_better} for one in tuned.parts[1:]],
+            "old": None if tuned.old is None else asdict(tuned.old),
+            "new": None if tuned.new is None else asdict(tuned.new),
+            "gain": tuned.gain,
+            "gain_sd": tuned.gain_sd,
             "has_settled": tuned.has_settled,
             "iterations": tuned.iterations,
             "passes": tuned.passes,

@@ -1,29 +1,21 @@
-"""The search: Fisher scoring in the coordinates of the parameters, damped as Levenberg and Marquardt do."""
+"""The search: scipy's trust region in the logarithms of the parameters, the Fisher information for the Hessian."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import OptimizeResult, minimize
 
 from bottomlock.errors import DataError
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion, Slopes
 
 ITERATIONS = 30
-LARGEST_STEP = np.log(4.0)
-"""Largest change of a parameter's coordinate in an iteration."""
+TRUST_RADIUS = {"initial_trust_radius": 1.0, "max_trust_radius": 4.0}
+"""Change of the logarithms within which the quadratic model of the criterion is taken for right."""
 SETTLED = 0.05
-"""Gain of the criterion below which the search ends."""
-TRIALS = (
-    ((0.1, 1.0), (0.1, 2.5)),
-    ((10.0, 1.0), (100.0, 1.0)),
-    ((1e3, 1.0), (1e4, 1.0)),
-    ((1e5, 1.0), (1e6, 1.0)),
-)
-"""Factors on the damping and on the step, tried in pairs until one gains.
-
-A noise that is too large comes down by a factor of e^½ a step of Fisher scoring, however much too large it is, so a
-longer step is tried as well."""
+"""Gain of the criterion still to be had by that model, below which the search ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,47 +38,43 @@ def search(
     Args:
         criterion: the criterion.
         starts: coordinates (P,) of each.
-        progress: called before each iteration with its number.
+        progress: called after each iteration with its number.
 
     Raises:
         DataError: where the filter fails at every start.
     """
-    best = min(criterion.candidates(starts), key=lambda one: one.value)
-    if best.value >= WORST:
+    start = min(criterion.candidates(starts), key=lambda one: one.value)
+    if start.value >= WORST:
         raise DataError(
             "the filter ends in an error with every noise tried: replay the case and mend it first"
         )
-    damping, iteration, has_settled = 1e-3, 0, False
-    while True:
+
+    @lru_cache(maxsize=2)
+    def candidate(at: bytes) -> Candidate:
+        return criterion.candidates([np.frombuffer(at)])[0]
+
+    @lru_cache(maxsize=1)
+    def slopes(at: bytes) -> Slopes:
+        return criterion.slopes(candidate(at))
+
+    iteration = 0
+
+    def end_where_settled(intermediate_result: OptimizeResult) -> None:
+        nonlocal iteration
+        iteration += 1
         progress(iteration)
-        slopes = criterion.slopes(best)
-        if has_settled or iteration == ITERATIONS:
-            return Found(best, slopes, iteration, has_settled)
-        better, damping = _stepped(criterion, best, slopes, damping)
-        gain, change = best.value - better.value, np.abs(better.at - best.at).max()
-        if gain <= 0.0:
-            return Found(best, slopes, iteration + 1, has_settled=True)
-        best, iteration, has_settled = better, iteration + 1, bool(gain < SETTLED and change < 0.05)
+        if _gain_left(slopes(intermediate_result.x.tobytes())) < SETTLED:
+            raise StopIteration
+
+    result = minimize(
+        lambda at: candidate(at.tobytes()).value, start.at, method="trust-exact",
+        jac=lambda at: slopes(at.tobytes()).gradient, hess=lambda at: slopes(at.tobytes()).information,
+        callback=end_where_settled, options={"maxiter": ITERATIONS, **TRUST_RADIUS},
+    )  # fmt: skip
+    at = result.x.tobytes()
+    return Found(candidate(at), slopes(at), iteration, _gain_left(slopes(at)) < SETTLED)
 
 
-def _stepped(
-    criterion: Criterion, best: Candidate, slopes: Slopes, damping: float
-) -> tuple[Candidate, float]:
-    """The best candidate of the first pair of steps that gains, or of the last one, and the damping to go on with."""
-    tried: list[Candidate] = []
-    for factors in TRIALS:
-        steps = [stretch * _step(slopes, damping * factor) for factor, stretch in factors]
-        tried = criterion.candidates([best.at + _bounded(step) for step in steps])
-        if min(one.value for one in tried) < best.value:
-            break
-    better = min(tried, key=lambda one: one.value)
-    return better, max(damping * factors[tried.index(better)][0], 1e-4)
-
-
-def _step(slopes: Slopes, damping: float) -> Floats:
-    damped = slopes.information + damping * np.diag(np.diag(slopes.information))
-    return np.asarray(-np.linalg.solve(damped, slopes.gradient))
-
-
-def _bounded(step: Floats) -> Floats:
-    return np.asarray(step * min(1.0, LARGEST_STEP / max(np.abs(step).max(), 1e-300)))
+def _gain_left(slopes: Slopes) -> float:
+    """What the quadratic model of the criterion still gains by its full step."""
+    return float(0.5 * slopes.gradient @ np.linalg.solve(slopes.information, slopes.gradient))

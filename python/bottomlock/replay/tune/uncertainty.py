@@ -1,11 +1,10 @@
 """Standard deviations of tuned parameters: the sandwich of a composite likelihood (Godambe), with the priors."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.tune.criterion import Criterion
+from bottomlock.replay.tune.parameters import PRIOR_SD
 from bottomlock.replay.tune.search import Found
 
 OVERLAP = 3.0
@@ -16,16 +15,8 @@ DETERMINED = 0.5
 """Part of the prior's 1 sigma below which a parameter counts as determined by the recording."""
 
 
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
-    """1 sigma (P,) of the coordinates, and whether the recording determines each."""
-
-    sd: Floats
-    is_determined: np.ndarray
-
-
-def uncertainty(criterion: Criterion, found: Found, block_s: float) -> Uncertainty:
-    """1 sigma of what was found.
+def uncertainty(criterion: Criterion, found: Found, block_s: float) -> Floats:
+    """1 sigma (P,) of the coordinates that were found.
 
     The information H is that of the criterion. Innovations of one step are independent where the model is right, so
     their gradients have the covariance Σ w² I; those over outages overlap, and several methods predict the same
@@ -41,14 +32,14 @@ def uncertainty(criterion: Criterion, found: Found, block_s: float) -> Uncertain
             :, None, None
         ]
     )
-    prior = np.diag(criterion.prior_sd**-2)
+    prior = PRIOR_SD**-2 * np.eye(len(found.best.at))
     inverse = np.asarray(np.linalg.inv(found.slopes.information))
     sd = _sd(inverse, own.sum(axis=0) + prior)
     blocks = _block_sums(found.slopes.gradients, scored.time_ns, block_s)
     if len(blocks) >= BLOCKS:
         scatter = blocks - blocks.mean(axis=0)
         sd = np.maximum(sd, _sd(inverse, scatter.T @ scatter + prior))
-    return Uncertainty(sd, sd < DETERMINED * criterion.prior_sd)
+    return sd
 
 
 def _sd(inverse: Floats, covariance: Floats) -> Floats:
