@@ -1,11 +1,8 @@
-"""Figures of an audit: distribution and history of the closure, validity of the beams, beam directions."""
+"""Figures of an audit: distribution and history of the closure, beam directions."""
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import norm
 
@@ -15,8 +12,6 @@ from bottomlock.figures.palette import FAINT, INK, STYLE
 
 BLUE, ORANGE, GREEN, GREY = "#5394ec", "#fa632e", "#129e64", "#999194"
 COLOURS = (BLUE, ORANGE, GREEN, "#b24397", "#a05200", "#8952ff", "#4191bc", "#7d6331")
-_STATES = ("returned", "lost", "stale", "zero")
-_STATE_COLOURS = (GREEN, ORANGE, "#8952ff", INK)
 
 
 def closure_figure(audit: Audit) -> Figure | None:
@@ -56,45 +51,6 @@ def jumps(readings_mps: Array) -> Array:
     [0.0, 0.0, 0.0, 9.0, 0.0, 0.0]
     """
     return np.asarray(readings_mps - median_filter(readings_mps, size=(5, 1), mode="nearest"))
-
-
-def validity_figure(audit: Audit) -> Figure | None:
-    """A strip per beam over the pings: returned, lost, stale, or zero though flagged valid; None without beams."""
-    log = audit.log
-    if not log.beams:
-        return None
-    state = _beam_states(audit)
-    # At most 1500 columns, each with the worst of its pings, so that rare states remain visible.
-    order = np.array([0, 1, 2, 3])
-    count = min(1500, log.pings)
-    edges = np.linspace(0, log.pings, count + 1).astype(int)[:-1]
-    worst = np.maximum.reduceat(order[state], edges, axis=0)
-    there = [k for k in range(4) if (state == k).any()]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 0.9 + 0.33 * log.beams), layout="constrained")
-        axes: Axes = figure.add_subplot()
-        axes.imshow(
-            worst.T, aspect="auto", interpolation="nearest", cmap=ListedColormap(_STATE_COLOURS), vmin=-0.5, vmax=3.5,
-            extent=(0.0, float(log.pings), log.beams + 0.5, 0.5),
-        )  # fmt: skip
-        axes.set_yticks(range(1, log.beams + 1), [f"beam {k + 1}" for k in range(log.beams)])
-        axes.grid(visible=False)
-        axes.set_xlabel("ping")
-        for k in there:
-            share = 100.0 * float(np.mean(state == k))
-            axes.plot([], [], "s", color=_STATE_COLOURS[k], label=f"{_STATES[k]} {share:.3g} %")
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize=8.5)
-    return figure
-
-
-def _beam_states(audit: Audit) -> NDArray[np.int64]:
-    """(n, beams) the place of each beam's state in `_STATES`."""
-    log = audit.log
-    state = np.where(log.valid, 0, 1)
-    blamed = {k - 1 for one in audit.findings if one.kind == "zero_as_valid" for k in one.beams}
-    named = np.isin(np.arange(log.beams), list(blamed))
-    state = np.where(log.valid & (log.velocity_mps == 0.0) & named, 3, state)
-    return np.where(audit.unchanged[:, None], 2, state)
 
 
 def geometry_figure(audit: Audit) -> Figure | None:

@@ -24,8 +24,7 @@ from bottomlock.pages.plots import Plots
 
 CAPTIONS = {
     "closure": "Closure of the full pings, and a Gaussian of its robust sigma.",
-    "curves": "Closure, readings of the beams and their deviation from the median over five pings against time.",
-    "validity": "Validity of the beams; each column shows the worst of its pings.",
+    "curves": "Closure, readings of the beams, their deviation from the median over five pings, and which are valid.",
     "geometry": "Beam directions estimated from the log.",
 }
 """Caption of each figure, by its file's name."""
@@ -38,7 +37,6 @@ def drawings(audit: Audit, plots: Plots | None) -> dict[str, Figure]:
     made = {
         "closure": figures.closure_figure(audit),
         "curves": None if plots is None else _curves(plots),
-        "validity": figures.validity_figure(audit),
         "geometry": figures.geometry_figure(audit),
     }
     return {name: figure for name, figure in made.items() if figure is not None}
@@ -138,16 +136,11 @@ def page_of(
     return Page("Audit of the DVL", [], parts, "bottomlock", about=_counts(audit))
 
 
-IN_TIME = ("curves", "validity")
-"""Figures that the curves show too."""
-
-
 def _figures(pictures: Mapping[str, Picture], plots: Plots | None) -> list[Block]:
-    """The figures, and in place of those in time the curves where scripts run."""
+    """The figures, and in place of the curves what the reader can look into where scripts run."""
     if plots is None:
         return list(pictures.values())
-    still = [pictures[name] for name in IN_TIME if name in pictures]
-    return [*(one for name, one in pictures.items() if name not in IN_TIME), Looked(plots, still)]
+    return [*(one for name, one in pictures.items() if name != "curves"), Looked(plots, [pictures["curves"]])]
 
 
 def _counts(audit: Audit) -> str:
