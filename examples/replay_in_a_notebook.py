@@ -36,7 +36,7 @@ replay.plot_map()
 plt.show()
 
 # %% mystnb={"image": {"alt": "Surge, sway and heave of the methods against time, each with its sigma"}}
-replay.plot_velocity()
+replay.plot_state("velocity")
 plt.show()
 
 # %% [markdown]
@@ -45,7 +45,7 @@ plt.show()
 # %% mystnb={"image": {"alt": "With two beams lost: the map, and the sigma of the position against time"}}
 figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 4.4), gridspec_kw={"wspace": 0.55})
 replay.plot_map("lost_34", axes=left)
-replay.plot_position_sd(what_if="lost_34", axes=right)
+replay.plot_state("position_sd", what_if="lost_34", axes=[right])
 plt.show()
 
 # %% [markdown]

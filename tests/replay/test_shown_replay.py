@@ -72,27 +72,30 @@ def test_plots_are_the_figures_of_the_page(replay: Replay, figures: dict[str, Fi
         same(replay.plot_beams(case), axes)
     page = figures["timeline"].axes
     surge, sway, heave, sd, depth, levels, heading = page[:7]
-    for mine, yours in zip(replay.plot_velocity(), (surge, sway, heave), strict=True):
-        same(mine, yours)
-    same(replay.plot_position_sd(), sd)
-    same(replay.plot_depth(), depth)
-    for mine, yours in zip(replay.plot_attitude(), (levels, heading), strict=True):
-        same(mine, yours)
+    parts = {
+        "velocity": (surge, sway, heave),
+        "position_sd": [sd],
+        "depth": [depth],
+        "attitude": (levels, heading),
+    }
+    for quantity, axes in parts.items():
+        for mine, yours in zip(replay.plot_state(quantity), axes, strict=True):
+            same(mine, yours)
 
 
 def test_plots_take_axes_methods_and_passes(replay: Replay) -> None:
     _, (left, right) = plt.subplots(1, 2)
     assert replay.plot_map(axes=left) is left
-    assert replay.plot_position_sd("sway_current", axes=right) is right
+    assert replay.plot_state("position_sd", "sway_current", axes=[right]) == [right]
     _, three = plt.subplots(3)
-    assert replay.plot_velocity("tc", "lost_34", which="smoothed", axes=list(three)) == list(three)
+    assert replay.plot_state("velocity", "tc", "lost_34", which="smoothed", axes=list(three)) == list(three)
     rows = replay.samples.filter(
         (pl.col("what_if") == "lost_34") & (pl.col("method") == "tc") & (pl.col("pass") == "smoothed")
     )
     drawn = [line.get_ydata() for line in three[0].lines if line.get_label() == "tc"]
     assert set(np.asarray(drawn[0]).tolist()) <= set(rows["surge_mps"].to_list())
     with pytest.raises(DataError, match="axes are 2, expected 3"):
-        replay.plot_velocity(axes=[left, right])
+        replay.plot_state("velocity", axes=[left, right])
 
 
 def test_its_tables_are_its_files(replay: Replay) -> None:

@@ -1,6 +1,6 @@
 """A dive to look into: for each what-if case and method panels against UTC and the way over ground."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -210,13 +210,7 @@ def _place(origin: Mapping[str, float] | None) -> tuple[float, float, float, flo
 
 def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
     """Velocity with ±σ, σ of the position, depth and attitude of a method in one case, over dead reckoning."""
-    shown = (samples, method, which)
-    return [
-        *velocity_panels(*shown),
-        position_sd_panel(*shown),
-        depth_panel(*shown),
-        *attitude_panels(*shown),
-    ]
+    return [panel for panels in STATES.values() for panel in panels(samples, method, which)]
 
 
 def velocity_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
@@ -231,7 +225,7 @@ def velocity_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) ->
     ]
 
 
-def position_sd_panel(samples: pl.DataFrame, method: str, which: str = FORWARD) -> Panel:
+def position_sd_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
     """Claimed σ of the horizontal position, and its error where it is known; as `state_panels`."""
     rows, floor = _rows_of(samples, method, which)
     horizontal = []
@@ -244,13 +238,13 @@ def position_sd_panel(samples: pl.DataFrame, method: str, which: str = FORWARD) 
     error = _norm(rows, "err_position")
     if np.isfinite(error).any():
         horizontal.append(Curve("error", REFERENCE_COLOUR, _times(rows), error, width=2.0))
-    return Panel("σ of position, horizontal, m", horizontal, decimals=2)
+    return [Panel("σ of position, horizontal, m", horizontal, decimals=2)]
 
 
-def depth_panel(samples: pl.DataFrame, method: str, which: str = FORWARD) -> Panel:
+def depth_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
     """Depth with ±σ; as `state_panels`."""
     curves = _over_reckoning(samples, method, which, "down_m", "sd_position_down_m")
-    return Panel("depth below the origin, m", curves, decimals=2)
+    return [Panel("depth below the origin, m", curves, decimals=2)]
 
 
 def attitude_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
@@ -270,6 +264,15 @@ def attitude_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) ->
             period=360.0,
         ),
     ]
+
+
+STATES: Mapping[str, Callable[[pl.DataFrame, str, str], list[Panel]]] = {
+    "velocity": velocity_panels,
+    "position_sd": position_sd_panels,
+    "depth": depth_panels,
+    "attitude": attitude_panels,
+}
+"""Panels of samples, method and pass, by quantity."""
 
 
 def _rows_of(samples: pl.DataFrame, method: str, which: str) -> tuple[pl.DataFrame, pl.DataFrame]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import polars as pl
 
@@ -18,17 +18,14 @@ from bottomlock.pages.pieces import title_of
 from bottomlock.pages.plots import is_utc
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dive_plots import (
-    attitude_panels,
+    STATES,
     beams_panel,
-    depth_panel,
-    position_sd_panel,
     taken,
-    velocity_panels,
 )
 from bottomlock.replay.figures import nis_panel
 from bottomlock.replay.map_figure import MAP_HEIGHT_IN, MAP_PLACE, draw_map
 from bottomlock.replay.page import featured_in, results_table
-from bottomlock.replay.report import ReplayTables, least_ratio_of, map_of, read_replay
+from bottomlock.replay.report import least_ratio_of, map_of, read_replay
 from bottomlock.replay.run_and_report import run_and_report
 from bottomlock.statistics.replay import comparison_table, summary_table
 from bottomlock.support.nearest import did_you_mean
@@ -44,6 +41,17 @@ class Replay:
     A plot takes the name of a what-if case (the recording as it is by default) and of a method (the one whose track
     is to be taken by default); `methods` are those of the page by default. Plots draw on new axes, or on those given
     as `axes`.
+
+    Attributes:
+        folder, tables: of the replay.
+        manifest: the content of `manifest.json`.
+        runs: a row per what-if case, method and pass (`tables.replay.REPLAY_RUNS`).
+        samples: estimates, errors and claimed σ against time (`tables.replay.REPLAY_SAMPLES`).
+        innovations: a row per what-if case, method and ping (`tables.replay.innovations_schema`).
+        pings: the beams as the filters received them (`tables.replay.pings_schema`).
+        reference: positions of the reference (`tables.replay.PATH`); None without them.
+        calibration: estimated parameters of the DVL (`tables.replay.CALIBRATION`); None where they are no states.
+        currents: the estimated current (`tables.replay.CURRENTS`); None where it is no state.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -57,47 +65,10 @@ class Replay:
                 was written.
         """
         self.folder = Path(folder)
-        self.tables: ReplayTables = read_replay(folder)
-
-    @property
-    def manifest(self) -> dict[str, Any]:
-        """The content of `manifest.json`."""
-        return self.tables.manifest
-
-    @property
-    def runs(self) -> pl.DataFrame:
-        """A row per what-if case, method and pass (`tables.replay.REPLAY_RUNS`)."""
-        return self.tables.runs
-
-    @property
-    def samples(self) -> pl.DataFrame:
-        """Estimates, errors and claimed σ against time (`tables.replay.REPLAY_SAMPLES`)."""
-        return self.tables.samples
-
-    @property
-    def innovations(self) -> pl.DataFrame:
-        """A row per what-if case, method and ping (`tables.replay.innovations_schema`)."""
-        return self.tables.innovations
-
-    @property
-    def pings(self) -> pl.DataFrame:
-        """The beams as the filters received them (`tables.replay.pings_schema`)."""
-        return self.tables.pings
-
-    @property
-    def reference(self) -> pl.DataFrame | None:
-        """Positions of the reference (`tables.replay.PATH`); None without them."""
-        return self.tables.path
-
-    @property
-    def calibration(self) -> pl.DataFrame | None:
-        """Estimated parameters of the DVL (`tables.replay.CALIBRATION`); None where they are no states."""
-        return self.tables.calibration
-
-    @property
-    def currents(self) -> pl.DataFrame | None:
-        """The estimated current (`tables.replay.CURRENTS`); None where it is no state."""
-        return self.tables.currents
+        self.tables = tables = read_replay(folder)
+        self.manifest, self.runs, self.samples = tables.manifest, tables.runs, tables.samples
+        self.innovations, self.pings, self.reference = tables.innovations, tables.pings, tables.path
+        self.calibration, self.currents = tables.calibration, tables.currents
 
     @property
     def verdict(self) -> str:
@@ -187,62 +158,34 @@ class Replay:
         axes.set_aspect("equal", adjustable="datalim")
         return axes
 
-    def plot_velocity(
+    def plot_state(
         self,
+        quantity: str,
         method: str | None = None,
         what_if: str | None = None,
         *,
         which: str = FORWARD,
         axes: "Sequence[Axes] | None" = None,
     ) -> "list[Axes]":
-        """Surge, sway and heave with ±σ against time, over dead reckoning: three axes.
+        """A quantity with ±σ against time, over dead reckoning, on axes of its own for each part.
 
         Args:
+            quantity: "velocity" (surge, sway and heave), "position_sd" (horizontal, and the error where it is known),
+                "depth" (below the origin) or "attitude" (roll and pitch, then heading).
             method: one of the replay's.
             what_if: a what-if case.
             which: pass, "forward" or "smoothed".
-            axes: three matplotlib axes to draw on; those of a new figure by default.
+            axes: as many matplotlib axes to draw on; those of a new figure by default.
 
         Returns:
             The axes.
 
         Raises:
-            DataError: for a what-if case, method or pass that the replay does not have, and another number of axes.
+            DataError: for a quantity, what-if case, method or pass that the replay does not have, and another number
+                of axes.
         """
-        return self._panels(velocity_panels(*self._states(method, what_if, which)), axes)
-
-    def plot_position_sd(
-        self,
-        method: str | None = None,
-        what_if: str | None = None,
-        *,
-        which: str = FORWARD,
-        axes: "Axes | None" = None,
-    ) -> "Axes":
-        """Claimed σ of the horizontal position against time, and its error where it is known; as `plot_velocity`."""
-        return self._panel(position_sd_panel(*self._states(method, what_if, which)), axes)
-
-    def plot_depth(
-        self,
-        method: str | None = None,
-        what_if: str | None = None,
-        *,
-        which: str = FORWARD,
-        axes: "Axes | None" = None,
-    ) -> "Axes":
-        """Depth below the origin with ±σ against time; as `plot_velocity`."""
-        return self._panel(depth_panel(*self._states(method, what_if, which)), axes)
-
-    def plot_attitude(
-        self,
-        method: str | None = None,
-        what_if: str | None = None,
-        *,
-        which: str = FORWARD,
-        axes: "Sequence[Axes] | None" = None,
-    ) -> "list[Axes]":
-        """Roll and pitch, and heading, against time: two axes; as `plot_velocity`."""
-        return self._panels(attitude_panels(*self._states(method, what_if, which)), axes)
+        panels = STATES[_known("quantity", quantity, list(STATES))]
+        return self._panels(panels(*self._states(method, what_if, which)), axes)
 
     def plot_nis(
         self,

@@ -250,28 +250,26 @@ class PositionStream(Stream):
         return self
 
 
-class GpsStream(GpsErrors, PositionStream):
+class PlacedStream(PositionStream):
+    """A stream that has positions."""
+
+    @model_validator(mode="after")
+    def _has_positions(self) -> Self:
+        if not self.has_position:
+            raise ValueError("no position: give 'latitude' and 'longitude', or 'north' and 'east'")
+        return self
+
+
+class GpsStream(GpsErrors, PlacedStream):
     """GPS positions of an antenna at `lever_arm_m` from the IMU; with `aids` = false only the alignment uses them."""
 
     aids: bool = True
 
-    @model_validator(mode="after")
-    def _has_positions(self) -> Self:
-        if not self.has_position:
-            raise ValueError("no position: give 'latitude' and 'longitude', or 'north' and 'east'")
-        return self
 
-
-class AcousticPositionStream(AcousticPositionErrors, PositionStream):
+class AcousticPositionStream(AcousticPositionErrors, PlacedStream):
     """Acoustic positions (USBL, LBL): columns, and errors; `sd` are the columns of 1 sigma (m; north, east, down)."""
 
     sd: ColumnTriple | None = None
-
-    @model_validator(mode="after")
-    def _has_positions(self) -> Self:
-        if not self.has_position:
-            raise ValueError("no position: give 'latitude' and 'longitude', or 'north' and 'east'")
-        return self
 
 
 class ReferenceStream(PositionStream):

@@ -181,19 +181,16 @@ def _continuous(recorded: Recorded, tight: dict[str, float], stated: Match, sigm
 def _discrete(recorded: Recorded, tight: dict[str, float], sigma: float) -> list[Cause]:
     """The best of the mistaken axes and units, with a little freedom beside them."""
     some = tight | BESIDE_DISCRETE
+    tried: list[tuple[str, Floats | None, float | Floats]] = [
+        (f"axes:{words}", axes, sign) for words, (axes, sign) in _axes().items()
+    ]
+    for kind, of_gyros in (("units", UNITS), ("gyros", GYROS)):
+        tried += [(f"{kind}:{words}", None, gyros) for words, gyros in of_gyros.items()]
     found = []
-    for words, (axes, sign) in _axes().items():
-        one = fit(recorded.with_gyros(sign), some, axes=axes, sigma_mps=sigma)
+    for name, axes, gyros in tried:
+        one = fit(recorded.with_gyros(gyros), some, axes=axes, sigma_mps=sigma)
         if one is not None:
-            found.append(Cause(f"axes:{words}", one, 0.0, sign))
-    for words, factor in UNITS.items():
-        one = fit(recorded.with_gyros(factor), some, sigma_mps=sigma)
-        if one is not None:
-            found.append(Cause(f"units:{words}", one, 0.0, factor))
-    for words, signs in GYROS.items():
-        one = fit(recorded.with_gyros(signs), some, sigma_mps=sigma)
-        if one is not None:
-            found.append(Cause(f"gyros:{words}", one, 0.0, signs))
+            found.append(Cause(name, one, 0.0, gyros))
     found.sort(key=lambda one: one.match.cost)
     again = []
     for cause in found[:3]:
