@@ -140,21 +140,3 @@ def test_the_result_does_not_depend_on_the_threads(tmp_path: Path) -> None:
         for key in ("wall_s", "digests", "own_digest"):
             del one[key]
     assert records[0] == records[1]
-
-
-@pytest.mark.long
-def test_the_sway_is_tuned_where_a_method_uses_it(tmp_path: Path) -> None:
-    """Five times too much slip, by the beams beyond two."""
-    path = write_case(tmp_path, dive(8, seconds=1600.0, slip=(0.1, 6.0)))
-    text = path.read_text(encoding="utf-8").replace('methods = ["tc"]', 'methods = ["tc", "sway_current"]')
-    path.write_text(text, encoding="utf-8")
-    done = command("tune", path, "--threads", "2")
-    assert done.returncode == 0, done.stderr
-    record = json.loads((tmp_path / "case_tuned.json").read_text(encoding="utf-8"))
-    slip = next(one for one in record["parameters"] if one["key"] == "filter.water.slip_sd_mps")
-    assert slip["is_written"]
-    assert abs(np.log(slip["value"] / 0.1)) < 3.0 * slip["sd"] / slip["value"] < 1.0
-    assert tomllib.loads((tmp_path / "case_tuned.toml").read_text(encoding="utf-8"))["filter"]["water"][
-        "slip_sd_mps"
-    ] == pytest.approx(slip["value"], rel=0.01)
-    assert "beams beyond two" in {term["sensor"] for term in record["new"]["terms"]}

@@ -24,7 +24,6 @@ from bottomlock.kernel.models import (
     InitialState,
     MagnetometerModel,
     Model,
-    Water,
 )
 
 GRAVITY, LATITUDE_RAD = 9.8, 0.7
@@ -61,18 +60,6 @@ def walk(rng: np.random.Generator, count: int, width: int, sd: float, step_s: fl
     return np.cumsum(rng.normal(0.0, sd * np.sqrt(step_s), (count, width)), axis=0)
 
 
-def lasting(
-    rng: np.random.Generator, count: int, width: int, sd: float, time_s: float, step_s: float
-) -> NDArray[np.float64]:
-    """A first-order Gauss-Markov process, (count, width)."""
-    keep = np.exp(-step_s / time_s)
-    draws = rng.normal(0.0, sd * np.sqrt(1.0 - keep**2), (count, width))
-    draws[0] = rng.normal(0.0, sd, width)
-    for k in range(1, count):
-        draws[k] += keep * draws[k - 1]
-    return draws
-
-
 def dive(
     seed: int,
     noise: Mapping[str, float] = AUTOPILOT,
@@ -81,7 +68,6 @@ def dive(
     rate_hz: float = 20.0,
     ping_hz: float = 2.0,
     attitude_hz: float = 2.0,
-    slip: tuple[float, float] | None = None,
 ) -> Dive:
     """A vehicle that turns and changes its speed.
 
@@ -89,9 +75,6 @@ def dive(
         seed: of everything random.
         noise: 1 sigma of the errors.
         seconds, rate_hz, ping_hz, attitude_hz: length, and rates of the sensors.
-        slip: 1 sigma (m/s) and time (s) of sway and heave through the water, about a torpedo's turns and trim, in a
-            current; these are drawn from the filter's prior. It does not pitch: to the filter the heave of a pitching
-            vehicle is more than its slip.
     """
     rng = np.random.default_rng(seed)
     step_s = 1.0 / rate_hz
@@ -103,8 +86,6 @@ def dive(
         [0.03 * np.sin(2 * np.pi * t / 7 + phase[2]), 0.04 * np.sin(2 * np.pi * t / 11 + phase[3]), yaw],
         axis=1,
     )
-    if slip is not None:
-        rpy[:, 1] = 0.0
     attitude = Rotation.from_euler("ZYX", rpy[:, ::-1])
     velocity_p = np.stack(
         [
@@ -114,15 +95,7 @@ def dive(
         ],
         axis=1,
     )
-    if slip is not None:
-        water = Water()
-        velocity_p[:, 1:] = lasting(rng, count, 2, *slip, step_s)
-        velocity_p[:, 1] -= rng.normal(water.sway_gain_m, water.sway_gain_sd_m) * np.gradient(yaw, step_s)
-        velocity_p[:, 2] += lasting(rng, count, 1, water.trim_sd_mps, water.trim_time_s, step_s)[:, 0]
     velocity_t = attitude.apply(velocity_p)
-    if slip is not None:
-        velocity_t[:, :2] += lasting(rng, count, 2, water.current_sd_mps, water.current_time_s, step_s)
-        velocity_p = attitude.inv().apply(velocity_t)
     # Readings are means over the step that they end.
     turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / step_s
     middle = attitude[:-1] * Rotation.from_rotvec(turned * step_s / 2)

@@ -8,7 +8,7 @@ import numpy as np
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion
 from bottomlock.replay.tune.likelihood import white_residuals
-from bottomlock.replay.tune.passes import BEYOND_TWO, LEFT_OUT, LOST_S, SWAY_HORIZONS_S, Group
+from bottomlock.replay.tune.passes import LEFT_OUT, LOST_S, Group
 
 SUM_S = 30.0
 """Span of the sums of innovations that are tested for whiteness."""
@@ -53,7 +53,7 @@ def judged(candidate: Candidate, horizons_s: Sequence[float]) -> Judged | None:
         terms.append(
             Term(
                 sensor,
-                (0.0, *{LEFT_OUT: (LOST_S,), BEYOND_TWO: SWAY_HORIZONS_S}.get(sensor, horizons_s))[horizon],
+                LOST_S if sensor == LEFT_OUT else (0.0, *horizons_s)[horizon],
                 int(of.sum()),
                 float(scored.value[of].sum() / rows),
                 float(np.sqrt(scored.nis[of].sum() / rows)),

@@ -88,24 +88,6 @@ _KEYS: dict[str, str] = {
     "effort.noise_n": "noise of a thrusters' force, N",
 }
 
-SWAY_KEYS: dict[str, str] = {
-    "filter.water.slip_sd_mps": "slip of sway and heave, m/s",
-    "filter.water.slip_time_s": "time of the slip, s",
-}
-SLIP_EPOCHS = "filter.water.slip_epochs"
-USES_SLIP = ("sway_current", "consistent")
-"""Methods with the prior of the slip."""
-
-
-def sway_of(case: Case) -> list[Parameter]:
-    """The prior of the slip, for a case with a method that uses it."""
-    if not set(USES_SLIP) & set(case.replay.methods):
-        return []
-    return [
-        Parameter(key, value_of(case, key) or 1.0, is_given=True, words=words)
-        for key, words in SWAY_KEYS.items()
-    ]
-
 
 def noise_of(case: Case, streams: Streams) -> list[Parameter]:
     """The noise of a case that can be tuned: of the sensors that it uses."""

@@ -27,15 +27,8 @@ MEASURED = ("tc", "vb_exact", "info", "sway_current")
 """Methods that predict what was measured: no row of theirs has a velocity that they assume."""
 LEFT_OUT = "beam left out"
 """Name of the predictions of a beam that is lost while the others are used."""
-BEYOND_TWO = "beams beyond two"
-"""Name of the predictions of the beams that are lost while two are used."""
-SWAY_METHOD = "sway_current"
 ASSUMED = ("heave", "sway")
-"""Names of its assumptions, which are no measurements."""
-SWAY_HORIZONS_S = (1.0, 3.0, 10.0, 30.0)
-"""Times at which the lost beams are predicted, since the last whole ping: the slip has a memory of seconds."""
-SWAY_RECOVERY_S = 10.0
-SWAY_PHASES = 2
+"""Names of the assumptions of `sway_current`, which are no measurements."""
 LOST_S = 60.0
 """Time for which a beam is left out."""
 EACH_S = 10.0
@@ -51,14 +44,12 @@ class Pass:
         scored_ns, horizon: times (n,) of the withheld pings that are scored, and the horizon of each, from 1; None
             where every innovation is scored at horizon 0, the one step.
         name: of its predictions.
-        methods: that predict, where others than those of the search do.
     """
 
     log: Mapping[str, Any]
     scored_ns: Times | None
     horizon: NDArray[np.intp] | None
     name: str = "beams"
-    methods: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,57 +165,8 @@ def beams_left_out(log: Mapping[str, Any], readings: Readings = as_recorded) -> 
     known = np.flatnonzero((is_lost & valid).any(axis=1))
     span = (since_s[known] // cycle_s) * cycle_s + into_s[known] // EACH_S
     predicted = known[np.append(span[1:] != span[:-1], True)] if known.size else known
-    horizon = np.ones(len(predicted), dtype=np.intp)
-    return _predicting(log, is_lost, predicted, horizon, LEFT_OUT, readings) if predicted.size else None
-
-
-def passes_with_two_beams(log: Mapping[str, Any], readings: Readings = as_recorded) -> list[Pass]:
-    """The passes in which two neighbouring beams are left for half a minute, and the others are predicted.
-
-    Empty for a log without enough whole pings to judge two beams by.
-    """
-    valid = log["beam_valid"]
-    beams, is_whole = valid.shape[1], valid.all(axis=1)
-    if beams < 3:
-        return []
-    passes = []
-    cycle_s = SWAY_HORIZONS_S[-1] + SWAY_RECOVERY_S
-    for phase in range(SWAY_PHASES):
-        since_s = (log["dvl_time_ns"] - log["dvl_time_ns"][0]) * 1e-9 - phase * cycle_s / SWAY_PHASES
-        cycle = np.floor(since_s / cycle_s).astype(np.intp)
-        # What is used comes first, so that the first loss follows whole pings too.
-        into_s = np.where(since_s < 0.0, -1.0, since_s - cycle * cycle_s - SWAY_RECOVERY_S)
-        kept = np.stack([cycle, cycle + 1], axis=1) % beams
-        is_lost = np.ones(valid.shape, dtype=bool)
-        np.put_along_axis(is_lost, kept, values=False, axis=1)
-        is_lost &= (into_s >= 0.0)[:, None]
-        rows, horizon = [], []
-        for place, at_s in enumerate(SWAY_HORIZONS_S, start=1):
-            apart_s = np.abs(into_s - at_s)
-            near = np.flatnonzero((apart_s <= 0.5 * at_s) & is_whole & (into_s >= 0.0))
-            near = near[np.lexsort([apart_s[near], cycle[near]])]
-            _, first = np.unique(cycle[near], return_index=True)
-            rows.append(near[first])
-            horizon.append(np.full(len(first), place))
-        if min(len(one) for one in rows) < OUTAGES:
-            return []
-        order = np.argsort(np.concatenate(rows), kind="stable")
-        predicted, places = np.concatenate(rows)[order], np.concatenate(horizon)[order]
-        passes.append(_predicting(log, is_lost, predicted, places, BEYOND_TWO, readings, (SWAY_METHOD,)))
-    return passes
-
-
-def _predicting(
-    log: Mapping[str, Any],
-    is_lost: Flags,
-    predicted: NDArray[np.intp],
-    horizon: NDArray[np.intp],
-    name: str,
-    readings: Readings,
-    methods: tuple[str, ...] = (),
-) -> Pass:
-    """The pass without lost beams (n, B), which are predicted at rows (m,), a nanosecond after the others were used."""
-    valid = log["beam_valid"]
+    if not predicted.size:
+        return None
     order = np.argsort(np.concatenate([np.arange(len(valid)), predicted + 0.5]), kind="stable")
     twice = np.concatenate([np.arange(len(valid)), predicted])[order]
     is_second = (np.arange(len(valid) + len(predicted)) >= len(valid))[order]
@@ -238,7 +180,7 @@ def _predicting(
         "dvl_withheld": is_second,
     }
     pings |= readings(valid & ~is_lost)
-    return Pass(dict(log) | pings, time_ns[is_second], horizon, name, methods)
+    return Pass(dict(log) | pings, time_ns[is_second], np.ones(len(predicted), dtype=np.intp), LEFT_OUT)
 
 
 def fly(
@@ -257,7 +199,7 @@ def fly(
     """
     log = inputs.with_noise(one.log)
     result = replay_log(
-        geometry, inputs.model, inputs.options, list(one.methods or methods), log, start,
+        geometry, inputs.model, inputs.options, list(methods), log, start,
         sample_time_ns=log["imu_time_ns"][-1:], innovations=one.scored_ns is None,
     )  # fmt: skip
     groups = []

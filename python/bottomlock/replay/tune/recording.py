@@ -20,7 +20,6 @@ from bottomlock.replay.tune.parameters import (
     WATER_NOISE,
     Parameter,
     noise_of,
-    sway_of,
     with_values,
 )
 from bottomlock.replay.tune.passes import Inputs
@@ -43,14 +42,13 @@ class Recording:
         case: as it was read.
         prepared: streams, start and settings.
         log: from the start on, as the kernel takes it; the beams that are outliers count as lost.
-        noise, sway: what may be tuned.
+        noise: what may be tuned.
     """
 
     case: Case
     prepared: rerun.PreparedRun
     log: Mapping[str, Any]
     noise: tuple[Parameter, ...]
-    sway: tuple[Parameter, ...]
 
     @property
     def geometry(self) -> BeamGeometry:
@@ -106,7 +104,7 @@ def read_recording(case: Case) -> Recording:
     prepared = rerun.prepare(case, streams)
     beams = prepared.streams.beams
     log = rerun.kernel_log(case, prepared, beams.valid[prepared.pings])
-    return Recording(case, prepared, log, tuple(noise_of(case, streams)), tuple(sway_of(case)))
+    return Recording(case, prepared, log, tuple(noise_of(case, streams)))
 
 
 def without_outliers(recording: Recording) -> dict[str, Any]:

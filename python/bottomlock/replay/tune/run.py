@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.judge import Judged, gain_of, judged
-from bottomlock.replay.tune.parameters import PRIOR_SD, SLIP_EPOCHS, Parameter, coordinates_of
+from bottomlock.replay.tune.parameters import PRIOR_SD, Parameter, coordinates_of
 from bottomlock.replay.tune.passes import (
     MEASURED,
     METHODS,
@@ -24,7 +23,6 @@ from bottomlock.replay.tune.passes import (
     Inputs,
     horizons_of,
     passes_of,
-    passes_with_two_beams,
 )
 from bottomlock.replay.tune.recording import Recording, cut, read_recording, without_outliers
 from bottomlock.replay.tune.search import Found, search
@@ -35,8 +33,6 @@ START_FACTORS = (1.0, 5.0, 25.0, 0.2)
 """Factors on the inertial noise of the case from which the search may start; the best of them does."""
 GAIN_SIGMAS = 2.0
 """Gain on the rest, in its 1 sigma, from which on new values are better by more than chance."""
-_FIXED_SLIP = {SLIP_EPOCHS: 1e9}
-"""The prior of the slip counts for so many pings while it is tuned: the filter's own estimate would stand in for it."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +162,7 @@ def tune_case(
     executor = ThreadPoolExecutor(threads or os.cpu_count())
     try:
         tuning = _Search(recording, split_ns, horizons, tuple(methods), executor, progress)
-        parameters = recording.noise + (recording.sway if tuning.has_sway else ())
+        parameters = recording.noise
         found, new = tuning.estimate(parameters, _starts(parameters))
         kept = [k for k, one in enumerate(new) if one.is_determined]
         iterations = found.iterations
@@ -183,7 +179,7 @@ def tune_case(
     valid = given.log["beam_valid"]
     return Tuned(
         case=case,
-        parameters=(*new, *(_undetermined(one) for one in recording.sway if not tuning.has_sway)),
+        parameters=tuple(new),
         horizons_s=horizons,
         fraction=fraction,
         methods=tuple(methods),
@@ -216,16 +212,6 @@ class _Search:
         """Length of the blocks that are independent of each other."""
         return self.horizons_s[-1] + RECOVERY_S
 
-    @cached_property
-    def has_sway(self) -> bool:
-        """Whether the slip is tuned: a method uses it, and whole pings judge two beams."""
-        return bool(self.recording.sway and passes_with_two_beams(cut(self.recording.log, self.split_ns)))
-
-    @property
-    def beside(self) -> Mapping[str, float]:
-        """Values that all candidates have."""
-        return _FIXED_SLIP if self.has_sway else {}
-
     def estimate(
         self, parameters: Sequence[Parameter], starts: Sequence[Floats], *, is_last: bool = False
     ) -> tuple[Found, list[TunedParameter]]:
@@ -235,7 +221,7 @@ class _Search:
             return dict(zip([one.key for one in parameters], np.exp(at).tolist(), strict=True))
 
         def inputs(at: Floats) -> Inputs:
-            return self.recording.inputs({**self.beside, **values(at)})
+            return self.recording.inputs(values(at))
 
         before = self.passes
         criterion = self._criterion(inputs, coordinates_of(parameters), self.split_ns)
@@ -256,7 +242,7 @@ class _Search:
 
     def judge(self, new: Mapping[str, float]) -> tuple[Judged | None, Judged | None, float, float]:
         """Old and new values on the rest of the recording, the gain and its 1 sigma."""
-        both = [self.recording.inputs({**self.beside, **values}) for values in ({}, new)]
+        both = [self.recording.inputs(values) for values in ({}, new)]
         end_ns = int(self.recording.log["imu_time_ns"][-1])
         rest = self._criterion(lambda at: both[int(at[0])], np.zeros(1), end_ns, from_ns=self.split_ns)
         first, second = (rest.candidates([np.array([place])])[0] for place in (0.0, 1.0))
@@ -275,8 +261,6 @@ class _Search:
             }
 
         passes = passes_of(log, self.horizons_s, readings)
-        if self.has_sway:
-            passes += passes_with_two_beams(log, readings)
         return Criterion(
             recording.geometry, recording.start, passes, inputs, prior, self.executor, from_ns, self.methods
         )
