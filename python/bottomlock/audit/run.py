@@ -1,6 +1,5 @@
 """A whole audit: the log, the other recordings of the same time, and all findings."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from bottomlock.audit.mounting_findings import mounting_findings
 from bottomlock.audit.packaged import packaged_findings
 from bottomlock.audit.single_beams import noisy_findings, stuck_findings
 from bottomlock.audit.water import WaterAgreement, water_agreement, water_findings
+from bottomlock.files.atomic_write import plain
 from bottomlock.io.beams import check_beam_count, packaged_geometries, read_geometry
 from bottomlock.io.water_table import WaterTable, read_water_table, water_file
 from bottomlock.kernel import BeamGeometry
@@ -251,7 +251,7 @@ _OF_MATRIX = (
 
 def _closure_numbers(closure: Closure) -> dict[str, Any]:
     kept = {key: value for key, value in vars(closure).items() if key != "values_mps"}
-    return dict(_plain(kept | {"beam_sigma_mps": closure.beam_sigma_mps}))
+    return dict(plain(kept | {"beam_sigma_mps": closure.beam_sigma_mps}))
 
 
 def numbers_of(audit: Audit) -> dict[str, Any]:
@@ -268,22 +268,22 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
         },
         "full_pings_used": int(assessment.full.sum()),
         "unchanged_pings": int(audit.unchanged.sum()),
-        "findings": [_plain(vars(one)) for one in audit.findings],
-        "converted": _plain(log.beside),
+        "findings": [plain(vars(one)) for one in audit.findings],
+        "converted": plain(log.beside),
         "matrix": None,
         "match": None,
         "closure": [_closure_numbers(one) for one in assessment.closures],
         "closure_slope": None,
-        "depth_rate": None if audit.depth is None else _plain(vars(audit.depth)),
-        "mounting": None if audit.mounting is None else _plain(vars(audit.mounting)),
-        "water": None if audit.water is None else _plain(vars(audit.water)),
+        "depth_rate": None if audit.depth is None else plain(vars(audit.depth)),
+        "mounting": None if audit.mounting is None else plain(vars(audit.mounting)),
+        "water": None if audit.water is None else plain(vars(audit.water)),
     }  # fmt: skip
     if assessment.matrix is not None:
         m = assessment.matrix
-        content["matrix"] = _plain({name: getattr(m, name) for name in _OF_MATRIX})
+        content["matrix"] = plain({name: getattr(m, name) for name in _OF_MATRIX})
     if assessment.match is not None:
         one = assessment.match
-        content["match"] = _plain(
+        content["match"] = plain(
             {
                 "beam": one.beam + 1,
                 "sign": one.sign,
@@ -292,20 +292,5 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
             }
         )
     if assessment.slope is not None:
-        content["closure_slope"] = _plain(vars(assessment.slope) | {"p_value": assessment.slope.p_value})
+        content["closure_slope"] = plain(vars(assessment.slope) | {"p_value": assessment.slope.p_value})
     return content
-
-
-def _plain(value: object) -> Any:  # noqa: ANN401 - what JSON holds is any of six types
-    """Arrays and numpy numbers to lists and numbers; NaN to None."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if hasattr(value, "__dataclass_fields__"):
-        return _plain(vars(value))
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

@@ -15,7 +15,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.judge import SUM_S, Judged, Term
 from bottomlock.replay.tune.passes import LEFT_OUT, MEASURED, METHODS
 from bottomlock.replay.tune.result import record_of, require_free, write_tuned
-from bottomlock.replay.tune.run import Progress, Tuned, TunedParameter, tune_case
+from bottomlock.replay.tune.run import Tuned, TunedParameter, tune_case
 
 
 def tune(
@@ -61,9 +61,9 @@ def tune(
     with late_bar(bars.Progress(*columns, console=errors)) as bar:
         task = bar.add_task("", total=None)
 
-        def report(now: Progress) -> None:
+        def report(iteration: int, passes: int) -> None:
             bar.start()
-            bar.update(task, description=f"iteration {now.iteration}: {now.passes} passes")
+            bar.update(task, description=f"iteration {iteration}: {passes} passes")
 
         tuned = tune_case(loaded, fraction=fraction, methods=names, threads=threads, progress=report)
     write_tuned(case, tuned, target, force=force)

@@ -9,10 +9,14 @@ import contextlib
 import hashlib
 import io
 import json
+import math
 import os
 import secrets
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from bottomlock.errors import DataError, OutputError
 from bottomlock.support.later import pl
@@ -52,6 +56,19 @@ def parquet_bytes(frame: pl.DataFrame, *, compressed: bool = False) -> memoryvie
 def json_text(content: dict[str, Any]) -> str:
     """The one text of a dict in JSON."""
     return json.dumps(content, indent=2, sort_keys=True) + "\n"
+
+
+def plain(value: object) -> Any:  # noqa: ANN401 - what JSON holds is any of six types
+    """Arrays, numpy numbers and dataclasses as JSON holds them; NaN and infinity are None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if hasattr(value, "__dataclass_fields__"):
+        return plain(vars(value))
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_json(path: Path, content: dict[str, Any]) -> str:

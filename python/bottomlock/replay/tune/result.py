@@ -1,8 +1,7 @@
 """A tuned case as a file: the user's text with the new values, each with its 1 sigma and gain, and a record in JSON."""
 
 import hashlib
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from bottomlock import kernel
 from bottomlock.config.toml_edit import edited
 from bottomlock.config.toml_file import read_text
 from bottomlock.errors import OutputError
-from bottomlock.files.atomic_write import write_text
+from bottomlock.files.atomic_write import plain, write_text
 from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.files.records import write_record
 from bottomlock.io.beams import geometry_text
@@ -90,7 +89,7 @@ def write_tuned(path: Path, tuned: Tuned, out: Path, *, force: bool = False) -> 
 def record(tuned: Tuned) -> dict[str, Any]:
     """What was tuned, by versions, case and files with their SHA-256, and what was found, as JSON holds it."""
     case = tuned.case
-    content: dict[str, Any] = _finite(
+    content: dict[str, Any] = plain(
         {
             "kind": KIND,
             "version": kernel.kernel_version(),
@@ -102,11 +101,11 @@ def record(tuned: Tuned) -> dict[str, Any]:
             "fraction": tuned.fraction,
             "methods": list(tuned.methods),
             "is_better": tuned.is_better,
-            "parameters": [asdict(one) | {"is_written": one.key in tuned.values} for one in tuned.parameters],
+            "parameters": [vars(one) | {"is_written": one.key in tuned.values} for one in tuned.parameters],
             "horizons_s": list(tuned.horizons_s),
             "outliers": list(tuned.outliers),
-            "old": None if tuned.old is None else asdict(tuned.old),
-            "new": None if tuned.new is None else asdict(tuned.new),
+            "old": tuned.old,
+            "new": tuned.new,
             "gain": tuned.gain,
             "gain_sd": tuned.gain_sd,
             "has_settled": tuned.has_settled,
@@ -116,12 +115,3 @@ def record(tuned: Tuned) -> dict[str, Any]:
         }
     )
     return content
-
-
-def _finite(value: Any) -> Any:  # noqa: ANN401 - a value of a record
-    """The same without what JSON cannot hold."""
-    if isinstance(value, Mapping):
-        return {key: _finite(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -100,21 +100,13 @@ class Tuned:
         return {one.key: one.value for one in self.parameters if one.is_determined and self.is_better}
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Iterations and passes over the recording that are done."""
-
-    iteration: int = 0
-    passes: int = 0
-
-
 def tune_case(
     path: str | Path | Case,
     *,
     fraction: float = 0.5,
     methods: Sequence[str] = METHODS,
     threads: int = 0,
-    progress: Callable[[Progress], None] = lambda _: None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Tuned:
     """Tunes a case by the likelihood of its recording; the result does not depend on the threads.
 
@@ -123,7 +115,7 @@ def tune_case(
         fraction: of the recording, from its start, that is estimated on; the rest judges.
         methods: whose predictions are scored, of `MEASURED`.
         threads: their number, 0 for one per core.
-        progress: called after each iteration.
+        progress: called after each iteration with its number and that of the passes over the recording.
 
     Raises:
         ScenarioError: for a case that is not valid or has beams made from a velocity, a fraction outside 0.2 to 0.8,
@@ -204,7 +196,7 @@ class _Search:
     horizons_s: tuple[float, ...]
     methods: tuple[str, ...]
     executor: ThreadPoolExecutor
-    progress: Callable[[Progress], None]
+    progress: Callable[[int, int], None]
     passes: int = 0
 
     @property
@@ -226,7 +218,7 @@ class _Search:
         before = self.passes
         criterion = self._criterion(inputs, coordinates_of(parameters), self.split_ns)
         found = search(
-            criterion, starts, lambda iteration: self.progress(Progress(iteration, before + criterion.flown))
+            criterion, starts, lambda iteration: self.progress(iteration, before + criterion.flown)
         )
         sds = uncertainty(criterion, found, self.block_s)
         gains = _gains(criterion, found, parameters)
