@@ -15,7 +15,6 @@ from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.answers import closure_words
 from bottomlock.replay.findings.attitude_checks import attitude_findings
-from bottomlock.replay.findings.beam_noise_finding import beam_noise_finding
 from bottomlock.replay.findings.claims import claims_findings
 from bottomlock.replay.findings.earth_limits import earth_findings
 from bottomlock.replay.findings.expected_nis import least_ratio
@@ -142,7 +141,7 @@ def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Fi
     streams, alignment = prepared.streams, prepared.alignment
     geometry = streams.instrument.geometry
     B = np.asarray(geometry.directions_p)
-    found = [checks.order_finding(streams) or beam_noise_finding(case, streams)]
+    found = [checks.order_finding(streams) or checks.beam_noise_finding(case, streams)]
     time_ns, velocity = ping_velocity(
         B, streams.beams.time_ns, np.nan_to_num(streams.beams.velocity_mps), streams.beams.valid
     )

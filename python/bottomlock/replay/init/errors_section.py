@@ -1,4 +1,4 @@
-"""The errors of the IMU in a first case: a packaged grade that covers the log, and what the log says beyond it."""
+"""The errors of a first case: for the IMU a packaged grade that covers the log, and what the log says beyond it."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -20,6 +20,9 @@ EARTH_DEG_PER_H = 15.04
 TOLD = 3.0
 """Sigmas from which an offset is one."""
 LEAST_BIAS_MG, MOST_BIAS_MG = 1.0, 50.0
+
+MAGNETIC = "mti_ahrs"
+"""Gyros that agree with an attitude show a good IMU. They say nothing of north, so no gyrocompass follows from them."""
 
 
 @dataclass(frozen=True)
@@ -131,3 +134,16 @@ def _evidence(
             f"over one to eight pings ({pings.differences} of them) the integrated force parts so from their velocity",
         )
     return found
+
+
+def put_attitude_noise(section: Section) -> None:
+    """The grade of the instrument, with its white noise, offset and walk as the filter then estimates them."""
+    grade = grades("attitude")[MAGNETIC]
+    section.put("grade", grade.name, f"which instrument is it? {grade.title}", known=False)
+    keys = grade.keys
+    section.say(
+        f"white noise {keys['roll_pitch_sd_deg']:g} deg (yaw {keys['yaw_sd_deg']:g}), offset "
+        f"{keys['roll_pitch_offset_sd_deg']:g} ({keys['yaw_offset_sd_deg']:g}), walk "
+        f"{keys['roll_pitch_walk_sd_deg']:g} ({keys['yaw_walk_sd_deg']:g}) of {keys['walk_time_s']:g} s: a key written "
+        "here replaces the grade's"
+    )

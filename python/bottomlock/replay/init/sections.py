@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 
 from bottomlock.io.beams import geometry_text
-from bottomlock.replay.init.attitude_noise import put_attitude_noise
 from bottomlock.replay.init.dvl_part import DvlPart
-from bottomlock.replay.init.errors_section import put_errors
+from bottomlock.replay.init.errors_section import put_attitude_noise, put_errors
 from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.guess import round_up
 from bottomlock.replay.init.imu_part import ImuPart
