@@ -19,8 +19,8 @@ from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.pings import PingReader
 from bottomlock.live.runner import Live
-from bottomlock.ports.rotation import angles
 from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping
+from bottomlock.recordings.rotation import angles
 from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams

@@ -15,8 +15,8 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.readings import MavlinkReader
-from bottomlock.ports.rotation import quaternion
 from bottomlock.recordings.readings import AttitudeReading
+from bottomlock.recordings.rotation import quaternion
 from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, Sent, World
 
 PLACES = {

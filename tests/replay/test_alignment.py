@@ -67,12 +67,13 @@ def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0
         inertial=Inertial(time_ns, force, omega),
         beams=Beams(time_ns[-5:-4], beams, np.ones((1, 4), dtype=bool), np.full((1, 4), 0.02)),
         instrument=geometry,
-        depths=None,
-        attitudes=Attitudes(
-            time_ns, from_angles(np.full(count, 0.01), np.full(count, 0.02), np.full(count, 0.03))
-        ),
+        aiding={
+            "attitude": Attitudes(
+                time_ns, from_angles(np.full(count, 0.01), np.full(count, 0.02), np.full(count, 0.03))
+            ),
+            "gps": Positions(time_ns, along),
+        },
         magnetic_fields=MagneticFields(time_ns, np.tile(R.T @ north, (count, 1))),
-        positions={"gps": Positions(time_ns, along)},
         reference=None,
         origin=None,
         latitude_rad=LATITUDE,
@@ -178,13 +179,11 @@ def test_what_cannot_be_is_refused(start: str, settings: dict[str, Any], message
             streams, inertial=replace(streams.inertial, omega_p_radps=streams.inertial.omega_p_radps + 0.01)
         )
     elif which == "moored":
-        streams = replace(
-            streams, positions={"gps": Positions(streams.inertial.time_ns, np.zeros((2000, 3)))}
-        )
+        fixes = Positions(streams.inertial.time_ns, np.zeros((2000, 3)))
+        streams = replace(streams, aiding=dict(streams.aiding) | {"gps": fixes})
     elif which == "silent":
-        streams = replace(
-            streams, attitudes=Attitudes(streams.inertial.time_ns[:100], from_angles(np.zeros(100), 0.0, 0.0))
-        )
+        few = Attitudes(streams.inertial.time_ns[:100], from_angles(np.zeros(100), 0.0, 0.0))
+        streams = replace(streams, aiding=dict(streams.aiding) | {"attitude": few})
     elif which == "deaf":
         streams = replace(streams, beams=replace(streams.beams, valid=np.array([[True, True, False, False]])))
     with pytest.raises(DataError, match=message):

@@ -27,7 +27,7 @@ def test_every_row_of_every_stream_comes_once_and_in_order() -> None:
         "Ping": len(streams.beams.time_ns),
         "DepthReading": len(streams.depths.time_ns),
         "AttitudeReading": len(streams.attitudes.time_ns),
-        "AcousticPositionReading": len(streams.positions["acoustic_position"].time_ns),
+        "AcousticPositionReading": len(streams.aiding["acoustic_position"].time_ns),
     }
     imu = [reading for reading in readings if isinstance(reading, ImuReading)]
     np.testing.assert_array_equal([reading.omega_radps for reading in imu], streams.inertial.omega_p_radps)
@@ -41,7 +41,7 @@ def test_every_row_of_every_stream_comes_once_and_in_order() -> None:
     np.testing.assert_array_equal(attitudes, streams.attitudes.attitude.as_quat(scalar_first=True))
     fixes = [reading for reading in readings if isinstance(reading, AcousticPositionReading)]
     np.testing.assert_array_equal(
-        [fix.position_t_m for fix in fixes], streams.positions["acoustic_position"].position_t_m
+        [fix.position_t_m for fix in fixes], streams.aiding["acoustic_position"].position_t_m
     )
     assert (log.left_out, log.guesses) == (("reference",), ())
 

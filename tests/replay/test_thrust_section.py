@@ -129,15 +129,15 @@ def test_the_revolutions_given_are_those_of_the_section(case_file: Path, unit: s
     case = load_case(path)
     streams = read_streams(case)
     seconds, turns = revolutions_of(drawn_dive(7, seconds=210.0))
-    assert streams.revolutions is not None
-    np.testing.assert_allclose(streams.revolutions.revolutions_hz, turns[::2], atol=1e-8)
-    np.testing.assert_allclose(streams.revolutions.time_ns * 1e-9, seconds[::2] + 2.5, atol=1e-9)
+    assert "thrust" in streams.aiding
+    np.testing.assert_allclose(streams.aiding["thrust"].revolutions_hz, turns[::2], atol=1e-8)
+    np.testing.assert_allclose(streams.aiding["thrust"].time_ns * 1e-9, seconds[::2] + 2.5, atol=1e-9)
     prepared = prepare(case, streams)
     log = kernel_log(case, prepared, streams.beams.valid[prepared.pings])
-    end = int(np.searchsorted(streams.revolutions.time_ns, log["imu_time_ns"][-1] + 1))
+    end = int(np.searchsorted(streams.aiding["thrust"].time_ns, log["imu_time_ns"][-1] + 1))
     assert end < len(seconds[::2])
-    np.testing.assert_array_equal(log["thrust_time_ns"], streams.revolutions.time_ns[:end])
-    np.testing.assert_array_equal(log["thrust_revolutions_hz"], streams.revolutions.revolutions_hz[:end])
+    np.testing.assert_array_equal(log["thrust_time_ns"], streams.aiding["thrust"].time_ns[:end])
+    np.testing.assert_array_equal(log["thrust_revolutions_hz"], streams.aiding["thrust"].revolutions_hz[:end])
 
 
 def test_model_and_option_are_those_of_the_section(case_file: Path) -> None:

@@ -97,3 +97,7 @@ class AttitudeReference(Section):
             "magnetometer": attitude,
             "heading": models.HeadingModel(walk_time_s=self.walk_time_s, **yaw),
         }
+
+    def kernel_options(self) -> dict[str, Any]:
+        """Nothing: an attitude has no lever arm."""
+        return {}

@@ -1,10 +1,11 @@
 """Cells of a recorded or live water track: which are used, and their noise."""
 
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
 from bottomlock.config.scenario_sections import Positive, Section
+from bottomlock.kernel import models
 
 Cell = Annotated[int, Field(ge=1, le=255)]
 
@@ -27,3 +28,11 @@ class WaterCells(Section):
             if self.cells.count(cell) > 1:
                 raise ValueError(f"cell {cell} is named twice in 'cells', expected each cell once")
         return self
+
+    def kernel_models(self) -> dict[str, models.Settings]:
+        """Nothing: the noise is that of the cells."""
+        return {}
+
+    def kernel_options(self) -> dict[str, Any]:
+        """What it adds to the filter's options."""
+        return {"water_track": True}

@@ -1,6 +1,7 @@
 """A navigator that begins by itself: it aligns itself with what arrives, and takes every kind of reading."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,14 +11,11 @@ from bottomlock import units
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.kernel.attitude_motion import MotionFromAttitude
-from bottomlock.kernel.models import MagnetometerModel
-from bottomlock.live.aiding import push
 from bottomlock.live.alignment import Alignment, AttitudeAlignment
 from bottomlock.live.estimator import solve_ping
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig
 from bottomlock.live.platform_attitude import PlatformAttitude
 from bottomlock.live.sections import ImuFromAttitude
-from bottomlock.ports.rotation import angles
 from bottomlock.recordings.readings import (
     AidingReading,
     AttitudeReading,
@@ -26,6 +24,7 @@ from bottomlock.recordings.readings import (
     Ping,
     WaterReading,
 )
+from bottomlock.recordings.sensors import SENSOR_OF
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.recordings.water_cells import CellCounts, water_beams
 
@@ -159,24 +158,14 @@ class AlignedNavigator:
         if self.navigator is None:
             self._alignment.attitude(time_ns, attitude_t_p)
             return ()
-        return self._aid(self.navigator, time_ns, attitude_t_p)
+        w, x, y, z = attitude_t_p.tolist()
+        return self._push(self.navigator, AttitudeReading(time_ns, (w, x, y, z)))
 
-    def _aid(self, navigator: Navigator, time_ns: int, attitude_t_p: Floats) -> Sequence[Report]:
-        """The reports of an attitude, or of its heading alone, as a measurement."""
-        section, model = self._config.attitude, self._settings.model
-        assert section is not None
-        if section.aids == "attitude":
-            noise = model.of(MagnetometerModel)
-            return navigator.push_attitude(
-                time_ns,
-                attitude_t_p,
-                roll_pitch_sd_rad=noise.roll_pitch_sd_rad,
-                yaw_sd_rad=noise.yaw_sd_rad,
-            )
-        if section.aids == "heading":
-            assert model.heading is not None
-            return navigator.push_heading(time_ns, angles(attitude_t_p)[2], sd_rad=model.heading.sd_rad)
-        return ()
+    def _push(self, navigator: Navigator, reading: AttitudeReading | AidingReading) -> Sequence[Report]:
+        """The reports of a measurement; none where the configuration has no section for it."""
+        sensor = SENSOR_OF[type(reading)]
+        section = getattr(self._config, sensor.name)
+        return () if section is None else sensor.push(navigator, reading, section, self._config.home)
 
     def _turn(self, motion: MotionFromAttitude, time_ns: int, attitude_t_p: Floats) -> Sequence[Report]:
         """Takes an attitude in place of an inertial reading."""
@@ -283,7 +272,7 @@ class AlignedNavigator:
             reading = WaterReading(
                 at_ns, rows.velocity_mps[row], rows.valid[row], rows.sd_mps[row], float(rows.range_m[row])
             )
-            yield at_ns, reading.valid, push(navigator, self._config, at_ns, reading)
+            yield at_ns, reading.valid, self._push(navigator, reading)
 
     def aid(self, time_ns: int, reading: AidingReading) -> Sequence[Report]:
         """Takes a measurement beside pings and attitudes; before the alignment a depth alone, where the vehicle begins.
@@ -292,7 +281,7 @@ class AlignedNavigator:
             KernelError: for one that is older than the horizon.
         """
         if self.navigator is not None:
-            return push(self.navigator, self._config, time_ns, reading)
+            return self._push(self.navigator, replace(reading, time_ns=time_ns))
         if isinstance(reading, DepthReading) and self._config.depth is not None:
             self._alignment.depth(reading.depth_m)
         return ()

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from bottomlock import units
 from bottomlock.kernel.models import InitialState
 from bottomlock.live.sections import StartSection
-from bottomlock.ports.rotation import angles, matrix, quaternion
 from bottomlock.recordings.levelling import level_from_force
+from bottomlock.recordings.rotation import angles, matrix, quaternion
 
 PING_AGE_NS = 1_000_000_000
 """Greatest age of the ping that gives the initial velocity."""

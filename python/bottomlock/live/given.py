@@ -8,33 +8,12 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import KernelError
-from bottomlock.live.readings import ROUNDING, is_on_earth
-from bottomlock.recordings.readings import (
-    AcousticPositionReading,
-    AttitudeReading,
-    DepthReading,
-    EffortReading,
-    GpsReading,
-    ImuReading,
-    Ping,
-    ThrustReading,
-    WaterReading,
-)
+from bottomlock.live.readings import ROUNDING
+from bottomlock.recordings.readings import AttitudeReading, GpsReading, Ping, WaterReading
+from bottomlock.recordings.sensors import INSTRUMENTS, is_on_earth
 
 _BOUND_NS = 2**63
-_COUNTS: dict[type, tuple[tuple[str, int, str], ...]] = {
-    ImuReading: (("omega_radps", 3, "rad/s"), ("force_mps2", 3, "m/s²")),
-    AttitudeReading: (("attitude_t_s", 4, "a quaternion, scalar first"),),
-    DepthReading: (("depth_m", 0, "m"),),
-    GpsReading: (("latitude_deg", 0, "deg"), ("longitude_deg", 0, "deg"), ("height_m", 0, "m")),
-    AcousticPositionReading: (
-        ("position_t_m", 3, "m north, east, down"),
-        ("sd_m", 3, "m of each axis, or None"),
-    ),
-    ThrustReading: (("revolutions_hz", 0, "1/s"),),
-    EffortReading: (("force_p_n", 3, "N"),),
-}
-"""Fields of the readings after their time: how many numbers each has, 0 for one by itself, and of what."""
+_NUMBERS = {one.reading: one.numbers for one in INSTRUMENTS if one.numbers}
 
 
 def require_reading(given: object) -> None:
@@ -43,7 +22,7 @@ def require_reading(given: object) -> None:
     Raises:
         TypeError: for what is no reading.
     """
-    if type(given) not in _COUNTS and type(given) not in (Ping, WaterReading):
+    if type(given) not in _NUMBERS and type(given) not in (Ping, WaterReading):
         shown = f"the class {given.__name__}" if isinstance(given, type) else f"a {type(given).__name__}"
         raise TypeError(f"push is given {shown}, expected a reading such as ImuReading or Ping")
 
@@ -58,12 +37,11 @@ def checked(reading: Any, beams: int) -> Any:  # noqa: ANN401 - of the same clas
     kind: Any = type(reading)
     if kind is Ping or kind is WaterReading:
         return _checked_beams(reading, beams)
-    fields = _COUNTS[kind]
     values: list[Any] = [
         None
-        if name == "sd_m" and reading.sd_m is None
-        else _numbers(kind, name, getattr(reading, name), count, of)
-        for name, count, of in fields
+        if field.optional and getattr(reading, field.name) is None
+        else _numbers(kind, field.name, getattr(reading, field.name), field.count, field.unit)
+        for field in _NUMBERS[kind]
     ]
     if kind is AttitudeReading and abs(math.hypot(*values[0]) - 1.0) > ROUNDING:
         raise KernelError(

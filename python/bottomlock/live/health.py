@@ -17,7 +17,7 @@ from bottomlock.live.http_server import HTML, JSON, REQUEST_S, TEXT, HttpServer,
 from bottomlock.live.runner import Live
 from bottomlock.live.states import ORDER
 from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.rotation import angles
+from bottomlock.recordings.rotation import angles
 
 EVENT_S = 0.25
 """Time between two events of the page."""

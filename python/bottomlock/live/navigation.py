@@ -15,6 +15,7 @@ from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.live.reasons import Reasons
 from bottomlock.ports.estimate import Beams, Estimate, State
 from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
+from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.recordings.water_cells import CellCounts
 
@@ -23,8 +24,7 @@ T = TypeVar("T")
 _ACCEPTED = ("accepted", "accepted_in_part")
 _BEAM_SENSORS = ("beams", "velocity")
 """The kernel's names of a DVL's measurements in its reports."""
-EFFORT = ("effort_surge", "effort_sway", "effort_heave")
-_AIDING = ("attitude", "heading", "depth", "gps_position", "acoustic_position", "thrust", *EFFORT)
+_AIDING = {name for sensor in SENSORS for name in sensor.updates}
 """The kernel's names of the other measurements."""
 _PENDING = 256
 

@@ -11,22 +11,20 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Tag
 
 from bottomlock import units
+from bottomlock.config.aiding_errors import AcousticPositionErrors, GpsErrors
 from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.dvl_errors import DvlSettings
 from bottomlock.config.effort import EffortErrors
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust, Section
-from bottomlock.config.sensors import SENSORS
 from bottomlock.config.thrust import ThrustErrors
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.beams import Instrument, read_geometry, read_instrument_file
 from bottomlock.kernel import KernelError, models, normal_gravity_mps2
 from bottomlock.live.sections import (
     LEVELLING_SD_DEG,
-    AcousticPositionSection,
     AttitudeSection,
     DepthSection,
-    GpsSection,
     ImuFromAttitude,
     ImuSection,
     NavigationSection,
@@ -34,8 +32,10 @@ from bottomlock.live.sections import (
     StartSection,
     kind_of_imu,
 )
-from bottomlock.ports.rotation import matrix, quaternion
+from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.readings import LOST_SD_MPS, Ping
+from bottomlock.recordings.rotation import matrix, quaternion
+from bottomlock.recordings.sensors import SENSORS
 
 
 class NavigatorConfig(Section):
@@ -52,8 +52,8 @@ class NavigatorConfig(Section):
     ) = None
     attitude: AttitudeSection | None = None
     depth: DepthSection | None = None
-    gps: GpsSection | None = None
-    acoustic_position: AcousticPositionSection | None = None
+    gps: GpsErrors | None = None
+    acoustic_position: AcousticPositionErrors | None = None
     water_track: WaterCells | None = None
     thrust: ThrustErrors | None = None
     effort: EffortErrors | None = None
@@ -106,6 +106,15 @@ class NavigatorConfig(Section):
     def motion(self) -> str:
         """The readings that move the vehicle: a key of `FORMATS`."""
         return "attitude" if isinstance(self.imu, ImuFromAttitude) else "imu"
+
+    @property
+    def home(self) -> Place | None:
+        """The origin of the tangent frame; None where its longitude is not known."""
+        origin = self.origin
+        if origin is None or origin.longitude_deg is None:
+            return None
+        latitude, longitude = map(units.rad_from_deg, (origin.latitude_deg, origin.longitude_deg))
+        return Place(latitude, longitude, origin.height_m)
 
     @property
     def level_by_attitude(self) -> bool:
@@ -189,15 +198,13 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
     assert start is not None
     latitude = units.rad_from_deg(origin.latitude_deg)
     gravity = normal_gravity_mps2(latitude) if origin.gravity == "normal" else float(origin.gravity)
-    # The kernel's model names every sensor; those that are not there are never pushed.
-    sensors: dict[str, Any] = {one.name: one.model(one.section(), gravity) for one in SENSORS}
+    sensors: dict[str, Any] = {}
     added: dict[str, Any] = {}
-    for section in (config.depth, config.gps, config.acoustic_position, config.thrust, config.effort):
+    for sensor in SENSORS:
+        section = getattr(config, sensor.name)
         if section is not None:
             sensors |= section.kernel_models()
             added |= section.kernel_options()
-    if config.attitude is not None:
-        sensors |= config.attitude.kernel_models()
     tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
     model = models.Model(
         environment=models.Environment(
@@ -219,7 +226,6 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
         robust=config.robust.kernel_options(),
         **imu.limits.kernel_options() | {"imu_gap": "inflate"},
         imu_sampling="averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
-        water_track=config.water_track is not None,
         calibration=config.calibration.prior(instrument.calibration),
         **added,
     )

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference
-from bottomlock.ports.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product, quaternion
 from bottomlock.recordings.readings import AttitudeReading
+from bottomlock.recordings.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product, quaternion
 
 Floats = NDArray[np.float64]
 

@@ -1,7 +1,6 @@
 """Inertial, attitude and depth readings of a live stream: lines of numbers, or MAVLink messages."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,22 +9,19 @@ from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import AttitudeMessage, DepthSection
 from bottomlock.ports.mavlink import dialect
-from bottomlock.ports.rotation import quaternion
 from bottomlock.recordings.readings import (
-    AcousticPositionReading,
     AttitudeReading,
     DepthReading,
-    EffortReading,
     GpsReading,
     ImuReading,
     Quaternion,
     Reading,
-    ThrustReading,
 )
+from bottomlock.recordings.rotation import quaternion
+from bottomlock.recordings.sensors import INSTRUMENTS, is_on_earth
 
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 PASCAL_PER_HECTOPASCAL = 100.0
-MOST_LATITUDE_DEG, MOST_LONGITUDE_DEG = 90.0, 360.0
 SLOW_HZ = 10.0
 """Greatest rate at which an autopilot is asked for what does not move the vehicle."""
 _FIX_3D = 3
@@ -34,61 +30,7 @@ ROUNDING = 1e-3
 """By how much the norm of a quaternion of single precision may be off."""
 
 
-def _imu(time_ns: int, values: list[float]) -> Reading:
-    wx, wy, wz, fx, fy, fz = values
-    return ImuReading(time_ns, (wx, wy, wz), (fx, fy, fz))
-
-
-def _attitude(time_ns: int, values: list[float]) -> Reading:
-    roll, pitch, yaw = values
-    return AttitudeReading(time_ns, quaternion(roll, pitch, yaw))
-
-
-def _depth(time_ns: int, values: list[float]) -> Reading:
-    return DepthReading(time_ns, values[0])
-
-
-def _thrust(time_ns: int, values: list[float]) -> Reading:
-    return ThrustReading(time_ns, values[0])
-
-
-def _effort(time_ns: int, values: list[float]) -> Reading:
-    surge, sway, heave = values
-    return EffortReading(time_ns, (surge, sway, heave))
-
-
-def _gps(time_ns: int, values: list[float]) -> Reading | None:
-    latitude, longitude, height = values
-    return GpsReading(time_ns, latitude, longitude, height) if is_on_earth(latitude, longitude) else None
-
-
-def is_on_earth(latitude_deg: float, longitude_deg: float) -> bool:
-    """Whether these can be a latitude and a longitude."""
-    return abs(latitude_deg) <= MOST_LATITUDE_DEG and abs(longitude_deg) <= MOST_LONGITUDE_DEG
-
-
-def _acoustic_position(time_ns: int, values: list[float]) -> Reading | None:
-    north, east, down, *stated = values
-    if not stated:
-        return AcousticPositionReading(time_ns, (north, east, down), None)
-    sd_n, sd_e, sd_d = stated
-    return (
-        AcousticPositionReading(time_ns, (north, east, down), (sd_n, sd_e, sd_d))
-        if min(stated) > 0.0
-        else None
-    )
-
-
-_LINES: dict[str, tuple[tuple[int, ...], str, Callable[[int, list[float]], Reading | None]]] = {
-    "imu-csv": ((6,), "time_ns,wx,wy,wz,fx,fy,fz", _imu),
-    "attitude-csv": ((3,), "time_ns,roll,pitch,yaw", _attitude),
-    "depth-csv": ((1,), "time_ns,depth_m", _depth),
-    "thrust-csv": ((1,), "time_ns,revolutions_hz", _thrust),
-    "effort-csv": ((3,), "time_ns,surge_n,sway_n,heave_n", _effort),
-    "gps-csv": ((3,), "time_ns,latitude_deg,longitude_deg,height_m", _gps),
-    "acoustic-csv": ((3, 6), "time_ns,north_m,east_m,down_m[,sd_n,sd_e,sd_d]", _acoustic_position),
-}
-"""How many numbers a line has beside its time, its columns, and the reading; None for one that cannot be."""
+_LINES = {one.line: one for one in INSTRUMENTS if one.line}
 
 
 @dataclass
@@ -100,7 +42,7 @@ class LineReader:
     number of columns, too; only a checksum tells them.
 
     Args:
-        format: a key of `_LINES`.
+        format: the line of one of `recordings.sensors.INSTRUMENTS`.
         checksum: whether every line must have one, the first too.
         within: whether the stream may begin in the middle of a line.
 
@@ -117,7 +59,9 @@ class LineReader:
 
     def __post_init__(self) -> None:
         """Chooses the columns of the format."""
-        self._counts, self._columns, self._make = _LINES[self.format]
+        made = _LINES[self.format]
+        self._counts = {len(made.columns), len(made.columns) + len(made.more)}
+        self._columns, self._make = made.header, made.make
         self.framer = Lines(within=self.within)
 
     def feed(self, data: bytes) -> list[Reading]:
@@ -147,7 +91,7 @@ class LineReader:
         if time_ns is None or len(numbers) < len(rest) or not _EARLIEST_NS < time_ns < _LATEST_NS:
             self.skipped.add("not a time in ns and finite numbers")
             return None
-        reading = self._make(time_ns, numbers)
+        reading: Reading | None = self._make(time_ns, numbers)
         if reading is None:
             self.skipped.add(f"numbers that are no {self._columns}")
         return reading

@@ -12,9 +12,8 @@ from typing import Any
 from bottomlock.errors import DataError
 from bottomlock.io.framing import Framer
 from bottomlock.io.ros_messages import decode, stamp_ns
-from bottomlock.live.readings import is_on_earth
 from bottomlock.live.reasons import Reasons
-from bottomlock.live.sections import DepthSection
+from bottomlock.live.sections import ROS_TYPES, DepthSection
 from bottomlock.recordings.readings import (
     AcousticPositionReading,
     AttitudeReading,
@@ -24,6 +23,7 @@ from bottomlock.recordings.readings import (
     Reading,
     Triple,
 )
+from bottomlock.recordings.sensors import is_on_earth
 
 _MISSING = -1.0
 _UNIT_TOLERANCE = 1e-3
@@ -94,12 +94,12 @@ def _position(message: Message) -> Reading:
     return AcousticPositionReading(stamp_ns(message.header), _ned(message.pose.pose.position), sd_m)
 
 
-_MAKERS: dict[str, tuple[str, Callable[[Message], Reading]]] = {
-    "ros-imu": ("sensor_msgs/Imu", _imu),
-    "ros-attitude": ("sensor_msgs/Imu", _attitude),
-    "ros-depth": ("std_msgs/Float64", _depth),
-    "ros-navsat": ("sensor_msgs/NavSatFix", _fix),
-    "ros-pose": ("geometry_msgs/PoseWithCovarianceStamped", _position),
+_MAKERS: dict[str, Callable[[Message], Reading]] = {
+    "ros-imu": _imu,
+    "ros-attitude": _attitude,
+    "ros-depth": _depth,
+    "ros-navsat": _fix,
+    "ros-pose": _position,
 }
 
 
@@ -125,8 +125,8 @@ class RosReader:
 
     def __post_init__(self) -> None:
         """Chooses the message."""
-        makers = _MAKERS | {"ros-pressure": ("sensor_msgs/FluidPressure", self._under_water)}
-        self._type, self._make = makers[self.format]
+        self._type = ROS_TYPES[self.format].replace("/msg/", "/")
+        self._make = (_MAKERS | {"ros-pressure": self._under_water})[self.format]
         self.framer = Framer()
 
     def feed(self, data: bytes) -> list[Reading]:

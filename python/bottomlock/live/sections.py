@@ -5,38 +5,26 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
+from bottomlock.config.aiding_errors import DepthErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegative, Positive, Section, Vector
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import Method
 from bottomlock.live.address import SinkAddress, SourceAddress
+from bottomlock.recordings.sensors import INSTRUMENTS
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 
 DVL_FORMATS = tuple(LIVE)
 """Streams and messages with beams."""
-FORMATS = {
-    "imu": ("imu-csv", "ros-imu"),
-    "attitude": ("attitude-csv", "ros-attitude"),
-    "depth": ("depth-csv", "ros-pressure", "ros-depth"),
-    "thrust": ("thrust-csv",),
-    "effort": ("effort-csv",),
-    "gps": ("gps-csv", "ros-navsat"),
-    "acoustic_position": ("acoustic-csv", "ros-pose"),
-}
+FORMATS = {one.name: one.formats for one in INSTRUMENTS if one.formats}
 """Formats of the other readings, by the section that takes them; "mavlink" has several of them."""
 ROS_TYPES = {
     "ros-dvl": "marine_acoustic_msgs/msg/Dvl",
     "ros-dvl-msgs": "dvl_msgs/msg/DVL",
-    "ros-imu": "sensor_msgs/msg/Imu",
-    "ros-attitude": "sensor_msgs/msg/Imu",
-    "ros-pressure": "sensor_msgs/msg/FluidPressure",
-    "ros-depth": "std_msgs/msg/Float64",
-    "ros-navsat": "sensor_msgs/msg/NavSatFix",
-    "ros-pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    **{name: kind for one in INSTRUMENTS for name, kind in one.messages.items()},
 }
 """Type of the messages of each format of ROS 2."""
 
@@ -122,14 +110,6 @@ class DepthSection(DepthErrors):
     def depth_m(self, pressure_pa: float, gravity_mps2: float) -> float:
         """Depth below the surface, m, of the water's absolute pressure."""
         return (pressure_pa - self.surface_pressure_pa) / (self.water_density_kg_per_m3 * gravity_mps2)
-
-
-class GpsSection(GpsErrors):
-    """GPS receiver: noise of its positions, and its antenna; MAVLink's message is GPS_RAW_INT, with a fix in 3D."""
-
-
-class AcousticPositionSection(AcousticPositionErrors):
-    """Acoustic positions (USBL, LBL) of a transponder of the vehicle: their noise where a line states none."""
 
 
 class OriginSection(Section):
@@ -259,9 +239,8 @@ class SourceSection(Section):
             )
         if "checksum" in self.model_fields_set and not self.format.endswith("-csv"):
             raise ValueError(
-                "'checksum' belongs to lines of numbers (imu-csv, attitude-csv, depth-csv), and source "
-                f"'{self.name}' has format "
-                f"'{self.format}', whose records have their own"
+                f"'checksum' belongs to lines of numbers ({', '.join(one.line for one in INSTRUMENTS if one.line)}), "
+                f"and source '{self.name}' has format '{self.format}', whose records have their own"
             )
         for key in ("negate_beams", "keep_stale"):
             if key in self.model_fields_set and self.format not in DVL_FORMATS:

@@ -21,18 +21,8 @@ from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, ke
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude
 from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of
-from bottomlock.recordings.readings import (
-    AcousticPositionReading,
-    AttitudeReading,
-    DepthReading,
-    EffortReading,
-    GpsReading,
-    ImuReading,
-    Ping,
-    Reading,
-    ThrustReading,
-    WaterReading,
-)
+from bottomlock.recordings.readings import AttitudeReading, DepthReading, ImuReading, Ping, Reading
+from bottomlock.recordings.sensors import SENSOR_OF
 from bottomlock.recordings.streams import Floats
 from bottomlock.support.nearest import did_you_mean
 
@@ -104,10 +94,10 @@ class StartedNavigator:
 
     def _is_without_section(self, reading: Reading | Ping) -> bool:
         """Whether nothing says how good such a reading is; counted."""
-        section = _SECTION.get(type(reading))
-        if section is None or getattr(self._config, section) is not None:
+        sensor = SENSOR_OF.get(type(reading))
+        if sensor is None or getattr(self._config, sensor.name) is not None:
             return False
-        self.unused.add(f"{type(reading).__name__} without section {section}")
+        self.unused.add(f"{type(reading).__name__} without section {sensor.name}")
         return True
 
     @property
@@ -175,16 +165,6 @@ class StartedNavigator:
 
 
 _IMU_ERRORS = [name for name, field in ImuErrors.model_fields.items() if field.is_required()]
-_SECTION = {
-    AttitudeReading: "attitude",
-    DepthReading: "depth",
-    GpsReading: "gps",
-    AcousticPositionReading: "acoustic_position",
-    ThrustReading: "thrust",
-    WaterReading: "water_track",
-    EffortReading: "effort",
-}
-"""Section that says how good a reading is."""
 
 
 def start(

@@ -15,7 +15,7 @@ from bottomlock.ports.base import PortBase
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.ros_velocity import RosTwist, later_than_a_ros_time
-from bottomlock.ports.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product
+from bottomlock.recordings.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product
 
 Floats = NDArray[np.float64]
 

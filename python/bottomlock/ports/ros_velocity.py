@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bottomlock.ports.base import PortBase
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.rotation import FLU_FROM_FRD
+from bottomlock.recordings.rotation import FLU_FROM_FRD
 
 Floats = NDArray[np.float64]
 

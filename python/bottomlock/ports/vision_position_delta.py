@@ -10,7 +10,7 @@ from bottomlock.ports.base import incomplete
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
 from bottomlock.ports.over_bound import scalar_bound
-from bottomlock.ports.rotation import rotation_vector
+from bottomlock.recordings.rotation import rotation_vector
 from bottomlock.units import ns_from_s
 
 Floats = NDArray[np.float64]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
 from bottomlock.ports.over_bound import scalar_bound, single_at_least
-from bottomlock.ports.rotation import matrix, skew
+from bottomlock.recordings.rotation import matrix, skew
 
 Floats = NDArray[np.float64]
 

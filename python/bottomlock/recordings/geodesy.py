@@ -66,7 +66,7 @@ def _origin(at: Place) -> Floats:
 def tangent_from_geodetic(
     latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike, at: Place
 ) -> Floats:
-    """(n, 3) north, east, down, m, in the tangent frame with its origin at `at`.
+    """(n, 3) north, east, down, m, in the tangent frame with its origin at `at`; a row has the bits that it has alone.
 
     Examples:
         A minute of latitude is a nautical mile, and the Earth curves away below the tangent plane:
@@ -78,7 +78,11 @@ def tangent_from_geodetic(
     latitude, longitude, height = np.broadcast_arrays(
         *(np.asarray(part, dtype=np.float64) for part in (latitude_rad, longitude_rad, height_m))
     )
-    return np.asarray((_earth_fixed(latitude, longitude, height) - _origin(at)) @ _tangent_from_earth(at).T)
+    away = np.asarray(_earth_fixed(latitude, longitude, height) - _origin(at))
+    # A product of two rows or more: that of a single one rounds in another order.
+    rows = away.reshape(-1, 3)
+    tangent = (np.repeat(rows, 2, axis=0) if len(rows) == 1 else rows) @ _tangent_from_earth(at).T
+    return np.asarray(tangent[: len(rows)].reshape(away.shape))
 
 
 def geodetic_from_tangent(position_t_m: ArrayLike, at: Place) -> tuple[Floats, Floats, Floats]:

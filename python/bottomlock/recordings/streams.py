@@ -31,6 +31,11 @@ class Attitudes:
     time_ns: Times
     attitude: Rotation
 
+    @property
+    def rpy_rad(self) -> Floats:
+        """(n, 3) roll, pitch, yaw, rad."""
+        return np.asarray(self.attitude.as_euler("ZYX")[..., ::-1])
+
 
 @dataclass(frozen=True, eq=False)
 class Inertial:
@@ -100,11 +105,15 @@ class MagneticFields:
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """Positions of a point of the vehicle in the tangent frame, (n, 3), and their 1 sigma where recorded, (n, 3)."""
+    """Positions of a point of the vehicle in the tangent frame, (n, 3), and their 1 sigma where recorded, (n, 3).
+
+    `geodetic` (n, 3) are the latitude and longitude, deg, and height, m, that they are made of, None without such.
+    """
 
     time_ns: Times
     position_t_m: Floats
     sd_m: Floats | None = None
+    geodetic: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)

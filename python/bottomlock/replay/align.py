@@ -255,7 +255,7 @@ def _window_ns(inputs: _AlignmentInputs) -> int:
 
 
 def _course(inputs: _AlignmentInputs) -> tuple[float, float, str]:
-    positions, stream = inputs.streams.positions.get("gps"), inputs.case.gps
+    positions, stream = inputs.streams.gps, inputs.case.gps
     assert positions is not None  # validated in Case
     assert stream is not None
     rows = np.arange(*np.searchsorted(positions.time_ns, [_window_ns(inputs), inputs.start_ns + 1]))
@@ -321,7 +321,7 @@ def _position(inputs: _AlignmentInputs, attitude: Rotation) -> tuple[Floats, Flo
         assert reference.position_t_m is not None
         return reference.position_t_m[inputs.reference_row], given_sd, "from the reference"
     if start.position == "gps":
-        positions, stream = inputs.streams.positions.get("gps"), inputs.case.gps
+        positions, stream = inputs.streams.gps, inputs.case.gps
         assert positions is not None  # validated in Case
         assert stream is not None
         row = _latest(positions.time_ns, inputs, "gps", 5.0)

@@ -8,8 +8,8 @@ from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
 from bottomlock.kernel.models import Environment, ImuModel, InitialModel, Model, Options
+from bottomlock.recordings.sensors import SENSORS
 from bottomlock.replay.case import Case
-from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams, VehicleMotion
 
@@ -74,7 +74,8 @@ def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialMo
         earth_rate_radps = 0.0
         imu = imu.replace(gyro_bias_sd_radps=float(np.hypot(imu.gyro_bias_sd_radps, EARTH_RATE_RADPS)))
     for sensor in SENSORS:
-        sensors |= sensor.model(getattr(case, sensor.section))
+        section = getattr(case, sensor.name)
+        sensors |= {} if section is None else section.kernel_models()
     return Model(
         environment=Environment(
             latitude_rad=streams.latitude_rad,
@@ -105,7 +106,7 @@ def kernel_options(case: Case, instrument: Instrument, motion: VehicleMotion | N
     options |= case.imu.limits.kernel_options()
     options["max_imu_gap_s"] = max(case.imu.limits.max_gap_s, case.imu.bridge_gaps_s)
     for sensor in SENSORS:
-        stream = getattr(case, sensor.section)
-        options |= {} if stream is None else sensor.options(stream)
+        section = getattr(case, sensor.name)
+        options |= {} if section is None else section.kernel_options()
     options["calibration"] = case.calibration.prior(instrument.calibration)
     return Options(**options, imu_sampling="averaged" if case.imu.averaged else "instantaneous")

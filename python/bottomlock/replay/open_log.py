@@ -12,20 +12,9 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beams import Instrument
-from bottomlock.recordings.geodesy import geodetic_from_tangent
-from bottomlock.recordings.readings import (
-    AcousticPositionReading,
-    AttitudeReading,
-    DepthReading,
-    EffortReading,
-    GpsReading,
-    ImuReading,
-    Ping,
-    Reading,
-    ThrustReading,
-    WaterReading,
-)
-from bottomlock.recordings.streams import Beams, Positions, Times
+from bottomlock.recordings.readings import ImuReading, Ping, Reading
+from bottomlock.recordings.sensors import GPS, SENSORS
+from bottomlock.recordings.streams import Beams, Times
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
@@ -39,7 +28,7 @@ CASE = ".toml"
 class Log:
     """A recorded log; iterating yields its readings in the order of their times, in SI and the platform's axes.
 
-    Of equal times the order is inertial, ping, depth, attitude, position, thrust, effort, water. A reference is none.
+    Of equal times the order is inertial, ping, then that of `recordings.sensors.SENSORS`. A reference is none.
 
     Attributes:
         case: how its files are read; `case.imu.sampling` and the like.
@@ -70,9 +59,7 @@ class Log:
         named = {
             "reference": self.streams.reference,
             "magnetometer": self.streams.magnetic_fields,
-            "gps without a place on the Earth": None
-            if self.streams.origin
-            else self.streams.positions.get("gps"),
+            "gps without a place on the Earth": None if self.streams.origin else self.streams.gps,
         }
         return tuple(name for name, stream in named.items() if stream is not None)
 
@@ -100,29 +87,10 @@ def _columns(streams: Streams, *, has_imu: bool) -> Iterator[Column]:
         omega, force = inertial.omega_p_radps.tolist(), inertial.force_p_mps2.tolist()
         yield inertial.time_ns, lambda t, k: ImuReading(t, tuple(omega[k]), tuple(force[k]))
     yield streams.beams.time_ns, partial(_ping, streams.beams)
-    if (depths := streams.depths) is not None:
-        yield depths.time_ns, lambda t, k: DepthReading(t, float(depths.depth_m[k]))
-    if streams.attitudes is not None:
-        quaternions = streams.attitudes.attitude.as_quat(scalar_first=True).tolist()
-        yield streams.attitudes.time_ns, lambda t, k: AttitudeReading(t, tuple(quaternions[k]))
-    gps, origin = streams.positions.get("gps"), streams.origin
-    if gps is not None and origin is not None:
-        latitude, longitude, height = geodetic_from_tangent(gps.position_t_m, origin)
-        places = np.column_stack([np.rad2deg(latitude), np.rad2deg(longitude), height]).tolist()
-        yield gps.time_ns, lambda t, k: GpsReading(t, *places[k])
-    if (fixes := streams.positions.get("acoustic_position")) is not None:
-        yield fixes.time_ns, partial(_fix, fixes)
-    if (revolutions := streams.revolutions) is not None:
-        yield revolutions.time_ns, lambda t, k: ThrustReading(t, float(revolutions.revolutions_hz[k]))
-    if (forces := streams.forces) is not None:
-        yield forces.time_ns, lambda t, k: EffortReading(t, tuple(forces.force_p_n[k].tolist()))
-    if (water := streams.water) is not None:
-        yield (
-            water.time_ns,
-            lambda t, k: WaterReading(
-                t, water.velocity_mps[k], water.valid[k], water.sd_mps[k], float(water.range_m[k])
-            ),
-        )
+    for sensor in SENSORS:
+        stream = streams.aiding.get(sensor.name)
+        if stream is not None and (sensor is not GPS or streams.origin is not None):
+            yield stream.time_ns, sensor.rows(stream, streams.origin)
 
 
 def _ping(beams: Beams, time_ns: int, row: int) -> Ping:
@@ -138,11 +106,6 @@ def _ping(beams: Beams, time_ns: int, row: int) -> Ping:
         instrument_mps=np.full(3, np.nan) if velocity_d is None else velocity_d[row],
         instrument_valid=None,
     )
-
-
-def _fix(fixes: Positions, time_ns: int, row: int) -> AcousticPositionReading:
-    sd = None if fixes.sd_m is None else tuple(fixes.sd_m[row].tolist())
-    return AcousticPositionReading(time_ns, tuple(fixes.position_t_m[row].tolist()), sd)
 
 
 def open_log(*files: str | Path, without: Sequence[str] = ()) -> Log:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -88,8 +89,8 @@ def read_streams(case: Case) -> Streams:
         if isinstance(stream := getattr(case, key), PositionStream)
     }
     origin = _origin(case, placed)
-    positions = {
-        key: Positions(time_ns, _tangent(getattr(case, key), table, origin), _triple(table, "sd"))
+    aiding: dict[str, Any] = {
+        key: _positions(getattr(case, key), time_ns, table, origin)
         for key, (time_ns, table) in placed.items()
         if key != "reference"
     }
@@ -106,6 +107,13 @@ def read_streams(case: Case) -> Streams:
         assert attitudes is not None  # validated in Case
         inertial = inertial_of(case.imu, attitudes, clocks["attitude"], float(latitude), notes)
     assert inertial is not None  # read above, or made of the attitude
+    aiding |= {
+        "attitude": attitudes,
+        "depth": None if case.depth is None else _depths(case.depth, clocks),
+        "thrust": None if case.thrust is None else _revolutions(case.thrust, clocks),
+        "effort": None if case.effort is None else _forces(case.effort, clocks),
+        "water_track": water,
+    }
     reference = None
     if case.reference is not None:
         reference = _reference(case.reference, placed["reference"], origin, inertial)
@@ -113,17 +121,12 @@ def read_streams(case: Case) -> Streams:
         inertial=inertial,
         beams=beams,
         instrument=instrument,
-        depths=None if case.depth is None else _depths(case.depth, clocks),
-        attitudes=attitudes,
+        aiding={key: stream for key, stream in aiding.items() if stream is not None},
         magnetic_fields=None if case.magnetometer is None else _fields(case.magnetometer, clocks),
-        positions=positions,
         reference=reference,
         origin=origin,
         latitude_rad=float(latitude),
-        water=water,
         water_counts=water_counts,
-        revolutions=None if case.thrust is None else _revolutions(case.thrust, clocks),
-        forces=None if case.effort is None else _forces(case.effort, clocks),
         clocks=clocks,
         notes=tuple(notes),
     )
@@ -376,6 +379,27 @@ def _origin(case: Case, placed: dict[str, tuple[Times, dict[str, Floats]]]) -> P
     return None
 
 
+def _positions(
+    stream: PositionStream, time_ns: Times, table: dict[str, Floats], origin: Place | None
+) -> Positions:
+    """Positions of a stream; those that are geodetic also as they are."""
+    position_t_m = _tangent(stream, table, origin)
+    geodetic = None
+    if stream.geodetic and origin is not None:
+        degrees = (1.0 if stream.angle_unit == "deg" else np.rad2deg(1.0)) * np.stack(
+            [table["latitude"], table["longitude"]], axis=1
+        )
+        geodetic = np.column_stack([degrees, _heights(table, len(degrees), origin)])
+    return Positions(time_ns, position_t_m, _triple(table, "sd"), geodetic)
+
+
+def _heights(table: dict[str, Floats], count: int, origin: Place) -> Floats:
+    """(n,) heights, m: that of the origin in a stream without height or down."""
+    if "down" in table:
+        return origin.height_m - table["down"]
+    return table.get("height", np.full(count, origin.height_m))
+
+
 def _tangent(stream: PositionStream, table: dict[str, Floats], origin: Place | None) -> Floats:
     """(n, 3) positions in the tangent frame, m; down is 0 in a stream without height or down."""
     count = len(next(iter(table.values())))
@@ -387,10 +411,7 @@ def _tangent(stream: PositionStream, table: dict[str, Floats], origin: Place | N
                 hint="give it in [origin]",
             )
         unit = ANGLE_SI[stream.angle_unit]
-        if "down" in table:
-            height = origin.height_m - table["down"]
-        else:
-            height = table.get("height", np.full(count, origin.height_m))
+        height = _heights(table, count, origin)
         return tangent_from_geodetic(table["latitude"] * unit, table["longitude"] * unit, height, origin)
     down = table["down"] if "down" in table else -table["height"] if "height" in table else np.zeros(count)
     return np.stack([table["north"], table["east"], down], axis=1)

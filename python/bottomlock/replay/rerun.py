@@ -10,13 +10,13 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.kernel.models import ImuModel, InitialModel, InitialState, Model, Options
 from bottomlock.recordings.axes import quaternions
+from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.streams import Flags, Floats, Inertial, Times
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.attitude_inertial import with_persistence
 from bottomlock.replay.case import Case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
-from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
 from bottomlock.replay.what_if import beams_returned
@@ -201,8 +201,13 @@ def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa:
         "beam_sd_mps": beams.sd_mps[prepared.pings],
     }
     for sensor in SENSORS:
-        section = getattr(case, sensor.section)
-        log |= {} if section is None else sensor.log(section, streams, within)
+        section, stream = getattr(case, sensor.name), streams.aiding.get(sensor.name)
+        if section is None or stream is None:
+            continue
+        rows = within(stream.time_ns)
+        for name, arrays in sensor.log(stream, section).items():
+            log[f"{name}_time_ns"] = stream.time_ns[rows]
+            log |= {key: values[rows] for key, values in arrays.items()}
     return log
 
 

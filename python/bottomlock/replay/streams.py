@@ -1,6 +1,8 @@
 """The streams of a recording in SI, on one clock, in platform and tangent axes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +14,10 @@ from bottomlock.recordings.streams import (
     Beams,
     Depths,
     Floats,
-    Forces,
     Inertial,
     MagneticFields,
     Positions,
     ReferenceStates,
-    Revolutions,
     WaterBeams,
 )
 from bottomlock.recordings.water_cells import CellCounts
@@ -74,14 +74,12 @@ class Streams:
         inertial: IMU readings.
         beams: pings.
         instrument: geometry and noise of the DVL.
-        depths, attitudes, magnetic_fields, reference: the other streams, None where absent.
-        positions: the streams of positions beside the reference, by their sections.
+        aiding: the streams of the sensors that aid, by their sections (`recordings.sensors`).
+        magnetic_fields, reference: the other streams, None where absent.
         origin: of the tangent frame, or None where it is not known.
         latitude_rad: for gravity and the Earth's rate.
         vehicle_motion: how the velocity changes, measured where there are no inertial readings; else None.
-        water, water_counts: beams that the water returned, and what became of the cells; None where absent.
-        revolutions: of the propeller; None where absent.
-        forces: of the thrusters; None where absent.
+        water_counts: what became of the cells of the water; None where there are none.
         clocks: statistics and faults of each stream's times.
         notes: what was changed or assumed while reading, a sentence each.
     """
@@ -89,23 +87,37 @@ class Streams:
     inertial: Inertial
     beams: Beams
     instrument: Instrument
-    depths: Depths | None
-    attitudes: Attitudes | None
+    aiding: Mapping[str, Any]
     magnetic_fields: MagneticFields | None
-    positions: dict[str, Positions]
     reference: ReferenceStates | None
     origin: Place | None
     latitude_rad: float
     vehicle_motion: VehicleMotion | None = None
-    water: WaterBeams | None = None
     water_counts: CellCounts | None = None
-    revolutions: Revolutions | None = None
-    forces: Forces | None = None
     clocks: dict[str, ClockReport] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
     def through_water(self) -> tuple[str, ...]:
         """The sections that measure the motion through the water, of which every filter has the current as states."""
-        there = {"water_track": self.water, "thrust": self.revolutions, "effort": self.forces}
-        return tuple(section for section, stream in there.items() if stream is not None)
+        return tuple(section for section in ("water_track", "thrust", "effort") if section in self.aiding)
+
+    @property
+    def depths(self) -> Depths | None:
+        """Of [depth]."""
+        return self.aiding.get("depth")
+
+    @property
+    def attitudes(self) -> Attitudes | None:
+        """Of [attitude]."""
+        return self.aiding.get("attitude")
+
+    @property
+    def gps(self) -> Positions | None:
+        """Of [gps]."""
+        return self.aiding.get("gps")
+
+    @property
+    def water(self) -> WaterBeams | None:
+        """Of [water_track]."""
+        return self.aiding.get("water_track")

@@ -56,7 +56,7 @@ class Fit:
 def fits(case: Case, streams: Streams, time_ns: Times, track_t_m: Floats, claimed_m: float) -> list[Fit]:
     """A track (T, 3) with the RMS σ that it claims against the reference and GPS, where there are positions of them."""
     found = []
-    reference, gps = streams.reference, streams.positions.get("gps")
+    reference, gps = streams.reference, streams.gps
     if reference is not None and reference.position_t_m is not None:
         found.append(
             fit("reference", time_ns, track_t_m, reference.time_ns, reference.position_t_m, claimed_m)

@@ -30,18 +30,24 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
     )
 
 
-def angles(attitude: Floats) -> tuple[float, float, float]:
-    """Euler angles z-y-x of a unit quaternion: roll, pitch, yaw, rad.
+def angles(attitude: Floats | tuple[float, float, float, float]) -> tuple[float, float, float]:
+    """Euler angles z-y-x of a unit quaternion: roll, pitch, yaw, rad; to the bit as `recordings.axes.to_angles`.
 
-    >>> [round(angle, 12) for angle in angles(np.array(quaternion(0.1, -0.2, 3.0)))]
+    Source: Bernardes & Viollet, Quaternion to Euler angles conversion, PLoS ONE 17 (2022), as scipy has it.
+
+    >>> [round(angle, 12) for angle in angles(quaternion(0.1, -0.2, 3.0))]
     [0.1, -0.2, 3.0]
     """
-    w, x, y, z = attitude.tolist()
-    return (
-        math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        math.asin(max(-1.0, min(1.0, 2.0 * (w * y - x * z)))),
-        math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-    )
+    w, x, y, z = map(float, attitude)
+    half_sum, half_difference = math.atan2(x + z, w - y), math.atan2(z - x, w + y)
+    # Of numpy, whose bits are those of the C library: math.hypot has its own.
+    pitch = 2.0 * math.atan2(float(np.hypot(w + y, z - x)), float(np.hypot(w - y, x + z))) - 0.5 * math.pi
+    return _turn(half_sum - half_difference), pitch, _turn(half_sum + half_difference)
+
+
+def _turn(angle: float) -> float:
+    """An angle within two turns as one from -pi to pi."""
+    return angle - math.copysign(2.0 * math.pi, angle) if abs(angle) > math.pi else angle
 
 
 def product(first: Floats, then: Floats) -> Floats:

@@ -1,0 +1,329 @@
+"""The sensors beside IMU and DVL, each declared once for a case, a live configuration and a program's readings.
+
+A sensor is a section with its errors (`kernel_models`, `kernel_options`), a reading and an entry of `SENSORS`; nothing
+else names the sensors one by one.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from bottomlock import units
+from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
+from bottomlock.config.attitude_reference import AttitudeReference
+from bottomlock.config.effort import EffortErrors
+from bottomlock.config.thrust import ThrustErrors
+from bottomlock.config.water_cells import WaterCells
+from bottomlock.kernel import Navigator, Report
+from bottomlock.recordings.geodesy import Place, geodetic_from_tangent, tangent_from_geodetic
+from bottomlock.recordings.readings import (
+    AcousticPositionReading,
+    AttitudeReading,
+    DepthReading,
+    EffortReading,
+    GpsReading,
+    ImuReading,
+    ThrustReading,
+    WaterReading,
+)
+from bottomlock.recordings.rotation import angles, quaternion
+
+MOST_LATITUDE_DEG, MOST_LONGITUDE_DEG = 90.0, 360.0
+Reports = Sequence[Report]
+Arrays = dict[str, np.ndarray]
+Maker = Callable[[int, int], Any]
+"""The reading of a time and the row of its stream."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A field of a reading: its name, how many numbers it has (0 for one by itself), of what; None where `optional`."""
+
+    name: str
+    count: int
+    unit: str
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """How readings of a kind come one at a time.
+
+    Attributes:
+        name: section of a case and of a live configuration.
+        reading: their class.
+        numbers: its fields after the time.
+        line: live format of lines of numbers; "" where there is none.
+        columns: of such a line after its time, SI; those in `more` may be left out.
+        more: see `columns`.
+        make: reading of a time and the numbers of a line; None for numbers that cannot be.
+        messages: live formats of ROS 2, and the type of the message of each.
+        mavlink: whether a source of MAVLink has such readings.
+    """
+
+    name: str
+    reading: type
+    numbers: tuple[Numbers, ...] = ()
+    line: str = ""
+    columns: tuple[str, ...] = ()
+    more: tuple[str, ...] = ()
+    make: Callable[[int, list[float]], Any] = lambda *_: None
+    messages: Mapping[str, str] = field(default_factory=dict)
+    mavlink: bool = False
+
+    @property
+    def formats(self) -> tuple[str, ...]:
+        """Live formats that have such readings alone."""
+        return (*([self.line] if self.line else []), *self.messages)
+
+    @property
+    def header(self) -> str:
+        """The columns of a line as one writes them."""
+        more = f"[,{','.join(self.more)}]" if self.more else ""
+        return ",".join(("time_ns", *self.columns)) + more
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor(Instrument):
+    """An instrument that aids.
+
+    Attributes:
+        settings: class of its section in every settings file, or the base of it.
+        updates: the kernel's names of its measurements in reports.
+        push: gives a reading to a navigator, with its section and the origin of the tangent frame, where it is known;
+            an attitude is that of the platform.
+        log: the kernel's log arrays of a recorded stream (`recordings.streams`) and its section, by the name of their
+            times.
+        rows: readings of such a stream and the origin.
+    """
+
+    settings: type
+    updates: tuple[str, ...]
+    push: Callable[[Navigator, Any, Any, Place | None], Reports]
+    log: Callable[[Any, Any], Mapping[str, Arrays]]
+    rows: Callable[[Any, Place | None], Maker]
+
+
+def is_on_earth(latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether these can be a latitude and a longitude."""
+    return abs(latitude_deg) <= MOST_LATITUDE_DEG and abs(longitude_deg) <= MOST_LONGITUDE_DEG
+
+
+def _imu_line(time_ns: int, values: list[float]) -> ImuReading:
+    wx, wy, wz, fx, fy, fz = values
+    return ImuReading(time_ns, (wx, wy, wz), (fx, fy, fz))
+
+
+def _attitude_line(time_ns: int, values: list[float]) -> AttitudeReading:
+    roll, pitch, yaw = values
+    return AttitudeReading(time_ns, quaternion(roll, pitch, yaw))
+
+
+def _gps_line(time_ns: int, values: list[float]) -> GpsReading | None:
+    latitude, longitude, height = values
+    return GpsReading(time_ns, latitude, longitude, height) if is_on_earth(latitude, longitude) else None
+
+
+def _acoustic_line(time_ns: int, values: list[float]) -> AcousticPositionReading | None:
+    north, east, down, *stated = values
+    if stated and min(stated) <= 0.0:
+        return None
+    sd_m = (stated[0], stated[1], stated[2]) if stated else None
+    return AcousticPositionReading(time_ns, (north, east, down), sd_m)
+
+
+def _effort_line(time_ns: int, values: list[float]) -> EffortReading:
+    surge, sway, heave = values
+    return EffortReading(time_ns, (surge, sway, heave))
+
+
+def _push_attitude(
+    navigator: Navigator, reading: AttitudeReading, section: AttitudeReference, _: Place | None
+) -> Reports:
+    """The whole attitude, or its heading alone, by Euler angles, as a case has them."""
+    roll, pitch, yaw = angles(reading.attitude_t_s)
+    yaw_sd_rad = units.rad_from_deg(section.yaw_sd_deg)
+    if section.aids == "heading":
+        return navigator.push_heading(reading.time_ns, yaw, sd_rad=yaw_sd_rad)
+    if section.aids == "nothing":
+        return ()
+    return navigator.push_attitude(
+        reading.time_ns,
+        quaternion(roll, pitch, yaw),
+        roll_pitch_sd_rad=units.rad_from_deg(section.roll_pitch_sd_deg),
+        yaw_sd_rad=yaw_sd_rad,
+    )
+
+
+def _attitude_log(stream: Any, section: AttitudeReference) -> Mapping[str, Arrays]:  # noqa: ANN401
+    if section.aids == "heading":
+        return {"heading": {"heading_rad": stream.rpy_rad[:, 2].copy()}}
+    return {"attitude": {"attitude_rpy_rad": stream.rpy_rad}} if section.aids == "attitude" else {}
+
+
+def _attitude_rows(stream: Any, _: Place | None) -> Maker:  # noqa: ANN401
+    quaternions = stream.attitude.as_quat(scalar_first=True).tolist()
+    return lambda time_ns, k: AttitudeReading(time_ns, tuple(quaternions[k]))
+
+
+def _push_gps(navigator: Navigator, reading: GpsReading, section: GpsErrors, home: Place | None) -> Reports:
+    assert home is not None  # validated
+    latitude, longitude = units.rad_from_deg(reading.latitude_deg), units.rad_from_deg(reading.longitude_deg)
+    position_t_m = tangent_from_geodetic(latitude, longitude, reading.height_m, home)
+    return navigator.push_position(reading.time_ns, position_t_m, position_sd_m=section.position_sd_m)
+
+
+def _gps_rows(stream: Any, home: Place | None) -> Maker:  # noqa: ANN401
+    geodetic = stream.geodetic
+    if geodetic is None:
+        assert home is not None  # asked for by the caller
+        latitude, longitude, height = geodetic_from_tangent(stream.position_t_m, home)
+        geodetic = np.column_stack([np.rad2deg(latitude), np.rad2deg(longitude), height])
+    places = geodetic.tolist()
+    return lambda time_ns, k: GpsReading(time_ns, *places[k])
+
+
+def _acoustic_log(stream: Any, _: object) -> Mapping[str, Arrays]:  # noqa: ANN401
+    sd = {} if stream.sd_m is None else {"acoustic_position_sd_m": stream.sd_m}
+    return {"acoustic_position": {"acoustic_position_t_m": stream.position_t_m} | sd}
+
+
+def _acoustic_rows(stream: Any, _: Place | None) -> Maker:  # noqa: ANN401
+    positions = stream.position_t_m.tolist()
+    stated = None if stream.sd_m is None else stream.sd_m.tolist()
+    return lambda time_ns, k: AcousticPositionReading(
+        time_ns, tuple(positions[k]), None if stated is None else tuple(stated[k])
+    )
+
+
+_WATER = ("velocity_mps", "valid", "sd_mps", "range_m")
+
+IMU = Instrument(
+    "imu",
+    ImuReading,
+    (Numbers("omega_radps", 3, "rad/s"), Numbers("force_mps2", 3, "m/s²")),
+    "imu-csv",
+    ("wx", "wy", "wz", "fx", "fy", "fz"),
+    make=_imu_line,
+    messages={"ros-imu": "sensor_msgs/msg/Imu"},
+    mavlink=True,
+)
+DEPTH = Sensor(
+    "depth",
+    DepthReading,
+    (Numbers("depth_m", 0, "m"),),
+    "depth-csv",
+    ("depth_m",),
+    make=lambda time_ns, values: DepthReading(time_ns, values[0]),
+    messages={"ros-pressure": "sensor_msgs/msg/FluidPressure", "ros-depth": "std_msgs/msg/Float64"},
+    mavlink=True,
+    settings=DepthErrors,
+    updates=("depth",),
+    push=lambda navigator, reading, section, _: navigator.push_depth(
+        reading.time_ns, reading.depth_m, sd_m=section.sd_m
+    ),
+    log=lambda stream, _: {"depth": {"depth_m": stream.depth_m}},
+    rows=lambda stream, _: lambda time_ns, k: DepthReading(time_ns, float(stream.depth_m[k])),
+)
+ATTITUDE = Sensor(
+    "attitude",
+    AttitudeReading,
+    (Numbers("attitude_t_s", 4, "a quaternion, scalar first"),),
+    "attitude-csv",
+    ("roll", "pitch", "yaw"),
+    make=_attitude_line,
+    messages={"ros-attitude": "sensor_msgs/msg/Imu"},
+    mavlink=True,
+    settings=AttitudeReference,
+    updates=("attitude", "heading"),
+    push=_push_attitude,
+    log=_attitude_log,
+    rows=_attitude_rows,
+)
+GPS = Sensor(
+    "gps",
+    GpsReading,
+    (Numbers("latitude_deg", 0, "deg"), Numbers("longitude_deg", 0, "deg"), Numbers("height_m", 0, "m")),
+    "gps-csv",
+    ("latitude_deg", "longitude_deg", "height_m"),
+    make=_gps_line,
+    messages={"ros-navsat": "sensor_msgs/msg/NavSatFix"},
+    mavlink=True,
+    settings=GpsErrors,
+    updates=("gps_position",),
+    push=_push_gps,
+    log=lambda stream, section: {"gps": {"gps_position_t_m": stream.position_t_m}} if section.aids else {},
+    rows=_gps_rows,
+)
+ACOUSTIC_POSITION = Sensor(
+    "acoustic_position",
+    AcousticPositionReading,
+    (
+        Numbers("position_t_m", 3, "m north, east, down"),
+        Numbers("sd_m", 3, "m of each axis, or None", optional=True),
+    ),
+    "acoustic-csv",
+    ("north_m", "east_m", "down_m"),
+    ("sd_n", "sd_e", "sd_d"),
+    make=_acoustic_line,
+    messages={"ros-pose": "geometry_msgs/msg/PoseWithCovarianceStamped"},
+    settings=AcousticPositionErrors,
+    updates=("acoustic_position",),
+    push=lambda navigator, reading, _section, _: navigator.push_acoustic_position(
+        time_ns=reading.time_ns, position_t_m=reading.position_t_m, sd_m=reading.sd_m
+    ),
+    log=_acoustic_log,
+    rows=_acoustic_rows,
+)
+THRUST = Sensor(
+    "thrust",
+    ThrustReading,
+    (Numbers("revolutions_hz", 0, "1/s"),),
+    "thrust-csv",
+    ("revolutions_hz",),
+    make=lambda time_ns, values: ThrustReading(time_ns, values[0]),
+    settings=ThrustErrors,
+    updates=("thrust",),
+    push=lambda navigator, reading, section, _: navigator.push_thrust(
+        reading.time_ns, reading.revolutions_hz, sd_mps=section.noise_mps
+    ),
+    log=lambda stream, _: {"thrust": {"thrust_revolutions_hz": stream.revolutions_hz}},
+    rows=lambda stream, _: lambda time_ns, k: ThrustReading(time_ns, float(stream.revolutions_hz[k])),
+)
+EFFORT = Sensor(
+    "effort",
+    EffortReading,
+    (Numbers("force_p_n", 3, "N"),),
+    "effort-csv",
+    ("surge_n", "sway_n", "heave_n"),
+    make=_effort_line,
+    settings=EffortErrors,
+    updates=("effort_surge", "effort_sway", "effort_heave"),
+    push=lambda navigator, reading, section, _: navigator.push_effort(
+        reading.time_ns, reading.force_p_n, sd_n=section.noise_n
+    ),
+    log=lambda stream, _: {"effort": {"effort_force_p_n": stream.force_p_n}},
+    rows=lambda stream, _: lambda time_ns, k: EffortReading(time_ns, tuple(stream.force_p_n[k].tolist())),
+)
+WATER_TRACK = Sensor(
+    "water_track",
+    WaterReading,
+    settings=WaterCells,
+    updates=("water_track",),
+    push=lambda navigator, reading, _section, _: navigator.push_water_track(
+        reading.time_ns, reading.velocity_mps, reading.valid, sd_mps=reading.sd_mps, range_m=reading.range_m
+    ),
+    log=lambda stream, _: {"water_track": {f"water_track_{key}": getattr(stream, key) for key in _WATER}},
+    rows=lambda stream, _: (
+        lambda time_ns, k: WaterReading(
+            time_ns, stream.velocity_mps[k], stream.valid[k], stream.sd_mps[k], float(stream.range_m[k])
+        )
+    ),
+)
+
+SENSORS = (DEPTH, ATTITUDE, GPS, ACOUSTIC_POSITION, THRUST, EFFORT, WATER_TRACK)
+"""In the order in which readings of the same time are taken, after inertial readings and pings."""
+INSTRUMENTS = (IMU, *SENSORS)
+SENSOR_OF = {sensor.reading: sensor for sensor in SENSORS}
