@@ -12,10 +12,12 @@ import polars as pl
 import pytest
 
 from bottomlock.config.toml_value import toml_value
+from bottomlock.errors import ScenarioError
 from bottomlock.io.account import Account
 from bottomlock.io.rows import make_table
 from bottomlock.kernel import Navigator, replay_log
 from bottomlock.live.aligned import AlignedNavigator
+from bottomlock.live.config import load_config
 from bottomlock.live.navigator_config import NavigatorConfig, kernel_settings
 from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.sensors import SENSORS
@@ -266,3 +268,134 @@ def test_every_sensor_changes_the_result(dive: Dive, tmp_path: Path) -> None:
         state, _, _ = replayed(load_case(written(dive, names, tmp_path, GEOMETRY)), "tc")
         ends.append(tuple(np.asarray(state["velocity_p_mps"])[0, -1].tolist()))
     assert len(set(ends)) == len(NAMES) + 1
+
+
+LIVE = """name = "rov"
+mode = "navigation"
+case = "case.toml"
+[start]
+heading_deg = 10.0
+[[source]]
+name = "dvl"
+address = "tcp:127.0.0.1:16171"
+format = "waterlinked-json"
+rate_hz = 4
+"""
+
+
+def live_file(folder: Path, names: tuple[str, ...], extra: str = "") -> Path:
+    """A live configuration of the case beside it: sources, the start's heading, and no other section."""
+    lines = ("imu-csv", *(one.line for one in SENSORS if one.line and one.name in names))
+    sources = "".join(
+        f'[[source]]\nname = "{line}"\naddress = "udpin:127.0.0.1:9"\nformat = "{line}"\nrate_hz = 10\n'
+        for line in lines
+    )
+    file = folder / "rov.toml"
+    file.write_text(LIVE + sources + extra, encoding="utf-8")
+    return file
+
+
+ALL = tuple(name for name in NAMES if name != "heading")
+
+
+def test_a_case_is_live_as_it_is(dive: Dive, tmp_path: Path) -> None:
+    """Every section of it reaches the kernel's model and options as a replay of it gives them."""
+    written(dive, ALL, tmp_path, GEOMETRY | {"beam_noise_mps": 0.006, "errors": {"beam_bias_mps": 0.01}})
+    prepared = prepare(load_case(tmp_path / "case.toml"), read_streams(load_case(tmp_path / "case.toml")))
+    config = load_config(live_file(tmp_path, ALL))
+    settings = kernel_settings(config, config.instrument())
+    assert settings.model == prepared.model
+    assert settings.options == prepared.options
+    assert config.start is not None
+    assert config.start.heading_deg == 10.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("gate_probability = 0.999", "gate_probability = 0.99"),
+        ("student_t_degrees = 5.0", "student_t_degrees = 6.0"),
+        ("clock_sd_s = 0.01", "clock_sd_s = 0.02"),
+        ("accel_bias_mg = 1.0", "accel_bias_mg = 2.0"),
+        ('limits = { gap = "inflate" }', 'limits = { gap = "inflate", max_rate_deg_per_s = 500.0 }'),
+        ('limits = { gap = "inflate" }', 'limits = { gap = "inflate" }\nbridge_gaps_s = 7.0'),
+        ('force_unit = "m/s2"', 'force_unit = "m/s"\ninterval = "step"'),
+        ("earth = ", 'earth = "tangent_plane"\ngravity = 9.81 #'),
+        ("beam_bias_mps = 0.01", "beam_bias_mps = 0.02"),
+        ("level_sd_deg = 1.0", "level_sd_deg = 2.0"),
+    ],
+)
+def test_a_key_of_the_case_arrives(dive: Dive, tmp_path: Path, old: str, new: str) -> None:
+    """It changes the kernel's settings here as it does in a replay."""
+    path = written(dive, (), tmp_path, GEOMETRY | {"errors": {"beam_bias_mps": 0.01}})
+    plain = path.read_text().replace("omega =", 'force_unit = "m/s2"\nomega =', 1)
+    plain = plain.replace("[origin]\n", '[origin]\nearth = "ellipsoid"\n', 1)
+    pl.read_parquet(tmp_path / "imu.parquet").with_columns(step=pl.lit(1.0)).write_parquet(
+        tmp_path / "imu.parquet"
+    )
+    found = []
+    for text in (plain, plain.replace(old, new, 1)):
+        assert old in plain
+        path.write_text(text)
+        case = load_case(path)
+        prepared = prepare(case, read_streams(case))
+        config = load_config(live_file(tmp_path, ()))
+        settings = kernel_settings(config, config.instrument())
+        assert settings.model == prepared.model
+        assert settings.options == prepared.options
+        found.append((settings.model, settings.options))
+    assert found[0] != found[1]
+
+
+def test_axes_mounting_and_geometry_of_the_case(dive: Dive, tmp_path: Path) -> None:
+    """An inertial reading is turned as a replay turns it; the geometry is found from the case's folder."""
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "dvl.toml").write_text(
+        'configuration = "x"\ntilt_deg = 25.0\nbeam_noise_mps = 0.01\n'
+    )
+    path = written(dive, (), tmp_path / "sub", {"geometry": "dvl.toml"})
+    turned = 'axes = ["y", "-x", "z"]\nmounting_roll_deg = 10.0\nmounting_yaw_deg = 40.0\n'
+    path.write_text(path.read_text().replace("[imu]\n", f"[imu]\n{turned}"))
+    file = live_file(tmp_path, ())
+    file.write_text(file.read_text().replace("case.toml", "sub/case.toml"))
+    config = load_config(file)
+    assert config.instrument().geometry.directions_p[0, 2] == pytest.approx(np.cos(np.deg2rad(25.0)))
+    axes = kernel_settings(config, config.instrument()).imu_axes
+    inertial = read_streams(load_case(path)).inertial
+    np.testing.assert_allclose(dive.force @ axes.T, inertial.force_p_mps2, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("extra", "key"),
+    [
+        ("[imu]\naccel_bias_mg = 1.0\n", r"\[imu\]"),
+        ('[dvl]\ngeometry = "x_janus_20"\n', r"\[dvl\]"),
+        ("[filter]\n", r"\[filter\]"),
+    ],
+)
+def test_a_section_stands_in_one_file(dive: Dive, tmp_path: Path, extra: str, key: str) -> None:
+    """Of [start] a key: neither file has the last word."""
+    written(dive, (), tmp_path, GEOMETRY)
+    file = live_file(tmp_path, (), extra)
+    with pytest.raises(ScenarioError, match=rf"rov\.toml: {key}.* in the case"):
+        load_config(file)
+    file.write_text(LIVE.replace("heading_deg = 10.0", "heading_deg = 10.0\nlevel_sd_deg = 2.0"))
+    with pytest.raises(ScenarioError, match=r"start\.level_sd_deg"):
+        load_config(file)
+
+
+def test_a_case_that_is_not_there(tmp_path: Path) -> None:
+    """It is named, with the configuration."""
+    with pytest.raises(ScenarioError, match=r"rov\.toml: .*case\.toml: no such case"):
+        load_config(live_file(tmp_path, ()))
+
+
+def test_mode_velocity_takes_the_dvl_of_a_case(dive: Dive, tmp_path: Path) -> None:
+    """And nothing else of it."""
+    written(dive, ("depth",), tmp_path, GEOMETRY | {"beam_noise_mps": 0.006})
+    file = live_file(tmp_path, ())
+    text = LIVE.replace("navigation", "velocity").replace("[start]\nheading_deg = 10.0\n", "")
+    file.write_text(text)
+    config = load_config(file)
+    assert config.instrument().beam_sd_mps.tolist() == [0.006] * 4
+    assert config.imu is None

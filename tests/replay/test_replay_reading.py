@@ -14,11 +14,11 @@ from bottomlock.errors import DataError
 from bottomlock.recordings.axes import (
     from_angles,
     handedness,
-    permute_axes,
     platform_attitude,
     quaternions,
     to_angles,
 )
+from bottomlock.recordings.rotation import permute_axes
 from bottomlock.replay import rerun
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.model import kernel_options

@@ -13,6 +13,7 @@ from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.io.formats import LIVE
 from bottomlock.live.navigator_config import NavigatorConfig, kernel_settings
+from bottomlock.live.of_case import with_case
 from bottomlock.live.sections import (
     DVL_FORMATS,
     FORMATS,
@@ -37,10 +38,15 @@ from bottomlock.ports.registry import port as make_port
 
 
 class LiveConfig(NavigatorConfig):
-    """A whole configuration."""
+    """A whole configuration; with `case` the sections of a navigator are those of a case of `bottomlock replay`.
+
+    A section may stand in one of the two files; of [start] the 1 sigma are the case's, the rest is not. Keys of the
+    case that say how its tables are read do not count.
+    """
 
     name: Name
     mode: Mode
+    case: str | None = None
     source: tuple[SourceSection, ...] = ()
     port: tuple[PortSection, ...] = ()
     velocity: VelocitySection = VelocitySection()
@@ -257,6 +263,11 @@ def parse_config(text: str, *, place: str, folder: Path | None = None) -> LiveCo
     content = parse_toml(text, place=place, kind="live configuration")
     if folder is not None:
         _from_folder(content, folder)
+    if isinstance(content.get("case"), str):
+        try:
+            content = with_case(content, Path(content["case"]))
+        except ScenarioError as error:
+            raise ScenarioError(error, place=place) from error
     try:
         config = LiveConfig.model_validate(content)
     except ValidationError as error:
@@ -272,6 +283,8 @@ _PATHS = (("dvl", "geometry"), ("log", "folder"), ("checkpoint", "file"))
 
 def _from_folder(content: dict[str, Any], folder: Path) -> None:
     """Prefixes relative paths with the configuration's folder; a packaged geometry is no path."""
+    if isinstance(content.get("case"), str):
+        content["case"] = str(folder / content["case"])
     for section, key in _PATHS:
         table = content.get(section)
         if not isinstance(table, dict):

@@ -34,7 +34,7 @@ from bottomlock.live.sections import (
 )
 from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.readings import LOST_SD_MPS, Ping
-from bottomlock.recordings.rotation import matrix, quaternion
+from bottomlock.recordings.rotation import matrix, permute_axes, quaternion
 from bottomlock.recordings.sensors import SENSORS
 
 
@@ -232,7 +232,8 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
     axes = np.eye(3)
     if isinstance(imu, ImuSection):
         turned = (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)
-        axes = matrix(np.array(quaternion(*map(math.radians, turned))))
+        reordered = permute_axes(np.eye(3), imu.axes).T
+        axes = matrix(np.array(quaternion(*map(math.radians, turned)))) @ reordered
     return KernelSettings(model, options, axes, gravity)
 
 

@@ -12,6 +12,7 @@ from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegat
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import Method
 from bottomlock.live.address import SinkAddress, SourceAddress
+from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
 from bottomlock.recordings.sensors import INSTRUMENTS
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
@@ -41,15 +42,22 @@ else:
 
 
 class ImuSection(Imu):
-    """Inertial sensors: rate, errors and limits as in a scenario, and their mounting.
+    """Inertial sensors: rate, errors and limits as in a scenario, and their axes and mounting.
 
-    The mounting angles rotate the sensor's axes to those of the platform (forward, starboard, down). A gap of the
-    readings is always bridged with its uncertainty (docs/imu_faults.md): what is too uncertain is not sent.
+    The sensor's axes, reordered by `axes`, are rotated to the platform's (forward, starboard, down) by the mounting.
+    A gap of the readings is always bridged with its uncertainty (docs/imu_faults.md): what is too uncertain is not
+    sent.
     """
 
+    axes: Axes = UNCHANGED_AXES
     mounting_roll_deg: Angle = 0.0
     mounting_pitch_deg: Angle = 0.0
     mounting_yaw_deg: Angle = 0.0
+
+    @model_validator(mode="after")
+    def _axes_once(self) -> Self:
+        check_axes(self.axes)
+        return self
 
     @model_validator(mode="after")
     def _bridges_gaps(self) -> Self:

@@ -1,29 +1,16 @@
 """Sensor axes to platform axes, and attitudes between Euler angles and quaternions."""
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.rotation import Axes, permute_axes
+
 Floats = NDArray[np.float64]
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
-Axes = tuple[Axis, Axis, Axis]
-"""For each axis of the platform the sensor's, with its sign."""
 
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Symmetric: the same matrix takes east–north–up to north–east–down."""
 FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
-
-
-def permute_axes(values: Floats, axes: Axes) -> Floats:
-    """(n, 3) readings reordered: `axes` names, for each platform axis, the sensor axis and its sign.
-
-    >>> permute_axes(np.array([[1.0, 2.0, 3.0]]), ("x", "-y", "z")).tolist()
-    [[1.0, -2.0, 3.0]]
-    """
-    columns = [("xyz".index(axis[-1]), -1.0 if axis.startswith("-") else 1.0) for axis in axes]
-    return np.stack([sign * values[:, column] for column, sign in columns], axis=1)
 
 
 def handedness(axes: Axes) -> int:

@@ -1,11 +1,16 @@
-"""The few rotations that messages need; quaternions are scalar first, platform to tangent."""
+"""The few rotations that messages and live readings need, without scipy; quaternions are scalar first."""
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Axes = tuple[Axis, Axis, Axis]
+"""For each axis of the platform the sensor's, with its sign."""
+UNCHANGED_AXES: Axes = ("x", "y", "z")
 
 FLU_FROM_FRD = np.array([1.0, -1.0, -1.0])
 """Forward-right-down to forward-left-up: the same forward axis, the other two reversed."""
@@ -13,6 +18,26 @@ QUATERNION_FLU_FRD = np.array([0.0, 1.0, 0.0, 0.0])
 """The same as a rotation, half a turn about the forward axis, in either direction."""
 QUATERNION_ENU_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
 """North-east-down to east-north-up and back: half a turn about the horizontal axis between north and east."""
+
+
+def check_axes(axes: Axes) -> None:
+    """Checks that each sensor axis is named once.
+
+    Raises:
+        ValueError: for an axis that is named twice.
+    """
+    if len({axis.removeprefix("-") for axis in axes}) != 3:
+        raise ValueError(f"axes is {list(axes)}, expected each of x, y, z once, with or without a minus")
+
+
+def permute_axes(values: Floats, axes: Axes) -> Floats:
+    """(n, 3) readings reordered: `axes` names, for each platform axis, the sensor axis and its sign.
+
+    >>> permute_axes(np.array([[1.0, 2.0, 3.0]]), ("x", "-y", "z")).tolist()
+    [[1.0, -2.0, 3.0]]
+    """
+    columns = [("xyz".index(axis[-1]), -1.0 if axis.startswith("-") else 1.0) for axis in axes]
+    return np.stack([sign * values[:, column] for column, sign in columns], axis=1)
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

@@ -13,12 +13,12 @@ from bottomlock.io.columns import column_numbers, is_code
 from bottomlock.recordings.axes import (
     from_angles,
     handedness,
-    permute_axes,
     platform_attitude,
     to_platform_axes,
 )
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.readings import LOST_SD_MPS
+from bottomlock.recordings.rotation import permute_axes
 from bottomlock.recordings.streams import (
     Attitudes,
     Beams,

@@ -19,22 +19,11 @@ from bottomlock.config.scenario_sections import (
     Vector,
 )
 from bottomlock.config.thrust import ThrustErrors
-from bottomlock.recordings.axes import Axes
+from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
 
 ColumnTriple = tuple[str, str, str]
 
 ANGLE_UNITS = ("rad", "deg")
-UNCHANGED_AXES: Axes = ("x", "y", "z")
-
-
-def check_axes(axes: Axes) -> None:
-    """Checks that each sensor axis is named once.
-
-    Raises:
-        ValueError: for an axis that is named twice.
-    """
-    if len({axis.removeprefix("-") for axis in axes}) != 3:
-        raise ValueError(f"axes is {list(axes)}, expected each of x, y, z once, with or without a minus")
 
 
 class Clock(Section):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bottomlock.recordings.axes import Axes
 from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.rotation import Axes
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.hypotheses import Cause, Comparison
 from bottomlock.replay.init.guess import axis_names
