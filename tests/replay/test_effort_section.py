@@ -93,14 +93,14 @@ def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
     case = load_case(path)
     streams = read_streams(case)
     seconds, force_n = forces_of(drawn_dive(7, seconds=210.0), 1)
-    assert streams.forces is not None
-    np.testing.assert_allclose(streams.forces.force_p_n, force_n, atol=1e-8)
-    np.testing.assert_allclose(streams.forces.time_ns * 1e-9, seconds + 2.5, atol=1e-9)
+    assert "effort" in streams.aiding
+    np.testing.assert_allclose(streams.aiding["effort"].force_p_n, force_n, atol=1e-8)
+    np.testing.assert_allclose(streams.aiding["effort"].time_ns * 1e-9, seconds + 2.5, atol=1e-9)
     prepared = prepare(case, streams)
     log = kernel_log(case, prepared, streams.beams.valid[prepared.pings])
-    end = int(np.searchsorted(streams.forces.time_ns, log["imu_time_ns"][-1] + 1))
-    np.testing.assert_array_equal(log["effort_time_ns"], streams.forces.time_ns[:end])
-    np.testing.assert_array_equal(log["effort_force_p_n"], streams.forces.force_p_n[:end])
+    end = int(np.searchsorted(streams.aiding["effort"].time_ns, log["imu_time_ns"][-1] + 1))
+    np.testing.assert_array_equal(log["effort_time_ns"], streams.aiding["effort"].time_ns[:end])
+    np.testing.assert_array_equal(log["effort_force_p_n"], streams.aiding["effort"].force_p_n[:end])
     assert prepared.model.effort == EffortModel(
         mass_kg=tuple(MASS),
         linear_drag_kgps=tuple(LINEAR),
