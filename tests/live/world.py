@@ -16,8 +16,8 @@ from bottomlock.io.sentences import xor_of
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2, solve_velocity
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.ports import registry
-from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.port import Port
 from tests.dive import felt
 
 START_NS = 1_790_000_000_000_000_000
@@ -26,7 +26,7 @@ VELOCITY = np.array([1.0, 0.1, 0.05])
 BEAM_SD = 0.01
 
 
-class Probe(PortBase):
+class Probe(Port):
     """A port that writes an estimate as a line of text."""
 
     name = "probe"

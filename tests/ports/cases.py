@@ -52,7 +52,6 @@ def ping(mask: tuple[int, ...], velocity: Floats = TRUTH) -> Beams:
         velocity_mps=np.where(seen, beams, np.nan),
         sd_mps=np.full(4, BEAM_SD),
         range_m=np.where(seen, 30.0, np.nan),
-        interval_ns=SECOND // 5,
     )
 
 

@@ -163,10 +163,16 @@ def estimate_of(replayed: Any, row: int, time_ns: int, log: Any) -> Estimate:  #
     """A row of a replay as what the ports are given; the rates are those of the last reading."""
     state = {key: replayed[key][0, row] for key in ("position_t_m", "attitude_t_p", "velocity_p_mps")}
     place = int(np.searchsorted(log["imu_time_ns"], time_ns))
-    return Estimate.from_state(
-        {"time_ns": time_ns} | state,
-        replayed["covariance"][0, row],
+    joint = replayed["covariance"][0, row, :9, :9]
+    joint = 0.5 * (joint + joint.T)
+    return Estimate(
+        time_ns=time_ns,
+        mode="navigation",
+        covariance_m2ps2=joint[6:, 6:],
+        navigation_covariance=joint,
+        rank=0,
         omega_p_radps=log["omega_p_radps"][place],
+        **state,
     )
 
 

@@ -120,14 +120,13 @@ def solve_ping(geometry: BeamGeometry, ping: Ping, method: VelocityMethod) -> Ve
     )
 
 
-def beams_of(ping: Ping, *, offset_ns: int, before_ns: int | None) -> Beams:
+def beams_of(ping: Ping, *, offset_ns: int) -> Beams:
     """The ping for ports that pass beams on; `offset_ns` brings the instrument's clock to the host's."""
     return Beams(
         velocity_mps=np.where(ping.valid, ping.velocity_mps, np.nan),
         sd_mps=ping.sd_mps,
         range_m=positive(ping.range_m),
         transmission_ns=ping.transmission_ns + offset_ns,
-        interval_ns=None if before_ns is None else ping.time_ns - before_ns,
     )
 
 
@@ -145,7 +144,6 @@ class VelocityEstimator:
         self._jumps = BeamJumps(geometry, config.velocity.acceleration_mps2)
         self._fixes: VelocityFixes | None = None
         self._beams: Beams | None = None
-        self._before_ns: int | None = None
         self._time_ns: int | None = None
         self.fault = ""
         self.waiting_for = "a ping that determines the whole velocity"
@@ -179,8 +177,8 @@ class VelocityEstimator:
         self.last.used = fixes.beams_used[0]
         self.last.verdict = f"determines {rank} of 3 directions"
         self._fixes = fixes
-        self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns)
-        self._before_ns, self._time_ns = ping.time_ns, time_ns
+        self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns)
+        self._time_ns = time_ns
         if rank == 3:
             self.waiting_for = ""
         if rank:

@@ -59,7 +59,6 @@ class NavigationEstimator:
         self._waters: dict[int, Flags] = {}
         self._fixes: VelocityFixes | None = None
         self._beams: Beams | None = None
-        self._before_ns: int | None = None
         self._now_ns = 0
         self._rejected_reading = ""
         self.fault = ""
@@ -201,8 +200,7 @@ class NavigationEstimator:
         self.last.used = np.zeros_like(ping.valid)
         self.last.nis, self.last.verdict, self.last.why = None, "no valid beam", ""
         self.closure.add(ping.velocity_mps, ping.valid, ping.sd_mps)
-        self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns)
-        self._before_ns = ping.time_ns
+        self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns)
         if self.navigator is None:
             return
         if ping.valid.any():

@@ -10,8 +10,8 @@ from bottomlock.live.checkpoint import resume
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.engine import Engine, Message, PortState
 from bottomlock.live.raw_log import Entry, read_raw_log
-from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.port import Port
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Replayed:
         return f"{what}: {self.first_difference or 'the same bits'}" + (f"; {self.end}" if self.end else "")
 
 
-class _Listener(PortBase):
+class _Listener(Port):
     """A port that sends nothing, so that the ports of the configuration send what they sent without it."""
 
     name = "listener"

@@ -100,6 +100,3 @@ class DistanceSensor(MavlinkPort):
     def _observe(self, estimate: Estimate, *, sent: bool) -> None:
         if sent:
             self._sent = estimate.beams
-
-    def _used(self, _: Estimate) -> Floats:
-        return np.full((3, 3), np.nan)

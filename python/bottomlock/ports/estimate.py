@@ -6,7 +6,6 @@ there, because the inertial solution carries the ones that the beams do not dete
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Self, get_args
 
@@ -43,14 +42,12 @@ class Beams:
         velocity_mps: (n,) beam velocities, NaN for lost beams.
         sd_mps: (n,) their noise, 1 sigma.
         range_m: (n,) distances along the beams, NaN where there is none.
-        interval_ns: time since the ping before; None for the first.
     """
 
     velocity_mps: Floats
     sd_mps: Floats
     range_m: Floats
     transmission_ns: int | None = None
-    interval_ns: int | None = None
 
     def __post_init__(self) -> None:
         """Checks shapes and signs.
@@ -209,8 +206,6 @@ class Estimate:
         *,
         state: State = "OK",
         reset_counter: int = 0,
-        attitude_t_p: ArrayLike | None = None,
-        omega_p_radps: ArrayLike | None = None,
         beams: Beams | None = None,
     ) -> Self:
         """Mode velocity: a row of what `solve_velocity` gives with the methods "info", "plcf" or "lc".
@@ -239,8 +234,6 @@ class Estimate:
             information_s2pm2=_symmetric(fixes.information_s2pm2[row]),
             state=state,
             reset_counter=reset_counter,
-            attitude_t_p=None if attitude_t_p is None else np.asarray(attitude_t_p, dtype=np.float64),
-            omega_p_radps=None if omega_p_radps is None else np.asarray(omega_p_radps, dtype=np.float64),
             beams=beams,
         )
 
@@ -249,7 +242,6 @@ class Estimate:
         cls,
         navigator: Navigator,
         *,
-        clock_offset_ns: int = 0,
         state: State = "OK",
         reset_counter: int = 0,
         fixes: VelocityFixes | None = None,
@@ -260,7 +252,6 @@ class Estimate:
 
         Args:
             navigator: whose estimate it is.
-            clock_offset_ns: what to add to the navigator's time for that of the host since 1970.
             state: see `State`.
             reset_counter: as the attribute.
             fixes: one row, what `solve_velocity` gives for the last ping: rank and information of its beams; rank 0
@@ -268,32 +259,8 @@ class Estimate:
             omega_p_radps: (3,) as the attribute.
             beams: the last ping.
         """
-        return cls.from_state(
-            navigator.state(),
-            navigator.covariance(),
-            clock_offset_ns=clock_offset_ns,
-            state=state,
-            reset_counter=reset_counter,
-            fixes=fixes,
-            omega_p_radps=omega_p_radps,
-            beams=beams,
-        )
-
-    @classmethod
-    def from_state(
-        cls,
-        navigation: Mapping[str, Any],
-        covariance: ArrayLike,
-        *,
-        clock_offset_ns: int = 0,
-        state: State = "OK",
-        reset_counter: int = 0,
-        fixes: VelocityFixes | None = None,
-        omega_p_radps: ArrayLike | None = None,
-        beams: Beams | None = None,
-    ) -> Self:
-        """Mode navigation: from what `Navigator.state` and `Navigator.covariance` give, (20, 20)."""
-        joint = _symmetric(np.asarray(covariance, dtype=np.float64)[:9, :9])
+        navigation = navigator.state()
+        joint = _symmetric(navigator.covariance()[:9, :9])
         seen: dict[str, Any] = {"rank": 0}
         if fixes is not None:
             seen = {
@@ -302,7 +269,7 @@ class Estimate:
                 "information_s2pm2": _symmetric(fixes.information_s2pm2[0]),
             }
         return cls(
-            time_ns=int(navigation["time_ns"]) + clock_offset_ns,
+            time_ns=int(navigation["time_ns"]),
             mode="navigation",
             velocity_p_mps=navigation["velocity_p_mps"],
             covariance_m2ps2=joint[6:, 6:],

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError, note
-from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.port import Port
 from bottomlock.support.extras import install
 
 Floats = NDArray[np.float64]
@@ -79,7 +79,7 @@ def dialect() -> Any:  # noqa: ANN401 - the library is not typed
     return ardupilotmega
 
 
-class MavlinkPort(PortBase):
+class MavlinkPort(Port):
     """Base of the MAVLink ports.
 
     Args:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
-from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.over_bound import diagonal_bound, single_at_least
+from bottomlock.ports.port import Port
 from bottomlock.units import ns_from_s
 
 Floats = NDArray[np.float64]
@@ -29,7 +29,7 @@ _FIELD = struct.Struct(">BBQB3f3fH")
 _IN_ROW_SPACE = 1.0 - 1e-9
 
 
-class MicroStrain(PortBase):
+class MicroStrain(Port):
     """VelBodyFrame of the CV7 and GQ7.
 
     Args:
@@ -99,13 +99,6 @@ class MicroStrain(PortBase):
         length = len(field) + 2
         packet = _SYNC + bytes([_AIDING, length, length, _VELOCITY]) + field
         return packet + fletcher(packet)
-
-    def _used(self, estimate: Estimate) -> Floats:
-        variances = self._variances(estimate)
-        there = np.isfinite(variances)
-        sent = np.where(np.outer(there, there), 0.0, np.nan)
-        sent[np.diag_indices(3)] = variances
-        return sent
 
 
 def fletcher(packet: bytes) -> bytes:

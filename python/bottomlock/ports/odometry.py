@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
-from bottomlock.ports.base import incomplete
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
 from bottomlock.ports.over_bound import diagonal_bound, scalar_bound, single_at_least
+from bottomlock.ports.port import incomplete
 
 Floats = NDArray[np.float64]
 
@@ -106,11 +106,6 @@ class Odometry(MavlinkPort):
             quality=quality(estimate),
         )
         return self._pack(message)
-
-    def _used(self, estimate: Estimate) -> Floats:
-        if self._noise is not None:
-            return np.eye(3) * self._noise**2
-        return np.diag(_single(diagonal_bound(self._covariance(estimate))))
 
 
 def quality(estimate: Estimate) -> int:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import encoder
 from bottomlock.kernel import BeamGeometry
-from bottomlock.ports.base import PortBase, incomplete
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.over_bound import scalar_bound
+from bottomlock.ports.port import Port, incomplete
 from bottomlock.ports.ros_dvl import altitude_m
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ MAX_RATE_HZ = 10.0
 """What readers of a DVL take: the instruments send 4 to 15 reports a second, and a client may read one in 0.1 s."""
 
 
-class _Restored(PortBase):
+class _Restored(Port):
     """Base: the ping of an estimate."""
 
     format: ClassVar[str]
@@ -116,9 +116,6 @@ class WaterLinkedJson(_Restored):
         lost = np.full(self._geometry.beams, np.nan)
         return lost if estimate.beams is None else estimate.beams.velocity_mps
 
-    def _used(self, estimate: Estimate) -> Floats:
-        return estimate.covariance_m2ps2
-
 
 class Pd0(_Restored):
     """Teledyne's PD0 in beam coordinates, with four beams whichever returned.
@@ -149,7 +146,3 @@ class Pd0(_Restored):
         rates = None if estimate.omega_p_radps is None else [estimate.omega_p_radps]
         found: Floats = self._geometry.beam_velocities([estimate.velocity_p_mps], omega_tp_p_radps=rates)
         return np.asarray(found[0])
-
-    def _used(self, estimate: Estimate) -> Floats:
-        del estimate
-        return np.eye(3) * self._limit**2

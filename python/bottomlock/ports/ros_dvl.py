@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.ports.base import PortBase
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Beams, Estimate
+from bottomlock.ports.port import Port
 
 Floats = NDArray[np.float64]
 
 _BOTTOM, _BEAMS, _UNKNOWN = 1, 4, -1.0
 
 
-class RosDvl(PortBase):
+class RosDvl(Port):
     """`marine_acoustic_msgs/Dvl`.
 
     Args:
@@ -33,7 +33,6 @@ class RosDvl(PortBase):
 
     name = "ros_dvl"
     ros_type = "marine_acoustic_msgs/msg/Dvl"
-    whole = True
 
     def __init__(
         self,
@@ -88,9 +87,6 @@ class RosDvl(PortBase):
         """Course (rad) and speed of the message's own x and y, as the makers' drivers fill them; NaN without both."""
         x, y, _ = estimate.velocity_p_mps.tolist()
         return math.atan2(y, x), math.hypot(x, y)
-
-    def _used(self, estimate: Estimate) -> Floats:
-        return estimate.covariance_m2ps2
 
 
 def altitude_m(beams: Beams, directions_p: Floats) -> float:

@@ -11,9 +11,9 @@ Source: ros2/common_interfaces, nav_msgs and geometry_msgs; ros2/geometry2, tf2_
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.ports.base import PortBase
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.port import Port
 from bottomlock.ports.ros_velocity import RosTwist, later_than_a_ros_time
 from bottomlock.recordings.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product
 
@@ -85,7 +85,7 @@ class RosOdometry(RosTwist):
         return bytes(writer)
 
 
-class RosTransform(PortBase):
+class RosTransform(Port):
     """`tf2_msgs/TFMessage` for `/tf`: where the body is in the world's frame (mode navigation).
 
     Args:
@@ -120,6 +120,3 @@ class RosTransform(PortBase):
         writer.float64(*(position + 0.0).tolist())
         _put_orientation(writer, attitude)
         return bytes(writer)
-
-    def _used(self, estimate: Estimate) -> Floats:  # noqa: ARG002 - the message has no velocity
-        return np.full((3, 3), np.nan)

@@ -14,9 +14,9 @@ Source: ros2/common_interfaces, geometry_msgs; REP 103.
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.ports.base import PortBase
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.port import Port
 from bottomlock.recordings.rotation import FLU_FROM_FRD
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ def later_than_a_ros_time(estimate: Estimate) -> str | None:
     return None
 
 
-class RosTwist(PortBase):
+class RosTwist(Port):
     """`geometry_msgs/TwistWithCovarianceStamped`, for robot_localization and others.
 
     Args:
@@ -96,9 +96,6 @@ class RosTwist(PortBase):
         writer.float64(*(velocity * self._signs + 0.0).tolist())
         writer.float64(*(rates * self._signs + 0.0).tolist())
         writer.float64(*(whole + 0.0).ravel().tolist())
-
-    def _used(self, estimate: Estimate) -> Floats:
-        return self._velocity(estimate)[1]
 
 
 class RosVelocity(RosTwist):

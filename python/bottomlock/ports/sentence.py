@@ -14,8 +14,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.ports.base import PortBase
 from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.port import Port
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ _VERSION = "1"
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
-class Sentence(PortBase):
+class Sentence(Port):
     """Velocity, covariance, rank and state as text; sent at every rank from 1 on.
 
     Args:
@@ -31,7 +31,6 @@ class Sentence(PortBase):
     """
 
     name = "sentence"
-    whole = True
 
     def __init__(self, *, max_rate_hz: float | None = None) -> None:
         super().__init__(max_rate_hz=max_rate_hz)
@@ -55,9 +54,6 @@ class Sentence(PortBase):
             place = (_VERSION, str(estimate.time_ns), str(k + 1), str(estimate.rank))
             data += sentence("PBLKA", *place, *(_text(value) for value in values))
         return data
-
-    def _used(self, estimate: Estimate) -> Floats:
-        return estimate.covariance_m2ps2
 
 
 def _text(value: float) -> str:

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
-from bottomlock.ports.base import incomplete
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
 from bottomlock.ports.over_bound import scalar_bound
+from bottomlock.ports.port import incomplete
 from bottomlock.recordings.rotation import rotation_vector
 from bottomlock.units import ns_from_s
 
@@ -143,8 +143,3 @@ class VisionPositionDelta(MavlinkPort):
 
     def _scalar(self, estimate: Estimate) -> float:
         return scalar_bound(self._covariance(estimate))
-
-    def _used(self, estimate: Estimate) -> Floats:
-        confidence = float(np.float32(self.confidence(math.sqrt(self._scalar(estimate)))))
-        sd = self._min + (self._max - self._min) * (1.0 - 0.01 * confidence)
-        return np.eye(3) * sd**2

@@ -76,7 +76,3 @@ class VisionSpeedEstimate(MavlinkPort):
             estimate.time_ns // 1000, *velocity.tolist(), covariance, estimate.reset_counter
         )
         return self._pack(message)
-
-    def _used(self, estimate: Estimate) -> Floats:
-        variance = self._noise**2 if self._noise is not None else self._tangent(estimate)[1]
-        return np.eye(3) * variance
