@@ -35,6 +35,7 @@ from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.port import Port
 from bottomlock.ports.registry import PORTS
 from bottomlock.ports.registry import port as make_port
+from bottomlock.recordings.sensors import ATTITUDE, DEPTH, SENSORS, WATER_TRACK, Sensor
 
 
 class LiveConfig(NavigatorConfig):
@@ -110,11 +111,11 @@ class LiveConfig(NavigatorConfig):
             given = [one for one in formats if one in FORMATS[key]]
             if given and getattr(self, key) is None:
                 raise ValueError(f"a source has format '{given[0]}', which needs the section [{key}]")
-        for key in ("thrust", "effort"):
-            if getattr(self, key) is not None and not self.sources_of(key, mavlink=False):
-                raise ValueError(f"[{key}] needs a source with format {_named(key)}")
+        for sensor in SENSORS:
+            # A pressure may come by a source that is switched on later; an attitude is that of one source.
+            if sensor not in {DEPTH, ATTITUDE, WATER_TRACK} and getattr(self, sensor.name) is not None:
+                self._has_source(sensor)
         require_one_use(self.thrust, self.effort)
-        self._positions_have_a_place()
         if self.attitude is not None:
             self._attitude_is_one(self.attitude)
         reopens = self.filter.inflate_after_rejections
@@ -124,12 +125,10 @@ class LiveConfig(NavigatorConfig):
                 f"{reopens} (filter.inflate_after_rejections): expected less, or the state would never say so"
             )
 
-    def _positions_have_a_place(self) -> None:
-        if self.gps is not None and not self.sources_of("gps"):
-            raise ValueError(f'[gps] needs a source with format {_named("gps")} or "mavlink"')
-        key = "acoustic_position"
-        if self.acoustic_position is not None and not self.sources_of(key, mavlink=False):
-            raise ValueError(f"[{key}] needs a source with format {_named(key)}")
+    def _has_source(self, sensor: Sensor) -> None:
+        if not self.sources_of(sensor.name, mavlink=sensor.mavlink):
+            other = ' or "mavlink"' if sensor.mavlink else ""
+            raise ValueError(f"[{sensor.name}] needs a source with format {_named(sensor.name)}{other}")
 
     def _attitude_is_one(self, attitude: AttitudeSection) -> None:
         """One sensor has one mounting and one slow error."""

@@ -11,20 +11,16 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Tag
 
 from bottomlock import units
-from bottomlock.config.aiding_errors import AcousticPositionErrors, GpsErrors
 from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.dvl_errors import DvlSettings
-from bottomlock.config.effort import EffortErrors
 from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
-from bottomlock.config.scenario_sections import Filter, Robust, Section
-from bottomlock.config.thrust import ThrustErrors
-from bottomlock.config.water_cells import WaterCells
+from bottomlock.config.scenario_sections import Filter, Robust
 from bottomlock.io.beams import Instrument, read_geometry, read_instrument_file
 from bottomlock.kernel import KernelError, models, normal_gravity_mps2
 from bottomlock.live.sections import (
     LEVELLING_SD_DEG,
+    AidingSections,
     AttitudeSection,
-    DepthSection,
     ImuFromAttitude,
     ImuSection,
     NavigationSection,
@@ -38,7 +34,7 @@ from bottomlock.recordings.rotation import matrix, permute_axes, quaternion
 from bottomlock.recordings.sensors import SENSORS
 
 
-class NavigatorConfig(Section):
+class NavigatorConfig(AidingSections):
     """The DVL, the other sensors, the start and the filter; where readings come from is not here."""
 
     dvl: DvlSettings
@@ -50,13 +46,6 @@ class NavigatorConfig(Section):
         ]
         | None
     ) = None
-    attitude: AttitudeSection | None = None
-    depth: DepthSection | None = None
-    gps: GpsErrors | None = None
-    acoustic_position: AcousticPositionErrors | None = None
-    water_track: WaterCells | None = None
-    thrust: ThrustErrors | None = None
-    effort: EffortErrors | None = None
     origin: OriginSection | None = None
     start: StartSection | None = None
     navigation: NavigationSection = NavigationSection()

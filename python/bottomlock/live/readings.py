@@ -61,7 +61,7 @@ class LineReader:
         """Chooses the columns of the format."""
         made = _LINES[self.format]
         self._counts = {len(made.columns), len(made.columns) + len(made.more)}
-        self._columns, self._make = made.header, made.make
+        self._columns, self._make = made.header, made.of_line
         self.framer = Lines(within=self.within)
 
     def feed(self, data: bytes) -> list[Reading]:

@@ -5,10 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from bottomlock.config.aiding_errors import DepthErrors
+from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
+from bottomlock.config.effort import EffortErrors
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegative, Positive, Section, Vector
+from bottomlock.config.thrust import ThrustErrors
+from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import Method
 from bottomlock.live.address import SinkAddress, SourceAddress
@@ -118,6 +121,18 @@ class DepthSection(DepthErrors):
     def depth_m(self, pressure_pa: float, gravity_mps2: float) -> float:
         """Depth below the surface, m, of the water's absolute pressure."""
         return (pressure_pa - self.surface_pressure_pa) / (self.water_density_kg_per_m3 * gravity_mps2)
+
+
+class AidingSections(Section):
+    """The sections of the sensors of `recordings.sensors.SENSORS`."""
+
+    attitude: AttitudeSection | None = None
+    depth: DepthSection | None = None
+    gps: GpsErrors | None = None
+    acoustic_position: AcousticPositionErrors | None = None
+    water_track: WaterCells | None = None
+    thrust: ThrustErrors | None = None
+    effort: EffortErrors | None = None
 
 
 class OriginSection(Section):

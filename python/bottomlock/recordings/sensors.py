@@ -47,7 +47,7 @@ class Numbers:
     optional: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Instrument:
     """How readings of a kind come one at a time.
 
@@ -58,7 +58,8 @@ class Instrument:
         line: live format of lines of numbers; "" where there is none.
         columns: of such a line after its time, SI; those in `more` may be left out.
         more: see `columns`.
-        make: reading of a time and the numbers of a line; None for numbers that cannot be.
+        make: reading of a time and the numbers of a line, None for numbers that cannot be; its fields in a row unless
+            it is given.
         messages: live formats of ROS 2, and the type of the message of each.
         mavlink: whether a source of MAVLink has such readings.
     """
@@ -69,9 +70,19 @@ class Instrument:
     line: str = ""
     columns: tuple[str, ...] = ()
     more: tuple[str, ...] = ()
-    make: Callable[[int, list[float]], Any] = lambda *_: None
+    make: Callable[[int, list[float]], Any] | None = None
     messages: Mapping[str, str] = field(default_factory=dict)
     mavlink: bool = False
+
+    def of_line(self, time_ns: int, values: list[float]) -> Any:  # noqa: ANN401 - of its class
+        """The reading of a line's time and numbers; None for numbers that cannot be."""
+        if self.make is not None:
+            return self.make(time_ns, values)
+        rest = iter(values)
+        return self.reading(
+            time_ns,
+            *(tuple(next(rest) for _ in range(of.count)) if of.count else next(rest) for of in self.numbers),
+        )
 
     @property
     def formats(self) -> tuple[str, ...]:
@@ -85,7 +96,7 @@ class Instrument:
         return ",".join(("time_ns", *self.columns)) + more
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Sensor(Instrument):
     """An instrument that aids.
 
@@ -94,26 +105,40 @@ class Sensor(Instrument):
         updates: the kernel's names of its measurements in reports.
         push: gives a reading to a navigator, with its section and the origin of the tangent frame, where it is known;
             an attitude is that of the platform.
-        log: the kernel's log arrays of a recorded stream (`recordings.streams`) and its section, by the name of their
-            times.
-        rows: readings of such a stream and the origin.
+        arrays: the kernel's log arrays, by the fields of a recorded stream (`recordings.streams`), which are those of a
+            reading.
+        log: the arrays of a stream and its section, by the name of their times; as `arrays` says unless it is given.
+        rows: readings of a stream and the origin; of its fields unless it is given.
     """
 
     settings: type
     updates: tuple[str, ...]
     push: Callable[[Navigator, Any, Any, Place | None], Reports]
-    log: Callable[[Any, Any], Mapping[str, Arrays]]
-    rows: Callable[[Any, Place | None], Maker]
+    arrays: Mapping[str, str] = field(default_factory=dict)
+    log: Callable[[Any, Any], Mapping[str, Arrays]] | None = None
+    rows: Callable[[Any, Place | None], Maker] | None = None
+
+    def logged(self, stream: Any, section: Any) -> Mapping[str, Arrays]:  # noqa: ANN401 - of any sensor
+        """The kernel's log arrays of a recorded stream, by the name of their times."""
+        if self.log is not None:
+            return self.log(stream, section)
+        fields = {key: getattr(stream, name) for name, key in self.arrays.items()}
+        return {self.name: {key: values for key, values in fields.items() if values is not None}}
+
+    def readings(self, stream: Any, home: Place | None) -> Maker:  # noqa: ANN401 - of any sensor
+        """The reading of a time and a row of a recorded stream."""
+        if self.rows is not None:
+            return self.rows(stream, home)
+        columns = [None if (of := getattr(stream, name)) is None else of.tolist() for name in self.arrays]
+        return lambda time_ns, k: self.reading(
+            time_ns,
+            *(None if of is None else tuple(of[k]) if isinstance(of[k], list) else of[k] for of in columns),
+        )
 
 
 def is_on_earth(latitude_deg: float, longitude_deg: float) -> bool:
     """Whether these can be a latitude and a longitude."""
     return abs(latitude_deg) <= MOST_LATITUDE_DEG and abs(longitude_deg) <= MOST_LONGITUDE_DEG
-
-
-def _imu_line(time_ns: int, values: list[float]) -> ImuReading:
-    wx, wy, wz, fx, fy, fz = values
-    return ImuReading(time_ns, (wx, wy, wz), (fx, fy, fz))
 
 
 def _attitude_line(time_ns: int, values: list[float]) -> AttitudeReading:
@@ -132,11 +157,6 @@ def _acoustic_line(time_ns: int, values: list[float]) -> AcousticPositionReading
         return None
     sd_m = (stated[0], stated[1], stated[2]) if stated else None
     return AcousticPositionReading(time_ns, (north, east, down), sd_m)
-
-
-def _effort_line(time_ns: int, values: list[float]) -> EffortReading:
-    surge, sway, heave = values
-    return EffortReading(time_ns, (surge, sway, heave))
 
 
 def _push_attitude(
@@ -185,28 +205,12 @@ def _gps_rows(stream: Any, home: Place | None) -> Maker:  # noqa: ANN401
     return lambda time_ns, k: GpsReading(time_ns, *places[k])
 
 
-def _acoustic_log(stream: Any, _: object) -> Mapping[str, Arrays]:  # noqa: ANN401
-    sd = {} if stream.sd_m is None else {"acoustic_position_sd_m": stream.sd_m}
-    return {"acoustic_position": {"acoustic_position_t_m": stream.position_t_m} | sd}
-
-
-def _acoustic_rows(stream: Any, _: Place | None) -> Maker:  # noqa: ANN401
-    positions = stream.position_t_m.tolist()
-    stated = None if stream.sd_m is None else stream.sd_m.tolist()
-    return lambda time_ns, k: AcousticPositionReading(
-        time_ns, tuple(positions[k]), None if stated is None else tuple(stated[k])
-    )
-
-
-_WATER = ("velocity_mps", "valid", "sd_mps", "range_m")
-
 IMU = Instrument(
     "imu",
     ImuReading,
     (Numbers("omega_radps", 3, "rad/s"), Numbers("force_mps2", 3, "m/s²")),
     "imu-csv",
     ("wx", "wy", "wz", "fx", "fy", "fz"),
-    make=_imu_line,
     messages={"ros-imu": "sensor_msgs/msg/Imu"},
     mavlink=True,
 )
@@ -216,7 +220,6 @@ DEPTH = Sensor(
     (Numbers("depth_m", 0, "m"),),
     "depth-csv",
     ("depth_m",),
-    make=lambda time_ns, values: DepthReading(time_ns, values[0]),
     messages={"ros-pressure": "sensor_msgs/msg/FluidPressure", "ros-depth": "std_msgs/msg/Float64"},
     mavlink=True,
     settings=DepthErrors,
@@ -224,8 +227,7 @@ DEPTH = Sensor(
     push=lambda navigator, reading, section, _: navigator.push_depth(
         reading.time_ns, reading.depth_m, sd_m=section.sd_m
     ),
-    log=lambda stream, _: {"depth": {"depth_m": stream.depth_m}},
-    rows=lambda stream, _: lambda time_ns, k: DepthReading(time_ns, float(stream.depth_m[k])),
+    arrays={"depth_m": "depth_m"},
 )
 ATTITUDE = Sensor(
     "attitude",
@@ -274,8 +276,7 @@ ACOUSTIC_POSITION = Sensor(
     push=lambda navigator, reading, _section, _: navigator.push_acoustic_position(
         time_ns=reading.time_ns, position_t_m=reading.position_t_m, sd_m=reading.sd_m
     ),
-    log=_acoustic_log,
-    rows=_acoustic_rows,
+    arrays={"position_t_m": "acoustic_position_t_m", "sd_m": "acoustic_position_sd_m"},
 )
 THRUST = Sensor(
     "thrust",
@@ -283,14 +284,12 @@ THRUST = Sensor(
     (Numbers("revolutions_hz", 0, "1/s"),),
     "thrust-csv",
     ("revolutions_hz",),
-    make=lambda time_ns, values: ThrustReading(time_ns, values[0]),
     settings=ThrustErrors,
     updates=("thrust",),
     push=lambda navigator, reading, section, _: navigator.push_thrust(
         reading.time_ns, reading.revolutions_hz, sd_mps=section.noise_mps
     ),
-    log=lambda stream, _: {"thrust": {"thrust_revolutions_hz": stream.revolutions_hz}},
-    rows=lambda stream, _: lambda time_ns, k: ThrustReading(time_ns, float(stream.revolutions_hz[k])),
+    arrays={"revolutions_hz": "thrust_revolutions_hz"},
 )
 EFFORT = Sensor(
     "effort",
@@ -298,14 +297,12 @@ EFFORT = Sensor(
     (Numbers("force_p_n", 3, "N"),),
     "effort-csv",
     ("surge_n", "sway_n", "heave_n"),
-    make=_effort_line,
     settings=EffortErrors,
     updates=("effort_surge", "effort_sway", "effort_heave"),
     push=lambda navigator, reading, section, _: navigator.push_effort(
         reading.time_ns, reading.force_p_n, sd_n=section.noise_n
     ),
-    log=lambda stream, _: {"effort": {"effort_force_p_n": stream.force_p_n}},
-    rows=lambda stream, _: lambda time_ns, k: EffortReading(time_ns, tuple(stream.force_p_n[k].tolist())),
+    arrays={"force_p_n": "effort_force_p_n"},
 )
 WATER_TRACK = Sensor(
     "water_track",
@@ -315,7 +312,7 @@ WATER_TRACK = Sensor(
     push=lambda navigator, reading, _section, _: navigator.push_water_track(
         reading.time_ns, reading.velocity_mps, reading.valid, sd_mps=reading.sd_mps, range_m=reading.range_m
     ),
-    log=lambda stream, _: {"water_track": {f"water_track_{key}": getattr(stream, key) for key in _WATER}},
+    arrays={key: f"water_track_{key}" for key in ("velocity_mps", "valid", "sd_mps", "range_m")},
     rows=lambda stream, _: (
         lambda time_ns, k: WaterReading(
             time_ns, stream.velocity_mps[k], stream.valid[k], stream.sd_mps[k], float(stream.range_m[k])

@@ -90,7 +90,7 @@ def _columns(streams: Streams, *, has_imu: bool) -> Iterator[Column]:
     for sensor in SENSORS:
         stream = streams.aiding.get(sensor.name)
         if stream is not None and (sensor is not GPS or streams.origin is not None):
-            yield stream.time_ns, sensor.rows(stream, streams.origin)
+            yield stream.time_ns, sensor.readings(stream, streams.origin)
 
 
 def _ping(beams: Beams, time_ns: int, row: int) -> Ping:

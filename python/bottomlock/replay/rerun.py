@@ -205,7 +205,7 @@ def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa:
         if section is None or stream is None:
             continue
         rows = within(stream.time_ns)
-        for name, arrays in sensor.log(stream, section).items():
+        for name, arrays in sensor.logged(stream, section).items():
             log[f"{name}_time_ns"] = stream.time_ns[rows]
             log |= {key: values[rows] for key, values in arrays.items()}
     return log
