@@ -4,7 +4,7 @@ A campaign records errors once a second and sums over fixes. The effect of a sin
 streaming navigator, whose results are the same bits.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -21,6 +21,32 @@ from bottomlock.truth.truth import Truth
 
 Floats = NDArray[np.float64]
 _VELOCITY = slice(6, 9)
+PUSH: dict[str, Callable[[kernel.Navigator, int, Mapping[str, Any], int, Any], object]] = {
+    "depth": lambda navigator, time_ns, drawn, k, model: navigator.push_depth(
+        time_ns, float(drawn["depth_m"][k]), sd_m=model.sd_m
+    ),
+    "magnetometer": lambda navigator, time_ns, drawn, k, model: navigator.push_attitude(
+        time_ns,
+        drawn["magnetometer_attitude_t_p"][k],
+        yaw_sd_rad=model.yaw_sd_rad,
+        roll_pitch_sd_rad=model.roll_pitch_sd_rad,
+    ),
+    "heading": lambda navigator, time_ns, drawn, k, model: navigator.push_heading(
+        time_ns, float(drawn["heading_rad"][k]), sd_rad=model.sd_rad
+    ),
+    "gps": lambda navigator, time_ns, drawn, k, model: navigator.push_gps(
+        time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model.as_dict()
+    ),
+    "acoustic_position": lambda navigator, time_ns, drawn, k, _: navigator.push_acoustic_position(
+        time_ns=time_ns,
+        position_t_m=drawn["acoustic_position_t_m"][k],
+        sd_m=drawn["acoustic_position_sd_m"][k],
+    ),
+    "thrust": lambda navigator, time_ns, drawn, k, model: navigator.push_thrust(
+        time_ns, float(drawn["thrust_revolutions_hz"][k]), sd_mps=model.noise_sd_mps
+    ),
+}
+"""Gives reading k of the kernel's arrays to a navigator, at a time and with the sensor's section of the model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,5 +198,4 @@ class Readings:
             )
 
     def _aid(self, navigator: kernel.Navigator, name: str, k: int, time_ns: int) -> None:
-        (sensor,) = (sensor for sensor in SENSORS if sensor.name == name)
-        sensor.push(navigator, time_ns, self._drawn, k, getattr(self._model, name))
+        PUSH[name](navigator, time_ns, self._drawn, k, getattr(self._model, name))

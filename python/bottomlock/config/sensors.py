@@ -127,7 +127,6 @@ class Sensor:
         table: its table of simulated readings.
         columns: columns of that table, by the kernel's array that holds them.
         model: the kernel's model in SI, of a section and gravity (m/s²).
-        push: gives reading k of the kernel's arrays to a navigator, at a time and with its section of a model.
         options: what the section adds to the filter's options, for instance a lever arm.
     """
 
@@ -137,7 +136,6 @@ class Sensor:
     table: str
     columns: Mapping[str, tuple[str, ...]]
     model: Callable[[Any, float], models.Settings]
-    push: Callable[[Any, int, Mapping[str, Any], int, Any], Any]
     options: Callable[[Any], dict[str, Any]] = lambda _: {}
 
 
@@ -151,9 +149,6 @@ DEPTH = Sensor(
         sd_m=depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2),
         bias_sd_m=depth.bias_m,
         bias_time_s=depth.bias_time_s,
-    ),
-    push=lambda navigator, time_ns, drawn, k, model: navigator.push_depth(
-        time_ns, float(drawn["depth_m"][k]), sd_m=model.sd_m
     ),
 )
 MAGNETOMETER = Sensor(
@@ -171,12 +166,6 @@ MAGNETOMETER = Sensor(
         roll_pitch_walk_sd_rad=units.rad_from_deg(compass.roll_pitch_walk_sd_deg),
         walk_time_s=compass.walk_time_s,
     ),
-    push=lambda navigator, time_ns, drawn, k, model: navigator.push_attitude(
-        time_ns,
-        drawn["magnetometer_attitude_t_p"][k],
-        yaw_sd_rad=model.yaw_sd_rad,
-        roll_pitch_sd_rad=model.roll_pitch_sd_rad,
-    ),
 )
 HEADING = Sensor(
     name="heading",
@@ -190,9 +179,6 @@ HEADING = Sensor(
         walk_sd_rad=units.rad_from_deg(gyrocompass.walk_sd_deg),
         walk_time_s=gyrocompass.walk_time_s,
     ),
-    push=lambda navigator, time_ns, drawn, k, model: navigator.push_heading(
-        time_ns, float(drawn["heading_rad"][k]), sd_rad=model.sd_rad
-    ),
 )
 GPS = Sensor(
     name="gps",
@@ -205,9 +191,6 @@ GPS = Sensor(
     },
     model=lambda gps, _: models.GpsModel(
         position_sd_m=gps.position_noise_m, velocity_sd_mps=gps.velocity_noise_mps
-    ),
-    push=lambda navigator, time_ns, drawn, k, model: navigator.push_gps(
-        time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model.as_dict()
     ),
 )
 
@@ -227,11 +210,6 @@ ACOUSTIC_POSITION = Sensor(
         outlier_fraction=fixes.outlier_fraction,
         outlier_factor=fixes.outlier_factor,
     ),
-    push=lambda navigator, time_ns, drawn, k, _: navigator.push_acoustic_position(
-        time_ns=time_ns,
-        position_t_m=drawn["acoustic_position_t_m"][k],
-        sd_m=drawn["acoustic_position_sd_m"][k],
-    ),
     options=lambda fixes: {"acoustic_position_lever_p_m": fixes.lever_arm_m},
 )
 
@@ -242,9 +220,6 @@ THRUST = Sensor(
     table="thrust",
     columns={"thrust_revolutions_hz": ("revolutions_hz",)},
     model=lambda thrust, _: thrust.kernel_model(),
-    push=lambda navigator, time_ns, drawn, k, model: navigator.push_thrust(
-        time_ns, float(drawn["thrust_revolutions_hz"][k]), sd_mps=model.noise_sd_mps
-    ),
     options=Thrust.kernel_options,
 )
 

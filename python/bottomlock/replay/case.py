@@ -30,17 +30,12 @@ from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.dvl_sections import DvlStream, WaterTrackStream, WhatIf
 from bottomlock.replay.stream_sections import (
-    AcousticPositionStream,
-    AttitudeStream,
-    DepthStream,
-    EffortStream,
-    GpsStream,
     ImuFromAttitude,
     ImuStream,
     MagnetometerStream,
     ReferenceStream,
+    SensorStreams,
     Stream,
-    ThrustStream,
     kind_of_imu,
 )
 
@@ -134,7 +129,7 @@ class Settings(OwnMethods, Section):
         return tuple(method for method in self.methods if method != DEAD_RECKONING)
 
 
-class Case(Section):
+class Case(SensorStreams):
     """A whole case file."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
@@ -147,13 +142,7 @@ class Case(Section):
     ]
     dvl: DvlStream
     water_track: WaterTrackStream | None = None
-    thrust: ThrustStream | None = None
-    effort: EffortStream | None = None
-    depth: DepthStream | None = None
-    attitude: AttitudeStream | None = None
     magnetometer: MagnetometerStream | None = None
-    gps: GpsStream | None = None
-    acoustic_position: AcousticPositionStream | None = None
     reference: ReferenceStream | None = None
     start: Start
     filter: Filter = Filter()

@@ -13,24 +13,19 @@ from bottomlock.io.columns import column_numbers, is_code
 from bottomlock.recordings.axes import (
     from_angles,
     handedness,
-    platform_attitude,
     to_platform_axes,
 )
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.readings import LOST_SD_MPS
 from bottomlock.recordings.rotation import permute_axes
 from bottomlock.recordings.streams import (
-    Attitudes,
     Beams,
-    Depths,
     Flags,
     Floats,
-    Forces,
     Inertial,
     MagneticFields,
     Positions,
     ReferenceStates,
-    Revolutions,
     Times,
 )
 from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
@@ -39,16 +34,13 @@ from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.read_tables import read_stream
 from bottomlock.replay.read_water import read_water
 from bottomlock.replay.stream_sections import (
-    AttitudeStream,
-    DepthStream,
-    EffortStream,
+    ANGLE_SI,
     ImuFromAttitude,
     ImuStream,
     MagnetometerStream,
-    MountedStream,
     PositionStream,
     ReferenceStream,
-    ThrustStream,
+    SensorStream,
 )
 from bottomlock.replay.streams import Streams
 from bottomlock.units import STANDARD_GRAVITY_MPS2
@@ -57,14 +49,7 @@ FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVI
 OMEGA_SI = {
     "rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 648_000.0, "rad": 1.0, "deg": np.pi / 180.0,
 }  # fmt: skip
-ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
-LENGTH_SI = {"m": 1.0, "cm": 1e-2}
-REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
-PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
-
-FASTEST_MPS = 20.0
-"""Median speed by the propeller beyond which unit or advance are wrong."""
 
 
 def read_streams(case: Case) -> Streams:
@@ -102,18 +87,15 @@ def read_streams(case: Case) -> Streams:
             key="origin.latitude_deg",
             expected="it in a case without geodetic positions: gravity and the Earth's rate depend on it",
         )
-    attitudes = None if case.attitude is None else _attitudes(case.attitude, clocks)
+    for key in type(case).model_fields:
+        if isinstance(section := getattr(case, key), SensorStream):
+            values, timed, _ = read_stream(section, section.columns)
+            clocks[key] = timed.report
+            aiding[key] = section.stream(timed.time_ns, values)
     if isinstance(case.imu, ImuFromAttitude):
-        assert attitudes is not None  # validated in Case
-        inertial = inertial_of(case.imu, attitudes, clocks["attitude"], float(latitude), notes)
+        inertial = inertial_of(case.imu, aiding["attitude"], clocks["attitude"], float(latitude), notes)
     assert inertial is not None  # read above, or made of the attitude
-    aiding |= {
-        "attitude": attitudes,
-        "depth": None if case.depth is None else _depths(case.depth, clocks),
-        "thrust": None if case.thrust is None else _revolutions(case.thrust, clocks),
-        "effort": None if case.effort is None else _forces(case.effort, clocks),
-        "water_track": water,
-    }
+    aiding |= {} if water is None else {"water_track": water}
     reference = None
     if case.reference is not None:
         reference = _reference(case.reference, placed["reference"], origin, inertial)
@@ -121,7 +103,7 @@ def read_streams(case: Case) -> Streams:
         inertial=inertial,
         beams=beams,
         instrument=instrument,
-        aiding={key: stream for key, stream in aiding.items() if stream is not None},
+        aiding=aiding,
         magnetic_fields=None if case.magnetometer is None else _fields(case.magnetometer, clocks),
         reference=reference,
         origin=origin,
@@ -131,10 +113,6 @@ def read_streams(case: Case) -> Streams:
         notes=tuple(notes),
     )
     return with_vehicle_motion(case, streams)
-
-
-def _mounting(stream: MountedStream | AttitudeStream) -> Floats:
-    return np.deg2rad([stream.mounting_roll_deg, stream.mounting_pitch_deg, stream.mounting_yaw_deg])
 
 
 def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) -> Inertial:
@@ -166,7 +144,7 @@ def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) 
         notes.append(f"imu: gaps bridged by linear interpolation: {timed.report.gaps.text}")
     if timed.report.jumps.count:
         notes.append(f"imu: clock jumps bridged: {timed.report.jumps.text}")
-    mounting = _mounting(imu)
+    mounting = imu.mounting_rpy_rad
     return Inertial(
         timed.time_ns,
         to_platform_axes(force, imu.axes, mounting),
@@ -253,82 +231,12 @@ def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
     return np.asarray(np.where(sd > 0.0, sd, LOST_SD_MPS))
 
 
-def _depths(depth: DepthStream, clocks: dict[str, ClockReport]) -> Depths:
-    values, timed, _ = read_stream(depth, [depth.column])
-    clocks["depth"] = timed.report
-    if depth.unit in LENGTH_SI:
-        metres = values[:, 0] * LENGTH_SI[depth.unit]
-    else:
-        metres = (
-            values[:, 0] * PRESSURE_SI[depth.unit] / (depth.water_density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
-        )
-    return Depths(timed.time_ns, (-metres if depth.up else metres) + depth.offset_m)
-
-
-def _revolutions(thrust: ThrustStream, clocks: dict[str, ClockReport]) -> Revolutions:
-    values, timed, _ = read_stream(thrust, [thrust.column])
-    clocks["thrust"] = timed.report
-    revolutions_hz = values[:, 0] * REVOLUTIONS_SI[thrust.unit]
-    if not revolutions_hz.any():
-        raise DataError(
-            "is 0 in every row",
-            place=thrust.file,
-            key=f"column '{thrust.column}'",
-            expected="revolutions",
-            hint="leave [thrust] out",
-        )
-    speed_mps = thrust.advance_m * float(np.median(np.abs(revolutions_hz[revolutions_hz != 0.0])))
-    if speed_mps > FASTEST_MPS:
-        raise DataError(
-            (
-                f"column '{thrust.column}' in {thrust.unit} and thrust.advance_m = "
-                f"{thrust.advance_m:g} m are {speed_mps:.3g} m/s in the median"
-            ),
-            place=thrust.file,
-            expected=f"at most {FASTEST_MPS:g} m/s: check thrust.unit and thrust.advance_m",
-        )
-    return Revolutions(timed.time_ns, revolutions_hz)
-
-
-def _forces(effort: EffortStream, clocks: dict[str, ClockReport]) -> Forces:
-    values, timed, _ = read_stream(effort, list(effort.force))
-    clocks["effort"] = timed.report
-    if not values.any():
-        raise DataError(
-            f"columns {', '.join(effort.force)} are 0 in every row",
-            place=effort.file,
-            expected="forces",
-            hint="leave [effort] out",
-        )
-    linear, quadratic = np.array(effort.linear_drag_kg_per_s), np.array(effort.quadratic_drag_kg_per_m)
-    force_n = np.median(np.abs(values), axis=0)
-    for axis, name in enumerate(effort.force):
-        drag = linear[axis] * FASTEST_MPS + quadratic[axis] * FASTEST_MPS**2
-        if 0.0 < drag < force_n[axis]:
-            raise DataError(
-                (
-                    f"is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s the drag "
-                    f"is {drag:.3g} N: check the unit of the forces, and linear and quadratic drag"
-                ),
-                place=effort.file,
-                key=f"column '{name}'",
-            )
-    return Forces(timed.time_ns, values)
-
-
-def _attitudes(stream: AttitudeStream, clocks: dict[str, ClockReport]) -> Attitudes:
-    values, timed, _ = read_stream(stream, [stream.roll, stream.pitch, stream.yaw])
-    clocks["attitude"] = timed.report
-    sensor = from_angles(*(values * ANGLE_SI[stream.unit]).T)
-    offset = float(np.deg2rad(stream.yaw_offset_deg))
-    return Attitudes(timed.time_ns, platform_attitude(sensor, stream.frame, _mounting(stream), offset))
-
-
 def _fields(stream: MagnetometerStream, clocks: dict[str, ClockReport]) -> MagneticFields:
     values, timed, _ = read_stream(stream, stream.field)
     clocks["magnetometer"] = timed.report
     return MagneticFields(
-        timed.time_ns, to_platform_axes(values - np.array(stream.hard_iron), stream.axes, _mounting(stream))
+        timed.time_ns,
+        to_platform_axes(values - np.array(stream.hard_iron), stream.axes, stream.mounting_rpy_rad),
     )
 
 

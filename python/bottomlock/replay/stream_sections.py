@@ -1,8 +1,9 @@
 """Sections of a case file that map the columns of a log: quantity, unit, axes and clock."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
@@ -19,8 +20,18 @@ from bottomlock.config.scenario_sections import (
     Vector,
 )
 from bottomlock.config.thrust import ThrustErrors
+from bottomlock.errors import DataError
+from bottomlock.recordings.axes import from_angles, platform_attitude
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
+from bottomlock.recordings.streams import Attitudes, Depths, Floats, Forces, Revolutions, Times
+from bottomlock.units import STANDARD_GRAVITY_MPS2
 
+ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
+LENGTH_SI = {"m": 1.0, "cm": 1e-2}
+REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
+PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
+FASTEST_MPS = 20.0
+"""Median speed by the propeller beyond which unit or advance are wrong."""
 ColumnTriple = tuple[str, str, str]
 
 ANGLE_UNITS = ("rad", "deg")
@@ -65,6 +76,26 @@ class Stream(Section):
     every: Annotated[int, Field(ge=1)] = 1
 
 
+class SensorStream(Stream):
+    """A table whose columns, named by the keys `column_keys`, are the readings of a sensor."""
+
+    column_keys: ClassVar[tuple[str, ...]] = ("column",)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        named = [getattr(self, key) for key in self.column_keys]
+        return tuple(named[0]) if isinstance(named[0], tuple) else tuple(named)
+
+    def stream(self, time_ns: Times, values: Floats) -> Any:  # noqa: ANN401 - of `recordings.streams`
+        """The stream in SI, of the columns (n, k).
+
+        Raises:
+            DataError: for values that cannot be.
+        """
+        raise NotImplementedError
+
+
 class ReorderedStream(Stream):
     """A sensor with its own axes, reordered by `axes`."""
 
@@ -82,6 +113,11 @@ class MountedStream(ReorderedStream):
     mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
     mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+
+    @property
+    def mounting_rpy_rad(self) -> Floats:
+        """(3,) roll, pitch, yaw, rad."""
+        return np.deg2rad([self.mounting_roll_deg, self.mounting_pitch_deg, self.mounting_yaw_deg])
 
 
 class ImuStream(MountedStream):
@@ -154,7 +190,7 @@ def kind_of_imu(section: Any) -> str:  # noqa: ANN401 - what a file holds, or a 
     return ImuFromAttitude.__name__ if source == "attitude" else ImuStream.__name__
 
 
-class DepthStream(DepthErrors, Stream):
+class DepthStream(DepthErrors, SensorStream):
     """Depth, height (`up` = true) or pressure: its column, density, and errors."""
 
     column: str
@@ -163,8 +199,18 @@ class DepthStream(DepthErrors, Stream):
     offset_m: Finite = 0.0
     water_density_kg_per_m3: Positive = 1025.0
 
+    def stream(self, time_ns: Times, values: Floats) -> Depths:
+        """The stream in SI, of the columns (n, k)."""
+        if self.unit in LENGTH_SI:
+            metres = values[:, 0] * LENGTH_SI[self.unit]
+        else:
+            metres = (
+                values[:, 0] * PRESSURE_SI[self.unit] / (self.water_density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
+            )
+        return Depths(time_ns, (-metres if self.up else metres) + self.offset_m)
 
-class ThrustStream(ThrustErrors, Stream):
+
+class ThrustStream(ThrustErrors, SensorStream):
     """Revolutions of the propeller, the speed through the water (docs/howto/thrust.md): column, unit, and errors.
 
     Positive revolutions drive the vehicle forward. What-if cases leave them alone.
@@ -173,24 +219,80 @@ class ThrustStream(ThrustErrors, Stream):
     column: str
     unit: Literal["rpm", "Hz", "rad/s"]
 
+    def stream(self, time_ns: Times, values: Floats) -> Revolutions:
+        """The stream in SI, of the columns (n, k)."""
+        revolutions_hz = values[:, 0] * REVOLUTIONS_SI[self.unit]
+        if not revolutions_hz.any():
+            raise DataError(
+                "is 0 in every row",
+                place=self.file,
+                key=f"column '{self.column}'",
+                expected="revolutions",
+                hint="leave [thrust] out",
+            )
+        speed_mps = self.advance_m * float(np.median(np.abs(revolutions_hz[revolutions_hz != 0.0])))
+        if speed_mps > FASTEST_MPS:
+            raise DataError(
+                (
+                    f"column '{self.column}' in {self.unit} and thrust.advance_m = "
+                    f"{self.advance_m:g} m are {speed_mps:.3g} m/s in the median"
+                ),
+                place=self.file,
+                expected=f"at most {FASTEST_MPS:g} m/s: check thrust.unit and thrust.advance_m",
+            )
+        return Revolutions(time_ns, revolutions_hz)
 
-class EffortStream(EffortErrors, Stream):
+
+class EffortStream(EffortErrors, SensorStream):
     """Forces of the thrusters, the speed through the water by drag (docs/howto/thrust.md): columns, mass, drag, errors.
 
     `force` are the columns of the sums along surge, sway and heave, N, positive forward, starboard and down. What-if
     cases leave them alone.
     """
 
+    column_keys: ClassVar = ("force",)
     force: ColumnTriple
 
+    def stream(self, time_ns: Times, values: Floats) -> Forces:
+        """The stream in SI, of the columns (n, k)."""
+        if not values.any():
+            raise DataError(
+                f"columns {', '.join(self.force)} are 0 in every row",
+                place=self.file,
+                expected="forces",
+                hint="leave [effort] out",
+            )
+        linear, quadratic = np.array(self.linear_drag_kg_per_s), np.array(self.quadratic_drag_kg_per_m)
+        force_n = np.median(np.abs(values), axis=0)
+        for axis, name in enumerate(self.force):
+            drag = linear[axis] * FASTEST_MPS + quadratic[axis] * FASTEST_MPS**2
+            if 0.0 < drag < force_n[axis]:
+                raise DataError(
+                    (
+                        f"is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s the drag "
+                        f"is {drag:.3g} N: check the unit of the forces, and linear and quadratic drag"
+                    ),
+                    place=self.file,
+                    key=f"column '{name}'",
+                )
+        return Forces(time_ns, values)
 
-class AttitudeStream(AttitudeReference, Stream):
+
+class AttitudeStream(AttitudeReference, SensorStream):
     """Roll, pitch and yaw of a recorded attitude sensor: its columns, mounting and errors."""
 
+    column_keys: ClassVar = ("roll", "pitch", "yaw")
     roll: str
     pitch: str
     yaw: str
     unit: Literal["rad", "deg"] = "rad"
+
+    def stream(self, time_ns: Times, values: Floats) -> Attitudes:
+        """The stream in SI, of the columns (n, k)."""
+        sensor = from_angles(*(values * ANGLE_SI[self.unit]).T)
+        mounting = np.deg2rad([self.mounting_roll_deg, self.mounting_pitch_deg, self.mounting_yaw_deg])
+        offset = float(np.deg2rad(self.yaw_offset_deg))
+        return Attitudes(time_ns, platform_attitude(sensor, self.frame, mounting, offset))
 
 
 class MagnetometerStream(MountedStream):
@@ -301,3 +403,14 @@ class ReferenceStream(PositionStream):
         if not (self.has_position or self.has_attitude or self.velocity_body is not None):
             raise ValueError("[reference] has no columns, expected position, velocity or attitude")
         return self
+
+
+class SensorStreams(Section):
+    """The sections of the sensors of `recordings.sensors.SENSORS` that have a table of their own."""
+
+    attitude: AttitudeStream | None = None
+    depth: DepthStream | None = None
+    thrust: ThrustStream | None = None
+    effort: EffortStream | None = None
+    gps: GpsStream | None = None
+    acoustic_position: AcousticPositionStream | None = None
