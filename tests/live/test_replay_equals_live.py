@@ -308,6 +308,9 @@ def test_a_case_is_live_as_it_is(dive: Dive, tmp_path: Path) -> None:
     assert settings.options == prepared.options
     assert config.start is not None
     assert config.start.heading_deg == 10.0
+    for sensor in SENSORS:
+        assert isinstance(getattr(config, sensor.name), sensor.settings)
+        assert isinstance(getattr(load_case(tmp_path / "case.toml"), sensor.name), sensor.settings)
 
 
 @pytest.mark.parametrize(

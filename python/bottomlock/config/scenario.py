@@ -20,12 +20,10 @@ from bottomlock.config.scenario_sections import (
     Imu,
     Initial,
     Robust,
-    Section,
     Trajectory,
 )
 from bottomlock.config.scenario_words import line_of, table_of
-from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Heading, Magnetometer
-from bottomlock.config.thrust import Thrust
+from bottomlock.config.sensors import SENSORS, SensorSections
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.config.water_track import WaterTrack
@@ -42,7 +40,7 @@ PACKAGED = ("scenarios", "vehicles", "geometries")
 """Folders of packaged files that `copy_packaged` copies."""
 
 
-class Scenario(Section):
+class Scenario(SensorSections):
     """A whole scenario.
 
     Examples:
@@ -63,13 +61,7 @@ class Scenario(Section):
     seabed: dict[str, Any] = Field(default_factory=dict)
     imu: Imu
     dvl: Dvl
-    depth: Depth = Depth(enabled=False)
-    magnetometer: Magnetometer = Magnetometer(enabled=False)
-    heading: Heading = Heading(enabled=False)
-    gps: Gps = Gps(enabled=False)
-    acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
     water_track: WaterTrack = WaterTrack(enabled=False)
-    thrust: Thrust = Thrust(enabled=False)
     initial: Initial = Initial()
     filter: Filter = Filter()
     robust: Robust = Robust(enabled=False)

@@ -225,3 +225,14 @@ THRUST = Sensor(
 
 SENSORS = (DEPTH, MAGNETOMETER, HEADING, GPS, ACOUSTIC_POSITION, THRUST)
 """In the order in which the kernel takes measurements of the same time, after the DVL's."""
+
+
+class SensorSections(Section):
+    """The sections of `SENSORS` in a scenario."""
+
+    depth: Depth = Depth(enabled=False)
+    magnetometer: Magnetometer = Magnetometer(enabled=False)
+    heading: Heading = Heading(enabled=False)
+    gps: Gps = Gps(enabled=False)
+    acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
+    thrust: Thrust = Thrust(enabled=False)
