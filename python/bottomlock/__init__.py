@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from bottomlock.kernel.attitude_motion import MotionFromAttitude
     from bottomlock.kernel.models import (
         AcousticPositionModel,
+        Calibration,
         DepthModel,
         DvlModel,
         DvlOutlierModel,
@@ -87,6 +88,7 @@ __all__ = [
     "AttitudeReading",
     "BeamGeometry",
     "BottomlockError",
+    "Calibration",
     "DataError",
     "DepthModel",
     "DepthReading",
@@ -160,6 +162,7 @@ _LAZY = {
     "AttitudeReading": "bottomlock.recordings.readings",
     "BeamGeometry": "bottomlock.kernel",
     "BottomlockError": "bottomlock.errors",
+    "Calibration": "bottomlock.kernel.models",
     "DataError": "bottomlock.errors",
     "DepthModel": "bottomlock.kernel.models",
     "DepthReading": "bottomlock.recordings.readings",
