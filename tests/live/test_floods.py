@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from bottomlock.live.address import source_address
-from bottomlock.live.connections import MOST_CLIENTS, SECOND, SLOWED, Allowance, Connection, cancel
+from bottomlock.live.connections import MOST_WAITING, SECOND, Connection, cancel
 from bottomlock.live.health import HealthServer, status
 from tests.live.test_health import ask, flown, served
 
@@ -44,49 +44,45 @@ def listened(
     return asyncio.run(both()), said, len(connected)
 
 
-def test_a_listening_source_holds_few_clients() -> None:
-    """Of thirty that stay silent, the ones that have been silent longest are sent away for the next."""
-
-    async def use(port: int, __: Connection) -> int:
-        clients = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
-        reads = [asyncio.ensure_future(reader.read(1)) for reader, _ in clients]
-        while sum(one.done() for one in reads) < 30 - MOST_CLIENTS:  # noqa: ASYNC110
-            await asyncio.sleep(0.005)
-        await asyncio.sleep(0.1)
-        ended = [one.done() for one in reads]
-        for one in reads:
-            one.cancel()
-        await asyncio.gather(*reads, return_exceptions=True)
-        for _, writer in clients:
-            writer.close()
-        assert ended == [True] * (30 - MOST_CLIENTS) + [False] * MOST_CLIENTS
-        return sum(ended)
-
-    assert listened(use, lambda _: False)[0] == 30 - MOST_CLIENTS
-
-
-def test_bytes_that_are_nothing_wait_and_are_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What takes long and gives no reading is read with pauses, and the source says so."""
-    # So that a machine that is busy with other work uses the share up as well.
-    monkeypatch.setattr(Allowance, "FRUITLESS", 40.0)
-    found = bytearray()
-
-    def slow(data: bytes) -> bool:
-        found.extend(data)
-        until = time.thread_time() + 0.002
-        while time.thread_time() < until:
-            pass
-        return False
+def test_a_listening_source_holds_one_client() -> None:
+    """Of thirty that stay silent each is sent away for the next."""
 
     async def use(port: int, __: Connection) -> None:
-        _, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(bytes(12 * 1024))
-        while len(found) < 12 * 1024:  # noqa: ASYNC110
-            await asyncio.sleep(0.01)
-        writer.close()
+        clients = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
+        await asyncio.gather(*(reader.read(1) for reader, _ in clients[:-1]), return_exceptions=True)
+        last, _ = clients[-1]
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(last.read(1), 0.1)
+        for _, writer in clients:
+            writer.close()
 
-    assert SLOWED in listened(use, slow)[1]
-    assert bytes(found) == bytes(12 * 1024)
+    assert listened(use, lambda _: False)[2] == 30
+
+
+def test_of_a_flood_the_last_pieces_are_taken() -> None:
+    """What comes too fast waits in bounds; the oldest are dropped and counted, and others have turns."""
+    size = 4 * MOST_WAITING * 1024
+    found: list[bytes] = []
+
+    def slow(data: bytes) -> bool:
+        found.append(data)
+        time.sleep(0.001)
+        return False
+
+    async def use(port: int, connection: Connection) -> tuple[int, int]:
+        _, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(bytes(size) + b"end")
+        turns = 0
+        while not (found and found[-1].endswith(b"end")):
+            await asyncio.sleep(0)
+            turns += 1
+        writer.close()
+        return connection.dropped, turns
+
+    dropped, turns = listened(use, slow)[0]
+    assert turns >= len(found) >= MOST_WAITING
+    assert dropped > 0
+    assert size - dropped * 1024 <= len(b"".join(found)) < size
 
 
 def test_followers_do_not_take_the_whole_page() -> None:
@@ -144,7 +140,7 @@ def test_the_page_is_asked_under_its_own_name(host: bytes, code: int) -> None:
 
 
 def test_the_client_that_gives_readings_is_heard() -> None:
-    """A second one that sends at the same time is not read, and is once the first has gone."""
+    """A second one is sent away, and read once the first has gone."""
     found: list[bytes] = []
 
     def take(data: bytes) -> bool:
@@ -156,18 +152,17 @@ def test_the_client_that_gives_readings_is_heard() -> None:
         first.write(b"reading")
         while not found:  # noqa: ASYNC110
             await asyncio.sleep(0.005)
-        _, second = await asyncio.open_connection("127.0.0.1", port)
-        second.write(b"garbage")
-        while not connection.dropped:  # noqa: ASYNC110
-            await asyncio.sleep(0.005)
-        dropped = connection.dropped
+        refused, writer = await asyncio.open_connection("127.0.0.1", port)
+        assert await refused.read(1) == b""
+        writer.close()
         first.close()
         await asyncio.sleep(0.05)
+        _, second = await asyncio.open_connection("127.0.0.1", port)
         second.write(b"reading of the second")
         while len(found) < 2:  # noqa: ASYNC110
             await asyncio.sleep(0.005)
         second.close()
-        return dropped
+        return connection.dropped
 
     dropped, said, connected = listened(use, take)
     assert found == [b"reading", b"reading of the second"]

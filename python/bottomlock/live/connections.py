@@ -7,7 +7,7 @@ import os
 import socket
 import stat
 import sys
-import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -19,15 +19,14 @@ from bottomlock.support.extras import install
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0
 SHORTEST_SILENCE_S = 5.0
 """A connection is made anew after so long without a byte, or ten periods of its source."""
-SLOWED = "sends more than can be read: it has used up its share of the time"
-SECOND = "a second client sends at the same time: it is not read"
-HELD_S, DROPPING_S = 1.0, 0.01
-"""Where a client has given a reading within `HELD_S`, another is not read: a piece of it in `DROPPING_S` is dropped."""
-MOST_CLIENTS = 8
-"""Connections that a listening source holds; a further one takes the place of that which is silent longest."""
+SECOND = "a second client is sent away: the first gives readings"
+HELD_S = 5.0
+"""A client that has given a reading within this time keeps its place; another is sent away."""
+MOST_WAITING = 256
+"""Pieces of a source that wait for their turn; beyond them the oldest are dropped and counted."""
 _BLOCK = 65_536
 _PIECE = 1024
-"""Bytes that are taken from a socket at once: between two pieces the others have their turn."""
+"""Bytes of a stream that are handed on at once: between two pieces the others have their turn."""
 
 OnData = Callable[[bytes], bool]
 OnState = Callable[[str], None]
@@ -39,77 +38,23 @@ def no_answer(_: bytes) -> bytes:
     return b""
 
 
-class Allowance:
-    """A share of the loop's time for one source, so that it cannot stop the others.
-
-    Bytes that give a reading may take half of the time, others an eighth; both are averaged over about a second.
-    """
-
-    SHARE, FRUITLESS, BURST_S = 0.5, 4.0, 0.5
-
-    def __init__(self) -> None:
-        self._left_s, self._at = self.BURST_S, 0.0
-
-    def wait_s(self, now: float) -> float:
-        """How long nothing may be taken, s; 0 where the share is not used up."""
-        self._left_s = min(self._left_s + self.SHARE * (now - self._at), self.BURST_S)
-        self._at = now
-        return max(-self._left_s, 0.0) / self.SHARE
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether nothing of it is used."""
-        return self._left_s == self.BURST_S
-
-    def spend(self, took_s: float, *, fruitful: bool) -> None:
-        """Counts the time that some bytes took."""
-        self._left_s -= took_s if fruitful else self.FRUITLESS * took_s
-
-
 class _Stream(asyncio.Protocol):
-    """Hands on the bytes of a pipe or serial line; `closed` is done when it ends.
+    """Hands on the bytes of a stream; `closed` is done when it ends."""
 
-    `on_data` says for how long no more may be taken, s.
-    """
-
-    def __init__(self, on_data: Callable[["_Stream", bytes], float]) -> None:
+    def __init__(self, on_data: Callable[["_Stream", bytes], None]) -> None:
         self.closed: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self.transport: Any = None
-        self.heard = asyncio.get_running_loop().time()
         self._on_data = on_data
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self.transport = transport
 
     def data_received(self, data: bytes) -> None:
-        loop = asyncio.get_running_loop()
-        self.heard = loop.time()
-        wait_s = self._on_data(self, data)
-        if wait_s > 0.0:
-            self.transport.pause_reading()
-            loop.call_later(wait_s, self._resume)
-
-    def _resume(self) -> None:
-        if not self.closed.done() and not self.transport.is_closing():
-            self.transport.resume_reading()
+        self._on_data(self, data)
 
     def connection_lost(self, exc: Exception | None) -> None:
         if not self.closed.done():
             self.closed.set_result(words_of(exc) if exc else "closed by the other side")
-
-
-class _Pieces(_Stream, asyncio.BufferedProtocol):
-    """The same of a socket, which is read in small pieces."""
-
-    def __init__(self, on_data: Callable[[_Stream, bytes], float]) -> None:
-        super().__init__(on_data)
-        self._buffer = bytearray(_PIECE)
-
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - asyncio's
-        return self._buffer
-
-    def buffer_updated(self, nbytes: int) -> None:
-        self.data_received(bytes(self._buffer[:nbytes]))
 
 
 class Datagrams(asyncio.DatagramProtocol):
@@ -151,8 +96,7 @@ class Connection:
     Attributes:
         state: what the connection does now, in words.
         attempts: how often it was tried to open.
-        dropped: datagrams and messages beyond the source's share of the time, and pieces of a second client, which
-            were not read.
+        dropped: pieces and datagrams that came faster than they could be taken, and second clients.
     """
 
     def __init__(
@@ -172,12 +116,10 @@ class Connection:
         self.state = "not opened yet"
         self.attempts = 0
         self.dropped = 0
-        self._allowance = Allowance()
-        self._fruitful = False
-        self._unslowed = ""
+        self._waiting: deque[bytes] = deque()
         self._on_data, self._on_connected, self._on_state = on_data, on_connected, on_state
         self._silence_s = max(silence_s, SHORTEST_SILENCE_S)
-        self._heard = 0.0
+        self._heard, self._read = 0.0, -math.inf
 
     def _say(self, state: str) -> None:
         if state != self.state:
@@ -186,37 +128,34 @@ class Connection:
 
     def _take(self, data: bytes) -> None:
         self._heard = asyncio.get_running_loop().time()
-        began = time.thread_time()
-        self._fruitful = self._on_data(data)
-        self._allowance.spend(time.thread_time() - began, fruitful=self._fruitful)
+        if self._on_data(data):
+            self._read = self._heard
 
-    def _take_all(self, _: _Stream, data: bytes) -> float:
+    def _wait(self, data: bytes) -> None:
+        """Lets a piece wait for its turn."""
+        loop = asyncio.get_running_loop()
+        self._heard = loop.time()
+        if not self._waiting:
+            loop.call_soon(self._take_first)
+        elif len(self._waiting) == MOST_WAITING:
+            self._waiting.popleft()
+            self.dropped += 1
+        self._waiting.append(data)
+
+    def _take_first(self) -> None:
+        """Takes the piece that waits longest; the next one after a turn of the loop."""
+        if not self._waiting:  # of a connection before
+            return
+        data = self._waiting.popleft()
+        if self._waiting:
+            asyncio.get_running_loop().call_soon(self._take_first)
         self._take(data)
-        return 0.0
 
-    def _take_within_share(self, stream: _Stream, data: bytes) -> float:
-        """Takes bytes; how long no more may be taken, s."""
+    def _wait_in_pieces(self, stream: _Stream, data: bytes) -> None:
         if answer := self._answers(data):
             stream.transport.write(answer)
-        self._tell_share()
-        self._take(data)
-        return self._tell_share()
-
-    def _take_datagram(self, data: bytes) -> None:
-        if self._tell_share() > 0.0:
-            self.dropped += 1
-        else:
-            self._take(data)
-
-    def _tell_share(self) -> float:
-        """Says where the share is used up, and where all of it is there again; how long nothing may be taken, s."""
-        wait_s = self._allowance.wait_s(time.perf_counter())
-        if wait_s > 0.0 and self.state != SLOWED:
-            self._unslowed = self.state
-            self._say(SLOWED)
-        elif self.state == SLOWED and self._allowance.is_whole:
-            self._say(self._unslowed)
-        return wait_s
+        for begin in range(0, len(data), _PIECE):
+            self._wait(data[begin : begin + _PIECE])
 
     async def run(self) -> None:
         """Opens the source, and again whenever it ends; returns at the end of a file.
@@ -224,6 +163,12 @@ class Connection:
         Raises:
             DataError: for what no further attempt can mend: a library that is not installed.
         """
+        try:
+            await self._keep_open()
+        finally:
+            self._waiting.clear()
+
+    async def _keep_open(self) -> None:
         wait_s = FIRST_WAIT_S
         while True:
             self.attempts += 1
@@ -253,6 +198,9 @@ class Connection:
         return await self._stream()
 
     def _opened(self, words: str) -> None:
+        # A record that was begun before does not go on here.
+        self.dropped += len(self._waiting)
+        self._waiting.clear()
         self._heard = asyncio.get_running_loop().time()
         self._say(words)
         self._on_connected()
@@ -262,12 +210,12 @@ class Connection:
         if address.kind == "serial":
             create = _serial_connection()
             transport, protocol = await create(
-                loop, lambda: _Stream(self._take_within_share), address.path, baudrate=address.baud
+                loop, lambda: _Stream(self._wait_in_pieces), address.path, baudrate=address.baud
             )
         else:
             async with asyncio.timeout(LONGEST_WAIT_S):
                 transport, protocol = await loop.create_connection(
-                    lambda: _Pieces(self._take_within_share), address.host, address.port
+                    lambda: _Stream(self._wait_in_pieces), address.host, address.port
                 )
         self._on_transport(transport)
         self._opened("connected")
@@ -289,7 +237,7 @@ class Connection:
 
     async def _datagrams(self) -> str:
         transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: Datagrams(self._take_datagram, self._answers),
+            lambda: Datagrams(self._wait, self._answers),
             local_addr=(self.address.host, self.address.port),
         )
         self._opened("listening")
@@ -300,36 +248,20 @@ class Connection:
         return "closed"
 
     async def _server(self) -> str:
-        clients: list[_Stream] = []
-        speaker: _Stream | None = None
-        heard = -math.inf
-
-        def take(client: _Stream, data: bytes) -> float:
-            nonlocal speaker, heard
-            now = asyncio.get_running_loop().time()
-            if client is not speaker:
-                if speaker is not None and not speaker.closed.done() and now - heard < HELD_S:
-                    self.dropped += 1
-                    self._say(SECOND)
-                    return DROPPING_S
-                # A record that another client has begun does not go on here; who sends nothing changes nothing.
-                speaker = client
-                if self.state != SLOWED:
-                    self._say("connected")
-                self._on_connected()
-            wait_s = self._take_within_share(client, data)
-            if self._fruitful:
-                heard = now
-            return wait_s
+        present: _Stream | None = None
 
         async def add(client: socket.socket) -> None:
-            _, stream = await asyncio.get_running_loop().connect_accepted_socket(
-                lambda: _Pieces(take), client
-            )
-            clients[:] = [one for one in clients if not one.closed.done()]
-            if len(clients) == MOST_CLIENTS:
-                clients.pop(clients.index(min(clients, key=lambda one: one.heard))).transport.abort()
-            clients.append(stream)
+            nonlocal present
+            loop = asyncio.get_running_loop()
+            if present is not None:
+                if not present.closed.done() and loop.time() - self._read < HELD_S:
+                    client.close()
+                    self.dropped += 1
+                    self._say(SECOND)
+                    return
+                present.transport.abort()
+            _, present = await loop.connect_accepted_socket(lambda: _Stream(self._wait_in_pieces), client)
+            self._opened("connected")
 
         servers = await listen(self.address.host, self.address.port)
         self._say("listening")
@@ -338,8 +270,8 @@ class Connection:
         finally:
             for one in servers:
                 one.close()
-            for stream in clients:
-                stream.transport.abort()
+            if present is not None:
+                present.transport.abort()
         return "closed"
 
     async def _pipe(self) -> str | None:
@@ -349,7 +281,9 @@ class Connection:
         else:
             # Not blocking: a FIFO opens before there is a writer.
             pipe = os.fdopen(os.open(self.address.path, os.O_RDONLY | os.O_NONBLOCK), "rb", 0)
-        transport, protocol = await loop.connect_read_pipe(lambda: _Stream(self._take_all), pipe)
+        transport, protocol = await loop.connect_read_pipe(
+            lambda: _Stream(lambda _, data: self._take(data)), pipe
+        )
         self._opened("connected")
         try:
             why = await protocol.closed

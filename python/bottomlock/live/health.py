@@ -179,11 +179,7 @@ def metrics(shown: dict[str, Any]) -> str:
         ("records", "counter", "Records"),
         ("taken", "counter", "Readings or pings that were taken"),
         ("bytes_dropped", "counter", "Bytes that belonged to no record"),
-        (
-            "pieces_not_read",
-            "counter",
-            "Datagrams beyond the source's share of the time, and pieces of a second client",
-        ),
+        ("pieces_not_read", "counter", "Pieces that came too fast to be taken, and second clients"),
         ("clock_steps", "counter", "Steps of the clock"),
         ("connections", "counter", "Connections"),
     ):
