@@ -51,27 +51,3 @@ def test_results_go_beside_the_log_by_default(root: Path, tmp_path: Path) -> Non
     done = command("fix", beams)
     assert done.returncode == 2
     assert "--geometry is missing" in done.stderr
-
-
-def test_a_column_map(root: Path, tmp_path: Path) -> None:
-    log = root / "data" / "logs" / "robosub" / "night2_dvl.csv"
-    done = command("convert", log, "--init", "--to", tmp_path / "map.toml")
-    assert done.returncode == 0, done.stderr
-    done = command(
-        "convert",
-        log,
-        "--to",
-        tmp_path / "v.parquet",
-        "--columns",
-        tmp_path / "map.toml",
-        "--instrument-only",
-    )
-    assert done.returncode == 0, done.stderr
-    assert "436" in done.stdout
-
-
-def test_no_file_and_a_log_in_place_of_a_case(root: Path) -> None:
-    done = command("replay", "--init")
-    assert (done.returncode, "no file is named" in done.stderr) == (2, True)
-    done = command("replay", root / "data" / "logs" / "robosub" / "night2_imu.csv", "--out", "x")
-    assert (done.returncode, "bottomlock replay --init" in done.stderr) == (2, True)

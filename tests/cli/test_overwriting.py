@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -67,28 +66,16 @@ def test_a_file_is_replaced_with_force_alone(here: Path, words: tuple[str, ...])
     assert pl.read_parquet(here / "f.parquet").height > 0
 
 
-def _by_link(here: Path) -> str:
-    (here / "link.parquet").symlink_to("a.parquet")
-    return "link.parquet"
-
-
-def _by_hard_link(here: Path) -> str:
-    os.link(here / "a.parquet", here / "hard.parquet")
-    return "hard.parquet"
-
-
-@pytest.mark.parametrize("name", [_by_link, _by_hard_link])
-@pytest.mark.parametrize("words", [FIX, LEAVE_OUT], ids=["fix", "leave_out"])
-def test_the_log_is_never_written_over(
-    here: Path, words: tuple[str, ...], name: Callable[[Path], str]
-) -> None:
+def test_the_log_is_never_written_over(here: Path) -> None:
     """By whatever name, and not even with --force."""
-    out = name(here)
+    (here / "link.parquet").symlink_to("a.parquet")
+    os.link(here / "a.parquet", here / "hard.parquet")
     before = contents(here)
-    done = command(*words, out, "--force", cwd=here)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"bottomlock: {out}: is read by this command (a.parquet)")
-    assert contents(here) == before
+    for words, out in ((FIX, "link.parquet"), (LEAVE_OUT, "hard.parquet")):
+        done = command(*words, out, "--force", cwd=here)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"bottomlock: {out}: is read by this command (a.parquet)")
+        assert contents(here) == before
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,6 @@ def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("strait",), "did you mean 'straight'"),
         (("straight", "--format", "nucleus"), "holds 3 beams, the geometry has 4"),
         (("straight", "--faults", "drop=1"), "did you mean 'drops'"),
         (("straight", "--dvl", "tcp:16171"), "did you mean tcpin:HOST:PORT"),
