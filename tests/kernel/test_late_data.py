@@ -78,9 +78,15 @@ def test_any_arrival_ends_in_the_replay(method: Method) -> None:
 
     told: dict[Any, Any] = {}
     ordered = fresh(0)
+    nis = np.full(len(LOG["dvl_time_ns"]), np.nan)
     for event in arrivals(0.0, 1):
-        stand(told, push(ordered, *event))
-    out = replayed(methods=(method,), sample_time_ns=LOG["imu_time_ns"][-1:])
+        reports = push(ordered, *event)
+        stand(told, reports)
+        for report in reports:
+            if report.sensor == "beams" and len(report.residual):
+                nis[np.searchsorted(LOG["dvl_time_ns"], report.time_ns)] = report.nis
+    out: Any = replayed(methods=(method,), sample_time_ns=LOG["imu_time_ns"][-1:])
+    np.testing.assert_array_equal(out["nis"][0], nis)
     for number, latency_s in enumerate((0.3, 0.9)):
         told_late: dict[Any, Any] = {}
         late = fresh(SECOND)
@@ -104,8 +110,10 @@ def test_any_arrival_ends_in_the_replay(method: Method) -> None:
             "velocity_p_mps",
             "accel_bias_p_mps2",
             "gyro_bias_p_radps",
+            "dvl_bias_mps",
         ):
-            np.testing.assert_array_equal(out[key][0, -1], state[key])  # type: ignore[literal-required]
+            np.testing.assert_array_equal(out[key][0, -1], state[key])
+        np.testing.assert_array_equal(out["dvl_scale"][0, -1], state["dvl_scale_factor"])
         np.testing.assert_array_equal(out["sd"][0, -1], np.sqrt(np.diag(late.covariance())))
 
 

@@ -1,4 +1,4 @@
-"""A log through the kernel: streaming, bit for bit; any number of threads; bad rows named."""
+"""A log through the kernel: any number of threads, bad rows named; that it is the streaming one: `test_late_data`."""
 
 from __future__ import annotations
 
@@ -85,50 +85,6 @@ def replayed(log: LogDict = LOG, methods: Sequence[Method] = bottomlock.METHODS,
         sample_time_ns=more.pop("sample_time_ns", np.arange(1, SECONDS + 1) * 1_000_000_000),
         **more,
     )
-
-
-@pytest.mark.parametrize("method", bottomlock.METHODS)
-def test_replay_is_the_streaming_navigator(method: Method) -> None:
-    """The log pushed sample by sample, in order of validity, ends in the replay's state bit for bit, NIS and all."""
-    model = settings.table_2()
-    nav = bottomlock.Navigator(JANUS, model, settings.options(gate="joint"), START, method=method)
-    queue = [(int(t), 0, k) for k, t in enumerate(LOG["imu_time_ns"])]
-    for stream, (name, _) in enumerate(SENSORS, start=1):
-        times: Any = LOG[f"{name}_time_ns"]  # type: ignore[literal-required]
-        queue += [(int(t), stream, k) for k, t in enumerate(times)]
-    log: Any = LOG
-    nis = np.full(len(LOG["dvl_time_ns"]), np.nan)
-    for t, stream, k in sorted(queue):
-        if stream == 0:
-            reports = nav.push_imu(
-                t, omega_p_radps=log["omega_p_radps"][k], force_p_mps2=log["force_p_mps2"][k]
-            )
-        elif stream == 1:
-            y, valid, sd = log["beam_velocity_mps"][k], log["beam_valid"][k], log["beam_sd_mps"][k]
-            reports = nav.push_beams(t, y, valid, sd_mps=sd)
-        elif stream == 2:
-            reports = nav.push_depth(t, log["depth_m"][k], sd_m=model["depth"]["sd_m"])
-        elif stream == 3:
-            reports = nav.push_heading(t, log["heading_rad"][k], sd_rad=model["heading"]["sd_rad"])
-        else:
-            place = log["gps_position_t_m"][k]
-            reports = nav.push_position(t, place, position_sd_m=model["gps"]["position_sd_m"])
-        for report in reports:
-            if report.sensor == "beams" and len(report.residual):
-                nis[np.searchsorted(LOG["dvl_time_ns"], report.time_ns)] = report.nis
-    out, state = replayed(methods=(method,)), nav.state()
-    for key, value in (
-        ("position_t_m", state["position_t_m"]),
-        ("attitude_t_p", state["attitude_t_p"]),
-        ("velocity_p_mps", state["velocity_p_mps"]),
-        ("accel_bias_p_mps2", state["accel_bias_p_mps2"]),
-        ("gyro_bias_p_radps", state["gyro_bias_p_radps"]),
-        ("dvl_bias_mps", state["dvl_bias_mps"]),
-        ("dvl_scale", state["dvl_scale_factor"]),
-        ("sd", np.sqrt(np.diag(nav.covariance()))),
-    ):
-        np.testing.assert_array_equal(out[key][0, -1], value, err_msg=key)  # type: ignore[literal-required]
-    np.testing.assert_array_equal(out["nis"][0], nis)
 
 
 def test_threads_company_and_repeats_change_no_bit() -> None:

@@ -8,7 +8,6 @@ from bottomlock.plant.beam_loss import (
     MarkovDropout,
     Outage,
     ReturnLimits,
-    altitude_loss,
     combine,
     markov_valid,
     replayed,
@@ -27,14 +26,6 @@ def test_limits_cut_near_far_oblique_and_missing() -> None:
     )
     limits = ReturnLimits(min_range_m=0.5, max_range_m=80.0, max_incidence_rad=1.0)
     assert limits.valid(prints).tolist() == [[False, True, False, False, False]]
-
-
-def test_schedule_includes_its_start_and_excludes_its_end() -> None:
-    valid = scheduled(PINGS_NS, 4, [Outage((3, 4), 10.0, 20.0)])
-    assert valid[:, :2].all()
-    assert valid[9].all()
-    assert not valid[10:20, 2:].any()
-    assert valid[20].all()
 
 
 @pytest.mark.parametrize(
@@ -69,35 +60,11 @@ def test_markov_dropout_has_its_means_at_any_ping_rate(period_s: float) -> None:
     assert outage_s == pytest.approx(by_hand, rel=0.05)
 
 
-def test_run_k_alone_equals_run_k_in_the_campaign() -> None:
-    dropouts = [MarkovDropout(10.0, 5.0), None, MarkovDropout(10.0, 5.0), MarkovDropout(30.0, 2.0)]
-    together = markov_valid(PINGS_NS, dropouts, first_run=0, runs=6, **KEYS)
-    alone = markov_valid(PINGS_NS, dropouts, first_run=4, runs=1, **KEYS)
-    assert together.shape == (6, 250, 4)
-    assert (together[4] == alone[0]).all()
-    assert together[:, :, 1].all()
-    assert (together[:, :, 0] != together[:, :, 2]).any()
-    assert (together[0] != together[1]).any()
-
-
 def test_switching_one_beam_off_moves_no_other() -> None:
     dropout = MarkovDropout(10.0, 5.0)
     both = markov_valid(PINGS_NS, [dropout, dropout], first_run=0, runs=2, **KEYS)
     one = markov_valid(PINGS_NS, [None, dropout], first_run=0, runs=2, **KEYS)
     assert (both[:, :, 1] == one[:, :, 1]).all()
-
-
-def test_altitude_loss_takes_all_beams() -> None:
-    valid = altitude_loss(PINGS_NS, 4, MarkovDropout(20.0, 20.0), first_run=0, runs=3, **KEYS)
-    assert (valid.all(axis=2) | (~valid).all(axis=2)).all()
-    assert not valid.all()
-
-
-def test_a_recorded_pattern_is_replayed_and_repeated() -> None:
-    stamps = np.array([100, 101, 102, 103], dtype=np.int64) * 1_000_000_000
-    pattern = np.array([[1, 1], [1, 0], [0, 0], [1, 1]], dtype=bool)
-    valid = replayed(PINGS_NS[:9], stamps, pattern)
-    assert (valid == pattern[np.arange(9) % 4]).all()
 
 
 @pytest.mark.parametrize(

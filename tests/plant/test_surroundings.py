@@ -52,13 +52,6 @@ def test_gps_has_its_fix_where_the_mission_begins_at_the_surface() -> None:
     assert (EPOCHS[heard[0]] == np.array([1, 2]) * 1_000_000_000).all()
 
 
-def test_declination_left_out_is_the_heading_error() -> None:
-    errors = magnetic_heading_error_rad(FIELD, Iron(), _headings(), assumed_declination_rad=0.0)
-    assert errors == pytest.approx(-math.radians(5.0))
-    known = magnetic_heading_error_rad(FIELD, Iron(), _headings(), assumed_declination_rad=math.radians(5.0))
-    assert known == pytest.approx(0.0, abs=1e-12)
-
-
 def test_hard_iron_swings_once_round_the_compass() -> None:
     """A fixed field ahead of h adds h / H sin(magnetic heading) to first order (deviation coefficient B)."""
     level = FIELD.strength_nt * math.cos(FIELD.inclination_rad)

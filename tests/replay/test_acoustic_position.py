@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from bottomlock.kernel import KernelError, Navigator, replay_log
 from bottomlock.replay import rerun
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.reading import read_streams
+from tests.kernel.test_late_data import arrivals, push
 from tests.kernel.test_replay_log import JANUS, LOG, SECONDS, START
 from tests.oracle import acoustic_position as oracle
 from tests.oracle import kalman
@@ -104,46 +106,21 @@ def test_replay_is_push_bit_for_bit() -> None:
                 sample_time_ns=LOG["imu_time_ns"][-1:],
             )  # fmt: skip
             navigator = Navigator(JANUS, model(), options(gate="joint"), START, method=method)
-            pushed = stream_of(navigator, log, fixes, sd if stated else None)
+            pushed: Counter[str] = Counter()
+            # At the same time after the others.
+            events = [*arrivals(0.0, 0), *((int(t), "acoustic_position", k) for k, t in enumerate(times))]
+            for time_ns, name, k in sorted(events, key=lambda event: event[0]):
+                if name == "acoustic_position":
+                    reports = navigator.push_acoustic_position(
+                        time_ns=time_ns, position_t_m=fixes[k], sd_m=sd[k] if stated else None
+                    )
+                else:
+                    reports = push(navigator, time_ns, name, k)
+                pushed.update(report.sensor for report in reports)
             for key in ("position_t_m", "attitude_t_p", "velocity_p_mps"):
                 assert np.array_equal(out[key][0, 0], navigator.state()[key]), (method, stated)
             assert pushed["acoustic_position"] == len(times)
             assert pushed["gps_position"] == len(LOG["gps_time_ns"])
-
-
-def stream_of(navigator: Navigator, log: Any, fixes: Any, sd: Any) -> dict[str, int]:  # noqa: ANN401
-    """Pushes a log event by event; how many reports came by sensor."""
-    names = ("imu", "dvl", "depth", "heading", "gps", "acoustic_position")
-    queue = [
-        (int(t), rank, k) for rank, name in enumerate(names) for k, t in enumerate(log[f"{name}_time_ns"])
-    ]
-    told: dict[str, int] = {}
-    kernel_model = model()
-    for t, rank, k in sorted(queue):
-        match names[rank]:
-            case "imu":
-                reports = navigator.push_imu(
-                    t, omega_p_radps=log["omega_p_radps"][k], force_p_mps2=log["force_p_mps2"][k]
-                )
-            case "dvl":
-                reports = navigator.push_beams(
-                    t, log["beam_velocity_mps"][k], log["beam_valid"][k], sd_mps=log["beam_sd_mps"][k]
-                )
-            case "depth":
-                reports = navigator.push_depth(t, log["depth_m"][k], sd_m=kernel_model["depth"]["sd_m"])
-            case "heading":
-                yaw_sd_rad = kernel_model["heading"]["sd_rad"]
-                reports = navigator.push_heading(t, log["heading_rad"][k], sd_rad=yaw_sd_rad)
-            case "gps":
-                position_sd_m = kernel_model["gps"]["position_sd_m"]
-                reports = navigator.push_position(t, log["gps_position_t_m"][k], position_sd_m=position_sd_m)
-            case _:
-                reports = navigator.push_acoustic_position(
-                    time_ns=t, position_t_m=fixes[k], sd_m=None if sd is None else sd[k]
-                )
-        for report in reports:
-            told[report.sensor] = told.get(report.sensor, 0) + 1
-    return told
 
 
 def test_it_does_not_collide_with_gps() -> None:
