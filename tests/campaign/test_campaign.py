@@ -59,10 +59,12 @@ def test_a_campaign_in_memory_is_that_of_a_folder(tmp_path: Path) -> None:
     assert memory.manifest["scenarios"]["straight"]["seed"] == 7
 
 
-@pytest.mark.usefixtures("small_chunks")
-def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
-    """One thread, two threads, and a campaign broken off after its first chunk and resumed: the same tables."""
+def test_bits_do_not_depend_on_threads_chunks_or_interruption(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One thread, two threads, small chunks, broken off after the first one and resumed: the same tables."""
     run_campaign([short()], tmp_path / "one", threads=1)
+    monkeypatch.setattr(chunks, "CHUNK_STEPS", 1)
     run_campaign([short()], tmp_path / "two", threads=2)
     same_tables(tmp_path / "one", tmp_path / "two")
 
@@ -79,14 +81,6 @@ def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
     same_tables(tmp_path / "one", tmp_path / "broken")
 
 
-def test_chunk_size_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Any cutting gives the same tables."""
-    run_campaign([short()], tmp_path / "whole", threads=1)
-    monkeypatch.setattr(chunks, "CHUNK_STEPS", 1)
-    run_campaign([short()], tmp_path / "single", threads=1)
-    same_tables(tmp_path / "whole", tmp_path / "single")
-
-
 def test_more_runs_extend_fewer(tmp_path: Path) -> None:
     """Run k is run k, however many there are."""
     few = run_campaign([short(3)], tmp_path / "o", threads=1)
@@ -96,15 +90,19 @@ def test_more_runs_extend_fewer(tmp_path: Path) -> None:
 
 
 def test_another_campaign_is_written_over_by_force_alone(tmp_path: Path) -> None:
-    """Another campaign is rejected unless forced; scenarios of one name always."""
+    """Another campaign is rejected unless forced, which leaves what no record names; scenarios of one name always."""
     out = tmp_path / "o"
     run_campaign([short()], out, threads=1)
     before = (out / "runs.parquet").read_bytes()
+    own = [out / "notes.txt", out / "chunks" / "mine.parquet", out / "chunks" / "straight" / "x"]
+    for path in own:
+        path.write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="another configuration"):
         run_campaign([short().with_overrides(seed=1)], out, threads=1)
     assert (out / "runs.parquet").read_bytes() == before
     run_campaign([short().with_overrides(seed=1)], out, threads=1, force=True)
     assert (out / "runs.parquet").read_bytes() != before
+    assert all(path.read_text(encoding="utf-8") == "mine" for path in own)
     with pytest.raises(ScenarioError, match="different names"):
         run_campaign([short(), short()], tmp_path / "p", threads=1)
 

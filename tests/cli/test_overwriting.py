@@ -191,24 +191,6 @@ def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: t
     assert not (here / "o" / edited.name).exists() or edited.read_bytes() != b"with my remarks"
 
 
-def test_force_leaves_what_no_record_names(tmp_path: Path) -> None:
-    """One's own files beside the tables, under chunks and among the figures."""
-    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
-    out = tmp_path / "o"
-    (out / "figures").mkdir()
-    own = [
-        out / "notes.txt",
-        out / "chunks" / "mine.parquet",
-        out / "chunks" / "straight" / "x",
-        out / "figures" / "y",
-    ]
-    for path in own:
-        path.write_text("mine", encoding="utf-8")
-    done = command(*RUN, "--runs", "2", "--seed", "5", "--force", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert all(path.read_text(encoding="utf-8") == "mine" for path in own)
-
-
 @pytest.mark.first_cases(1)
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(

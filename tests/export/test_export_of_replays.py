@@ -113,7 +113,7 @@ def test_evo_reads_tum_and_finds_the_error_of_the_replay(folder: Path, tmp_path:
     np.testing.assert_allclose(found, np.sqrt(np.mean(error**2)), rtol=0.05)
 
 
-def test_kml_without_utc_is_lines_to_the_last_bit(folder: Path) -> None:
+def test_kml_and_geojson_without_utc_are_lines_to_the_last_bit(folder: Path) -> None:
     root = ET.parse(folder / "export/tracks.kml").getroot()
     marks = root.findall("kml:Document/kml:Placemark", KML)
     assert [mark.findtext("kml:name", namespaces=KML) for mark in marks] == TRACKS
@@ -122,9 +122,6 @@ def test_kml_without_utc_is_lines_to_the_last_bit(folder: Path) -> None:
         assert text is not None
         _equal_places(np.array([[float(x) for x in one.split(",")] for one in text.split()]), folder, name)
     assert root.find(".//gx:Track", KML) is None
-
-
-def test_geojson_is_a_line_a_track(folder: Path) -> None:
     content = json.loads((folder / "export/tracks.geojson").read_text(encoding="utf-8"))
     assert [one["properties"]["name"] for one in content["features"]] == TRACKS
     for feature in content["features"]:
@@ -179,35 +176,6 @@ def test_a_reference_without_heights_has_none(tmp_path: Path) -> None:
     placed = ET.fromstring((folder / "tracks.kml").read_text("utf-8")).findall(".//kml:LineString", KML)
     commas = {line.findtext("kml:coordinates", "", KML).split()[0].count(",") for line in placed}
     assert commas == {1, 2}
-
-
-def test_what_a_track_leaves_out_is_said() -> None:
-    """Rows without a position, and a method that is not to be taken."""
-    tables = utc_dive(answer={"method": None, "sentence": "The beams do not fit."})
-    is_last = pl.int_range(pl.len()) == pl.len() - 1
-    columns = [
-        pl.when(is_last).then(None).otherwise(pl.col(name)).alias(name) for name in ("north_m", "east_m")
-    ]
-    tc = tables.samples.filter(pl.col("method") == "tc").with_columns(columns)
-    files = export_files(replace(tables, samples=tc), ("kml", "tum"))
-    words = ET.fromstring(str(files["export/tracks.kml"])).findtext(".//kml:description", namespaces=KML)
-    assert words is not None
-    assert "not the track to take (The beams do not fit.)" in words
-    assert words.endswith("; 1 times without a position are left out")
-    assert words in str(files["export/recorded_tc.tum"]).splitlines()[0]
-
-
-def test_fastkml_reads_the_same_points(tmp_path: Path) -> None:
-    kml = pytest.importorskip("fastkml", reason="fastkml is not installed: pip install fastkml")
-    files = export_files(utc_dive(), FORMATS)
-    (feature,) = json.loads(str(files["export/tracks.geojson"]))["features"]
-    expected = feature["geometry"]["coordinates"]
-    path = tmp_path / "tracks.kml"
-    path.write_text(str(files["export/tracks.kml"]), encoding="utf-8")
-    (mark,) = kml.utils.find_all(kml.KML.parse(path), of_type=kml.Placemark)
-    items = mark.kml_geometry.track_items
-    assert [list(one.coord.coords[0]) for one in items] == expected
-    assert items[1].when.dt.isoformat() == "2026-01-01T00:00:10.200000+00:00"
 
 
 def test_mcap_holds_poses_places_estimates_beams_and_fixes(folder: Path) -> None:
@@ -321,8 +289,6 @@ def test_the_command_exports_a_folder_and_names_mistakes(folder: Path, tmp_path:
     assert done.returncode == 0, done.stderr
     assert (out / "export/tracks.kml").read_bytes() == (folder / "export/tracks.kml").read_bytes()
     for words, told in (
-        ((str(out), "--export", "shp"), "'shp' is no format, expected of kml, geojson, csv, tum, mcap"),
-        ((str(out), "--export", ","), "--export names no format"),
         ((str(out),), "--export"),
         (
             (str(folder.parent / "case.toml"), "--out", str(tmp_path / "new"), "--export", "shp"),

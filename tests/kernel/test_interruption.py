@@ -113,7 +113,8 @@ def test_a_campaign_ends_with_the_signal(tmp_path: Path) -> None:
     assert took_s < 3.0
 
 
-@pytest.mark.parametrize("after_s", [0.0, 0.1, 0.3, 0.6])
+@pytest.mark.first_cases(2)
+@pytest.mark.parametrize("after_s", [0.0, 0.3, 0.1, 0.6])
 def test_a_command_that_starts_ends_without_a_traceback(after_s: float, tmp_path: Path) -> None:
     """Wherever its imports are, once the interpreter has come to the package."""
     log = tmp_path / "stderr.txt"

@@ -1,6 +1,5 @@
 """What the kernel refuses before it begins: work without room, threads without cores, a closed loop out of step."""
 
-import multiprocessing
 import os
 import pickle
 from concurrent.futures import ThreadPoolExecutor
@@ -169,11 +168,6 @@ def test_threads_take_turns_with_a_closed_loop() -> None:
     assert one.results()["error"].shape == (50, 2, len(segments), 9)
 
 
-def refused() -> None:
-    """Something that the kernel refuses, for another process."""
-    kernel.run_batch(**WORK, methods=["tcc"], runs=1, threads=1)
-
-
 def test_the_error_of_the_kernel_is_one_of_the_package() -> None:
     """Under its public name, a ValueError too, and the same one after a journey between processes."""
     assert bottomlock.KernelError is errors.KernelError is KernelError
@@ -181,15 +175,10 @@ def test_the_error_of_the_kernel_is_one_of_the_package() -> None:
     assert issubclass(KernelError, bottomlock.BottomlockError)
     assert issubclass(KernelError, ValueError)
     with pytest.raises(KernelError, match="unknown method 'tcc'") as caught:
-        refused()
+        kernel.run_batch(**WORK, methods=["tcc"], runs=1, threads=1)
     assert type(caught.value) is KernelError
     copy = pickle.loads(pickle.dumps(caught.value))
     assert (type(copy), str(copy)) == (KernelError, str(caught.value))
-    with (
-        multiprocessing.get_context("spawn").Pool(1) as pool,
-        pytest.raises(KernelError, match="unknown method 'tcc'"),
-    ):
-        pool.apply(refused)
 
 
 def test_arrays_of_many_dimensions_are_refused() -> None:

@@ -46,7 +46,8 @@ def test_truth_comes_back_after_250_s() -> None:
 
 @pytest.mark.parametrize(
     ("name", "latitude_deg"),
-    [("straight", 32.8), ("figure_eight", 32.8), ("lawn_mower", 32.8), ("figure_eight", -45.0)],
+    [(name, 32.8) for name in ("straight", "figure_eight", "lawn_mower", "constant_turn")]
+    + [("figure_eight", -45.0)],
 )
 def test_packaged_truth_obeys_the_differential_equation(name: str, latitude_deg: float) -> None:
     """The package's own truths, 40 s of each, through an eighth-order integrator that shares no code with them."""

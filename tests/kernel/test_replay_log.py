@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -141,12 +139,3 @@ def test_missing_keys_and_times_outside_are_named() -> None:
         replayed(log)  # type: ignore[arg-type]
     with pytest.raises(bottomlock.KernelError, match="outside the replay"):
         replayed(sample_time_ns=[99_000_000_000])
-
-
-def test_the_examples_of_the_page_run(root: Path) -> None:
-    """docs/event_loop.md shows whole calls; its own assertions are the test."""
-    text = (root / "docs" / "event_loop.md").read_text(encoding="utf-8")
-    examples = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert len(examples) == 2
-    for example in examples:
-        exec(compile(example, "docs/event_loop.md", "exec"), {})

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import polars as pl
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import Navigator
 from bottomlock.live.config import LiveConfig, parse_config
@@ -19,11 +16,7 @@ from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.pings import PingReader
 from bottomlock.live.runner import Live
-from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.rotation import angles
-from bottomlock.replay import rerun
-from bottomlock.replay.case import load_case
-from bottomlock.replay.reading import read_streams
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_a50
 from tests.live.world import START_NS
@@ -149,129 +142,6 @@ def entries(tmp_path_factory: pytest.TempPathFactory) -> Arrivals:
     return arrivals(dive(), *readings(dive(), 3.0), tmp_path_factory.mktemp("dive"))
 
 
-def parsed(entries: Arrivals, config: LiveConfig) -> Iterator[tuple[int, Any]]:
-    """The readings and pings, by their own times."""
-    own = Engine(config)
-    for _, source, data in entries:
-        yield from ((one.time_ns, one) for one in own.sources[source].reader.feed(data))
-
-
-MOTION = """[filter.motion]
-mean_sd_mps = [0.2, 0.2, 0.2]
-change_sd_mps = [0.11, 0.019, 0.013]
-change_time_s = [43.0, 10.0, 10.0]
-"""
-CASE = """
-name = "aided"
-[origin]
-latitude_deg = 45.0
-gravity = 9.8062
-[imu]
-file = "imu.csv"
-clock = { column = "time_ns", unit = "ns" }
-force = ["fx", "fy", "fz"]
-omega = ["wx", "wy", "wz"]
-[imu.errors]
-accel_bias_mg = 1.0
-gyro_bias_deg_per_h = 20.0
-accel_noise_mps_per_rt_h = 0.09
-gyro_noise_deg_per_rt_h = 0.25
-[dvl]
-file = "beams.csv"
-geometry = "waterlinked_a50"
-beam_noise_mps = 0.008
-clock = { column = "time_ns", unit = "ns" }
-[attitude]
-file = "ahrs.csv"
-clock = { column = "time_ns", unit = "ns" }
-roll = "roll"
-pitch = "pitch"
-yaw = "yaw"
-ATTITUDE
-[start]
-at_s = AT
-level = "attitude"
-heading = "attitude"
-position_sd_m = [1.0, 1.0, 1.0]
-velocity = "given"
-velocity_sd_mps = [0.1, 0.1, 0.1]
-[replay]
-methods = ["tc"]
-smooth = false
-sample_s = 0.02
-"""
-
-
-def write_tables(entries: Arrivals, config: LiveConfig, folder: Path) -> None:
-    """The readings of the same bytes as the tables of a case."""
-    found: dict[type, list[Any]] = {Ping: [], AttitudeReading: [], ImuReading: []}
-    for _, one in sorted(parsed(entries, config), key=lambda pair: pair[0]):
-        found[type(one)].append(one)
-    imu, ahrs, pings = found[ImuReading], found[AttitudeReading], found[Ping]
-
-    def write(name: str, rows: list[Any], columns: tuple[str, ...], values: list[Any]) -> None:
-        times = {"time_ns": np.array([one.time_ns for one in rows])}
-        table = times | dict(zip(columns, np.array(values, dtype=float).T, strict=True))
-        pl.DataFrame(table).fill_nan(None).write_csv(folder / f"{name}.csv")
-
-    force = [(*one.omega_radps, *one.force_mps2) for one in imu]
-    write("imu", imu, ("wx", "wy", "wz", "fx", "fy", "fz"), force)
-    write("ahrs", ahrs, ("roll", "pitch", "yaw"), [angles(np.array(one.attitude_t_s)) for one in ahrs])
-    numbers = range(1, config.instrument().geometry.beams + 1)
-    columns = tuple(f"beam{k}_{what}" for what in ("mps", "valid") for k in numbers)
-    beams = [(*np.where(one.valid, one.velocity_mps, np.nan), *one.valid) for one in pings]
-    write("beams", pings, columns, beams)
-
-
-@pytest.mark.parametrize("aids", ["attitude", "heading"])
-def test_a_replay_of_the_same_readings_says_the_same(tmp_path: Path, aids: str) -> None:
-    """State, 1 sigma and slow error to rounding, of a section with the same keys, mounting and declination included.
-
-    For 15 s every beam is lost, which is when the prior of the motion is used.
-    """
-    flown = dive(5, 40.0)
-    lost = (flown.ping_s > 18.0) & (flown.ping_s < 33.0)
-    flown = replace(flown, beams=np.where(lost[:, None], np.nan, flown.beams))
-    entries = arrivals(flown, *readings(flown, 3.0), tmp_path)
-    section = (
-        f'aids = "{aids}"\nroll_pitch_sd_deg = 0.2\nyaw_sd_deg = 0.3\nroll_pitch_offset_sd_deg = 0.5\n'
-        "yaw_offset_sd_deg = 4.0\nyaw_walk_sd_deg = 1.0\nwalk_time_s = 100.0\n"
-        "mounting_yaw_deg = 2.0\nmounting_roll_deg = 1.0\nyaw_offset_deg = 1.5\n"
-    )
-    given = TEXT[TEXT.index("[attitude]\n") + len("[attitude]\n") : TEXT.index("[start]")]
-    config = made((given, section), ("[start]", MOTION + "[start]"))
-    case = CASE.replace("ATTITUDE", section) + MOTION
-    engine, result = flown_and_replayed(entries, config, case, tmp_path)
-    if aids == "attitude":
-        found = navigator_of(engine).attitude_error()
-        assert found is not None
-        np.testing.assert_allclose(result["attitude_error"][0, -1], found["error_rad"], atol=1e-9)
-
-
-def flown_and_replayed(entries: Arrivals, config: LiveConfig, case: str, folder: Path) -> tuple[Engine, Any]:
-    """The engine and the kernel's results of a replay of the same readings, which end in the same state."""
-    engine = Engine(config)
-    begun = 0
-    for arrival_ns, source, data in entries:
-        engine.arrive(source, arrival_ns, data)
-        begun = begun or engine.estimator.time_ns or 0
-    write_tables(entries, config, folder)
-    first_ns = min(time_ns for time_ns, one in parsed(entries, config) if isinstance(one, ImuReading))
-    (folder / "case.toml").write_text(case.replace("AT", repr((begun - first_ns) * 1e-9), 1))
-    read = load_case(folder / "case.toml")
-    prepared = rerun.prepare(read, read_streams(read))
-    result = rerun.run_methods(read, prepared, None).result
-    assert prepared.alignment.time_ns == begun
-    navigator = navigator_of(engine)
-    state = navigator.state()
-    assert state["time_ns"] == prepared.sample_time_ns[-1]
-    np.testing.assert_allclose(result["position_t_m"][0, -1], state["position_t_m"], atol=1e-9)
-    np.testing.assert_allclose(result["velocity_p_mps"][0, -1], state["velocity_p_mps"], atol=1e-9)
-    np.testing.assert_allclose(result["attitude_t_p"][0, -1], state["attitude_t_p"], atol=1e-9)
-    np.testing.assert_allclose(result["sd"][0, -1], np.sqrt(np.diag(navigator.covariance())), rtol=1e-8)
-    return engine, result
-
-
 def yaw_error_and_sd(engine: Engine, truth_rad: float) -> tuple[float, float]:
     navigator = navigator_of(engine)
     yaw = angles(np.asarray(navigator.state()["attitude_t_p"]))[2]
@@ -365,3 +235,21 @@ def test_a_start_by_the_latest_attitude_that_is_not_after_it(entries: Arrivals, 
         # The accelerometers' bias is a milligee, and the reference's offset of 0.3 degrees is not in it.
         assert np.rad2deg(np.abs(started[:2] - dive().rpy[0, :2])).max() < 0.2
         assert sd[0] == pytest.approx(1.0)
+
+
+def test_a_start_with_the_mounting_and_the_declination_of_the_reference(entries: Arrivals) -> None:
+    """R = Rz(offset) R_sensor R_mounting⁻¹, of the reading by which the same dive starts without them."""
+    keys = "yaw_offset_sd_deg = 4.0\nmounting_yaw_deg = 2.0\nmounting_roll_deg = 1.0\nyaw_offset_deg = 1.5"
+    starts = []
+    for config in (made(), made(("yaw_offset_sd_deg = 4.0", keys))):
+        engine, came = Engine(config), iter(entries)
+        while engine.estimator.time_ns is None:
+            arrival_ns, source, data = next(came)
+            engine.arrive(source, arrival_ns, data)
+        attitude = navigator_of(engine).state()["attitude_t_p"]
+        starts.append(Rotation.from_quat(attitude, scalar_first=True))
+    mounting, north = (
+        Rotation.from_euler("ZYX", [2.0, 0.0, 1.0], degrees=True),
+        Rotation.from_euler("Z", np.deg2rad(1.5)),
+    )
+    assert ((north * starts[0] * mounting.inv()).inv() * starts[1]).magnitude() < 1e-9

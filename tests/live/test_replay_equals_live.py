@@ -103,7 +103,14 @@ def every(dive: Dive) -> dict[str, Flown]:
 
 
 COMMON: Table = {
-    "filter": {"gate_probability": 0.999},
+    "filter": {
+        "gate_probability": 0.999,
+        "motion": {
+            "mean_sd_mps": [0.2] * 3,
+            "change_sd_mps": [0.11, 0.02, 0.01],
+            "change_time_s": [43.0, 10.0, 10.0],
+        },
+    },
     "robust": {"student_t_degrees": 5.0},
     "calibration": {"mounting_sd_deg": 0.5, "clock_sd_s": 0.01},
 }

@@ -32,31 +32,15 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     return judged(write_campaign(tmp_path_factory.mktemp("plain")))
 
 
-@pytest.mark.parametrize(
-    ("claim", "printed"),
-    [
-        ("t1-velocity-ins", 34.0),
-        ("t1-velocity-nsv", 0.05),
-        ("t1-velocity-plcf-improvement", 131.0),
-        ("t1-attitude-ins", 1.4),
-        ("t1-attitude-nsv-improvement", 33.0),
-        ("t1-attitude-vb-improvement", 33.0),
-        ("t2-velocity-ins", 31.8),
-        ("t2-velocity-plcf", 1.2),
-        ("t2-attitude-ins", 1.26),
-        ("t2-attitude-plcf-improvement", 26.0),
-        ("t3-velocity-ins", 36.5),
-        ("t3-velocity-vb", 0.5),
-        ("t3-attitude-ins", 1.29),
-        ("t3-attitude-nsv-improvement", 38.0),
-        ("t3-attitude-nsv-over-tc", 12.0),
-    ],
-)
-def test_every_printed_number_is_there(claim: str, printed: float) -> None:
+def test_every_printed_number_is_there() -> None:
     """All numbers of Section 4.2, and no other numbers."""
-    numbers = {entry.id: entry.printed for entry in PAPER.claim if entry.kind in {"value", "improvement"}}
-    assert numbers[claim] == printed
-    assert len(numbers) == 15
+    assert {one.id: one.printed for one in PAPER.claim if one.kind in {"value", "improvement"}} == {
+        "t1-velocity-ins": 34.0, "t1-velocity-nsv": 0.05, "t1-velocity-plcf-improvement": 131.0,
+        "t1-attitude-ins": 1.4, "t1-attitude-nsv-improvement": 33.0, "t1-attitude-vb-improvement": 33.0,
+        "t2-velocity-ins": 31.8, "t2-velocity-plcf": 1.2, "t2-attitude-ins": 1.26,
+        "t2-attitude-plcf-improvement": 26.0, "t3-velocity-ins": 36.5, "t3-velocity-vb": 0.5,
+        "t3-attitude-ins": 1.29, "t3-attitude-nsv-improvement": 38.0, "t3-attitude-nsv-over-tc": 12.0,
+    }  # fmt: skip
 
 
 def test_the_table_is_as_the_schema_says(plain: pl.DataFrame) -> None:
@@ -102,15 +86,6 @@ def test_a_value_that_rests_on_a_few_runs_is_not_testable(tmp_path: Path) -> Non
     assert row["hi"] > 2.0 * row["lo"]
     assert row["verdict"] == NOT_TESTABLE
     assert "one run of 40 makes" in row["note"]
-
-
-def test_a_note_tells_how_few_runs_scatter_so_far(tmp_path: Path) -> None:
-    """The paper gives no number of runs: with n of them its mean would scatter by one run's spread over √n."""
-    size = sized({("straight", "ins"): 40.0})
-    row = one(write_campaign(tmp_path / "c", size, runs=200, trajectories=STRAIGHT), "t1-velocity-ins")
-    spread = (row["hi"] - row["lo"]) / 3.92 * np.sqrt(200.0)
-    count = float(row["note"].split("an RMS over ")[1].split(" runs")[0])
-    assert 1.96 * spread * np.sqrt(1.0 / count + 1.0 / 200.0) == pytest.approx(6.0, rel=0.15)
 
 
 @pytest.mark.parametrize(
@@ -162,30 +137,6 @@ def test_an_ordering_of_many_stands_or_falls_with_its_worst_pair(tmp_path: Path)
     row = one(write_campaign(tmp_path / "c", size), "t2-velocity-all-better-than-ins")
     assert row["verdict"] == NOT_REPRODUCED
     assert row["note"].startswith("worst is vhv / ins")
-
-
-def test_a_note_tells_what_was_measured(tmp_path: Path) -> None:
-    """Gate, NEES and the setting that the paper leaves open, each only where there is something to say."""
-    folder = write_campaign(tmp_path / "c", sized({("lawn_mower", "vb"): 5.0}), trajectories=LAWN_MOWER)
-    here = (pl.col("trajectory") == "lawn_mower") & (pl.col("method") == "vb")
-    assert one(folder, "t3-velocity-vb")["note"] == (
-        "ours is 10 times the printed value; n_f is 1 here, the paper prints none"
-    )
-    runs = pl.read_parquet(folder / "runs.parquet")
-    runs = runs.with_columns(fixes_rejected=pl.when(here).then(250).otherwise("fixes_rejected"))
-    add_table(folder, "runs.parquet", runs)
-    table = pl.read_parquet(folder / "consistency.parquet")
-    table = table.with_columns(
-        verdict=pl.when(here).then(pl.lit("overconfident")).otherwise("verdict"),
-        mean=pl.when(here).then(4321.0).otherwise("mean"),
-    )
-    add_table(folder, "consistency.parquet", table)
-    note = one(folder, "t3-velocity-vb")["note"]
-    assert "the gate rejects 50 % of the fixes of vb" in note
-    runs = runs.with_columns(fixes_rejected=pl.when(here).then(251).otherwise("fixes_rejected"))
-    add_table(folder, "runs.parquet", runs)
-    assert "the gate rejects most fixes of vb in 40 of 40 runs" in one(folder, "t3-velocity-vb")["note"]
-    assert "the NEES of velocity and attitude of vb is 4320, expected 6" in note
 
 
 @pytest.mark.parametrize(("scale", "verdict"), [(0.5, REPRODUCED), (2.0, NOT_REPRODUCED)])
@@ -341,19 +292,6 @@ def test_few_runs_are_not_an_interval(tmp_path: Path) -> None:
 def test_the_packaged_scenarios_are_the_papers_setup(plain: pl.DataFrame) -> None:
     """The keys under [setup] exist and agree; otherwise everything would be not testable without a sound."""
     assert plain.filter(pl.col("note").str.contains("in the paper"))["claim"].to_list() == []
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("claim = [", "paper.toml: "),
-        ("source = 1", "paper.toml: "),
-        ("[[claim]]\nkind = 'guess'", "paper.toml: "),
-    ],
-)
-def test_a_claims_file_that_makes_no_sense(text: str, message: str) -> None:
-    with pytest.raises(DataError, match=message):
-        parse_paper(text, place="paper.toml")
 
 
 @pytest.mark.parametrize(

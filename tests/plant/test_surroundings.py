@@ -1,7 +1,6 @@
 """GPS at the surface, the magnetometer's heading error, and what pressure makes of depth."""
 
 import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -34,22 +33,6 @@ def test_gps_needs_the_surface_and_time_to_lock() -> None:
     heard = GpsReception(acquire_s=5.0).received(TIME, np.stack([UP, np.full(601, 3.0)]), EPOCHS)
     assert (EPOCHS[heard[0]] == np.arange(25, 40) * 1_000_000_000).all()
     assert not heard[1].any()
-
-
-def test_gps_in_pieces_is_gps_in_one() -> None:
-    reception, cuts = GpsReception(acquire_s=5.0), [0, 1, 150, 223, 250, 251, 600]
-    parts = []
-    for first, last in pairwise(cuts):
-        time = TIME[first : last + 1]
-        within = EPOCHS[(time[0] < EPOCHS) & (time[-1] >= EPOCHS)]
-        parts.append(reception.received(time, UP[None, first : last + 1], within))
-    whole = GpsReception(acquire_s=5.0).received(TIME, UP[None], EPOCHS)
-    assert (np.concatenate(parts, axis=1) == whole).all()
-
-
-def test_gps_has_its_fix_where_the_mission_begins_at_the_surface() -> None:
-    heard = GpsReception(acquire_s=5.0).received(TIME, np.where(TIME < 3_000_000_000, 0.0, 5.0)[None], EPOCHS)
-    assert (EPOCHS[heard[0]] == np.array([1, 2]) * 1_000_000_000).all()
 
 
 def test_hard_iron_swings_once_round_the_compass() -> None:

@@ -22,6 +22,7 @@ from bottomlock.tables.replay import RECORDED
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 from tests.recorded_dives import stpere
+from tests.replay.test_water_track import CASE as WITH_IMU
 
 CASE = """
 name = "no_imu"
@@ -49,17 +50,9 @@ pitch = "pitch"
 yaw = "yaw"
 roll_pitch_sd_deg = 0.3
 yaw_sd_deg = 0.5
-[reference]
-file = "truth.csv"
-clock = { column = "time" }
-north = "north"
-east = "east"
-down = "down"
-velocity_body = ["u", "v", "w"]
-roll = "roll"
-pitch = "pitch"
-yaw = "yaw"
-[start]
+"""
+CASE += WITH_IMU[WITH_IMU.index("[reference]") : WITH_IMU.index("[start]")]
+CASE += """[start]
 at_s = 1.0
 level = "attitude"
 heading = "attitude"
@@ -203,6 +196,9 @@ def test_the_motion_is_the_prior_of_the_filter(case: Case) -> None:
     assert prior.change_sd_mps == tuple(motion.fluctuation_sd_mps)
     assert 0.4 < prior.mean_sd_mps[0] == prior.mean_sd_mps[2] < 0.8
     assert prepared.model.imu.accel_noise_mps_rts == pytest.approx(5.0 * motion.accel_noise_mps_per_rt_s)
+    # The attitude's error changes by its own size in an hour: 0.5 deg/√h; there are no biases.
+    assert np.rad2deg(prepared.model.imu.gyro_noise_rad_rts) == pytest.approx(0.5 / 60.0)
+    assert prepared.model.imu.accel_bias_sd_mps2 == prepared.model.imu.gyro_bias_sd_radps == 0.0
 
 
 def test_a_stated_motion_counts(tmp_path: Path) -> None:

@@ -25,26 +25,13 @@ from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
 from tests.oracle import geodesy
 from tests.oracle.rotations import matrix_from_euler
+from tests.replay.test_replay_case import LEAST
 
-CASE = """
-name = "dive"
-[origin]
-latitude_deg = 32.8
-longitude_deg = 35.0
-[imu]
-file = "imu.csv"
-clock = { column = "t" }
-force = ["ax", "ay", "az"]
-omega = ["wx", "wy", "wz"]
-[imu.errors]
-accel_bias_mg = 0.5
-gyro_bias_deg_per_h = 3.0
-accel_noise_mps_per_rt_h = 0.07
-gyro_noise_deg_per_rt_h = 0.3
-[dvl]
-file = "beams.parquet"
-geometry = "x_janus_20"
-[start]
+CASE = (
+    LEAST[: LEAST.index("[start]")].replace(
+        "[imu]", "[origin]\nlatitude_deg = 32.8\nlongitude_deg = 35.0\n[imu]", 1
+    )
+    + """[start]
 heading = "given"
 heading_deg = 0.0
 heading_sd_deg = 1.0
@@ -55,6 +42,7 @@ level_sd_deg = 1.0
 smooth = false
 methods = ["tc"]
 """
+)
 
 
 def tables(folder: Path, times: list[float] | None = None, **columns: list[float]) -> None:

@@ -21,6 +21,7 @@ from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_csv
 from tests.replay.test_water_track import CASE as WATER_CASE
 from tests.replay.test_water_track import CURRENT, end_m, write
+from tests.replay.undiagnosed import replay_undiagnosed
 
 ADVANCE_M, SLIP_MPS, SLIP_TIME_S, NOISE_MPS = 0.1, 0.02, 5.0, 0.01
 SECTION = """[thrust]
@@ -90,13 +91,14 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
         for name, section in sections.items():
             text = BARE.replace('"tc", "sway_current"', '"tc"')
             path.write_text(text.replace("[reference]", f"{section}[reference]"), encoding="utf-8")
-            result = replay_case(load_case(path))
+            result = replay_undiagnosed(load_case(path))
             last = result.samples.filter(what_if="hidden").tail(1)
             sd = last.select("sd_position_north_m", "sd_position_east_m").to_numpy()
             errors[name].append((end_m(result, "hidden", "tc"), float(np.linalg.norm(sd))))
     return {name: np.array(of) for name, of in errors.items()}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrong", ["20 % too large", "20 % too small"])
 def test_a_wrong_advance_is_no_worse_than_none(ends: dict[str, Floats], wrong: str) -> None:
     """Two of its sigmas off: the minute with the bottom corrects it, to within a quarter of the right one's errors."""
@@ -105,6 +107,7 @@ def test_a_wrong_advance_is_no_worse_than_none(ends: dict[str, Floats], wrong: s
     assert (np.abs(ends_m[wrong] / ends_m["velocity"] - 1.0) < 0.25).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("corrects", "factor", "least", "over_sigma"), [("velocity", 3.0, 1.5, 0.88), ("all", 5.3, 1.9, 1.02)]
 )

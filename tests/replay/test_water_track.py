@@ -21,6 +21,7 @@ from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.tune.parameters import noise_of
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
+from tests.replay.undiagnosed import replay_undiagnosed
 
 CURRENT = np.array([0.25, -0.15, 0.0])
 CASE = """
@@ -131,7 +132,7 @@ def test_the_water_holds_the_position_while_the_bottom_is_hidden(
 ) -> None:
     """140 s without the bottom: an error within 2 sigma, 4 m an axis; without the water it is three times as large."""
     case = load_case(case_file)
-    alone = replay_case(case.model_copy(update={"water_track": None}))
+    alone = replay_undiagnosed(case.model_copy(update={"water_track": None}))
     held = replayed.samples.filter((pl.col("what_if") == "hidden") & (pl.col("method") == "tc")).tail(1)
     sd = held.select("sd_position_north_m", "sd_position_east_m").to_numpy()
     assert (sd < 5.0).all()

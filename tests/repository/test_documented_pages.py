@@ -21,10 +21,20 @@ import pytest
             ],
         ),
         ("compare.md", ["30.0 0.01"]),
+        # Their own assertions are the test.
+        ("event_loop.md", []),
+        ("own_trajectory.md", []),
     ],
 )
-def test_the_page_runs(root: Path, page: str, printed: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """And prints what its comments say."""
+def test_the_page_runs(
+    root: Path,
+    page: str,
+    printed: list[str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """From the root of the repository, where its paths begin; and prints what its comments say."""
+    monkeypatch.chdir(root)
     plt.switch_backend("agg")
     text = (root / "docs" / page).read_text(encoding="utf-8")
     for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):

@@ -99,6 +99,7 @@ class Router:
         client.close()
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize(("autopilot", "kind"), [("ardusub", "VISION_POSITION_DELTA"), ("px4", "ODOMETRY")])
 @pytest.mark.usefixtures("health_port")
 def test_it_navigates_with_what_it_asked_for(tmp_path: Path, autopilot: str, kind: str) -> None:

@@ -1,4 +1,4 @@
-"""Simulated acoustic fixes: their own random streams and scatter, campaign, closed loop, observability, scenarios."""
+"""Simulated acoustic fixes: their own random stream and scatter, observability, scenarios."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.kernel import run_batch, simulate_sensors
+from bottomlock.kernel import simulate_sensors
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.report import scenario_schedule
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
@@ -91,21 +91,6 @@ def test_readings_are_the_campaigns_and_have_their_deviation() -> None:
             fix, np.array(section.transceiver_m), section.noise_m, section.noise_percent_of_range / 100
         )
         assert [row["sd_north_m"], row["sd_east_m"], row["sd_down_m"]] == pytest.approx([sd] * 3)
-
-
-def test_a_campaigns_run_is_the_streaming_navigator() -> None:
-    """Count of fixes and mean NIS of the DVL equal the batch's with acoustic fixes in between."""
-    simulated = simulation(12.0)
-    truth, scenario = simulated.truth(), simulated.scenario
-    key, plan, arrays, kernel_model, kernel_options = kernel_inputs(simulated)
-    assert kernel_options.acoustic_position_lever_p_m == tuple(LEVER)
-    batch = run_batch(
-        simulated.geometry, arrays, kernel_model, kernel_model, kernel_options, plan, ["tc"],
-        seed=scenario.campaign.seed, trajectory_key=key, first_run=2, runs=1, threads=1,
-    )  # fmt: skip
-    readings = Readings(simulated, truth, run=2)
-    fixes = list(readings.fixes("tc", readings.valid, range(len(readings.valid))))
-    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
 
 
 def test_a_section_that_is_not_there_decides_nothing() -> None:

@@ -1,22 +1,16 @@
-"""Outliers among simulated beams: their own random stream, the same bits everywhere, none by default."""
+"""Outliers among simulated beams: their own random stream, none by default, and the noise of the surveys."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
-from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.kernel import run_batch
-from bottomlock.kernel.models import DvlOutlierModel
-from bottomlock.simulation.build import build_simulation, trajectory_key
-from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
-from tests.run_events import Readings
 
 SECONDS = 60.0
 
@@ -54,31 +48,6 @@ def test_outliers_are_a_fraction_of_the_readings_and_shift_no_other() -> None:
     assert outlier.any(axis=0).all()
     assert (found[outlier] == worst[outlier]).all()
     assert np.std(worst - good) == pytest.approx(11 * 0.042, rel=0.2)
-
-
-def test_a_campaigns_run_is_the_streaming_navigator_and_any_partition(tmp_path: Path) -> None:
-    """One run of a batch has the readings of that run alone; threads and chunks change no bit; the claim stays."""
-    simulated = build_simulation(scenario(12.0, outlier_fraction=0.3))
-    truth, settings = simulated.truth(), simulated.scenario
-    key = trajectory_key(settings.name)
-    model: Any = settings.kernel_model(simulated.gravity_mps2)
-    assert model.dvl_outliers == DvlOutlierModel(outlier_fraction=0.3, outlier_factor=10.0)
-    plan, arrays, options = (
-        measurement_schedule(simulated, truth, trajectory_key=key), truth.kernel_arrays(), settings.kernel_options()
-    )  # fmt: skip
-    few: Any = (simulated.geometry, arrays, model, model, options, plan, ["tc"])
-    common: Any = {"seed": settings.campaign.seed, "trajectory_key": key}
-    whole = run_batch(*few, **common, first_run=0, runs=5, threads=2)
-    alone = run_batch(*few, **common, first_run=3, runs=1, threads=1)
-    np.testing.assert_array_equal(whole["error"][3:4], alone["error"])
-    readings = Readings(simulated, truth, run=3)
-    fixes = list(readings.fixes("tc", readings.valid, range(len(readings.valid))))
-    assert np.mean([fix.nis for fix in fixes]) == alone["nis_mean"][0, 0]
-    one, other = (
-        run_campaign([settings.with_overrides(runs=5, methods=["tc"])], tmp_path / name, threads=threads).runs
-        for name, threads in (("one", 1), ("two", 2))
-    )
-    assert one.equals(other)
 
 
 def test_none_by_default_and_the_hash_is_that_of_before() -> None:

@@ -1,4 +1,4 @@
-"""Simulated revolutions: as a literal equation, streams of their own, campaign, closed loop, scenarios."""
+"""Simulated revolutions: as a literal equation, streams as stated, scenarios."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.kernel import run_batch, simulate_sensors
+from bottomlock.kernel import simulate_sensors
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.oracle.rotations import matrix_from_quaternion
-from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 CURRENT = {
@@ -24,13 +23,13 @@ CURRENT = {
 }
 
 
-def simulation(seconds: float = 20.0, *, thrust: bool = True, **keys: Any) -> Simulation:  # noqa: ANN401 - any key
+def simulation(seconds: float = 20.0, **keys: Any) -> Simulation:  # noqa: ANN401 - any key
     """A figure of eight that dives in a current that turns and is sheared, with other sensors on."""
     content = load_scenario("figure_eight").with_trajectory(duration_s=seconds).model_dump(exclude_unset=True)
     content["mission"] = {**content.get("mission", {}), "current": CURRENT}
     content["environment"] = {**content.get("environment", {}), "earth": keys.pop("earth", "tangent_plane")}
     content |= {"depth": {}, "magnetometer": {}, "gps": {"antenna_depth_m": 1e3}}
-    return build_simulation(Scenario.model_validate(content | ({"thrust": keys} if thrust else {})))
+    return build_simulation(Scenario.model_validate(content | {"thrust": keys}))
 
 
 @pytest.mark.parametrize(("earth", "allowed"), [("tangent_plane", 1e-10), ("ellipsoid", 1e-4)])
@@ -58,18 +57,6 @@ def test_they_are_the_literal_equation(earth: str, allowed: float) -> None:
         assert found == pytest.approx(ahead / 0.12, abs=allowed)
 
 
-def test_switching_it_on_shifts_no_other_stream() -> None:
-    off, on = simulation(thrust=False), simulation()
-    truth = off.truth()
-    without, with_it = (sensor_streams(one, truth, run=3) for one in (off, on))
-    assert without["thrust"].height == 0
-    assert with_it["thrust"].columns == ["time_ns", "revolutions_hz"]
-    assert with_it["thrust"].height == 20
-    for name in ("imu", "beams", "depth", "attitude", "gps"):
-        assert without[name].height > 0
-        assert without[name].equals(with_it[name]), name
-
-
 def test_advance_slip_and_noise_are_as_stated() -> None:
     """300 runs: the advance of a run, and what slip and noise are about it, within five standard deviations."""
     simulated = simulation(slip_mps=0.3, slip_time_s=0.01, noise_mps=0.4)
@@ -94,32 +81,19 @@ def test_advance_slip_and_noise_are_as_stated() -> None:
     assert abs(np.mean(np.square(about)) - 1.0) < 5.0 * np.sqrt(2.0 / np.size(about))
 
 
-@pytest.mark.parametrize("method", ["tc", "sway_current"])
-def test_a_campaigns_run_is_the_streaming_navigator(method: str) -> None:
-    simulated = simulation(corrects="all")
-    key, plan, arrays, model, options = kernel_inputs(simulated)
-    common: Any = {
-        "seed": simulated.scenario.campaign.seed, "trajectory_key": key, "first_run": 2, "runs": 1, "threads": 1,
-    }  # fmt: skip
-    batch = run_batch(simulated.geometry, arrays, model, model, options, plan, [method], **common)
-    readings = Readings(simulated, simulated.truth(), run=2)
-    fixes = list(readings.fixes(method, readings.valid, range(len(readings.valid))))
-    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
-    dry: Any = {name: values for name, values in plan.items() if not name.startswith("thrust_")}
-    without = run_batch(simulated.geometry, arrays, model, model, options, dry, [method], **common)
-    assert without["nis_mean"][0, 0] != batch["nis_mean"][0, 0]
-
-
 def test_water_moves_under_a_truth_without_a_vehicle() -> None:
-    """The current stands in [water_track], also where that is off, and then decides the numbers."""
+    """The current stands in [water_track], also where that is off, and then decides the numbers.
+
+    The motion over ground stays, and ahead along the current the water passes the more slowly.
+    """
     content = (
         load_scenario("straight")
         .with_trajectory(duration_s=3.0, source="analytic")
         .model_dump(exclude_unset=True)
     )
 
-    def of(speed_mps: float) -> Scenario:
-        water = {"enabled": False, "current": {"speed_mps": speed_mps}}
+    def of(speed_mps: float, *, enabled: bool = False) -> Scenario:
+        water = {"enabled": enabled, "current": {"speed_mps": speed_mps}}
         return Scenario.model_validate(content | {"thrust": {"error_percent": 0.0}, "water_track": water})
 
     still, moving = (
@@ -130,3 +104,7 @@ def test_water_moves_under_a_truth_without_a_vehicle() -> None:
     per_m = float(still["thrust"]["revolutions_hz"].mean()) / 2.0  # type: ignore[arg-type]
     np.testing.assert_allclose(gap / per_m, 0.3, rtol=0.05)
     assert of(0.0).content_hash() != of(0.3).content_hash()
+    worlds = [build_simulation(of(speed, enabled=True)) for speed in (0.0, 0.3)]
+    np.testing.assert_array_equal(*(world.truth().velocity_p_mps for world in worlds))
+    beams = [sensor_streams(world, world.truth())["beams_water"]["beam1_mps"].to_numpy() for world in worlds]
+    np.testing.assert_allclose(beams[0] - beams[1], 0.3 * worlds[0].geometry.directions_p[0][0], rtol=0.05)

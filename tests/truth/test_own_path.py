@@ -274,14 +274,6 @@ def test_iso_times_and_other_names(tmp_path: File) -> None:
         read_track(tmp_path / "bad.csv", {"time": "stamp", "north_m": "x", "east_m": "y"})
 
 
-def test_the_page_is_code_that_runs(root: File, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its Python, from the root of the repository, where its paths begin."""
-    monkeypatch.chdir(root)
-    page = (root / "docs" / "own_trajectory.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    exec(compile(code, "own_trajectory.md", "exec"), {})
-
-
 def test_two_hundred_metres_of_latitude_are_that(tmp_path: File) -> None:
     """North and east are arcs of the ellipsoid: a minute at 45 degrees is 1852.2 m north, 1314 m east."""
     angles = np.array([0.0, 1.0 / 60.0])
