@@ -51,7 +51,8 @@ import bottomlock
 from bottomlock.errors import BottomlockError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import replay_case
+from bottomlock.tables.replay import ReplayTables
 from tools.first_line_rows import Floats, Row, Truth, absent, local, rows
 
 SIGMAS, OF_RECKONED, OF_DISTANCE, COVERED = 2.5, 1.25, 0.005, 0.85
@@ -105,7 +106,7 @@ def _failed(error: Exception, verdict: str, row: Row) -> dict[str, Any]:
     }
 
 
-def _judged(replayed: ReplayResult, truth: Truth | None, row: Row) -> dict[str, Any]:
+def _judged(replayed: ReplayTables, truth: Truth | None, row: Row) -> dict[str, Any]:
     """The answer of a replay beside the truth."""
     answer, samples = replayed.manifest["answer"], replayed.samples.filter(pl.col("pass") == "forward")
     methods = samples["method"].unique().to_list()

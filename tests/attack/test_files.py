@@ -13,7 +13,8 @@ import pytest
 from bottomlock.errors import BottomlockError
 from bottomlock.files import records
 from bottomlock.replay.report import read_replay
-from bottomlock.replay.run import KIND, TABLES, ReplayResult, write_replay
+from bottomlock.replay.run import KIND, TABLES, write_replay
+from bottomlock.tables.replay import ReplayTables
 
 
 def digest_of(folder: Path) -> str:
@@ -33,7 +34,7 @@ def silent_flips(folder: Path, count: int) -> list[str]:
     part = pl.DataFrame({"run": range(20), "error_m": [0.1 * k for k in range(20)]})
     frames = {name: part.with_columns(table=pl.lit(name)) for name in (*TABLES, "path")}
     manifest = {"kind": KIND, "status": "complete", "configuration_hash": "a" * 64, "wall_time_s": 1.5}
-    write_replay(ReplayResult(**frames, manifest=manifest), folder)
+    write_replay(ReplayTables(**frames, manifest=manifest), folder)
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     expected, rng, silent = digest_of(folder), random.Random(16), []
     for _ in range(count):

@@ -23,8 +23,9 @@ from bottomlock.export.replay import export_of_replay, export_replay
 from bottomlock.files.overwriting import Files
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import has_origin
-from bottomlock.replay.report import ReplayTables, read_replay
+from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import replay_case, write_replay
+from bottomlock.tables.replay import ReplayTables
 from tests.cli.calls import command
 from tests.export.evo_command import ape
 from tests.oracle.rotations import matrix_from_quaternion

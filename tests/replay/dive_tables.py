@@ -8,8 +8,13 @@ import numpy as np
 import polars as pl
 
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.report import ReplayTables
-from bottomlock.tables.replay import REPLAY_RUNS, REPLAY_SAMPLES, innovations_schema, pings_schema
+from bottomlock.tables.replay import (
+    REPLAY_RUNS,
+    REPLAY_SAMPLES,
+    ReplayTables,
+    innovations_schema,
+    pings_schema,
+)
 
 START_NS = 1_767_225_610 * 10**9
 SPIKE_S, SPIKE_MPS = 33.0, 9.25

@@ -12,7 +12,7 @@ import pytest
 
 from bottomlock.replay import rerun
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.run import ReplayResult
+from bottomlock.tables.replay import ReplayTables
 from tests.replay.akit import SECTIONS, akit_case
 from tests.replay.undiagnosed import replay_undiagnosed
 
@@ -42,7 +42,7 @@ def full(data: Path, scratch: Path) -> pl.DataFrame:
 
 
 @cache
-def two_beams(data: Path, scratch: Path, section: int) -> ReplayResult:
+def two_beams(data: Path, scratch: Path, section: int) -> ReplayTables:
     """A section without beams 3 and 4, no noise added."""
     lines = 'smooth = false\nmethods = ["tc", "info", "vb_exact"]'
     return replay_undiagnosed(akit_case(data, scratch, section, asks=("lost_34",), replay=lines))

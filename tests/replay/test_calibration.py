@@ -15,7 +15,8 @@ from bottomlock.replay.calibration import calibration_words, found, write_calibr
 from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import prepare
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import replay_case
+from bottomlock.tables.replay import ReplayTables
 from tests.oracle.rotations import exp_rotation, matrix_from_euler
 
 CASE = Path(__file__).parents[2] / "data" / "logs" / "robosub" / "case.toml"
@@ -32,12 +33,13 @@ def case_of(extra: str = "") -> Case:
 
 
 @pytest.fixture(scope="module")
-def replayed() -> ReplayResult:
+def replayed() -> ReplayTables:
     return replay_case(case_of(OWN))
 
 
-def test_the_table(replayed: ReplayResult) -> None:
+def test_the_table(replayed: ReplayTables) -> None:
     table = replayed.calibration
+    assert table is not None
     assert table["method"].to_list() == ["tc"] * 5 + ["lc"] * 5
     assert table["parameter"].head(5).to_list() == [
         "mounting_forward", "mounting_right", "mounting_down", "clock_offset", "scale",
@@ -48,9 +50,9 @@ def test_the_table(replayed: ReplayResult) -> None:
     assert first.startswith("calibration by tc: mounting forward")
 
 
-def test_without_a_prior_there_is_nothing(replayed: ReplayResult) -> None:
+def test_without_a_prior_there_is_nothing(replayed: ReplayTables) -> None:
     off = replay_case(case_of())
-    assert not off.calibration.height
+    assert off.calibration is None
     assert off.manifest["options"]["calibration"] == {"mounting_sd_rad": (0.0, 0.0, 0.0), "clock_sd_s": 0.0}
     assert replayed.manifest["options"]["calibration"]["clock_sd_s"] == 0.1
     with pytest.raises(ScenarioError, match="no calibration to write"):
@@ -59,13 +61,14 @@ def test_without_a_prior_there_is_nothing(replayed: ReplayResult) -> None:
         )
 
 
-def test_written_and_taken_as_the_prior(replayed: ReplayResult, tmp_path: Path) -> None:
+def test_written_and_taken_as_the_prior(replayed: ReplayTables, tmp_path: Path) -> None:
     """The next replay starts where this one ended: mounting and clock as found, with their deviations."""
     case, path = case_of(OWN), tmp_path / "dvl.toml"
     write_calibration(path, read_geometry(case.dvl.geometry), replayed.calibration, case, force=False)
     plain = case_of()
     again = plain.model_copy(update={"dvl": plain.dvl.model_copy(update={"geometry": str(path)})})
     streams = read_streams(again)
+    assert replayed.calibration is not None
     rows = replayed.calibration.filter(pl.col("method") == "tc")
     value, sd = rows["value"].to_numpy(), rows["sd"].to_numpy()
     late_s = (streams.beams.time_ns - read_streams(case).beams.time_ns) * 1e-9

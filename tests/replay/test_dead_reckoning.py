@@ -23,7 +23,7 @@ from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reckon import attitude_errors
-from bottomlock.replay.run import ReplayResult
+from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_case
 from tests.replay.undiagnosed import replay_undiagnosed
@@ -158,7 +158,7 @@ def dive() -> Dive:
 
 
 @pytest.fixture(scope="module")
-def replayed(dive: Dive, tmp_path_factory: pytest.TempPathFactory) -> ReplayResult:
+def replayed(dive: Dive, tmp_path_factory: pytest.TempPathFactory) -> ReplayTables:
     path = write_case(dive, tmp_path_factory.mktemp("dive"))
     text = path.read_text(encoding="utf-8")
     outage = '[[what_if]]\nname = "dark"\noutages = [{ beams = [1, 2, 3, 4], from_s = 30.0, to_s = 60.0 }]\n'
@@ -166,7 +166,7 @@ def replayed(dive: Dive, tmp_path_factory: pytest.TempPathFactory) -> ReplayResu
     return replay_undiagnosed(load_case(path))
 
 
-def test_it_stands_in_every_table_without_being_named(replayed: ReplayResult) -> None:
+def test_it_stands_in_every_table_without_being_named(replayed: ReplayTables) -> None:
     assert replayed.manifest["methods"] == ["lc", "tc", METHOD]
     for table in (replayed.samples, replayed.runs):
         rows = table.filter(pl.col("method") == METHOD)
@@ -174,7 +174,7 @@ def test_it_stands_in_every_table_without_being_named(replayed: ReplayResult) ->
         assert set(rows["pass"]) == {"forward"}
 
 
-def test_it_follows_the_truth_as_far_as_it_claims(replayed: ReplayResult) -> None:
+def test_it_follows_the_truth_as_far_as_it_claims(replayed: ReplayTables) -> None:
     runs = {
         row["what_if"]: row for row in replayed.runs.filter(pl.col("method") == METHOD).iter_rows(named=True)
     }

@@ -14,8 +14,9 @@ from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import kernel_log, prepare
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import replay_case
 from bottomlock.replay.tune.parameters import noise_of
+from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_csv
 from tests.replay.test_thrust_section import BARE, SLIP_MPS, slipping
@@ -79,7 +80,7 @@ def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def replayed(case_file: Path) -> ReplayResult:
+def replayed(case_file: Path) -> ReplayTables:
     return replay_case(load_case(case_file))
 
 
@@ -116,7 +117,7 @@ def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
     assert tuple(prepared.options.effort_lever_p_m) == (0.1, 0.0, -0.2)
 
 
-def test_the_forces_fit_each_method(replayed: ReplayResult) -> None:
+def test_the_forces_fit_each_method(replayed: ReplayTables) -> None:
     """How the forces fit each method, of three rows a reading, and the current."""
     rows = {row[0]: row[1:] for row in replayed.manifest["effort"]["fixes"]["recorded"]}
     assert set(rows) == {"`tc`", "`sway_current`"}
@@ -127,6 +128,7 @@ def test_the_forces_fit_each_method(replayed: ReplayResult) -> None:
     assert int(beyond) < 0.02 * count
     # The acceleration is a tenth of a second old: 1.16 seen, where chi-squared of as many rows is within 0.16.
     assert abs(float(nis) - 1.0) < 0.2
+    assert replayed.currents is not None
     assert set(replayed.currents["method"]) == {"tc", "sway_current"}
 
 

@@ -9,9 +9,10 @@ import pytest
 
 from bottomlock.replay.case import load_case
 from bottomlock.replay.figures import nis_panel
-from bottomlock.replay.report import Drawing, ReplayTables, dive_of, drawings, read_replay
+from bottomlock.replay.report import Drawing, dive_of, drawings, read_replay
 from bottomlock.replay.run import write_replay
 from bottomlock.statistics.replay import error_norms
+from bottomlock.tables.replay import ReplayTables
 from tests.drawn_points import held, points
 from tests.replay.undiagnosed import replay_undiagnosed
 

@@ -16,9 +16,9 @@ from bottomlock.replay.attitude_inertial import complete_pings, with_persistence
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import replay_case
 from bottomlock.replay.stream_sections import ImuFromAttitude
-from bottomlock.tables.replay import RECORDED
+from bottomlock.tables.replay import RECORDED, ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 from tests.recorded_dives import stpere
@@ -101,18 +101,18 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
 
 
 @pytest.fixture(scope="module")
-def replayed(case: Case) -> ReplayResult:
+def replayed(case: Case) -> ReplayTables:
     return replay_case(case)
 
 
-def row(replayed: ReplayResult, what_if: str, method: str) -> dict[str, float]:
+def row(replayed: ReplayTables, what_if: str, method: str) -> dict[str, float]:
     return replayed.runs.filter((pl.col("what_if") == what_if) & (pl.col("method") == method)).row(
         0, named=True
     )
 
 
 @pytest.mark.parametrize("method", ["lc", "tc", "weak_sway"])
-def test_all_beams(replayed: ReplayResult, method: str) -> None:
+def test_all_beams(replayed: ReplayTables, method: str) -> None:
     """110 m at half a metre per second: within 1 % of the way, and honest about it."""
     found = row(replayed, RECORDED, method)
     assert found["position_rms_over_time_m"] < 0.01 * found["distance_m"]
@@ -120,7 +120,7 @@ def test_all_beams(replayed: ReplayResult, method: str) -> None:
     assert found["fixes_rejected"] == 0
 
 
-def test_partial_beams_are_used(replayed: ReplayResult) -> None:
+def test_partial_beams_are_used(replayed: ReplayTables) -> None:
     """A minute of two beams is better than one of none, with every method; three are as good as four."""
     for method in ("tc", "weak_sway", "sway_current", "consistent"):
         whole, three, two, none = (
@@ -132,7 +132,7 @@ def test_partial_beams_are_used(replayed: ReplayResult) -> None:
     assert row(replayed, "outage", "tc")["position_normalised_rms_over_time"] < 1.5
 
 
-def test_no_finding_compares_the_dvl_with_itself(replayed: ReplayResult) -> None:
+def test_no_finding_compares_the_dvl_with_itself(replayed: ReplayTables) -> None:
     kinds = {one["kind"] for one in replayed.manifest["findings"]}
     assert not kinds & {"gyro_offset", "gyro_unit", "mounting", "axes", "clock", "lever_arm", "scale"}
 

@@ -10,9 +10,9 @@ from bottomlock.recordings.axes import quaternions
 from bottomlock.replay import rerun
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import replay_case
 from bottomlock.statistics.replay import runs_table
-from bottomlock.tables.replay import IMU_FAULTS, SIGMAS
+from bottomlock.tables.replay import IMU_FAULTS, SIGMAS, ReplayTables
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.streaming import stream
@@ -35,7 +35,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
 
 
 @pytest.fixture(scope="module")
-def replayed(case: Case) -> ReplayResult:
+def replayed(case: Case) -> ReplayTables:
     return replay_case(case)
 
 
@@ -66,7 +66,7 @@ def test_readings_come_back_in_si(case: Case) -> None:
     np.testing.assert_allclose(streams.depths.depth_m[::4], true["position_t_m"][:-1:50, 2], atol=1e-9)
 
 
-def test_perfect_readings_navigate_back_to_the_truth(replayed: ReplayResult) -> None:
+def test_perfect_readings_navigate_back_to_the_truth(replayed: ReplayTables) -> None:
     """With all beams the error at the end is centimetres on 120 m, and millimetres per second in velocity."""
     rows = synthetic_dive.rows_of(replayed.runs, what_if="recorded", method="lc")
     assert rows["position_final_m"].to_numpy().max() < 0.15
@@ -74,7 +74,7 @@ def test_perfect_readings_navigate_back_to_the_truth(replayed: ReplayResult) -> 
     np.testing.assert_allclose(rows["distance_m"], 120.0, rtol=1e-3)
 
 
-def test_positions_on_the_earth(replayed: ReplayResult) -> None:
+def test_positions_on_the_earth(replayed: ReplayTables) -> None:
     """Latitude and longitude of the estimate are those of its tangent coordinates, by the book."""
     from tests.oracle import geodesy
 
@@ -116,13 +116,13 @@ def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_repeats_bit_for_bit(case: Case, replayed: ReplayResult, threads: int) -> None:
+def test_repeats_bit_for_bit(case: Case, replayed: ReplayTables, threads: int) -> None:
     again = replay_case(case, threads=threads)
     for name in ("runs", "samples", "innovations", "pings"):
         assert getattr(again, name).equals(getattr(replayed, name)), name
 
 
-def test_coverage_counts_axes_within_sigma(replayed: ReplayResult) -> None:
+def test_coverage_counts_axes_within_sigma(replayed: ReplayTables) -> None:
     """Errors of 0.5, 1.5 and 2.5 σ on the axes: a third is within one, two thirds within two, all within three."""
     factors = {"surge": 0.5, "sway": -1.5, "heave": 2.5}
     samples = replayed.samples.with_columns(

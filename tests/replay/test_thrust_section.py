@@ -15,8 +15,9 @@ from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import kernel_log, prepare
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import replay_case
 from bottomlock.replay.tune.parameters import noise_of, with_values
+from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_csv
 from tests.replay.test_water_track import CASE as WATER_CASE
@@ -70,7 +71,7 @@ def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def replayed(case_file: Path) -> ReplayResult:
+def replayed(case_file: Path) -> ReplayTables:
     return replay_case(load_case(case_file))
 
 
@@ -157,7 +158,8 @@ def test_model_and_option_are_those_of_the_section(case_file: Path) -> None:
     assert prepared.options.thrust == "all"
 
 
-def test_the_revolutions_fit_each_method(replayed: ReplayResult) -> None:
+def test_the_revolutions_fit_each_method(replayed: ReplayTables) -> None:
+    assert replayed.currents is not None
     assert set(replayed.currents["method"]) == {"tc", "sway_current"}
     assert set(replayed.manifest["files"]) == {"imu", "dvl", "thrust", "reference"}
     fixes = replayed.manifest["thrust"]["fixes"]

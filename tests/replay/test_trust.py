@@ -18,8 +18,9 @@ from bottomlock.replay.findings.expected_nis import least_ratio, weight
 from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, answer_of
 from bottomlock.replay.findings.verdict import Innovations, verdict_finding
-from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.run import replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT
+from bottomlock.tables.replay import ReplayTables
 from tests.dive import drawn_dive
 from tests.dive_logs import write_case
 
@@ -93,11 +94,11 @@ def test_nis_of_noise_as_claimed_under_weights(robust: Robust) -> None:
 
 
 @pytest.fixture(scope="module")
-def replayed(tmp_path_factory: pytest.TempPathFactory) -> ReplayResult:
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> ReplayTables:
     return replay_case(load_case(write_case(drawn_dive(21), tmp_path_factory.mktemp("dive"))))
 
 
-def test_a_right_dive_with_student_t_is_in_the_band(replayed: ReplayResult) -> None:
+def test_a_right_dive_with_student_t_is_in_the_band(replayed: ReplayTables) -> None:
     """Its NIS is below the band of Gaussian noise, and not low."""
     rows = replayed.innovations.filter((pl.col("method") == "tc") & pl.col("nis").is_not_null())
     ratio = rows["nis"].to_numpy().mean() / rows["degrees"].to_numpy().mean()

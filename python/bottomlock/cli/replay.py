@@ -25,8 +25,8 @@ from bottomlock.replay.init.make import make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import PAGE
-from bottomlock.replay.run import ReplayResult
 from bottomlock.replay.run_and_report import run_and_report
+from bottomlock.tables.replay import ReplayTables
 
 
 def replay(
@@ -204,10 +204,10 @@ def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequenc
     console.print(f"now: bottomlock replay {out}", highlight=False, soft_wrap=True)
 
 
-def print_results(replayed: ReplayResult) -> None:
+def print_results(replayed: ReplayTables) -> None:
     """Prints whether the replay can be trusted, findings, faults of the clocks, and the tables of each what-if case."""
     manifest = replayed.manifest
-    page = page_of(manifest, replayed.runs, replayed.samples, None)
+    page = page_of(replayed)
     print_headline(page.headline)
     parts = {part.id: part for part in page.parts}
     for name in ("trust", "findings"):

@@ -23,8 +23,8 @@ from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.dive_plots import taken
 from bottomlock.replay.level import level_axes
-from bottomlock.replay.report import ReplayTables, read_replay
-from bottomlock.tables.replay import FORWARD
+from bottomlock.replay.report import read_replay
+from bottomlock.tables.replay import FORWARD, ReplayTables
 
 REFERENCE = "reference"
 
@@ -62,11 +62,11 @@ def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None)
         raise DataError("the replay has no position to export: its start has none")
     groups = list(dict.fromkeys(track.group for track in tracks if track.group))
     fixes = {
-        f"{group}_{method}": _of_case(tables.innovations, group).filter(pl.col("method") == method)
+        f"{group}_{method}": tables.of(group).innovations.filter(method=method)
         for group in groups
         for method in dict.fromkeys(track.method for track in tracks if track.group == group)
     }
-    pings = {group: _of_case(tables.pings, group) for group in groups}
+    pings = {group: tables.of(group).pings for group in groups}
     return Export(manifest["case"], tracks, pings, fixes)
 
 
@@ -82,10 +82,6 @@ def _chosen(methods: Sequence[str], known: Sequence[str]) -> list[str]:
                 "is not in the replay", place=f"'{method}'", expected=f"of {', '.join(known)}"
             )
     return list(dict.fromkeys(methods))
-
-
-def _of_case(table: pl.DataFrame, what_if: str) -> pl.DataFrame:
-    return table.filter(pl.col("what_if") == what_if)
 
 
 def _reference(
@@ -124,7 +120,7 @@ def _estimates(
 ) -> Iterator[ExportTrack]:
     """The passes of a method in a what-if case."""
     manifest = tables.manifest
-    samples = _of_case(tables.samples, what_if).filter(pl.col("method") == method)
+    samples = tables.of(what_if).samples.filter(method=method)
     answer = manifest.get("answer", {})
     for (which,), every in samples.group_by(["pass"], maintain_order=True):
         rows = _placed(every)

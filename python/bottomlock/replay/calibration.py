@@ -55,9 +55,11 @@ def _prior(rerun: Rerun) -> Floats:
     )
 
 
-def calibration_words(table: pl.DataFrame, methods: Sequence[str]) -> list[str]:
+def calibration_words(table: pl.DataFrame | None, methods: Sequence[str]) -> list[str]:
     """The estimates of each method in the recording as it is, a line each, with what was known beforehand."""
-    lines = []
+    lines: list[str] = []
+    if table is None:
+        return lines
     for method in methods:
         rows = table.filter((pl.col("what_if") == RECORDED) & (pl.col("method") == method))
         parts = [
@@ -97,13 +99,14 @@ def writing_method(case: Case, instrument: Instrument) -> str:
     return method
 
 
-def found(instrument: Instrument, table: pl.DataFrame, case: Case) -> Calibrated:
+def found(instrument: Instrument, table: pl.DataFrame | None, case: Case) -> Calibrated:
     """The estimates of the recording as it is together with what the DVL's file says.
 
     Raises:
         ScenarioError: as `writing_method`.
     """
     method = writing_method(case, instrument)
+    assert table is not None  # a case with a prior has the states
     rows = table.filter((pl.col("what_if") == RECORDED) & (pl.col("method") == method))
     value, sd, prior = (rows[name].to_numpy() / _TO_UNITS for name in ("value", "sd", "prior_sd"))
     stated = instrument.stated
@@ -121,7 +124,7 @@ def found(instrument: Instrument, table: pl.DataFrame, case: Case) -> Calibrated
 
 
 def write_calibration(
-    path: Path, instrument: Instrument, table: pl.DataFrame, case: Case, *, force: bool
+    path: Path, instrument: Instrument, table: pl.DataFrame | None, case: Case, *, force: bool
 ) -> None:
     """Writes a copy of the DVL's file with the estimates and their 1 sigma, which a replay takes as its prior.
 

@@ -15,7 +15,7 @@ from bottomlock.pages.plots import Choice, Plots
 from bottomlock.recordings.geodesy import radii_m
 from bottomlock.replay.figures import nis_band, nis_ratios
 from bottomlock.replay.findings.against_reckoning import TRUSTED
-from bottomlock.tables.replay import FORWARD, SMOOTHED
+from bottomlock.tables.replay import FORWARD, SMOOTHED, ReplayTables
 
 REFERENCE = "reference"
 REFERENCE_COLOUR = "#8b949e"
@@ -118,56 +118,37 @@ def lost_beams(pings: pl.DataFrame, time_ns: Times) -> Floats:
     return most
 
 
-def plots_of(
-    manifest: Mapping[str, Any],
-    samples: pl.DataFrame,
-    innovations: pl.DataFrame,
-    pings: pl.DataFrame,
-    path: pl.DataFrame | None,
-    currents: pl.DataFrame | None,
-    *,
-    methods: Mapping[str, Sequence[str]],
-    least_ratio: float,
-) -> Plots:
+def plots_of(tables: ReplayTables, *, methods: Mapping[str, Sequence[str]], least_ratio: float) -> Plots:
     """Every view of a dive.
 
     Args:
-        manifest: of the replay.
-        samples, innovations, pings, path, currents: its tables.
+        tables: of the replay.
         methods: to choose from, by what-if case.
         least_ratio: of NIS and its degrees, which noise as claimed leads to.
     """
-    start_ns = int(samples["time_ns"].min())  # type: ignore[arg-type]
+    manifest = tables.manifest
+    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     first = taken(manifest)
     cases = [name for name, _ in manifest["what_if"]]
     shown = list(dict.fromkeys([first, *(method for case in cases for method in methods[case])]))
-    smoothed = _smoothed(samples, first)
+    smoothed = _smoothed(tables.samples, first)
     views: dict[tuple[str, ...], View] = {}
     for case in cases:
-        own = {
-            name: table.filter(pl.col("what_if") == case)
-            for name, table in (
-                ("samples", samples),
-                ("innovations", innovations),
-                ("pings", pings),
-                ("currents", currents),
-            )
-            if table is not None
-        }
-        tracks = tracks_of(own["samples"], [*shown, DEAD_RECKONING])
-        reference = reference_track(path, own["samples"])
+        own = tables.of(case)
+        tracks = tracks_of(own.samples, [*shown, DEAD_RECKONING])
+        reference = reference_track(own.path, own.samples)
         frame = framed(tracks, reference, first)
-        beams = beams_panel(own["pings"])
-        lost = lost_beams(own["pings"], next(iter(tracks.values())).time_ns)
+        beams = beams_panel(own.pings)
+        lost = lost_beams(own.pings, next(iter(tracks.values())).time_ns)
         for method, which in [*((one, FORWARD) for one in shown), *((one, SMOOTHED) for one in smoothed)]:
             panels = [
-                *state_panels(own["samples"], method, which),
+                *state_panels(own.samples, method, which),
                 beams,
-                *nis_panels(own["innovations"], method, least_ratio),
-                *current_panels(own.get("currents"), method),
+                *nis_panels(own.innovations, method, least_ratio),
+                *current_panels(own.currents, method),
             ]
             ways = [
-                *tracks_of(own["samples"], [method], which).values(),
+                *tracks_of(own.samples, [method], which).values(),
                 *(tracks[one] for one in (DEAD_RECKONING,) if one in tracks and one != method),
             ]
             ways[0] = _with_lost(ways[0], lost)

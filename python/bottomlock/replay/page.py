@@ -14,7 +14,7 @@ from bottomlock.pages.pieces import glossaries, json_part, title_of
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.statistics.replay import summary_table, track_table
-from bottomlock.tables.replay import FORWARD
+from bottomlock.tables.replay import FORWARD, ReplayTables
 
 _ERRORS = {
     "End, m": "position_final_m",
@@ -63,24 +63,16 @@ class Shown:
     folded: bool = False
 
 
-def page_of(
-    manifest: Mapping[str, Any],
-    runs: pl.DataFrame,
-    samples: pl.DataFrame,
-    calibration: pl.DataFrame | None,
-    figures: Sequence[Shown] = (),
-    plots: Plots | None = None,
-) -> Page:
+def page_of(tables: ReplayTables, figures: Sequence[Shown] = (), plots: Plots | None = None) -> Page:
     """A finished replay as a page, with its figures where there are any.
 
     Args:
-        manifest: of the replay.
-        runs, samples, calibration: its tables.
-        figures: drawn from its tables.
+        tables: of the replay.
+        figures: drawn from them.
         plots: what the reader can look into.
     """
-    summary, tracks = summary_table(runs), track_table(samples)
-    answer = manifest.get("answer")
+    summary, tracks = summary_table(tables.runs), track_table(tables.samples)
+    manifest, answer = tables.manifest, tables.manifest.get("answer")
     parts = [
         *([_trust(answer)] if answer else []),
         *([_dive(manifest, figures, plots)] if plots else []),
@@ -90,7 +82,7 @@ def page_of(
         Part("beams", "Which beams returned", [one.picture for one in figures if one.name == VALIDITY]),
         *([_water(manifest)] if "water_track" in manifest else []),
         *(_driven(manifest, section) for section in DRIVEN if section in manifest),
-        *([_calibration(calibration)] if calibration is not None else []),
+        *([_calibration(tables.calibration)] if tables.calibration is not None else []),
         Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
         _clocks(manifest),
         json_part("manifest", "Manifest", "manifest.json", manifest),

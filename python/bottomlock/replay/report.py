@@ -41,25 +41,11 @@ from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.replay.map_figure import Map, map_figure, scale_words, shown_frame
 from bottomlock.replay.page import TIMELINE, VALIDITY, Shown, featured_in, page_of
 from bottomlock.statistics.replay import summary_table
-from bottomlock.tables.replay import FORWARD, SMOOTHED
+from bottomlock.tables.replay import FORWARD, SMOOTHED, ReplayTables
 
 PAGE = "report.html"
 BEAM_ROWS = ("tc", "sway_current", "consistent")
 """Methods whose innovations are of single beams; the first of them that was run is drawn."""
-
-
-@dataclass(frozen=True, eq=False)
-class ReplayTables:
-    """The files of a finished replay."""
-
-    manifest: dict[str, Any]
-    runs: pl.DataFrame
-    samples: pl.DataFrame
-    innovations: pl.DataFrame
-    pings: pl.DataFrame
-    path: pl.DataFrame | None
-    calibration: pl.DataFrame | None
-    currents: pl.DataFrame | None = None
 
 
 @dataclass(frozen=True)
@@ -170,18 +156,14 @@ def report_files(tables: ReplayTables) -> Files:
         kind = "wide" if drawing.figure.get_figwidth() > WIDTH_IN or drawing.name == first_map else ""
         picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
         figures.append(Shown(drawing.name, picture, drawing.what_if, drawing.folded))
-    page = page_of(tables.manifest, tables.runs, tables.samples, tables.calibration, figures, plots)
-    return files | {PAGE: html(explained(page))}
+    return files | {PAGE: html(explained(page_of(tables, figures, plots)))}
 
 
 def dive_of(tables: ReplayTables) -> Plots:
     """The dive to look into, with the methods that the figures show."""
     summary, manifest = summary_table(tables.runs), tables.manifest
-    return plots_of(
-        manifest, tables.samples, tables.innovations, tables.pings, tables.path, tables.currents,
-        methods={name: featured_in(manifest, summary, name) for name, _ in manifest["what_if"]},
-        least_ratio=least_ratio_of(manifest),
-    )  # fmt: skip
+    methods = {name: featured_in(manifest, summary, name) for name, _ in manifest["what_if"]}
+    return plots_of(tables, methods=methods, least_ratio=least_ratio_of(manifest))
 
 
 def least_ratio_of(manifest: dict[str, Any]) -> float:
@@ -205,22 +187,20 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
     for what_if, _ in manifest["what_if"]:
         shown = featured_in(manifest, summary_table(tables.runs), what_if)
         found += _of_methods(tables, plots, what_if, shown, tail)
-        innovations = tables.innovations.filter(pl.col("what_if") == what_if)
+        own = tables.of(what_if)
         method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
         if method is not None:
             title = f"{_title(tables, what_if)}{tail}, method {method}"
-            drawn = innovation_figure(innovations, start_ns, method=method, title=title)
+            drawn = innovation_figure(own.innovations, start_ns, method=method, title=title)
             caption = (
                 f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma; hollow: rejected."
             )
             found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
-        if tables.currents is not None:
-            rows = tables.currents.filter(pl.col("what_if") == what_if)
-            panels = [panel for method in shown for panel in current_panels(rows, method)]
-            if panels:
-                drawn = _stacked(panels, plots, f"{_title(tables, what_if)}{tail}")
-                caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
-                found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
+        panels = [panel for method in shown for panel in current_panels(own.currents, method)]
+        if panels:
+            drawn = _stacked(panels, plots, f"{_title(tables, what_if)}{tail}")
+            caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
+            found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
         if len(shown) < len(manifest["methods"]):
             found += _of_methods(tables, plots, what_if, manifest["methods"], tail, folded=True)
     return found
@@ -238,10 +218,7 @@ def _timeline(manifest: dict[str, Any], plots: Plots, tail: str) -> Drawing:
 
 def _validity(tables: ReplayTables, plots: Plots, tail: str) -> Drawing:
     """Which beams were valid, a panel for each what-if case."""
-    panels = [
-        beams_panel(tables.pings.filter(pl.col("what_if") == case), case)
-        for case, _ in tables.manifest["what_if"]
-    ]
+    panels = [beams_panel(tables.of(case).pings, case) for case, _ in tables.manifest["what_if"]]
     caption = f"Beams given to the filters: a line where a beam is valid{tail}."
     return Drawing(VALIDITY, caption, _stacked(panels, plots, tables.manifest["case"].replace("_", " ")))
 
@@ -258,10 +235,7 @@ def _of_methods(
     tables: ReplayTables, plots: Plots, what_if: str, methods: list[str], tail: str, *, folded: bool = False
 ) -> list[Drawing]:
     """Map, errors of each pass and NIS of some methods in one what-if case."""
-    manifest, found = tables.manifest, []
-    samples, innovations = (
-        table.filter(pl.col("what_if") == what_if) for table in (tables.samples, tables.innovations)
-    )
+    manifest, found, own = tables.manifest, [], tables.of(what_if)
     title, end = f"{_title(tables, what_if)}{tail}", "_all_methods" if folded else ""
 
     def add(name: str, caption: str, figure: Figure) -> None:
@@ -271,38 +245,40 @@ def _of_methods(
     figure = map_figure(shown, title=title)
     caption = f"Plan view{tail}"
     caption += "; broad grey: the reference" if shown.reference is not None else ""
-    caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
+    caption += "; dotted: smoothed" if (own.samples["pass"] == SMOOTHED).any() else ""
     caption += f"; ellipses: 2 sigma of north and east of {' and '.join(shown.claims)}"
     frame = shown_frame(figure)
     caption += _cut_words(shown.tracks, [one for one, way in shown.tracks.items() if not holds(frame, way)])
     add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in (FORWARD, SMOOTHED):
-        if manifest["has_reference"] and (samples["pass"] == name).any():
-            drawn = _stacked(error_panels(samples, methods, name), plots, f"{title}, {name}")
+        if manifest["has_reference"] and (own.samples["pass"] == name).any():
+            drawn = _stacked(error_panels(own.samples, methods, name), plots, f"{title}, {name}")
             caption = (
                 f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
             )
             add(f"errors_{name}", caption, drawn)
     caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
-    nis = nis_panel(innovations, methods, least_ratio_of(manifest))
+    nis = nis_panel(own.innovations, methods, least_ratio_of(manifest))
     add("nis", caption, _stacked([nis], plots, title))
     return found
 
 
 def map_of(tables: ReplayTables, what_if: str, methods: Sequence[str]) -> Map:
     """The map of a what-if case with methods, the track to take and dead reckoning."""
-    manifest, samples = tables.manifest, tables.samples.filter(pl.col("what_if") == what_if)
+    manifest, own = tables.manifest, tables.of(what_if)
     first = taken(manifest)
     wanted = [*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])]
-    tracks, reference = tracks_of(samples, list(dict.fromkeys(wanted))), reference_track(tables.path, samples)
-    pings = tables.pings.filter(pl.col("what_if") == what_if)
+    tracks, reference = (
+        tracks_of(own.samples, list(dict.fromkeys(wanted))),
+        reference_track(own.path, own.samples),
+    )
     return Map(
         tracks,
-        tracks_of(samples, methods, SMOOTHED),
+        tracks_of(own.samples, methods, SMOOTHED),
         reference,
         framed(tracks, reference, first),
         claims=[one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks],
-        lost=(tracks[first], lost_beams(pings, tracks[first].time_ns)),
+        lost=(tracks[first], lost_beams(own.pings, tracks[first].time_ns)),
     )
 
 

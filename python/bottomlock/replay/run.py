@@ -4,7 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from bottomlock.replay.reckon import measured, reckon
 from bottomlock.replay.streams import Streams
 from bottomlock.replay.through_water import currents_table, fix_words
 from bottomlock.statistics.replay import runs_table
-from bottomlock.tables.replay import RECORDED
+from bottomlock.tables.replay import RECORDED, ReplayTables
 from bottomlock.tables.versions import library_versions
 
 MANIFEST = "manifest.json"
@@ -50,27 +50,13 @@ NAMED = 10
 """Rejected inertial readings that the manifest and the page name."""
 
 
-@dataclass(frozen=True, eq=False)
-class ReplayResult:
-    """Tables and manifest of a replay."""
-
-    runs: pl.DataFrame
-    samples: pl.DataFrame
-    innovations: pl.DataFrame
-    pings: pl.DataFrame
-    path: pl.DataFrame | None
-    manifest: dict[str, Any]
-    calibration: pl.DataFrame = field(default_factory=pl.DataFrame)
-    currents: pl.DataFrame = field(default_factory=pl.DataFrame)
-
-
 def replay_case(
     case: Case,
     *,
     threads: int = 1,
     progress: Callable[[int], None] = lambda _: None,
     streams: Streams | None = None,
-) -> ReplayResult:
+) -> ReplayTables:
     """Runs every method of a case for every what-if case, and makes the tables.
 
     Args:
@@ -115,7 +101,7 @@ def replay_case(
     path = compare.path_table(streams)
     first = _first(tables)
     diagnosis = diagnose(case, prepared, first["samples"], first["innovations"])
-    return ReplayResult(
+    return ReplayTables(
         runs=runs_table(
             tables["samples"],
             tables["innovations"],
@@ -125,8 +111,8 @@ def replay_case(
             prepared.alignment.time_ns,
         ),
         path=path,
-        calibration=pl.concat(parts[CALIBRATION]),
-        currents=pl.concat(parts[CURRENTS]),
+        calibration=_joined(parts[CALIBRATION]),
+        currents=_joined(parts[CURRENTS]),
         manifest=manifest_of(
             case,
             streams,
@@ -144,6 +130,12 @@ def replay_case(
         },
         **tables,
     )
+
+
+def _joined(parts: list[pl.DataFrame]) -> pl.DataFrame | None:
+    """The parts as one table; None without a row."""
+    table = pl.concat(parts)
+    return table if table.height else None
 
 
 def _through_water(streams: Streams, fixes: Mapping[str, Any]) -> dict[str, Any]:
@@ -316,7 +308,7 @@ def _check_owner(out: Path, configuration: str, *, force: bool) -> bool:
     return other
 
 
-def write_replay(replayed: ReplayResult, out: str | Path) -> None:
+def write_replay(replayed: ReplayTables, out: str | Path) -> None:
     """Writes the tables and, last, the manifest, which is their record; each file is written atomically.
 
     Raises:
@@ -326,14 +318,12 @@ def write_replay(replayed: ReplayResult, out: str | Path) -> None:
     out = Path(out)
     begun = {key: replayed.manifest[key] for key in ("kind", "configuration_hash")}
     write_record(out / MANIFEST, begun | {"status": "running"}, {})
-    tables = {name: getattr(replayed, name) for name in TABLES}
-    if replayed.path is not None:
-        tables["reference"] = replayed.path
-    for name in (CALIBRATION, CURRENTS):
-        if getattr(replayed, name).height:
-            tables[name] = getattr(replayed, name)
+    tables = {name: getattr(replayed, name) for name in TABLES} | {"reference": replayed.path}
+    tables |= {name: getattr(replayed, name) for name in (CALIBRATION, CURRENTS)}
     digests = {
-        f"{name}.parquet": write_parquet(out / f"{name}.parquet", table) for name, table in tables.items()
+        f"{name}.parquet": write_parquet(out / f"{name}.parquet", table)
+        for name, table in tables.items()
+        if table is not None
     }
     # Of an earlier replay of the case, which may have had a calibration, currents or a reference.
     remove_named(out, set(_FILES) - digests.keys())

@@ -6,7 +6,8 @@ from pathlib import Path
 from bottomlock.files.overwriting import remove_outdated
 from bottomlock.replay.case import Case
 from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import ReplayResult, open_folder, replay_case, write_replay
+from bottomlock.replay.run import open_folder, replay_case, write_replay
+from bottomlock.tables.replay import ReplayTables
 
 
 def run_and_report(
@@ -17,7 +18,7 @@ def run_and_report(
     threads: int = 0,
     force: bool = False,
     progress: Callable[[int], None] = lambda _: None,
-) -> ReplayResult:
+) -> ReplayTables:
     """Replays a case, and writes tables, page and figures to a folder.
 
     Args:

@@ -196,14 +196,13 @@ class Replay:
     ) -> "Axes":
         """NIS over its degrees of freedom, sliding mean, with the 95 % band of a consistent filter; as `plot_map`."""
         case = self._case(what_if)
-        rows = self.innovations.filter(pl.col("what_if") == case)
+        rows = self.tables.of(case).innovations
         return self._panel(nis_panel(rows, self._drawn(case, methods), least_ratio_of(self.manifest)), axes)
 
     def plot_beams(self, what_if: str | None = None, *, axes: "Axes | None" = None) -> "Axes":
         """Which beams were valid against time in a what-if case; as `plot_map`."""
         case = self._case(what_if)
-        rows = self.pings.filter(pl.col("what_if") == case)
-        return self._panel(beams_panel(rows, case), axes)
+        return self._panel(beams_panel(self.tables.of(case).pings, case), axes)
 
     @cached_property
     def _start_ns(self) -> int:
@@ -227,7 +226,7 @@ class Replay:
     def _states(self, method: str | None, what_if: str | None, which: str) -> tuple[pl.DataFrame, str, str]:
         """The samples of a what-if case, the method, and the pass."""
         method = self.method if method is None else _known("method", method, self.methods)
-        samples = self.samples.filter(pl.col("what_if") == self._case(what_if))
+        samples = self.tables.of(self._case(what_if)).samples
         there = samples.filter(pl.col("method") == method)["pass"].unique()
         _known("which", which, [one for one in (FORWARD, SMOOTHED) if one in there])
         return samples, method, which

@@ -1,6 +1,8 @@
 """Tables of a replay: column names, types, meanings."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import polars as pl
 
@@ -171,3 +173,23 @@ SCORES: Mapping[str, pl.DataType] = {
 median, RMS and 95th percentile of the error, the median of its claimed standard deviation, error/σ: RMS and 1.4826 ×
 median, and the fraction of errors within the intervals that a Gaussian covers with 68.3, 95.4 and 99.7 %: 1, 2 and 3
 sigma, or their half-widths by the measured tail."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayTables:
+    """Tables and manifest of a replay; None for those that it does not have."""
+
+    manifest: dict[str, Any]
+    runs: pl.DataFrame
+    samples: pl.DataFrame
+    innovations: pl.DataFrame
+    pings: pl.DataFrame
+    path: pl.DataFrame | None = None
+    calibration: pl.DataFrame | None = None
+    currents: pl.DataFrame | None = None
+
+    def of(self, what_if: str) -> "ReplayTables":
+        """The rows of one what-if case; the path is that of all."""
+        names = ("runs", "samples", "innovations", "pings", "calibration", "currents")
+        tables = {name: table for name in names if (table := getattr(self, name)) is not None}
+        return replace(self, **{name: table.filter(what_if=what_if) for name, table in tables.items()})
