@@ -116,7 +116,7 @@ def test_bad_logs_are_refused(tmp_path: Path, columns: dict[str, list[object]], 
 
 
 def test_bad_neighbours_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="row 1: column 'time_ns' is 0 ns, expected more than in row 0"):
+    with pytest.raises(DataError, match="row 1: column 'time_ns' is 0 ns and repeats the time of row 0"):
         read_depths(write(tmp_path / "depth.csv", time_ns=[0, 0], depth_m=[1.0, 2.0]))
     with pytest.raises(DataError, match="column 'force_x_mps2' is missing"):
         read_inertial(write(tmp_path / "imu.csv", time_ns=[0, 1]))

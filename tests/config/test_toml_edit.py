@@ -66,14 +66,6 @@ def test_braces_on_one_line_are_edited() -> None:
     assert again == '[imu]\nclock = { column = "t", offset_s = 0.25 }  # r\n'
 
 
-@pytest.mark.parametrize("quote", ['"', "'"])
-def test_texts_are_replaced(quote: str) -> None:
-    """A file's name in either quotes."""
-    text = f"[dvl]\ngeometry = {quote}dvl.toml{quote}  # of the yard\n"
-    again = edited(text, {"dvl.geometry": "own.toml"}, {"dvl.geometry": "tuned: it"}, place="case")
-    assert again == '[dvl]\ngeometry = "own.toml"  # tuned: it | of the yard\n'
-
-
 @pytest.mark.parametrize(
     "text", ["[imu]\nerrors = { noise = 0.5, of = { a = 1 } }\n", '[imu.errors]\n"noise" = 0.5\n']
 )

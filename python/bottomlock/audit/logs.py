@@ -11,8 +11,15 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beams import LEAST_READING_NS, Columns, beam_flags, times_as_they_stand
-from bottomlock.io.columns import column_numbers, read_rows
+from bottomlock.io.beams import (
+    LEAST_READING_NS,
+    Columns,
+    beam_flags,
+    read_flags,
+    read_times,
+    times_as_they_stand,
+)
+from bottomlock.io.columns import check_valid, column_numbers, read_rows
 from bottomlock.recordings.streams import Depths, Inertial
 
 AXES = ("x", "y", "z")
@@ -89,19 +96,6 @@ def numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.float64]:
     return column_numbers(table, name, place, words=True)
 
 
-def _flags(table: pl.DataFrame, name: str, place: str) -> NDArray[np.bool_]:
-    flags = numbers(table, name, place)
-    wrong = np.flatnonzero((flags != 0.0) & (flags != 1.0))
-    if wrong.size:
-        raise DataError(
-            f"is {flags[wrong[0]]:g}",
-            place=f"{place}: row {wrong[0]}",
-            key=f"column '{name}'",
-            expected="0, 1, true or false",
-        )
-    return np.asarray(flags == 1.0)
-
-
 def _filled(table: pl.DataFrame, name: str) -> bool:
     """The column is there and holds something."""
     return name in table.columns and table[name].null_count() < table.height
@@ -145,20 +139,12 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     if mapped and chosen.valid is None:
         valid = beam_flags(table, flags, velocity, chosen, place)
     else:
-        valid = np.stack([_flags(table, n, place) for n in flags], axis=1) if names else empty.astype(bool)
-    wrong = np.argwhere(valid & ~np.isfinite(velocity))
-    if wrong.size:
-        row, beam = (int(index) for index in wrong[0])
-        raise DataError(
-            f"is not finite, but beam {beam + 1} is flagged valid",
-            place=f"{place}: row {row}",
-            key=f"column '{names[beam]}'",
-            expected="a finite velocity or a cleared flag",
-        )
+        valid = read_flags(table, flags, place) if names else empty.astype(bool)
+    check_valid(velocity, valid, names, place)
     instrument = np.stack([numbers(table, n, place) for n in own], axis=1) if has_own else None
     verdict = None
     if has_own and _filled(table, "instrument_valid"):
-        verdict = _flags(table, "instrument_valid", place)
+        verdict = read_flags(table, ["instrument_valid"], place)[:, 0]
     if not names and instrument is None and not _filled(table, "error_velocity_mps"):
         raise DataError(
             "has neither beam1_mps ... nor instrument_x_mps, instrument_y_mps, instrument_z_mps",
@@ -172,7 +158,7 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     return BeamLog(
         place, time_ns, velocity, valid, reach, instrument, verdict,
         chosen if mapped else None, _beside(Path(path)),
-        _flags(table, "stale", place) if "stale" in table.columns else None,
+        read_flags(table, ["stale"], place)[:, 0] if "stale" in table.columns else None,
         numbers(table, "error_velocity_mps", place) if _filled(table, "error_velocity_mps") else None,
     )  # fmt: skip
 
@@ -202,17 +188,7 @@ class Reference:
 
 
 def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:
-    time_ns = times_as_they_stand(table, Columns(), place, LEAST_READING_NS)
-    steps = np.flatnonzero(np.diff(time_ns) <= 0)
-    if steps.size:
-        row = int(steps[0]) + 1
-        raise DataError(
-            f"is {time_ns[row]} ns",
-            place=f"{place}: row {row}",
-            key="column 'time_ns'",
-            expected=f"more than in row {row - 1}",
-        )
-    return time_ns
+    return read_times(table, Columns(), place, LEAST_READING_NS)
 
 
 def _block(table: pl.DataFrame, names: list[str], place: str) -> NDArray[np.float64]:

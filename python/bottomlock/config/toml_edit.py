@@ -12,16 +12,16 @@ MARK = " | "
 """Between a remark and the user's own comment."""
 _TABLE = re.compile(r"^\s*\[\s*([A-Za-z0-9_.\-]+)\s*\]\s*(#.*)?$")
 _ARRAY = re.compile(r"^\s*\[\[")
-_KEY = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)(\"[^\"\\]*\"|'[^']*'|[^#\"'\[{]*?)(\s*)(#.*)?$")
+_KEY = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)([^#\"'\[{]*?)(\s*)(#.*)?$")
 _BRACES = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)\{([^{}#]*)\}(\s*)(#.*)?$")
 
 
-def edited(text: str, values: Mapping[str, float | str], remarks: Mapping[str, str], *, place: str) -> str:
+def edited(text: str, values: Mapping[str, float], remarks: Mapping[str, str], *, place: str) -> str:
     """A TOML text with other values, each with a remark; a key that is not there is added to its table.
 
     Args:
         text: the text.
-        values: numbers and texts by their keys, with dots.
+        values: numbers by their keys, with dots.
         remarks: a comment for each key; the one that is there already follows it, but for an earlier remark.
         place: names the text in errors.
 
@@ -83,7 +83,7 @@ def _own_comment(comment: str | None, remark: str) -> str:
     return f"{MARK}{own}" if own else ""
 
 
-def _check(text: str, result: str, values: Mapping[str, float | str], place: str) -> None:
+def _check(text: str, result: str, values: Mapping[str, float], place: str) -> None:
     """Checks that the edited text has the new values, and nothing else changed."""
     wanted = parse_toml(text, place=place)
     for key, value in values.items():
@@ -92,7 +92,7 @@ def _check(text: str, result: str, values: Mapping[str, float | str], place: str
         for table in tables:
             at = at.setdefault(table, {})
         # As the text has it, to as many digits.
-        at[name] = value if isinstance(value, str) else float(toml_value(value))
+        at[name] = float(toml_value(value))
     try:
         found = parse_toml(result, place=place)
     except ScenarioError:

@@ -21,6 +21,7 @@ from bottomlock.files.atomic_write import read_json, write_parquet
 from bottomlock.files.records import DIGESTS, read_record, sha256_of, write_record
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Account, Flags, Integers, Reason
+from bottomlock.io.columns import check_valid
 from bottomlock.io.converted import check_converted
 from bottomlock.io.table_columns import TableColumns
 from bottomlock.io.water_table import WaterTable, water_file
@@ -148,15 +149,7 @@ class BeamTable:
             stale=columns.flags("stale"),
             extra={name: columns.floats(name) for name in _extra_names(beams) if name in frame.columns},
         )
-        wrong = np.argwhere(table.valid & ~np.isfinite(table.velocity_mps))
-        if wrong.size:
-            row, beam = (int(index) for index in wrong[0])
-            raise DataError(
-                "is not finite, but the beam is flagged valid",
-                place=f"{place}: row {row}",
-                key=f"column 'beam{beam + 1}_mps'",
-                expected="a finite velocity or a cleared flag",
-            )
+        check_valid(table.velocity_mps, table.valid, [f"beam{k + 1}_mps" for k in range(beams)], place)
         return table
 
 

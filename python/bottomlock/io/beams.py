@@ -24,6 +24,7 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.table_file import read_table_file
 from bottomlock.io.account import Account
 from bottomlock.io.columns import (
+    check_valid,
     column_names,
     column_numbers,
     is_code,
@@ -306,13 +307,15 @@ def times_as_they_stand(
     return times
 
 
-def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
+def read_times(
+    table: pl.DataFrame, columns: Columns, place: str, least_ns: int = LEAST_PING_NS
+) -> NDArray[np.int64]:
     """Times of a table, ns (n,), strictly rising.
 
     Raises:
-        DataError: naming row and column, for a time that is missing, repeats or goes back.
+        DataError: as `times_as_they_stand`, and for a time that repeats or goes back.
     """
-    times = times_as_they_stand(table, columns, place)
+    times = times_as_they_stand(table, columns, place, least_ns)
     steps = np.flatnonzero(np.diff(times) <= 0)
     if steps.size:
         row = int(steps[0]) + 1
@@ -487,14 +490,7 @@ def read_mapped(
     valid = np.empty(velocity.shape, dtype=bool)
     if velocity_names:
         valid = beam_flags(table, valid_names, velocity, columns, place, account)
-    wrong = np.argwhere(valid & ~np.isfinite(velocity))
-    if wrong.size:
-        row, beam = (int(index) for index in wrong[0])
-        raise DataError(
-            f"is not finite, but beam {beam + 1} is flagged valid",
-            place=f"{place}: row {row}",
-            key=f"column '{velocity_names[beam]}'",
-        )
+    check_valid(velocity, valid, velocity_names, place)
     return time_ns, velocity, valid
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -150,3 +150,27 @@ def column_numbers(table: pl.DataFrame, name: str, place: str, *, words: bool = 
     """
     series = number_series(table, name, place, pl.Float64(), words=words)
     return np.array(series.fill_null(np.nan).to_numpy(), dtype=np.float64)
+
+
+def check_valid(
+    velocity_mps: NDArray[np.float64], valid: NDArray[np.bool_], names: Sequence[str], place: str
+) -> None:
+    """Checks that valid beams have a velocity.
+
+    Args:
+        velocity_mps, valid: (n, beams).
+        names: of the columns of the velocities.
+        place: names the table in errors.
+
+    Raises:
+        DataError: naming row and column, for a valid beam without a finite velocity.
+    """
+    wrong = np.argwhere(valid & ~np.isfinite(velocity_mps))
+    if wrong.size:
+        row, beam = (int(index) for index in wrong[0])
+        raise DataError(
+            f"is not finite, but beam {beam + 1} is flagged valid",
+            place=f"{place}: row {row}",
+            key=f"column '{names[beam]}'",
+            expected="a finite velocity or a cleared flag",
+        )

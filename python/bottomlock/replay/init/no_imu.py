@@ -75,5 +75,4 @@ def noise_of_pings(dvl: DvlPart) -> PingNoise | None:
         motion = vehicle_motion(dvl.time_ns, dvl.velocity_p_mps)
     except DataError:
         return None
-    interval_s = float(np.median(np.diff(dvl.time_ns))) * 1e-9
-    return PingNoise(motion.white_sd_mps, 0.0, motion.pings, interval_s)
+    return PingNoise(motion.white_sd_mps, 0.0, motion.pings)

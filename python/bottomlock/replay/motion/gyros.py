@@ -48,7 +48,6 @@ class GyroMatch:
         wander_radps_rts: random walk of the offset, RMS over the axes, rad/s/√s.
         noise_rad_rts: random walk of the integrated gyros, RMS over the axes, rad/√s; 0 where the noise of the
             attitude hides it.
-        axes_rad_rts: (3,) the same of each axis.
         lag_s: the longest interval at which the noise was found.
     """
 
@@ -56,7 +55,6 @@ class GyroMatch:
     offset_sd_radps: Floats
     wander_radps_rts: float
     noise_rad_rts: float
-    axes_rad_rts: Floats
     lag_s: float
 
 
@@ -171,7 +169,7 @@ def match_gyros(
     apart_s = float(np.median(np.diff(times[first]))) * 1e-9
     return GyroMatch(
         offset, scatter / np.sqrt(len(offsets)), _wander(offsets, means, apart_s),
-        float(np.sqrt(np.mean(density**2))), density, lag_s,
+        float(np.sqrt(np.mean(density**2))), lag_s,
     )  # fmt: skip
 
 

@@ -46,13 +46,11 @@ class PingNoise:
         force_mps_rts: random walk of the integrated specific force, RMS over the axes, m/s/√s; 0 where the noise of the
             velocity hides it.
         differences: number of second differences of one ping that it was found from.
-        interval_s: between pings.
     """
 
     velocity_sd_mps: Floats
     force_mps_rts: float
     differences: int
-    interval_s: float
 
 
 def ping_noise(recorded: Recorded) -> PingNoise | None:
@@ -107,7 +105,7 @@ def ping_noise(recorded: Recorded) -> PingNoise | None:
     clear = 2.0 * parts[:, 1] * interval_s < CLEAR * 6.0 * parts[:, 0]
     beside = np.where(clear | ~np.isfinite(alone), np.sqrt(parts[:, 0]), np.inf)
     sd = np.minimum(beside, alone)
-    return PingNoise(sd, float(np.sqrt(steep)) if steep > RESOLVED * steep_sd else 0.0, counted, interval_s)
+    return PingNoise(sd, float(np.sqrt(steep)) if steep > RESOLVED * steep_sd else 0.0, counted)
 
 
 def _variance(values: Floats) -> Floats:
