@@ -17,7 +17,7 @@ from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.statistics.rms import Array
 from bottomlock.tables.campaign import PATHS
 from bottomlock.tables.check import check
-from bottomlock.tables.paper import CLAIMS
+from bottomlock.tables.studies import CLAIMS
 from tests.paper.judged_claims import PAPER, in_dive, judged, one, sized
 from tests.recorded import add_table
 from tests.report.synthetic_campaign import METHODS, edit_manifest, write_campaign

@@ -17,7 +17,6 @@ from bottomlock.plant.surroundings import MagneticField
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dvl_sections import WhatIf
-from bottomlock.replay.init import declination
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.fit import Recorded
@@ -337,7 +336,7 @@ def test_declination_turns_a_magnetic_yaw_alone(
         asked.append((latitude_rad, longitude_rad, year))
         return MagneticField(np.deg2rad(8.0), 1.0, 48_000.0)
 
-    monkeypatch.setattr(declination, "world_magnetic_model", model)
+    monkeypatch.setattr("bottomlock.replay.init.make.world_magnetic_model", model)
     files = tables(tmp_path, dive)
     ahrs = pl.read_csv(files["ahrs"]).with_columns(pl.col("yaw") + reads_deg)
     ahrs.write_csv(files["ahrs"])

@@ -11,8 +11,7 @@ from scipy.stats import norm, t
 
 from bottomlock.kernel import BeamGeometry
 from bottomlock.replay.beam_noise import BeamNoise, measure_noise
-from bottomlock.replay.ping_scale import ping_noise
-from bottomlock.replay.robust_fix import solve_scaled
+from bottomlock.replay.robust_fix import ping_noise, solve_scaled
 from bottomlock.replay.screen_beams import Screened, screen_beams
 
 JANUS = BeamGeometry.janus(np.deg2rad(25.0))

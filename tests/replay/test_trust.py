@@ -14,10 +14,9 @@ from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
 from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
-from bottomlock.replay.findings.expected_nis import least_ratio, weight
 from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, answer_of
-from bottomlock.replay.findings.verdict import Innovations, verdict_finding
+from bottomlock.replay.findings.verdict import Innovations, least_ratio, verdict_finding, weight
 from bottomlock.replay.run import replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT
 from bottomlock.tables.replay import ReplayTables

@@ -11,7 +11,7 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.closure import closure_rows
 from bottomlock.replay.dvl_sections import WhatIf
-from bottomlock.replay.what_if import beams_returned
+from bottomlock.replay.rerun import beams_returned
 
 S = 1_000_000_000
 TIMES = np.arange(100, dtype=np.int64) * S + 5 * S

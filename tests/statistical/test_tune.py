@@ -15,8 +15,7 @@ from scipy.stats import binom
 from bottomlock.kernel.models import Options
 from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.passes import Inputs, horizons_of, passes_of
-from bottomlock.replay.tune.search import Found, search
-from bottomlock.replay.tune.uncertainty import uncertainty
+from bottomlock.replay.tune.search import Found, search, uncertainty
 from tests.statistical.tune_logs import (
     KINDS,
     Dive,

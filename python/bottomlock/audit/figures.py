@@ -1,4 +1,4 @@
-"""Figures of an audit: distribution and history of the closure, beam directions."""
+"""Figures of an audit: distribution of the closure, beam directions, and what can be looked into against time."""
 
 import matplotlib as mpl
 import numpy as np
@@ -8,7 +8,10 @@ from scipy.stats import norm
 
 from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit
+from bottomlock.figures.beams import valid_panel
 from bottomlock.figures.palette import FAINT, INK, STYLE
+from bottomlock.figures.series import Curve, Panel, View
+from bottomlock.pages.plots import Plots
 
 BLUE, ORANGE, GREEN, GREY = "#5394ec", "#fa632e", "#129e64", "#999194"
 COLOURS = (BLUE, ORANGE, GREEN, "#b24397", "#a05200", "#8952ff", "#4191bc", "#7d6331")
@@ -101,3 +104,51 @@ def _polar(directions: Array) -> tuple[Array, Array]:
     vectors = np.where(directions[:, 2:3] < 0.0, -directions, directions)
     tilt = np.arctan2(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2])
     return np.asarray(tilt), np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))
+
+
+CAPTION = "Closure and beams against time"
+FEWEST = 5
+"""Pings of a log that has curves."""
+
+
+def plots_of(audit: Audit) -> Plots | None:
+    """Curves of a log whose times rise; None for another, which the figures show by ping."""
+    log, assessment = audit.log, audit.assessment
+    if not log.beams or log.pings < FEWEST or (np.diff(log.time_ns) < 0).any():
+        return None
+    full = log.time_ns[assessment.full]
+    panels = []
+    closures = [one.values_mps for one in assessment.closures if len(one.values_mps) == len(full)]
+    if closures:
+        colours = (BLUE, *COLOURS[1:])
+        labels = ["closure"] if len(closures) == 1 else [f"closure {k + 1}" for k in range(len(closures))]
+        curves = [
+            Curve(label, colours[k % len(colours)], full, 1e3 * one, kind="dots")
+            for k, (label, one) in enumerate(zip(labels, closures, strict=True))
+        ]
+        panels.append(Panel("closure of full pings, mm/s", curves, decimals=1))
+    readings = np.where(log.valid, log.velocity_mps, np.nan)
+    names = [f"beam {k + 1}" for k in range(log.beams)]
+    looks = [COLOURS[k % len(COLOURS)] for k in range(log.beams)]
+    panels.append(
+        Panel(
+            "velocity along the beams, m/s",
+            [
+                Curve(*look, log.time_ns, readings[:, k])
+                for k, look in enumerate(zip(names, looks, strict=True))
+            ],
+            decimals=3,
+        )
+    )
+    if len(full) >= FEWEST:
+        off = 1e3 * jumps(log.velocity_mps[assessment.full])
+        panels += [
+            Panel(
+                f"{name} less its median of five pings, mm/s",
+                [Curve(name, colour, full, off[:, k], kind="dots")],
+                decimals=1,
+            )
+            for k, (name, colour) in enumerate(zip(names, looks, strict=True))
+        ]
+    panels.append(valid_panel(log.time_ns, log.valid, colours=COLOURS))
+    return Plots(CAPTION, (), {(): View(panels)}, int(log.time_ns[0]))

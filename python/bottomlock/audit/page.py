@@ -8,18 +8,17 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.audit import figures
+from bottomlock.audit.figures import plots_of
 from bottomlock.audit.findings import findings_table
-from bottomlock.audit.plots import plots_of
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.images import images_of
 from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
 from bottomlock.pages.explained import explained
-from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Table, html
-from bottomlock.pages.pieces import json_part
+from bottomlock.pages.pieces import findings_part, json_part
 from bottomlock.pages.plots import Plots
 
 CAPTIONS = {

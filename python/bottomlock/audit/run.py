@@ -11,13 +11,12 @@ from bottomlock.audit import defects
 from bottomlock.audit.beams import BeamAssessment, assess_beams
 from bottomlock.audit.closure import Closure, closure_of
 from bottomlock.audit.closure_findings import closure_findings
+from bottomlock.audit.defects import lock_findings
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
-from bottomlock.audit.lock import lock_findings
 from bottomlock.audit.logs import BeamLog, Reference, read_log, read_own_attitude
 from bottomlock.audit.matrix import LEAST_PINGS
-from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import Mounting, find_mounting
-from bottomlock.audit.mounting_findings import mounting_findings
+from bottomlock.audit.mounting_findings import Mounted, mounting_findings
 from bottomlock.audit.packaged import packaged_findings
 from bottomlock.audit.single_beams import noisy_findings, stuck_findings
 from bottomlock.audit.water import WaterAgreement, water_agreement, water_findings

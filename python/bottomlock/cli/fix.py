@@ -8,7 +8,7 @@ import polars as pl
 from cyclopts import Parameter
 from rich.table import Table
 
-from bottomlock.audit.lock import ADVICE, why_never_locked
+from bottomlock.audit.defects import ADVICE, why_never_locked
 from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console

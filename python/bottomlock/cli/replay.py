@@ -24,8 +24,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
-from bottomlock.replay.report import PAGE
-from bottomlock.replay.run_and_report import run_and_report
+from bottomlock.replay.report import PAGE, run_and_report
 from bottomlock.tables.replay import ReplayTables
 
 

@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.export.decimals import decimal, utc
+from bottomlock.export.text import decimal, utc
 from bottomlock.export.tracks import ExportTrack
 from bottomlock.recordings.streams import Floats
 

@@ -7,10 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from bottomlock.figures.curves import plain_number
+from bottomlock.figures.curves import log_ticks
 from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, new_figure, stroke
 from bottomlock.tables.campaign import COMPONENTS
@@ -59,9 +58,7 @@ def _diagonal(axes: Axes, values: Array) -> None:
     axes.set_xlim(low, high)
     axes.set_ylim(low, high)
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(numticks=12))
-        axis.set_major_formatter(FuncFormatter(plain_number))
-        axis.set_minor_formatter(NullFormatter())
+        log_ticks(axis, 12)
     axes.plot([low, high], [low, high], color=INK, linewidth=1.0, zorder=1)
     axes.fill_between([low, high], [low, high], [high, high], color=FAINT, alpha=0.14, linewidth=0.0)
 
@@ -111,7 +108,5 @@ def _normalised_axis(axes: Axes, values: Array) -> None:
     axes.axvline(1.0, color=INK, linewidth=1.0, zorder=1)
     axes.axvspan(1.0, axes.get_xlim()[1], color=FAINT, alpha=0.14, linewidth=0.0)
     steps = (1.0, 2.0, 5.0) if axes.get_xlim()[1] < 30 else (1.0,)
-    axes.xaxis.set_major_locator(LogLocator(numticks=8, subs=steps))
-    axes.xaxis.set_major_formatter(FuncFormatter(plain_number))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    log_ticks(axes.xaxis, 8, steps)
     axes.set_xlabel("error/σ, RMS (shaded: overconfident)")

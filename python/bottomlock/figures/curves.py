@@ -1,11 +1,13 @@
 """Figures against time: RMS error with its interval, NEES with its band."""
 
+import math
 from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
@@ -17,7 +19,9 @@ from bottomlock.figures.palette import (
     SMALL_HEIGHT_IN,
     SMALL_WIDTH_IN,
     STYLE,
+    WIDTH_IN,
     draw_order,
+    marks,
     new_figure,
     stroke,
 )
@@ -198,13 +202,18 @@ def scale_errors(axes: Axes, curves: Array, marks: Sequence[float]) -> None:
     if high > LOG_SPREAD * low:
         axes.set_yscale("log")
         axes.set_ylim(low / 1.25, high * 1.25)
-        axes.yaxis.set_major_locator(LogLocator(numticks=12))
-        axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        log_ticks(axes.yaxis, 12)
         axes.grid(visible=True, which="minor", axis="y", alpha=0.10)
     else:
         air = 0.05 * (high - low) or 0.05 * high
         axes.set_ylim(max(0.0, low - air), high + air)
+
+
+def log_ticks(axis: Axis, most: int, subs: Sequence[float] = (1.0,)) -> None:
+    """Ticks of a logarithmic axis: at most so many with numbers, at these multiples of powers of ten."""
+    axis.set_major_locator(LogLocator(numticks=most, subs=subs))
+    axis.set_major_formatter(FuncFormatter(plain_number))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def plain_number(value: float, _: int) -> str:
@@ -214,3 +223,68 @@ def plain_number(value: float, _: int) -> str:
     ['0.01', '1', '1000', '$10^{6}$']
     """
     return f"{value:g}" if 1e-3 <= value <= 1e4 else f"$10^{{{round(np.log10(value))}}}$"
+
+
+COLUMNS = 3
+POINTS, FAINT_POINTS = 130, 30
+"""Points of the curve of a panel, and of one in the background: as many as its size can show."""
+
+
+def velocity_multiples(ensemble: pl.DataFrame, trajectory: str) -> Figure:
+    """RMS over runs of the velocity error against time, a panel for each method.
+
+    Args:
+        ensemble: `tables.campaign.ENSEMBLE`.
+        trajectory: one of its trajectories.
+    """
+    here = ensemble.filter(pl.col("trajectory") == trajectory)
+    curves = {str(name): part for (name,), part in here.group_by("method", maintain_order=True)}
+    rows = math.ceil(len(curves) / COLUMNS)
+    with mpl.rc_context(STYLE):
+        height = 0.55 + 1.35 * rows
+        figure = Figure(figsize=(WIDTH_IN, height))
+        panels = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+        figure.subplots_adjust(
+            left=0.1, right=0.985, top=1.0 - 0.42 / height, bottom=0.45 / height, wspace=0.09, hspace=0.24
+        )
+        every = here["velocity_rms_over_runs_mps"].to_numpy()
+        for panel, method in zip(panels, curves, strict=False):
+            for other, part in curves.items():
+                if other != method:
+                    few = _thinned(part, FAINT_POINTS)
+                    panel.plot(
+                        few["time_s"],
+                        few["velocity_rms_over_runs_mps"],
+                        color=FAINT,
+                        linewidth=0.6,
+                        alpha=0.55,
+                    )
+            own = _thinned(curves[method], POINTS)
+            low, high = (own[f"velocity_rms_over_runs_{end}_mps"] for end in ("lo", "hi"))
+            panel.fill_between(
+                own["time_s"], low, high, color=stroke(method).colour, alpha=0.2, linewidth=0.0
+            )
+            panel.plot(
+                own["time_s"],
+                own["velocity_rms_over_runs_mps"],
+                linewidth=1.7,
+                **marks(method, own.height, count=4),
+            )
+            panel.set_title(method, loc="left", fontsize=9.0, color=INK, pad=3.0)
+            panel.set_xlim(0.0, float(own["time_s"][-1]))
+        scale_errors(panels[0], np.asarray(every), [])
+        for panel in panels[len(curves) :]:
+            panel.set_axis_off()
+        for number in range(len(curves)):
+            # With shared axes the panels above an empty place would have no times.
+            panels[number].tick_params(labelbottom=number + COLUMNS >= len(curves))
+            panels[number].tick_params(axis="both", labelsize=8.0)
+        figure.text(0.012, 1.0 - 0.05 / height, "velocity error, m/s RMS", va="top", fontsize=10.0, color=INK)
+        figure.text(0.985, 0.06 / height, "time, s", ha="right", va="bottom", fontsize=9.0, color=INK)
+    return figure
+
+
+def _thinned(curve: pl.DataFrame, points: int) -> pl.DataFrame:
+    """About so many points of a curve, its end included."""
+    step = max(1, curve.height // points)
+    return pl.concat([curve.gather_every(step), curve.tail(1)]).unique("time_s", maintain_order=True)

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from bottomlock.figures.curves import plain_number
+from bottomlock.figures.curves import log_ticks
 from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, new_figure
 from bottomlock.figures.series import Curve, Floats, Panel, Times, scattered_rows, thinned_rows
@@ -123,9 +123,7 @@ def _panel(axes: Axes, panel: Panel, start_ns: int, *, utc: bool) -> list[Line]:
         axes.set_yscale("log")
         if named:
             axes.set_ylim(*_decades(panel))
-        axes.yaxis.set_major_locator(LogLocator(numticks=5))
-        axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        log_ticks(axes.yaxis, 5)
     elif panel.names:
         axes.set_yticks(np.arange(1, len(panel.names) + 1), panel.names)
         axes.set_ylim(len(panel.names) + 0.6, 0.4)

@@ -1,11 +1,12 @@
-"""Pieces that several pages have: names as titles, methods with their lines, JSON behind a summary, differences."""
+"""Pieces that several pages have: titles, methods with their lines, findings, JSON behind a summary, differences."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from bottomlock.figures.palette import stroke
-from bottomlock.pages.page import Block, Coloured, Folded, Part, Terms
+from bottomlock.pages.page import Block, Coloured, Folded, Part, Table, Terms, plain_text
+from bottomlock.support.notebook import html_table
 
 
 def title_of(name: str) -> str:
@@ -51,3 +52,20 @@ def difference(row: Mapping[str, Any] | None, number: Callable[[float], str], no
     value, low, high = (row[f"difference{end}"] for end in ("", "_lo", "_hi"))
     words = f"{'+' if value > 0 else ''}{number(value)}{note}<br>{number(low)} … {number(high)}"
     return Coloured(words, "less" if high < 0 else "more" if low > 0 else "")
+
+
+_COLUMNS = ("Severity", "Finding", "Evidence", "What to do")
+
+
+def findings_part(findings: Sequence[Mapping[str, Any]], *after: Block) -> Part:
+    """What is wrong or remarkable, the worst first, from findings as `Finding.to_json` has them."""
+    rows = [[one["severity"], one["text"], one["evidence"], one["hint"]] for one in findings]
+    caption = "What is wrong or remarkable, the worst first."
+    told: Block = Table(_COLUMNS, rows, caption, left=len(_COLUMNS)) if rows else "No finding."
+    return Part("findings", "Findings", [told, *after])
+
+
+def notebook_table(table: Table) -> str:
+    """The table as HTML without a style of its own, without marks."""
+    rows = [[plain_text(cell) for cell in row] for row in table.rows]
+    return html_table(plain_text(table.caption), rows, [plain_text(name) for name in table.columns])

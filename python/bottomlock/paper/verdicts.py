@@ -20,8 +20,8 @@ from bottomlock.paper.claims import (
 from bottomlock.paper.estimates import TrajectoryErrors, estimate
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, note
 from bottomlock.statistics.run_errors import RunErrors
-from bottomlock.tables.paper import CLAIMS
 from bottomlock.tables.results import CampaignTables
+from bottomlock.tables.studies import CLAIMS
 
 LEAST_RUNS = 10
 """Fewer runs give no useful interval."""
@@ -30,7 +30,7 @@ GREATEST_SPAN = 2.0
 
 
 def claims_table(campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper) -> pl.DataFrame:
-    """A row per claim of the paper (`tables.paper.CLAIMS`), in the order of the claims.
+    """A row per claim of the paper (`tables.studies.CLAIMS`), in the order of the claims.
 
     Args:
         campaign: its tables.

@@ -1,6 +1,7 @@
 """What a replay shows of several methods: errors with their standard deviations, NIS; and innovations."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
@@ -25,6 +26,25 @@ _QUANTITIES = (
 )
 PARTS = 300
 """Parts of the time of each of which a curve shows its least and greatest value: about the pixels of a panel."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of the page.
+
+    Attributes:
+        name: of its files.
+        caption: below it.
+        figure: itself.
+        what_if: case that it is of, None for all.
+        folded: whether it has every method.
+    """
+
+    name: str
+    caption: str
+    figure: Figure
+    what_if: str | None = None
+    folded: bool = False
 
 
 def error_panels(samples: pl.DataFrame, methods: Sequence[str], which: str = FORWARD) -> list[Panel]:

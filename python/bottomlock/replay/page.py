@@ -1,17 +1,16 @@
 """A finished replay laid out: can it be trusted, results of each what-if case, beams, calibration, start, clocks."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
 
 from bottomlock.pages.featured import featured
-from bottomlock.pages.findings import findings_part
 from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Coloured, Folded, Looked, Page, Part, Picture, Table, Terms, listed
-from bottomlock.pages.pieces import glossaries, json_part, title_of
+from bottomlock.pages.pieces import findings_part, glossaries, json_part, title_of
 from bottomlock.pages.plots import Plots
+from bottomlock.replay.figures import Drawing
 from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.statistics.replay import summary_table, track_table
 from bottomlock.tables.replay import FORWARD, ReplayTables
@@ -46,24 +45,9 @@ _CALIBRATION_WORDS = (
 _CLOCK_WORDS = "Seconds on the case's clock. A gap is a step longer than the length given."
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A figure in its place.
-
-    Attributes:
-        name: of its file.
-        picture: in the colours of the page.
-        what_if: case that it is of, None for all.
-        folded: whether it stands behind a summary, since it has every method.
-    """
-
-    name: str
-    picture: Picture
-    what_if: str | None = None
-    folded: bool = False
-
-
-def page_of(tables: ReplayTables, figures: Sequence[Shown] = (), plots: Plots | None = None) -> Page:
+def page_of(
+    tables: ReplayTables, figures: Sequence[tuple[Drawing, Picture]] = (), plots: Plots | None = None
+) -> Page:
     """A finished replay as a page, with its figures where there are any.
 
     Args:
@@ -79,7 +63,11 @@ def page_of(tables: ReplayTables, figures: Sequence[Shown] = (), plots: Plots | 
         _results(manifest, summary),
         findings_part(manifest.get("findings", []), listed(manifest.get("answers", []))),
         *(_case(manifest, name, words, summary, tracks, figures) for name, words in manifest["what_if"]),
-        Part("beams", "Which beams returned", [one.picture for one in figures if one.name == VALIDITY]),
+        Part(
+            "beams",
+            "Which beams returned",
+            [picture for drawing, picture in figures if drawing.name == VALIDITY],
+        ),
         *([_water(manifest)] if "water_track" in manifest else []),
         *(_driven(manifest, section) for section in DRIVEN if section in manifest),
         *([_calibration(tables.calibration)] if tables.calibration is not None else []),
@@ -138,10 +126,10 @@ def _trust(answer: Mapping[str, Any]) -> Part:
     return Part("trust", "What decides it", [Terms(rows)])
 
 
-def _dive(manifest: Mapping[str, Any], figures: Sequence[Shown], plots: Plots) -> Part:
+def _dive(manifest: Mapping[str, Any], figures: Sequence[tuple[Drawing, Picture]], plots: Plots) -> Part:
     """Map and curves against time, to look into, and the figures that stand for them."""
     first_map = f"map_{manifest['what_if'][0][0]}"
-    by_name = {one.name: one.picture for one in figures}
+    by_name = {drawing.name: picture for drawing, picture in figures}
     still = [by_name[name] for name in (first_map, TIMELINE)]
     terms = [
         (
@@ -193,22 +181,22 @@ def _case(
     words: str,
     summary: pl.DataFrame,
     tracks: pl.DataFrame,
-    figures: Sequence[Shown],
+    figures: Sequence[tuple[Drawing, Picture]],
 ) -> Part:
     """A what-if case: figures, errors, ends of the tracks, fixes."""
     rows, tracks_of = _rows_of(summary, tracks, what_if)
-    of_case = [one for one in figures if one.what_if == what_if]
+    of_case = [(drawing, picture) for drawing, picture in figures if drawing.what_if == what_if]
     first_map = f"map_{manifest['what_if'][0][0]}"
     beams = f"{number(rows[0]['beams_mean_over_pings'])} of {manifest['beams']} beams a ping."
     blocks: list[Block] = [
         f"{words[:1].upper()}{words[1:]}. {beams}",
-        *(one.picture for one in of_case if not one.folded and one.name != first_map),
+        *(picture for one, picture in of_case if not one.folded and one.name != first_map),
     ]
     blocks += [
         _results_of(rows, tracks_of),
         _detail_of(rows, tracks_of),
     ]
-    folded = [one.picture for one in of_case if one.folded]
+    folded = [picture for one, picture in of_case if one.folded]
     if folded:
         blocks.append(Folded(f"The figures with all {len(manifest['methods'])} methods", folded))
     label = " (semi-synthetic)" if manifest["semi_synthetic"] else ""

@@ -1,7 +1,6 @@
-"""The report of a finished replay, from its tables alone: the same tables give the same bytes."""
+"""The report of a finished replay, from its tables alone, and a replay from its case to its report."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,14 @@ from bottomlock.figures.images import image_process
 from bottomlock.figures.palette import WIDTH_IN
 from bottomlock.figures.series import Panel, Track
 from bottomlock.figures.timeline import timeline_figure
-from bottomlock.files.overwriting import Files, Result, digests_of
+from bottomlock.files.overwriting import Files, Result, digests_of, remove_outdated
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.explained import explained
 from bottomlock.pages.page import Picture, html
 from bottomlock.pages.plots import Plots
+from bottomlock.replay.case import Case
 from bottomlock.replay.dive_plots import (
     beams_panel,
     current_panels,
@@ -33,38 +33,21 @@ from bottomlock.replay.dive_plots import (
     tracks_of,
 )
 from bottomlock.replay.figures import (
+    Drawing,
     error_panels,
     innovation_figure,
     nis_panel,
 )
-from bottomlock.replay.findings.expected_nis import least_ratio
+from bottomlock.replay.findings.verdict import least_ratio
 from bottomlock.replay.map_figure import Map, map_figure, scale_words, shown_frame
-from bottomlock.replay.page import TIMELINE, VALIDITY, Shown, featured_in, page_of
+from bottomlock.replay.page import TIMELINE, VALIDITY, featured_in, page_of
+from bottomlock.replay.run import open_folder, replay_case, write_replay
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, SMOOTHED, ReplayTables
 
 PAGE = "report.html"
 BEAM_ROWS = ("tc", "sway_current", "consistent")
 """Methods whose innovations are of single beams; the first of them that was run is drawn."""
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure of the page.
-
-    Attributes:
-        name: of its files.
-        caption: below it.
-        figure: itself.
-        what_if: case that it is of, None for all.
-        folded: whether it has every method.
-    """
-
-    name: str
-    caption: str
-    figure: Figure
-    what_if: str | None = None
-    folded: bool = False
 
 
 def read_replay(folder: str | Path) -> ReplayTables:
@@ -155,7 +138,7 @@ def report_files(tables: ReplayTables) -> Files:
         files |= own
         kind = "wide" if drawing.figure.get_figwidth() > WIDTH_IN or drawing.name == first_map else ""
         picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
-        figures.append(Shown(drawing.name, picture, drawing.what_if, drawing.folded))
+        figures.append((drawing, picture))
     return files | {PAGE: html(explained(page_of(tables, figures, plots)))}
 
 
@@ -301,3 +284,36 @@ def _origin_words(origin: Mapping[str, float] | None) -> str:
         f"; metres from {abs(latitude):.6f}° {'N' if latitude >= 0.0 else 'S'}, "
         f"{abs(longitude):.6f}° {'E' if longitude >= 0.0 else 'W'}"
     )
+
+
+def run_and_report(
+    case: Case,
+    out: str | Path,
+    *,
+    inputs: Iterable[Path] = (),
+    threads: int = 0,
+    force: bool = False,
+    progress: Callable[[int], None] = lambda _: None,
+) -> ReplayTables:
+    """Replays a case, and writes tables, page and figures to a folder.
+
+    Args:
+        case: the case.
+        out: the folder: new, empty, or of the same case.
+        inputs: files read beside those that the case names; none of all these may be among those written.
+        threads: number of threads, 0 for one per core; the results do not depend on it.
+        force: start over in a folder of another case.
+        progress: as of `replay_case`.
+
+    Raises:
+        DataError, ScenarioError, KernelError: as `replay_case`.
+        OutputError: as `open_folder`.
+    """
+    out = Path(out)
+    read = (*inputs, Path(case.dvl.geometry), *case.files().values())
+    with open_folder(out, case.content_hash(), inputs=read, force=force):
+        replayed = replay_case(case, threads=threads, progress=progress)
+        write_replay(replayed, out)
+        make_replay_report(out, force=force)
+        remove_outdated(out)
+    return replayed

@@ -9,6 +9,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.kernel.models import ImuModel, InitialModel, InitialState, Model, Options
+from bottomlock.plant import beam_loss
 from bottomlock.recordings.axes import quaternions
 from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.streams import Flags, Floats, Inertial, Times
@@ -19,7 +20,6 @@ from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
-from bottomlock.replay.what_if import beams_returned
 
 UNSMOOTHED = ("consistent",)
 """Methods that select between filters; they have no smoother."""
@@ -288,3 +288,25 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
 def _as_sampled(prepared: PreparedRun, sample_time_ns: Times) -> PreparedRun:
     """The run with the times at which the estimates were sampled: those of good inertial readings."""
     return replace(prepared, sample_time_ns=sample_time_ns, rows=prepared.rows[: len(sample_time_ns)])
+
+
+def beams_returned(what_if: WhatIf, time_ns: Times, beams: int, *, start_ns: int) -> Flags:
+    """(E, B) validity of the beams at each ping, by every rule of a what-if case.
+
+    Args:
+        what_if: the section of the case file.
+        time_ns: (E,) times of the pings, from the start of the navigation on.
+        beams: number of beams of the instrument.
+        start_ns: start of the navigation, from which the section's seconds count.
+
+    Raises:
+        DataError: for a beam that does not exist.
+    """
+    for beam in what_if.beams_named:
+        if beam > beams:
+            raise DataError(
+                f"beam {beam} does not exist", place=f"what_if '{what_if.name}'", expected=f"1 to {beams}"
+            )
+    outages = [beam_loss.Outage(outage.beams, outage.from_s, outage.to_s) for outage in what_if.outages]
+    throughout = beam_loss.Outage(what_if.beams_lost, 0.0, float("inf"))
+    return beam_loss.scheduled(time_ns - start_ns, beams, [throughout, *outages])

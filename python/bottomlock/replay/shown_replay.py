@@ -12,9 +12,8 @@ from bottomlock.figures.notebook import shown_axes, shown_figure
 from bottomlock.figures.palette import WIDTH_IN
 from bottomlock.figures.series import Panel
 from bottomlock.figures.timeline import draw_panels, stacked_axes, timeline_size_in
-from bottomlock.pages.notebook import notebook_table
 from bottomlock.pages.page import Table
-from bottomlock.pages.pieces import title_of
+from bottomlock.pages.pieces import notebook_table, title_of
 from bottomlock.pages.plots import is_utc
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dive_plots import (
@@ -25,8 +24,7 @@ from bottomlock.replay.dive_plots import (
 from bottomlock.replay.figures import nis_panel
 from bottomlock.replay.map_figure import MAP_HEIGHT_IN, MAP_PLACE, draw_map
 from bottomlock.replay.page import featured_in, results_table
-from bottomlock.replay.report import least_ratio_of, map_of, read_replay
-from bottomlock.replay.run_and_report import run_and_report
+from bottomlock.replay.report import least_ratio_of, map_of, read_replay, run_and_report
 from bottomlock.statistics.replay import comparison_table, summary_table
 from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.replay import FORWARD, SMOOTHED

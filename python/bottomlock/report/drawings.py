@@ -8,8 +8,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.figures.consistency import calibration_figure, normalised_figure
-from bottomlock.figures.curves import nees_figure, rms_figure
-from bottomlock.figures.multiples import velocity_multiples
+from bottomlock.figures.curves import nees_figure, rms_figure, velocity_multiples
 from bottomlock.figures.paths import paths_figure
 from bottomlock.figures.selector import choices_figure, shares_table
 from bottomlock.figures.sweep import sweep_figure

@@ -2,15 +2,15 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.motion.closure import LEAST_PINGS, better_order
-from bottomlock.replay.motion.fit import Match, Recorded
-from bottomlock.replay.motion.segments import LENGTH_S
-from bottomlock.replay.motion.vertical import vertical_velocity
+from bottomlock.replay.motion.fit import Match, Recorded, at_pings
+from bottomlock.replay.motion.segments import LENGTH_S, integrate
 from bottomlock.replay.streams import Streams
 
 Floats = NDArray[np.float64]
@@ -230,3 +230,26 @@ def heading_finding(case: Case, alignment: Alignment, streams: Streams) -> Findi
             f'Set start.heading = "{name}", or start.heading_deg: the whole track turns with it.', "start.heading",
         )  # fmt: skip
     return None
+
+
+Integers = NDArray[np.int64]
+
+
+def vertical_velocity(recorded: Recorded, match: Match) -> tuple[Integers, Integers, Floats] | None:
+    """Times (p,), segments (p,) and velocities down, m/s, (p,); None without a whole segment.
+
+    Args:
+        recorded: readings and velocities, as the match was made with.
+        match: axes, rotation, clock and biases; its slopes are gravity.
+    """
+    segments = integrate(
+        recorded.imu_time_ns, recorded.force_p_mps2, recorded.omega_p_radps - match.part("gyro_bias")
+    )
+    if segments is None or segments.count != len(match.level_p):
+        return None
+    velocity = recorded.velocity_p_mps
+    moved = recorded.time_ns + round(float(match.part("clock")[0]) * 1e9)
+    at = at_pings(segments, moved)
+    v = Rotation.from_rotvec(match.part("rotation")).apply(velocity[at.kept] @ match.axes.T)
+    down = match.level_p[at.segment]
+    return moved[at.kept], at.segment, np.einsum("pi,pij,pj->p", down, at.C, v)

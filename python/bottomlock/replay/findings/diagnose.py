@@ -15,9 +15,7 @@ from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.answers import closure_words
 from bottomlock.replay.findings.attitude_checks import attitude_findings
-from bottomlock.replay.findings.claims import claims_findings
-from bottomlock.replay.findings.earth_limits import earth_findings
-from bottomlock.replay.findings.expected_nis import least_ratio
+from bottomlock.replay.findings.claims import claims_findings, earth_findings
 from bottomlock.replay.findings.heading_findings import heading_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
@@ -29,6 +27,7 @@ from bottomlock.replay.findings.verdict import (
     WRONG,
     Innovations,
     innovations_of,
+    least_ratio,
     no_fix,
     verdict_finding,
 )

@@ -1,18 +1,19 @@
 """A first case: every stream of the given files, each guess with its reason, each unknown as a question."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.io.columns import column_names
+from bottomlock.plant.surroundings import world_magnetic_model
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
 from bottomlock.replay.init.axes_part import set_axes, set_yaw_by_track, telling_track, track_yaw
-from bottomlock.replay.init.declination import set_declination, without_declination
 from bottomlock.replay.init.dvl_part import (
     ENOUGH_PINGS,
     DvlPart,
@@ -26,9 +27,9 @@ from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart, guess_imu
 from bottomlock.replay.init.moved import recorded, turns, unit_by_attitude
 from bottomlock.replay.init.no_imu import imu_of_attitude, noise_of_pings
-from bottomlock.replay.init.other_parts import guess_attitude, guess_depth
+from bottomlock.replay.init.other_parts import AttitudePart, guess_attitude, guess_depth
 from bottomlock.replay.init.parts import Parts
-from bottomlock.replay.init.positions import choose_positions, guess_positions
+from bottomlock.replay.init.positions import PositionPart, choose_positions, guess_positions
 from bottomlock.replay.init.sources import Sources, read_sources
 from bottomlock.replay.motion.mounting_yaw import MountingYaw
 from bottomlock.replay.motion.ping_noise import ping_noise
@@ -219,3 +220,60 @@ def _duration_s(sources: Sources, dvl: DvlPart) -> float | None:
         if one.times.time_ns is not None and len(one.times.time_ns) > 2
     ]
     return float(np.max(lengths)) if max(lengths) > 0.0 else None
+
+
+YEAR_S = 365.2425 * 86_400.0
+CLEAR = 9.0
+"""Difference of the squares of two departures in sigmas from which a yaw is taken to be true."""
+
+
+def set_declination(attitude: AttitudePart | None, positions: PositionPart | None) -> None:
+    """Adds the declination to the yaw of an attitude, which the case asks about; or notes why it is not known.
+
+    Args:
+        attitude: as guessed; its yaw is taken to be magnetic.
+        positions: any recorded positions, for the place.
+    """
+    if attitude is None:
+        return
+    times = attitude.found.times
+    if (
+        positions is None
+        or not math.isfinite(positions.latitude_rad)
+        or not times.epoch
+        or times.time_ns is None
+    ):
+        attitude.declination_why = "is the yaw magnetic? Then yaw_offset_deg is the declination"
+        return
+    year = 1970.0 + float(times.time_ns[0]) * 1e-9 / YEAR_S
+    try:
+        field = world_magnetic_model(positions.latitude_rad, positions.longitude_rad, year)
+    except ScenarioError as error:
+        reason = str(error).removeprefix("magnetometer: ")
+        attitude.declination_why = (
+            f"is the yaw magnetic? Then yaw_offset_deg is the declination. Not found: {reason}"
+        )
+        return
+    attitude.declination_rad = field.declination_rad
+    attitude.declination_why = f"declination of {year:.1f} (World Magnetic Model); 0 where the yaw is true"
+
+
+def without_declination(attitude: AttitudePart, track: MountingYaw) -> MountingYaw:
+    """The track's yaw with the declination taken back, where the track follows positions far better without it.
+
+    A DVL mounted at the very angle of the declination cannot be told from it; the case says what was decided.
+
+    Args:
+        attitude: its yaw is taken to be true then.
+        track: yaw of the DVL's track with the declination.
+    """
+    before = replace(track, yaw_rad=track.yaw_rad + attitude.declination_rad)
+    if (track.yaw_rad / track.sd_rad) ** 2 - (before.yaw_rad / track.sd_rad) ** 2 < CLEAR:
+        return track
+    declination_deg = math.degrees(attitude.declination_rad)
+    attitude.declination_rad = 0.0
+    attitude.declination_why = (
+        f"is the yaw true? The track follows the positions without the declination of {declination_deg:+.1f} deg, "
+        "which yaw_offset_deg would add"
+    )
+    return before

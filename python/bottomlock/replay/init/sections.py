@@ -6,18 +6,21 @@ import numpy as np
 
 from bottomlock.io.beams import geometry_text
 from bottomlock.replay.init.dvl_part import DvlPart
-from bottomlock.replay.init.errors_section import put_attitude_noise, put_errors
 from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.guess import round_up
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.init.motion_section import motion_section
 from bottomlock.replay.init.no_imu import put_source
+from bottomlock.replay.init.other_sections import (
+    motion_section,
+    put_attitude_noise,
+    put_errors,
+    put_start,
+    water_section,
+)
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.init.sources import Sources
-from bottomlock.replay.init.start import put_start
 from bottomlock.replay.init.text import Section, joined
-from bottomlock.replay.init.water_section import water_section
 
 HEAD = (
     "A first case, written from the files below. It runs as it is: bottomlock replay {case} --out DIR",

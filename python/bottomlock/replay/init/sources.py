@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from bottomlock.errors import DataError
+from bottomlock.files.table_file import content
 from bottomlock.io import ardupilot, ros, table, tlog
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.columns import column_names
 from bottomlock.io.formats import format_of, read_recording
 from bottomlock.io.rows import Options
 from bottomlock.replay.init.any_table import NAMES, AnyTable, read_any_table
-from bottomlock.replay.init.autopilot import autopilot_tables
 from bottomlock.replay.init.bag import bag_tables
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.found import Found, find_streams
@@ -149,3 +149,30 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
         said = f"; {one.remark}" if one.remark else ""
         found.words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate}){said}")
     found.streams += streams
+
+
+def autopilot_tables(path: Path, name: str) -> tuple[list[AnyTable], list[str]]:
+    """A table for each message and sensor, and what has to be said of the log.
+
+    Args:
+        path: the log.
+        name: of its format, `ardupilot.NAME` or `tlog.NAME`.
+
+    Raises:
+        DataError: for a log that cannot be read, or has no stream.
+    """
+    reader = ardupilot if name == ardupilot.NAME else tlog
+    log = reader.streams(content(path, reader.TIMES_ITS_SIZE), str(path))
+    tables = [
+        AnyTable(
+            path,
+            one.to_frame(),
+            plain=False,
+            units={},
+            part=one.name,
+            remark=one.remark,
+            independent=one.independent,
+        )
+        for one in log.streams
+    ]
+    return tables, [f"clock: {log.clock}", *log.notes]

@@ -25,8 +25,7 @@ from bottomlock.replay.tune.passes import (
     passes_of,
 )
 from bottomlock.replay.tune.recording import Recording, cut, read_recording, without_outliers
-from bottomlock.replay.tune.search import Found, search
-from bottomlock.replay.tune.uncertainty import DETERMINED, uncertainty
+from bottomlock.replay.tune.search import DETERMINED, Found, search, uncertainty
 from bottomlock.support.nearest import did_you_mean
 
 START_FACTORS = (1.0, 5.0, 25.0, 0.2)

@@ -1,4 +1,4 @@
-"""The search: scipy's trust region in the logarithms of the parameters, the Fisher information for the Hessian."""
+"""The search: a trust region with the Fisher information for the Hessian, and the σ of what it finds."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,8 +8,9 @@ import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
 from bottomlock.errors import DataError
-from bottomlock.recordings.streams import Floats
+from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion, Slopes
+from bottomlock.replay.tune.parameters import PRIOR_SD
 
 ITERATIONS = 30
 TRUST_RADIUS = {"initial_trust_radius": 1.0, "max_trust_radius": 4.0}
@@ -78,3 +79,51 @@ def search(
 def _gain_left(slopes: Slopes) -> float:
     """What the quadratic model of the criterion still gains by its full step."""
     return float(0.5 * slopes.gradient @ np.linalg.solve(slopes.information, slopes.gradient))
+
+
+OVERLAP = 3.0
+"""Predictions over outages that share noise, in the place of one: neighbouring passes, and horizons of one outage."""
+BLOCKS = 12
+"""Fewest blocks of a recording from which the scatter of their gradients is taken."""
+DETERMINED = 0.5
+"""Part of the prior's 1 sigma below which a parameter counts as determined by the recording."""
+
+
+def uncertainty(criterion: Criterion, found: Found, block_s: float) -> Floats:
+    """1 sigma (P,) of the coordinates that were found.
+
+    The information H is that of the criterion. Innovations of one step are independent where the model is right, so
+    their gradients have the covariance Σ w² I; those over outages overlap, and several methods predict the same
+    measurements. Where the recording has enough blocks, and their gradients scatter more than that, the model is not
+    right and their scatter counts.
+    """
+    scored = found.best.scores
+    assert scored is not None
+    weight = criterion.weights
+    own = (
+        found.slopes.squares
+        * (len(criterion.methods) * weight * np.where(scored.horizon > 0, OVERLAP, 1.0) * weight)[
+            :, None, None
+        ]
+    )
+    prior = PRIOR_SD**-2 * np.eye(len(found.best.at))
+    inverse = np.asarray(np.linalg.inv(found.slopes.information))
+    sd = _sd(inverse, own.sum(axis=0) + prior)
+    blocks = _block_sums(found.slopes.gradients, scored.time_ns, block_s)
+    if len(blocks) >= BLOCKS:
+        scatter = blocks - blocks.mean(axis=0)
+        sd = np.maximum(sd, _sd(inverse, scatter.T @ scatter + prior))
+    return sd
+
+
+def _sd(inverse: Floats, covariance: Floats) -> Floats:
+    return np.asarray(np.sqrt(np.diag(inverse @ covariance @ inverse)))
+
+
+def _block_sums(gradient: Floats, time_ns: Times, block_s: float) -> Floats:
+    """Sums of the gradients over blocks of time; the last, incomplete one belongs to the one before it."""
+    block = ((time_ns - time_ns.min()) * 1e-9 // block_s).astype(np.intp)
+    count = max(1, int((time_ns.max() - time_ns.min()) * 1e-9 // block_s))
+    sums = np.zeros((count, gradient.shape[1]))
+    np.add.at(sums, np.minimum(block, count - 1), gradient)
+    return sums
