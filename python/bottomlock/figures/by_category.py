@@ -5,13 +5,11 @@ from collections.abc import Mapping, Sequence
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from bottomlock.figures.curves import scale_errors
 from bottomlock.figures.labels import Line, coincident, label_ends
 from bottomlock.figures.palette import FAINT, STYLE, draw_order, marks, new_figure
-
-Array = NDArray[np.float64]
+from bottomlock.figures.series import Floats
 
 WIDTH_IN, HEIGHT_IN = 6.6, 3.9
 TURNED_FROM = 5
@@ -19,11 +17,11 @@ TURNED_FROM = 5
 
 
 def category_figure(
-    curves: Mapping[str, Array],
+    curves: Mapping[str, Floats],
     categories: Sequence[str],
     title: str,
     *,
-    intervals: Mapping[str, tuple[Array, Array]] | None = None,
+    intervals: Mapping[str, tuple[Floats, Floats]] | None = None,
 ) -> Figure:
     """A point for each method and category, side by side; a bar where an interval is given.
 

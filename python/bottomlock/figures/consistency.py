@@ -7,14 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from bottomlock.figures.curves import log_ticks
 from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, new_figure, stroke
+from bottomlock.figures.series import Floats
 from bottomlock.tables.campaign import COMPONENTS
-
-Array = NDArray[np.float64]
 
 _MARKERS = {
     "velocity": ("o", "velocity"),
@@ -23,7 +21,7 @@ _MARKERS = {
 }
 
 
-def calibration_figure(curves: Mapping[str, tuple[Array, Array]]) -> Figure:
+def calibration_figure(curves: Mapping[str, tuple[Floats, Floats]]) -> Figure:
     """Velocity error against its claimed standard deviation over time; consistent methods lie on the diagonal.
 
     Args:
@@ -49,7 +47,7 @@ def calibration_figure(curves: Mapping[str, tuple[Array, Array]]) -> Figure:
     return figure
 
 
-def _diagonal(axes: Axes, values: Array) -> None:
+def _diagonal(axes: Axes, values: Floats) -> None:
     """Equal logarithmic axes around the values, with the diagonal and the half above it shaded."""
     positive = values[np.isfinite(values) & (values > 0.0)]
     low, high = float(positive.min()) / 1.3, float(positive.max()) * 1.3
@@ -63,7 +61,7 @@ def _diagonal(axes: Axes, values: Array) -> None:
     axes.fill_between([low, high], [low, high], [high, high], color=FAINT, alpha=0.14, linewidth=0.0)
 
 
-def normalised_figure(normalised_rms: Mapping[str, Array]) -> Figure:
+def normalised_figure(normalised_rms: Mapping[str, Floats]) -> Figure:
     """RMS over runs and times of error/σ, a mark for each component; a consistent filter has 1.
 
     Args:
@@ -100,7 +98,7 @@ def normalised_figure(normalised_rms: Mapping[str, Array]) -> Figure:
     return figure
 
 
-def _normalised_axis(axes: Axes, values: Array) -> None:
+def _normalised_axis(axes: Axes, values: Floats) -> None:
     """A logarithmic axis of error/σ, shaded where a filter is overconfident."""
     finite = values[np.isfinite(values) & (values > 0.0)]
     axes.set_xscale("log")

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
 from bottomlock.figures.palette import (
@@ -25,8 +24,7 @@ from bottomlock.figures.palette import (
     new_figure,
     stroke,
 )
-
-Array = NDArray[np.float64]
+from bottomlock.figures.series import Floats
 
 LOG_SPREAD = 12.0
 """Ratio of the largest to the smallest value above which the axis is logarithmic."""
@@ -176,7 +174,7 @@ def _rows(ensemble: pl.DataFrame, trajectory: str, methods: Sequence[str] | None
     return rows if methods is None else rows.filter(pl.col("method").is_in(list(methods)))
 
 
-def _by_method(rows: pl.DataFrame, column: str) -> dict[str, Array]:
+def _by_method(rows: pl.DataFrame, column: str) -> dict[str, Floats]:
     return {
         str(method): part.sort("time_s")[column].to_numpy()
         for (method,), part in rows.group_by("method", maintain_order=True)
@@ -188,13 +186,13 @@ def _axes(*, small: bool = False) -> tuple[Figure, Axes]:
     return figure, figure.add_axes(SMALL_PLACE if small else PLACE)
 
 
-def _label(axes: Axes, label: str, time_s: Array) -> None:
+def _label(axes: Axes, label: str, time_s: Floats) -> None:
     axes.set_xlim(0.0, float(time_s[-1]))
     axes.set_xlabel("time, s")
     axes.set_title(label, loc="left", pad=16.0 if "NEES" in label else 6.0)
 
 
-def scale_errors(axes: Axes, curves: Array, marks: Sequence[float]) -> None:
+def scale_errors(axes: Axes, curves: Floats, marks: Sequence[float]) -> None:
     """Limits with a margin; a logarithmic axis where the spread exceeds `LOG_SPREAD`."""
     values = np.append(curves.ravel(), marks)
     finite = values[np.isfinite(values) & (values > 0.0)]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bottomlock.io.sentences import show
 
+Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 

@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.account import Account
+from bottomlock.io.account import Account, Flags, Floats
 from bottomlock.io.dataflash import Records, parse
 from bottomlock.io.log_stream import (
     ESTIMATE,
@@ -31,7 +30,6 @@ from bottomlock.io.rows import longest_rising
 NAME = "ardupilot-bin"
 TIMES_ITS_SIZE = 4.0
 """Memory that reading a log takes, over its size (measured: 2.7)."""
-Flags = NDArray[np.bool_]
 
 GPS_EPOCH_S, WEEK_S, LEAP_S = 315_964_800, 604_800, 18
 """GPS time from 1970, and UTC behind it since 2017."""
@@ -209,7 +207,7 @@ def _of_dvl(found: dict[str, Records], log: LogStreams) -> Iterator[LogStream]:
             yield stream
 
 
-def _intervals(viso: Records) -> tuple[NDArray[np.float64], str]:
+def _intervals(viso: Records) -> tuple[Floats, str]:
     """(n,) intervals of VISO, s, and what was wrong with their unit."""
     stated, raw = viso.numbers("dt", "s"), np.asarray(viso.values["dt"], dtype=np.float64)
     steps_s = np.diff(viso.time_ns()) * 1e-9

@@ -20,7 +20,7 @@ from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import read_json, write_parquet
 from bottomlock.files.records import DIGESTS, read_record, sha256_of, write_record
 from bottomlock.files.table_file import read_parquet
-from bottomlock.io.account import Account, Flags, Integers, Reason
+from bottomlock.io.account import Account, Flags, Floats, Integers, Reason
 from bottomlock.io.columns import check_valid
 from bottomlock.io.converted import check_converted
 from bottomlock.io.table_columns import TableColumns
@@ -32,7 +32,6 @@ __all__ = [
     "Reason", "Recording", "read_account", "read_beam_table", "sidecar", "write_recording",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 
 MOST_BEAMS = 8
 """Most beams of an instrument, the kernel's limit."""

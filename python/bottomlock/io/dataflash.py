@@ -16,11 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.account import Account
+from bottomlock.io.account import Account, Flags, Floats, Integers
 from bottomlock.io.progress import reporter
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 HEAD = b"\xa3\x95"
 _FMT, _FMT_BYTES = 128, 89
@@ -115,7 +112,7 @@ class Records:
         for one in np.unique(which):
             yield f"{self.name} {one}", self.where(which == one)
 
-    def where(self, chosen: NDArray[np.bool_]) -> "Records":
+    def where(self, chosen: Flags) -> "Records":
         """Some of the records."""
         return replace(self, values=self.values[chosen])
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
+from bottomlock.io.account import Flags, Floats, Integers
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import Options, make_table, raise_if_empty
 from bottomlock.io.sentences import printable
@@ -16,8 +16,6 @@ from bottomlock.support.later import pl, transform
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 VELOCITY = ("surge_mps", "sway_mps", "heave_mps")
 ESTIMATE = "the autopilot's own estimate of the same sensors, not independent"
@@ -81,7 +79,7 @@ class Attitudes:
     time_ns: Integers
     to_level: "Rotation"
 
-    def at(self, time_ns: Integers) -> "tuple[Rotation, NDArray[np.bool_]]":
+    def at(self, time_ns: Integers) -> "tuple[Rotation, Flags]":
         """Attitudes at other times (m,), interpolated, and whether two less than `MOST_GAP_NS` apart stand around."""
         first = self.time_ns[0]
         turn = transform.Slerp((self.time_ns - first) * 1e-9, self.to_level)
@@ -152,7 +150,7 @@ def velocity_of_displacements(
     end_ns: Integers,
     interval_s: Floats,
     moved_m: Floats,
-    valid: NDArray[np.bool_],
+    valid: Flags,
     remark: str = "",
 ) -> LogStream:
     """Mean body velocities over the intervals of displacements, each at the middle of its interval.

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.account import Flags, Integers
+from bottomlock.io.account import Flags, Floats, Integers
 from bottomlock.support.later import pl
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

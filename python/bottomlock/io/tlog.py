@@ -14,10 +14,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.account import Account
+from bottomlock.io.account import Account, Integers
 from bottomlock.io.log_stream import (
     ESTIMATE,
     LogStream,
@@ -35,7 +34,6 @@ from bottomlock.units import STANDARD_GRAVITY_MPS2
 NAME = "mavlink-tlog"
 TIMES_ITS_SIZE = 14.0
 """Memory that reading a log takes, over its size (measured: 12.4)."""
-Integers = NDArray[np.int64]
 
 _STAMP = 8
 _V1, _V2, _SIGNED = 0xFE, 0xFD, 1

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
+from bottomlock.io.account import Floats
 from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows
 from bottomlock.support.later import pl
 from bottomlock.support.nearest import did_you_mean
-
-Floats = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".parquet", ".pq")
 COLUMNS = (

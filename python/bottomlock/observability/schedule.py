@@ -5,15 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import SENSORS
+from bottomlock.recordings.streams import Flags, Times
 from bottomlock.simulation.sensor_times import epochs_ns
 from bottomlock.support.nearest import did_you_mean
-
-Times = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +104,7 @@ class Schedule:
         return {"time_ns": self.time_ns, "beams": self.beams, **self.others}
 
 
-def _samples(sample_ns: Times, times: Times, name: str) -> NDArray[np.int64]:
+def _samples(sample_ns: Times, times: Times, name: str) -> Times:
     outside = (times < sample_ns[0]) | (times > sample_ns[-1])
     if outside.any():
         raise DataError(

@@ -1,12 +1,11 @@
 """Sensor axes to platform axes, and attitudes between Euler angles and quaternions."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.rotation import Axes, permute_axes
-
-Floats = NDArray[np.float64]
+from bottomlock.recordings.streams import Floats
 
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Symmetric: the same matrix takes east–north–up to north–east–down."""

@@ -4,9 +4,9 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from bottomlock.recordings.streams import Floats
+
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
 """For each axis of the platform the sensor's, with its sign."""

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Times = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 

@@ -8,17 +8,15 @@ import matplotlib as mpl
 import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from bottomlock.figures.beams import BEAM_COLOURS
 from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, draw_order, stroke
 from bottomlock.figures.series import Curve, Panel, scattered_rows, thinned_rows
+from bottomlock.recordings.streams import Floats, Times
 from bottomlock.statistics.replay import error_norms
 from bottomlock.tables.replay import FORWARD
 
-Floats = NDArray[np.float64]
-Times = NDArray[np.int64]
 _QUANTITIES = (
     ("position", "m", "position, m"),
     ("velocity", "mps", "velocity, m/s"),

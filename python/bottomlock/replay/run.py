@@ -55,7 +55,6 @@ def replay_case(
     *,
     threads: int = 1,
     progress: Callable[[int], None] = lambda _: None,
-    streams: Streams | None = None,
 ) -> ReplayTables:
     """Runs every method of a case for every what-if case, and makes the tables.
 
@@ -64,16 +63,14 @@ def replay_case(
         threads: number of threads, 0 for one per core; the results do not depend on it.
         progress: called before the first rerun, once all that can be checked has been, and after each, with the
             number of reruns done.
-        streams: the recording of the case, if it has been read already.
 
     Raises:
         DataError, ScenarioError: as `read_streams` and `align`.
         KernelError: naming field, row and time.
     """
     started = time.perf_counter()
-    if streams is None:
-        check_files(case)
-        streams = read_streams(case)
+    check_files(case)
+    streams = read_streams(case)
     check_what_ifs(case, streams)
     progress(0)
     parts: dict[str, list[pl.DataFrame]] = {

@@ -1,10 +1,10 @@
 """Checks of single parts of a case: closure of the beams, the start, the depth, the recorded heading."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
@@ -13,7 +13,6 @@ from bottomlock.replay.motion.fit import Match, Recorded, at_pings
 from bottomlock.replay.motion.segments import LENGTH_S, integrate
 from bottomlock.replay.streams import Streams
 
-Floats = NDArray[np.float64]
 SIGMAS = 5.0
 NEAR_S = 3.0
 SMALL_CLAIM, WRONG_CLAIM = 1.5, 2.5
@@ -88,7 +87,7 @@ def level_finding(alignment: Alignment, match: Match) -> Finding | None:
     )  # fmt: skip
 
 
-def velocity_finding(alignment: Alignment, time_ns: NDArray[np.int64], velocity_p: Floats) -> Finding | None:
+def velocity_finding(alignment: Alignment, time_ns: Integers, velocity_p: Floats) -> Finding | None:
     """Velocity at the start against the next ping."""
     near = np.flatnonzero(np.abs(time_ns - alignment.time_ns) < NEAR_S * 1e9)
     if not near.size:
@@ -230,9 +229,6 @@ def heading_finding(case: Case, alignment: Alignment, streams: Streams) -> Findi
             f'Set start.heading = "{name}", or start.heading_deg: the whole track turns with it.', "start.heading",
         )  # fmt: skip
     return None
-
-
-Integers = NDArray[np.int64]
 
 
 def vertical_velocity(recorded: Recorded, match: Match) -> tuple[Integers, Integers, Floats] | None:

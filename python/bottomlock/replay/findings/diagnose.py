@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding, ranked
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
@@ -38,8 +38,6 @@ from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.statistics.replay import track_table
 from bottomlock.tables.replay import FORWARD
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +108,7 @@ def _tracks(samples: pl.DataFrame) -> dict[str, dict[str, float]]:
 
 def _heading(
     prepared: PreparedRun, samples: pl.DataFrame, seen: Innovations | None
-) -> tuple[NDArray[np.int64], Floats]:
+) -> tuple[Integers, Floats]:
     """Times and headings, rad: as recorded, else those of the method that stands for all."""
     attitudes = prepared.streams.attitudes
     if attitudes is not None:
@@ -178,7 +176,7 @@ def _with_track(causes: list[Finding], track: Finding | None) -> list[Finding]:
 
 
 def _against_imu(
-    case: Case, prepared: PreparedRun, time_ns: NDArray[np.int64], velocity: Floats
+    case: Case, prepared: PreparedRun, time_ns: Integers, velocity: Floats
 ) -> list[Finding | None]:
     streams, alignment = prepared.streams, prepared.alignment
     inertial = prepared.readings
@@ -223,7 +221,7 @@ def _mean_down(prepared: PreparedRun) -> Floats:
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
 
 
-def _at_imu(prepared: PreparedRun, time_ns: NDArray[np.int64], velocity: Floats) -> Floats:
+def _at_imu(prepared: PreparedRun, time_ns: Integers, velocity: Floats) -> Floats:
     """(p, 3) velocities carried from the DVL to the IMU over the stated lever arm."""
     lever = np.asarray(prepared.streams.instrument.geometry.lever_arms_p_m).mean(axis=0)
     if not lever.any():

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.motion.fit import Match, Recorded, fit
 from bottomlock.replay.motion.search import LOOSE
-
-Floats = NDArray[np.float64]
 
 LEAST_DROP = 36.0
 """Least fall of the cost that a cause must explain: chi-squared of three parameters by chance is below 26 (1e-5)."""

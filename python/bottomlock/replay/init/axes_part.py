@@ -1,9 +1,9 @@
 """Axes of IMU, attitude sensor and DVL against one another: quarter turns, handedness, mounting yaw of the DVL."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.moved import Turns, recorded
@@ -13,8 +13,6 @@ from bottomlock.replay.motion.fit import fit
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, attitude_at
 from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerations, yaw_by_positions
 from bottomlock.replay.motion.search import LOOSE
-
-Floats = NDArray[np.float64]
 
 CLEAR = 40.0
 """Difference of two costs from which axes are told apart: a likelihood ratio beyond any doubt."""

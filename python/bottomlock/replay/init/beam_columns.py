@@ -9,8 +9,9 @@ import polars as pl
 from bottomlock.io.beam_table import MOST_BEAMS
 from bottomlock.io.beams import Columns
 from bottomlock.io.columns import FLAG_WORDS
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.init.any_table import AnyTable
-from bottomlock.replay.init.found import Floats, numbers, table_times
+from bottomlock.replay.init.found import numbers, table_times
 from bottomlock.replay.init.names import split_unit
 
 TIME = "time_ns"

@@ -3,13 +3,13 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry, make_geometry
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.found import Found
@@ -20,8 +20,6 @@ from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_n
 from bottomlock.replay.motion.search import Searched, search_offset
 from bottomlock.replay.motion.velocity import ping_velocity
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60
 STARTING_NOISE_MPS = 0.01

@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from bottomlock.files.atomic_write import write_parquet, write_text
 from bottomlock.files.overwriting import check_free
 from bottomlock.io.beam_table import Recording, sidecar, write_recording
 from bottomlock.io.water_table import water_file
+from bottomlock.recordings.streams import Integers
 from bottomlock.replay.init.found import Found, Times
-
-Integers = NDArray[np.int64]
 
 
 @dataclass(eq=False)

@@ -5,16 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.columns import FLAG_WORDS, column_names
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init import names
 from bottomlock.replay.init.any_table import AnyTable
 from bottomlock.replay.init.names import named, seconds_and_nanoseconds, split_unit, time_unit
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 EPOCHS = (("s", 5e8, 5e9), ("ms", 5e11, 5e12), ("us", 5e14, 5e15), ("ns", 5e17, 5e18))

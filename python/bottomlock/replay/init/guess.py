@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.motion.segments import integrate
 from bottomlock.statistics.robust import sd_about_median
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 ROOM = 1.35
 """A size may be this many times larger or smaller than gravity: vehicles accelerate, sensors have scale errors."""
 DEG = np.pi / 180.0

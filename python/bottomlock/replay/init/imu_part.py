@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from bottomlock.errors import DataError
+from bottomlock.recordings.streams import Flags, Floats, Integers
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import (
     Guess,
@@ -19,8 +19,6 @@ from bottomlock.replay.init.guess import (
 )
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 OMEGA_SI = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 648_000.0}
 FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2}
 HANDED = 1.4
@@ -184,7 +182,7 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
     )  # fmt: skip
 
 
-def wild_rows(values: Floats) -> NDArray[np.bool_]:
+def wild_rows(values: Floats) -> Flags:
     """(n,) which rows (n, 3) hold a filler or a gross error in place of a reading; not the first rows of a turn."""
     size = np.abs(values).max(axis=1)
     usual = float(np.percentile(size, 99.0)) if len(size) else 0.0

@@ -3,17 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
 from bottomlock.replay.init.other_parts import AttitudePart
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.gyros import GyroMatch, attitude_at, match_gyros, slope
-
-Floats = NDArray[np.float64]
 
 EARTH_RADPS = 7.292115e-5
 SURE = 0.7

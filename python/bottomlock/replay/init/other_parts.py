@@ -3,18 +3,16 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.axes import from_angles, platform_attitude
+from bottomlock.recordings.streams import Flags, Floats, Integers
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import BAR, Guess, angle_unit, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.statistics.robust import sd_about_zero
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 ENOUGH = 0.3
 """Streams that overlap by this fraction of the shorter one are taken to share a clock."""
 OFFSET_S = 0.1
@@ -258,14 +256,14 @@ def _increments(attitude: Rotation) -> Floats:
     return np.asarray((attitude[:-1].inv() * attitude[1:]).as_rotvec())
 
 
-def _gyro_rate(when: Floats, turned: Floats, seconds: Floats) -> tuple[NDArray[np.bool_], Floats]:
+def _gyro_rate(when: Floats, turned: Floats, seconds: Floats) -> tuple[Flags, Floats]:
     """The intervals between times that the gyros cover, and the mean rate of the gyros in these."""
     inside = (when[:-1] >= seconds[0]) & (when[1:] <= seconds[-1])
     gyro = np.stack([np.diff(np.interp(when, seconds, turned[:, k])) for k in range(3)], axis=1)
     return inside, (gyro / np.diff(when)[:, None])[inside]
 
 
-def _compare(rate: Floats, lag_s: float, inside: NDArray[np.bool_], gyro: Floats) -> AttitudeMatch:
+def _compare(rate: Floats, lag_s: float, inside: Flags, gyro: Floats) -> AttitudeMatch:
     """The attitude's rate against the gyros' at a clock offset, at the quarter turn that fits roll and pitch best."""
     none = AttitudeMatch("", -1.0, -1.0, np.nan, lag_s, -1.0)
     if len(gyro) < 8:

@@ -4,12 +4,10 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.statistics.robust import sd_about_zero
-
-Floats = NDArray[np.float64]
 
 CLOSES_BETTER = 2.5
 """Exchanged beams are a finding from this ratio of the closures."""
@@ -51,7 +49,7 @@ class BetterOrder:
 
 
 def better_order(
-    directions_p: Floats, velocity_mps: Floats, valid: NDArray[np.bool_], claimed_mps: float
+    directions_p: Floats, velocity_mps: Floats, valid: Flags, claimed_mps: float
 ) -> BetterOrder | None:
     """Another order of four or five beams in which they close far better; None where the stated one is as good."""
     full = valid.all(axis=1)

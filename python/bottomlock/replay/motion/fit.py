@@ -12,14 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.streams import Flags, Floats, Integers
 from bottomlock.replay.motion.segments import Segments, integrate
 from bottomlock.statistics.robust import sd_about_zero
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 PARTS = {
     "rotation": slice(0, 3), "scale": slice(3, 4), "clock": slice(4, 5), "gyro_bias": slice(5, 8),
@@ -116,7 +113,7 @@ class Match:
 class _At:
     """Integrals at the pings, (p, ...), for one clock offset."""
 
-    kept: NDArray[np.bool_]
+    kept: Flags
     segment: Integers
     time_s: Floats
     C: Floats

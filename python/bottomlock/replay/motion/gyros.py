@@ -7,14 +7,11 @@ two readings (aliasing) and the error of the attitude itself, so the noise found
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from bottomlock.recordings.streams import Flags, Floats, Integers
 from bottomlock.replay.motion.segments import LENGTH_S, integrate
 from bottomlock.statistics.robust import sd_about_median
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 SLOPE_S = 1.0
 """Increments over which the slope is taken: longer than jitter of the stamps, shorter than a wander of the offset."""
@@ -60,7 +57,7 @@ class GyroMatch:
 
 def attitude_at(
     time_ns: Integers, attitude: Rotation, at_ns: Integers, longest_step_s: float = LONGEST_STEP_S
-) -> tuple[Rotation, NDArray[np.bool_]] | None:
+) -> tuple[Rotation, Flags] | None:
     """Attitude at other times by interpolation, and where it is known: not beyond its ends or in a gap.
 
     Args:
@@ -173,9 +170,7 @@ def match_gyros(
     )  # fmt: skip
 
 
-def _whole(
-    segment: Integers, time_ns: Integers, kept: NDArray[np.bool_], count: int, length_s: float
-) -> NDArray[np.bool_]:
+def _whole(segment: Integers, time_ns: Integers, kept: Flags, count: int, length_s: float) -> Flags:
     """Segments that attitudes cover from near the beginning to near the end, without a gap."""
     whole = np.zeros(count, dtype=bool)
     for one in np.unique(segment[kept]):

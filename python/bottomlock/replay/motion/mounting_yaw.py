@@ -7,14 +7,11 @@ guess is needed. Noise of the velocity does not bias the angle: it is not correl
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.motion.fit import Recorded, at_pings, lines
 from bottomlock.replay.motion.segments import integrate
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 WINDOW_S = 60.0
 """Windows of the track: long against the noise of positions, short against a walk of the heading."""

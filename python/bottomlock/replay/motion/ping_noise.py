@@ -15,14 +15,12 @@ one is too large where the accelerometers are poor, the other where the vehicle 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.motion.fit import Recorded, at_pings
 from bottomlock.replay.motion.segments import integrate
 from bottomlock.statistics.robust import sd_about_median
-
-Floats = NDArray[np.float64]
 
 LAGS = (1, 2, 3, 4, 6, 8)
 LONGEST_S = 5.0

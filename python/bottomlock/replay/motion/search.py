@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.motion.fit import LEAST_PINGS, Recorded, at_pings, lines
 from bottomlock.replay.motion.segments import Segments, integrate
-
-Floats = NDArray[np.float64]
 
 LOOSE = {
     "rotation": 1.0, "scale": 0.3, "clock": 1.0, "gyro_bias": 0.05, "accel_bias": 0.5, "lever": 1.0,

@@ -11,12 +11,9 @@ the velocity, of the sensors, or of what was stated about them. The Earth's rate
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.kernel import integrate_segments
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from bottomlock.recordings.streams import Floats, Integers
 
 LENGTH_S = 20.0
 """Length of a segment: a gyro bias of 100°/h makes a velocity error of 0.95 m/s in it, one of accelerometers none."""

@@ -1,10 +1,9 @@
 """Velocities by least squares from the beams of each ping, without outliers."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from bottomlock.recordings.streams import Flags, Floats, Integers
+
 OUTLIER = 5.0
 """Closures beyond this many robust sigmas are outliers."""
 UNSTABLE = 8.0
@@ -12,7 +11,7 @@ UNSTABLE = 8.0
 
 
 def ping_velocity(
-    directions_p: Floats, time_ns: Integers, velocity_mps: Floats, valid: NDArray[np.bool_]
+    directions_p: Floats, time_ns: Integers, velocity_mps: Floats, valid: Flags
 ) -> tuple[Integers, Floats]:
     """Times (p,) and velocities (p, 3), platform frame, of the pings whose beams determine all of it.
 
