@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 
 from bottomlock.replay.case import load_case
-from bottomlock.replay.figures import nis_panel
-from bottomlock.replay.report import Drawing, dive_of, drawings, read_replay
+from bottomlock.replay.figures import Drawing, nis_panel
+from bottomlock.replay.report import dive_of, drawings, read_replay
 from bottomlock.replay.run import write_replay
 from bottomlock.statistics.replay import error_norms
 from bottomlock.tables.replay import ReplayTables
