@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant import DepthProfile, load_vehicle
+from bottomlock.plant import DepthProfile
 from bottomlock.plant.beam_loss import MarkovDropout, ReturnLimits
 from bottomlock.plant.seabed import PlaneSeabed
 from bottomlock.plant.surroundings import GpsReception, Pressure
@@ -22,7 +22,6 @@ from bottomlock.plant.surroundings import GpsReception, Pressure
         (lambda: DepthProfile(((5.0, 20.0), (5.0, 29.0))), "strictly rising"),
         (lambda: Pressure(density_kgpm3=0.0), "densities"),
         (lambda: GpsReception(acquire_s=-1.0), "acquire_s is -1"),
-        (lambda: load_vehicle("nautilus"), "'nautilus' is neither a packaged vehicle nor a file"),
     ],
 )
 def test_senseless_parts_are_refused(make: Callable[[], object], words: str) -> None:
