@@ -123,7 +123,6 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
             ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.csv"],
             "ends in .parquet",
         ),
-        (["fly", "straight", "--out", "o", "--vehicle", "whale"], "whale"),
         (["swim"], "swim"),
     ],
 )

@@ -68,7 +68,6 @@ def test_a_scenario_by_name_and_by_file(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("strait", "did you mean 'straight'"),
         ([3], "the scenario is 3, expected a Scenario, a packaged name or a path"),
         (7, "scenarios is 7, expected a list such as"),
         ([], "expected scenarios of different names"),

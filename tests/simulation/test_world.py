@@ -68,7 +68,6 @@ def test_files_are_looked_for_beside_the_scenario(tmp_path: Path) -> None:
         ({"trajectory": {"kind": "straight", "speed_mps": 9.0}}, "outside the vehicle's"),
         ({"seabed": {"kind": "abyss"}}, "abyss"),
         ({"seabed": {"kind": "grid", "path": "nowhere.toml"}}, "nowhere.toml"),
-        ({"trajectory": {"kind": "straight", "vehicle": "whale"}}, "whale"),
     ],
 )
 def test_faults_show_before_anything_runs(sections: dict[str, Any], message: str) -> None:
