@@ -69,8 +69,8 @@ def test_plots_are_the_figures_of_the_page(replay: Replay, figures: dict[str, Fi
     same(replay.plot_map(), figures["map_recorded"].axes[0])
     same(replay.plot_map("lost_34"), figures["map_lost_34"].axes[0])
     same(replay.plot_nis("lost_34"), figures["nis_lost_34"].axes[0])
-    for case, axes in zip(replay.what_ifs, figures["validity"].axes, strict=True):
-        same(replay.plot_beams(case), axes)
+    for case, drawn in zip(replay.what_ifs, figures["validity"].axes, strict=True):
+        same(replay.plot_beams(case), drawn)
     page = figures["timeline"].axes
     surge, sway, heave, sd, depth, levels, heading = page[:7]
     parts = {

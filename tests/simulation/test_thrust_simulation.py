@@ -105,6 +105,7 @@ def test_water_moves_under_a_truth_without_a_vehicle() -> None:
     np.testing.assert_allclose(gap / per_m, 0.3, rtol=0.05)
     assert of(0.0).content_hash() != of(0.3).content_hash()
     worlds = [build_simulation(of(speed, enabled=True)) for speed in (0.0, 0.3)]
-    np.testing.assert_array_equal(*(world.truth().velocity_p_mps for world in worlds))
+    calm, current = (world.truth().velocity_p_mps for world in worlds)
+    np.testing.assert_array_equal(calm, current)
     beams = [sensor_streams(world, world.truth())["beams_water"]["beam1_mps"].to_numpy() for world in worlds]
     np.testing.assert_allclose(beams[0] - beams[1], 0.3 * worlds[0].geometry.directions_p[0][0], rtol=0.05)

@@ -22,8 +22,9 @@ from bottomlock.files.overwriting import Result
 from bottomlock.kernel import kernel_version
 from bottomlock.observability.analysis import Aiding, Deviations, Kind, deviations, observe
 from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
-from bottomlock.observability.schedule import Schedule, Times
+from bottomlock.observability.schedule import Schedule
 from bottomlock.observability.tables import mask_table, paper_table, table_row
+from bottomlock.recordings.streams import Times
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.tables.observability import OBSERVABILITY

@@ -21,7 +21,8 @@ from bottomlock.support.extras import install
 
 Floats = NDArray[np.float64]
 
-MAX_RATE_HZ, VARIANCE_FACTOR = 10.0, 2.0
+MAX_RATE_HZ: float = 10.0
+VARIANCE_FACTOR: float = 2.0
 """PX4 begins to aid only while two messages are less than 200 ms apart, ArduPilot while the last one is younger than
 that: 5 Hz is too slow for both. Twice the messages with twice the variance say as much (docs/ports.md)."""
 

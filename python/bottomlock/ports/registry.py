@@ -22,24 +22,22 @@ from bottomlock.ports.vision_position_delta import VisionPositionDelta
 from bottomlock.ports.vision_speed_estimate import VisionSpeedEstimate
 from bottomlock.support.nearest import did_you_mean
 
-PORTS: dict[str, Callable[..., Port]] = {
-    one.name: one
-    for one in (
-        VisionPositionDelta,
-        VisionSpeedEstimate,
-        Odometry,
-        DistanceSensor,
-        MicroStrain,
-        RosVelocity,
-        RosTwist,
-        RosDvl,
-        RosOdometry,
-        RosTransform,
-        WaterLinkedJson,
-        Pd0,
-        Sentence,
-    )
-}
+_CLASSES: tuple[type[Port], ...] = (
+    VisionPositionDelta,
+    VisionSpeedEstimate,
+    Odometry,
+    DistanceSensor,
+    MicroStrain,
+    RosVelocity,
+    RosTwist,
+    RosDvl,
+    RosOdometry,
+    RosTransform,
+    WaterLinkedJson,
+    Pd0,
+    Sentence,
+)
+PORTS: dict[str, Callable[..., Port]] = {one.name: one for one in _CLASSES}
 
 
 def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of each port have their types there

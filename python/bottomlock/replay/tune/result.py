@@ -68,7 +68,7 @@ def tuned_text(path: Path, tuned: Tuned) -> str:
         ScenarioError: for a key that is not on a line of its own.
     """
     chosen = [one for one in tuned.parameters if one.key in tuned.values]
-    values: dict[str, float | str] = {one.key: rounded(one) for one in chosen}
+    values = {one.key: rounded(one) for one in chosen}
     text = edited(read_text(path), values, {one.key: remark(one) for one in chosen}, place=str(path))
     parse_case(text, place=str(path), folder=path.parent)
     return text
