@@ -50,7 +50,7 @@ __all__ = [
     "solve_velocity",
 ]
 __version__: Final[str]
-DEFAULT_OPTIONS: Final[DefaultOptionsDict]
+DEFAULT_OPTIONS: Final[dict[str, Any]]
 EARTH_RATE_RADPS: Final[float]
 INERTIAL_STATES: Final[int]
 STATES: Final[int]
@@ -71,73 +71,6 @@ class SegmentsDict(TypedDict):
     force_integral_mps: NDArray[np.float64]
     rotation_integral_s: NDArray[np.float64]
     bias_integral: NDArray[np.float64]
-
-@type_check_only
-class WaterDict(TypedDict):
-    current_sd_mps: float
-    current_time_s: float
-    sway_gain_m: float
-    sway_gain_sd_m: float
-    trim_sd_mps: float
-    trim_time_s: float
-    slip_sd_mps: float
-    slip_time_s: float
-    slip_epochs: float
-
-@type_check_only
-class CurrentLayersDict(TypedDict):
-    sd_mps: float
-    time_s: float
-    way_m: float
-    spacing_m: float
-    mean_time_s: float
-
-@type_check_only
-class RobustDict(TypedDict):
-    closure_gate: float | None
-    beam_gate: float | None
-    tail: Literal["gaussian", "student_t"]
-    student_t_degrees: float
-
-@type_check_only
-class MotionDict(TypedDict):
-    mean_sd_mps: list[float]
-    mean_time_s: float
-    change_sd_mps: list[float]
-    change_time_s: list[float]
-
-@type_check_only
-class DefaultOptionsDict(TypedDict):
-    gate: Literal["joint", "per_row", "off"]
-    gate_probability: float
-    inflate_after_rejections: int
-    covariance_period_ns: int
-    imu_sampling: Literal["instantaneous", "averaged"]
-    estimate_dvl: bool
-    virtual_beam_factor: float
-    nullified_sway_var_m2ps2: float
-    weak_sway_var_m2ps2: float
-    information_port: Literal["axes", "full"]
-    water: WaterDict
-    current_layers: CurrentLayersDict
-    calibration: CalibrationDict
-    motion: MotionDict
-    water_track: bool
-    thrust: Literal["off", "velocity", "all"]
-    speed_sd_mps: float
-    speed_time_s: float
-    robust: RobustDict
-    max_imu_rate_radps: float
-    max_imu_force_mps2: float
-    imu_stuck_after: int
-    max_imu_gap_s: float
-    imu_gap: Literal["refuse", "inflate"]
-    imu_gap_rate_sd_radps: float
-    imu_gap_accel_sd_mps2: float
-    depth_lever_p_m: list[float]
-    gps_lever_p_m: list[float]
-    acoustic_position_lever_p_m: list[float]
-    effort_lever_p_m: list[float]
 
 @type_check_only
 class ScheduleDict(TypedDict):
@@ -304,10 +237,7 @@ class AidingDict(TypedDict):
     effort_surge: NotRequired[bool]
     effort_sway: NotRequired[bool]
     effort_heave: NotRequired[bool]
-    depth_lever_p_m: NotRequired[ArrayLike]
-    gps_lever_p_m: NotRequired[ArrayLike]
-    acoustic_position_lever_p_m: NotRequired[ArrayLike]
-    effort_lever_p_m: NotRequired[ArrayLike]
+    levers: NotRequired[Mapping[str, ArrayLike]]
 
 @type_check_only
 class AidingScheduleDict(TypedDict):

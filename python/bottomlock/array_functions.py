@@ -79,9 +79,9 @@ def solve_velocity(
     prior_velocity_p_mps: ArrayLike | None = None,
     prior_cov_m2ps2: ArrayLike | None = None,
     omega_tp_p_radps: ArrayLike | None = None,
-    virtual_beam_factor: float = DEFAULT_OPTIONS["virtual_beam_factor"],
-    nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"],
-    weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"],
+    virtual_beam_factor: float = DEFAULT_OPTIONS["assumptions"]["virtual_beam_factor"],
+    nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["assumptions"]["nullified_sway_var_m2ps2"],
+    weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["assumptions"]["weak_sway_var_m2ps2"],
 ) -> VelocityFixes:
     """Solves pings for the platform velocity from any set of valid beams (Tal et al. 2017, Eqs 17-49).
 

@@ -67,10 +67,7 @@ def options(rng: Random) -> dict[str, Any]:
         "information_port": rng.choice(("axes", "full")),
         "estimate_dvl": rng.random() < 0.8,
         "water_track": rng.random() < 0.5,
-        "depth_lever_p_m": lever,
-        "gps_lever_p_m": lever,
-        "acoustic_position_lever_p_m": lever,
-        "effort_lever_p_m": lever,
+        "levers": dict.fromkeys(kernel.DEFAULT_OPTIONS["levers"], lever),
         "thrust": rng.choice(("off", "velocity", "all")),
     }
 

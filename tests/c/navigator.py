@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+import json
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +20,6 @@ class CError(Exception):
     def __init__(self, status: int, message: str) -> None:
         super().__init__(message)
         self.status = status
-
-
-def flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Settings by dotted keys."""
-    found: dict[str, Any] = {}
-    for key, value in settings.items():
-        if isinstance(value, Mapping):
-            found |= flat(value, f"{prefix}{key}.")
-        else:
-            found[prefix + key] = value
-    return found
 
 
 class CLibrary:
@@ -61,16 +50,12 @@ class CLibrary:
         """An empty structure."""
         return self.header.structures[f"bl_{name}"]()
 
-    def set_all(self, kind: str, object_: int, settings: Mapping[str, Any]) -> None:
-        """Sets every key of "model" or "options" that C has."""
-        for key in self.names(f"{kind}_key"):
-            value = settings[key]
-            if isinstance(value, str):
-                self(f"{kind}_set_text", object_, key, value)
-            elif isinstance(value, tuple):
-                self(f"{kind}_set_vector", object_, key, value, len(value))
-            else:
-                self(f"{kind}_set", object_, key, 1.0 if value is None else float(value))
+    def json(self, kind: str, object_: int) -> Any:  # noqa: ANN401 - what JSON holds
+        """The content of a "model" or "options"."""
+        size, text = ctypes.c_size_t(), ctypes.create_string_buffer(20_000)
+        self(f"{kind}_to_json", object_, ctypes.addressof(text), len(text), ctypes.addressof(size))
+        assert len(text.value) + 1 == size.value
+        return json.loads(text.value)
 
 
 def _passed(value: Any) -> Any:  # noqa: ANN401 - what ctypes takes
@@ -94,14 +79,6 @@ class _Kept:
         self._as_parameter_ = values.ctypes.data
 
 
-def _zero_or_time(c: CLibrary, model: int, key: str) -> Any:  # noqa: ANN401 - a number or a vector
-    count, numbers = ctypes.c_size_t(), np.zeros(4)
-    c("model_get", model, key, numbers, len(numbers), ctypes.addressof(count))
-    if key.endswith("time_s"):
-        return float(numbers[0])
-    return 0.0 if count.value == 1 else (0.0,) * count.value
-
-
 class CNavigator:
     """A navigator of the C library."""
 
@@ -116,14 +93,8 @@ class CNavigator:
     ) -> None:
         self.c = c
         geometry = c("geometry_from_directions", len(directions), np.ascontiguousarray(directions))
-        of_model, of_options = c("model_preset", "table_2", 0.5), c("options_default")
-        sections = {key: value for key, value in flat(model.as_dict()).items() if value is not None}
-        for key in c.names("model_key"):
-            # Of a sensor that the model does not have all is zero but its times.
-            if key not in sections:
-                sections[key] = _zero_or_time(c, of_model, key)
-        c.set_all("model", of_model, sections)
-        c.set_all("options", of_options, flat(options.as_dict()))
+        of_model = c("model_from_json", json.dumps(model.as_dict()))
+        of_options = c("options_from_json", json.dumps(options.as_dict()))
         state = c.structure("state")
         for name, value in start.as_dict().items():
             if isinstance(value, tuple):

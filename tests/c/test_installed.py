@@ -178,16 +178,18 @@ def test_nothing_of_the_simulation_is_linked(root: Path) -> None:
 def test_a_failure_has_its_code(c: CLibrary) -> None:
     """The likely mistakes; that the words are Python's is a matter of `test_same_bits.py`."""
     status = c.header.constants
-    model, options = c("model_preset", "tactical", 0.5), c("options_default")
+    model, options = c("model_preset", "tactical", 0.5), c("options_from_json", "{}")
     state = c("state_at_rest", 0)
     geometry = c("geometry_preset", "x_janus_20")
     faults: list[tuple[str, tuple[Any, ...]]] = [
-        ("UNKNOWN_NAME", ("model_set", model, "dvl.beam_noise_sd", 0.1)),
-        ("INVALID_VALUE", ("model_set", model, "depth.sd_m", -1.0)),
-        ("NULL_POINTER", ("model_set", None, "depth.sd_m", 1.0)),
-        ("INVALID_VALUE", ("model_set", model, "gps.position_sd_m", 1.0)),
-        ("INVALID_VALUE", ("model_set_text", model, "environment.earth", "flat")),
-        ("INVALID_VALUE", ("options_set", options, "imu_stuck_after", 1.5)),
+        ("INVALID_VALUE", ("model_set", model, '{"dvl": {"beam_noise_sd": 0.1}}')),
+        ("INVALID_VALUE", ("model_set", model, '{"depth": {"sd_m": -1.0}}')),
+        ("NULL_POINTER", ("model_set", None, '{"depth": {"sd_m": 1.0}}')),
+        ("INVALID_VALUE", ("model_set", model, '{"gps": {"position_sd_m": 1.0}}')),
+        ("INVALID_VALUE", ("model_set", model, '{"environment": {"earth": "flat"}}')),
+        ("INVALID_VALUE", ("options_set", options, '{"imu_limits": {"stuck_after": 1.5}}')),
+        ("INVALID_VALUE", ("options_set", options, '{"gate": "off"')),
+        ("INVALID_VALUE", ("options_from_json", "[]")),
         ("INVALID_VALUE", ("geometry_janus", "x", 20.0)),
         ("UNKNOWN_NAME", ("geometry_preset", "a50")),
         ("UNKNOWN_NAME", ("navigator_new", geometry, model, None, "tight", state, -1)),
@@ -198,7 +200,11 @@ def test_a_failure_has_its_code(c: CLibrary) -> None:
         with pytest.raises(CError) as caught:
             c(*call)
         assert caught.value.status == status[f"BL_STATUS_{code}"], call
-    c("options_set", options, "robust.closure_gate", 1.0)  # no gate
+    with pytest.raises(CError):
+        c("options_set", options, '{"water": {"slip_tme_s": 5.0}}')
+    assert c("last_error_key") == b"options.water.slip_tme_s"
+    c("options_set", options, '{"robust": {"closure_gate": null}}')
+    assert c.json("options", options)["robust"]["closure_gate"] is None
     navigator = c("navigator_new", geometry, model, options, None, state, -1)
     for name in ("navigator_water", "navigator_calibration"):
         with pytest.raises(CError) as caught:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import threading
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,7 +19,7 @@ from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from tests.c.navigator import CError, CLibrary, CNavigator, flat, floats
+from tests.c.navigator import CError, CLibrary, CNavigator, floats
 from tests.property import settings
 from tests.replay.streaming import STREAMS, events, push
 
@@ -244,13 +244,6 @@ def test_names_are_those_of_the_package(c: CLibrary) -> None:
     assert c.names("method_name") == list(kernel.METHODS)
 
 
-def _numbers(c: CLibrary, kind: str, settings_: int, key: str) -> list[float]:
-    count, numbers = ctypes.c_size_t(), np.zeros(3)
-    c(f"{kind}_get", settings_, key, numbers, 3, ctypes.addressof(count))
-    found: list[float] = numbers[: count.value].tolist()
-    return found
-
-
 def test_packaged_grades(c: CLibrary) -> None:
     """A preset has the IMU of its grade, to the last bit; normal gravity; and what all presets share for the rest."""
     names = c.names("model_preset_name")
@@ -258,49 +251,26 @@ def test_packaged_grades(c: CLibrary) -> None:
     paper = c("model_preset", "table_2", 0.7)
     for name in names:
         model = c("model_preset", name, 0.7)
-        for key in set(c.names("model_key")) - {"environment.earth"}:
-            place, _, field = key.partition(".")
-            is_of_grade = place == "imu" and name != "table_2"
-            expected = [getattr(imu(name), field)] if is_of_grade else _numbers(c, "model", paper, key)
-            assert _numbers(c, "model", model, key) == expected, key
-        assert _numbers(c, "model", model, "environment.gravity_mps2") == [kernel.normal_gravity_mps2(0.7)]
+        expected = c.json("model", paper)
+        if name != "table_2":
+            expected["imu"] = imu(name).as_dict()
+        assert c.json("model", model) == expected
+        assert expected["environment"]["gravity_mps2"] == kernel.normal_gravity_mps2(0.7)
         c("model_free", model)
     c("model_free", paper)
 
 
-def test_keys_are_those_of_the_package(c: CLibrary) -> None:
-    """Every key of the package but those of simulated sensors, and the defaults of the options."""
-    options = flat(models.Options().as_dict())
-    assert sorted(c.names("options_key")) == sorted(options)
-    made = c("options_default")
-    for key, value in options.items():
-        if isinstance(value, str):
-            text = ctypes.c_char_p()
-            c("options_get_text", made, key, ctypes.addressof(text))
-            assert text.value == value.encode()
-            continue
-        assert _numbers(c, "options", made, key) == np.ravel(value).tolist(), key
-    c("options_free", made)
-    sections = {
-        "environment": models.Environment,
-        "imu": models.ImuModel,
-        "initial": models.InitialModel,
-        "dvl": models.DvlModel,
-        "depth": models.DepthModel,
-        "magnetometer": models.MagnetometerModel,
-        "heading": models.HeadingModel,
-        "gps": models.GpsModel,
-        "acoustic_position": models.AcousticPositionModel,
-        "thrust": models.ThrustModel,
-        "effort": models.EffortModel,
-    }
-    keys = [f"{place}.{field.name}" for place, kind in sections.items() for field in fields(kind)]
-    simulated = (
-        "acoustic_position.outlier_fraction",
-        "acoustic_position.outlier_factor",
-        "thrust.true_advance_m",
-    )
-    assert sorted(c.names("model_key")) == sorted(set(keys) - set(simulated))
+def test_json_keeps_every_value(c: CLibrary) -> None:
+    """What Python writes C reads and writes again to the last bit, sensors that are left out too."""
+    options = c("options_from_json", "{}")
+    assert c.json("options", options) == kernel.DEFAULT_OPTIONS
+    c("options_set", options, '{"water": {"slip_time_s": 0.1234567890123456789}}')
+    assert c.json("options", options)["water"]["slip_time_s"] == 0.1234567890123456789
+    c("options_free", options)
+    given = json.loads(json.dumps(Model(**settings.table_2()).as_dict()))
+    model = c("model_from_json", json.dumps(given))
+    assert c.json("model", model) == given
+    c("model_free", model)
 
 
 def test_one_ping(c: CLibrary) -> None:

@@ -37,8 +37,8 @@ def test_tables_and_manifest(tmp_path: Path) -> None:
     manifest = json.loads((tmp_path / "o" / "manifest.json").read_text(encoding="utf-8"))
     options = manifest["scenarios"]["straight"]["options"]
     assert manifest["status"] == "complete"
-    assert options["virtual_beam_factor"] == 1.0
-    assert options["nullified_sway_var_m2ps2"] == 1e-3
+    assert options["assumptions"]["virtual_beam_factor"] == 1.0
+    assert options["assumptions"]["nullified_sway_var_m2ps2"] == 1e-3
     assert options["gate"] == "joint"
     assert manifest["scenarios"]["straight"]["seed"] == 2017
 

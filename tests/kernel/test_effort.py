@@ -7,7 +7,7 @@ import pytest
 
 from bottomlock.errors import KernelError
 from bottomlock.kernel import Navigator
-from bottomlock.kernel.models import CurrentLayers, EffortModel, Options
+from bottomlock.kernel.models import CurrentLayers, EffortModel, Levers, Options
 from tests.kernel import documented_navigator as example
 from tests.oracle import effort as oracle
 from tests.oracle.rotations import matrix_from_euler, quaternion_from_euler
@@ -23,7 +23,7 @@ MODEL = example.model.replace(
 )
 LEVER = (-0.3, 0.1, 0.2)
 ON = example.options.replace(
-    thrust="all", gate="off", current_layers=CurrentLayers(sd_mps=0.0), effort_lever_p_m=LEVER
+    thrust="all", gate="off", current_layers=CurrentLayers(sd_mps=0.0), levers=Levers(effort_p_m=LEVER)
 )
 AXES = ("effort_surge", "effort_sway", "effort_heave")
 

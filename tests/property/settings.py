@@ -72,9 +72,11 @@ def options(**changed: Any) -> Any:  # noqa: ANN401 - a dict, with a value of an
         "covariance_period_ns": 100_000_000,
         "imu_sampling": "instantaneous",
         "estimate_dvl": True,
-        "virtual_beam_factor": 1.0,
-        "nullified_sway_var_m2ps2": 1e-3,
-        "weak_sway_var_m2ps2": 2.0,
+        "assumptions": {
+            "virtual_beam_factor": 1.0,
+            "nullified_sway_var_m2ps2": 1e-3,
+            "weak_sway_var_m2ps2": 2.0,
+        },
         "information_port": "axes",
         "robust": None,
     }

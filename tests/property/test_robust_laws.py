@@ -20,13 +20,14 @@ from tests.property.test_filter_laws import error_of, initial, state_covariances
 A = beams.x_janus()
 SD = np.array([0.03, 0.04, 0.05, 0.04])
 OFF: dict[str, Any] = {"tail": "gaussian"}
+NO_GATES: dict[str, Any] = {"closure_gate": None, "beam_gate": None}
 
 
 def pushed(robust: dict[str, Any] | None, P: Array, noise: Array, valid: Array, method: Method = "tc") -> Any:  # noqa: ANN401
     """Correction, covariance after and report of one ping, residual and Jacobian of its valid beams."""
     model = settings.table_2()
     model["environment"]["earth_rate_radps"] = 0.0
-    options: Any = settings.options() | ({} if robust is None else {"robust": robust})
+    options: Any = settings.options() | ({} if robust is None else {"robust": NO_GATES | robust})
     start = initial(np.array([2.0, 0.1, -0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
     nav = bottomlock.Navigator(bottomlock.BeamGeometry(A), model, options, start, method=method, covariance=P)
     nav.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=np.array([0.0, 0.0, -settings.GRAVITY]))

@@ -38,7 +38,7 @@ def model(**changed: Any) -> Any:  # noqa: ANN401 - the kernel's dict
 
 
 def options(**changed: Any) -> Any:  # noqa: ANN401 - the kernel's dict
-    return settings.options(**changed) | {"acoustic_position_lever_p_m": LEVER}
+    return settings.options(**changed) | {"levers": {"acoustic_position_p_m": LEVER}}
 
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 20.0, 89.9, 90.0, -90.0])
@@ -175,7 +175,7 @@ transceiver_m = [10.0, 0.0, 0.0]
         assert (log["acoustic_position_time_ns"] / 1e9).tolist() == [0.5, 1.5, 2.5]
         assert log["acoustic_position_t_m"].tolist() == [[1.0, 0.0, 5.0], [2.0, 0.1, 5.0], [3.0, 0.2, 5.1]]
         assert ("acoustic_position_sd_m" in log) == columns
-        assert prepared.options.acoustic_position_lever_p_m == tuple(LEVER)
+        assert prepared.options.levers.acoustic_position_p_m == tuple(LEVER)
         assert prepared.model.acoustic_position is not None
         assert prepared.model.acoustic_position.sd_per_range == pytest.approx(0.02)
         assert prepared.model.acoustic_position.transceiver_t_m == (10.0, 0.0, 0.0)

@@ -114,7 +114,7 @@ def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
         noise_sd_n=2.0,
     )
     assert prepared.options.thrust == "all"
-    assert tuple(prepared.options.effort_lever_p_m) == (0.1, 0.0, -0.2)
+    assert tuple(prepared.options.levers.effort_p_m) == (0.1, 0.0, -0.2)
 
 
 def test_the_forces_fit_each_method(replayed: ReplayTables) -> None:

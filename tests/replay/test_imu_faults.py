@@ -31,7 +31,7 @@ MS = 1_000_000
 
 def options(**changed: Any) -> Any:  # noqa: ANN401 - a value of any option
     """The tests' options with limits of the inertial readings."""
-    return {**settings.options(gate="joint"), **changed}
+    return settings.options(gate="joint") | {"imu_limits": changed}
 
 
 def navigator(**changed: Any) -> bottomlock.Navigator:  # noqa: ANN401
@@ -70,11 +70,11 @@ def test_a_gap_is_refused_with_what_to_do_or_inflated() -> None:
     """By hand: 5 s at 0.5 m/s² and 0.1 rad/s are 2.5 m/s of heave and 0.5 rad of yaw."""
     nav = navigator()
     before = seen(nav)
-    words = r"5000000000 ns comes 5\.0+ s after .* at 0 ns, .*max_imu_gap_s = 1 s: start again .*inflate"
+    words = r"5000000000 ns comes 5\.0+ s after .* at 0 ns, .*max_gap_s = 1 s: start again .*inflate"
     with pytest.raises(bottomlock.KernelError, match=words):
         nav.push_imu(5_000 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
     assert seen(nav) == before
-    nav = navigator(imu_gap="inflate")
+    nav = navigator(gap="inflate")
     nav.push_imu(5_000 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
     sd = np.sqrt(np.diag(nav.covariance()))
     assert nav.imu_faults()["inflated_gaps"] == 1
@@ -123,7 +123,7 @@ def test_a_faulty_log_is_the_streaming_navigator(
 ) -> None:
     """Rejected readings and inflated gaps: the replay ends in the bits of a live navigator, and says what it found."""
     log = faulty_log(gap=gap)
-    limits = options(imu_gap="inflate", max_imu_gap_s=0.5)
+    limits = options(gap="inflate", max_gap_s=0.5)
     nav = bottomlock.Navigator(JANUS, settings.table_2(), limits, START, method=method)
     pings = {int(t): k for k, t in enumerate(log["dvl_time_ns"])}
     imu = {int(t): k for k, t in enumerate(log["imu_time_ns"])}

@@ -185,7 +185,7 @@ aids = "heading"
         prepared = rerun.prepare(case, read_streams(case))
         log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
         np.testing.assert_allclose(log["gps_position_t_m"], [[0, -5, 0], [10, -5, 0], [20, -5, 0]], atol=1e-6)
-        assert prepared.options.gps_lever_p_m == (0.0, 0.0, -1.0)
+        assert prepared.options.levers.gps_p_m == (0.0, 0.0, -1.0)
         if aids == "heading":
             np.testing.assert_allclose(log["heading_rad"], np.deg2rad([54.0, 64.0]))
             assert "attitude_time_ns" not in log

@@ -163,7 +163,7 @@ def mission_of_window(
     )  # fmt: skip
     options = models.Options(
         water_track=water, current_layers=layers, motion=motion.prior, estimate_dvl=False,
-        imu_sampling="averaged", max_imu_gap_s=100.0, imu_gap="inflate",
+        imu_sampling="averaged", imu_limits=models.ImuLimits(max_gap_s=100.0, gap="inflate"),
     )  # fmt: skip
     wet = slice(*np.searchsorted(dive.water.time_ns, [time_ns[0], dive.time_ns[last]]))
     returned = WaterBeams(

@@ -52,8 +52,8 @@ def test_fixes_have_their_columns() -> None:
 
 def test_the_defaults_of_a_scenario_are_the_kernels() -> None:
     """Stated in the kernel alone; a rate stands for its period."""
-    limits = ImuLimits().kernel_options()
-    assert Options(**Filter().kernel_options(), **limits, robust=Robust().kernel_options()) == Options()
+    own = {"imu_limits": ImuLimits().kernel_limits(), "robust": Robust().kernel_options()}
+    assert Options.of(Filter().kernel_options(), own) == Options()
     assert set(Options().as_dict()) == set(DEFAULT_OPTIONS)
 
 

@@ -10,7 +10,7 @@ int main(void) {
     bl_model *model = bl_model_preset("tactical", 0.78); /* IMU, latitude in rad */
     bl_state state = bl_state_at_rest(0);
     state.velocity_p_mps[0] = 1.9; /* as known at the start, to 0.3 m/s */
-    bl_status status = bl_model_set_vector(model, "initial.velocity_sd_mps", (double[]){0.3, 0.3, 0.3}, 3);
+    bl_status status = bl_model_set(model, "{\"initial\": {\"velocity_sd_mps\": [0.3, 0.3, 0.3]}}");
     bl_navigator *navigator = bl_navigator_new(geometry, model, NULL, "tc", &state, BL_DEFAULT_HORIZON_NS);
 
     for (int step = 1; step <= 1000 && status == BL_STATUS_OK; step++) {

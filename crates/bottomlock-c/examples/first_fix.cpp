@@ -12,7 +12,7 @@ int main() try {
     const std::vector<std::uint8_t> valid{1, 1, 1, 0};
     const auto geometry = bl::Geometry::preset("x_janus_20");
     auto model = bl::Model::preset("tactical", 0.78);
-    model.set("initial.velocity_sd_mps", bl::Vec3{0.3, 0.3, 0.3});
+    model.set(R"({"initial": {"velocity_sd_mps": [0.3, 0.3, 0.3]}})");
     auto start = bl::at_rest(0);
     start.velocity_p_mps[0] = 1.9;
     bl::Navigator navigator(geometry, model, start, "tc");

@@ -29,7 +29,7 @@ def declared(path: str) -> ctypes.CDLL:
         ("state_at_rest", State, [c_int64]),
         ("geometry_preset", c_void_p, [c_char_p]),
         ("model_preset", c_void_p, [c_char_p, c_double]),
-        ("model_set_vector", c_int, [c_void_p, c_char_p, numbers, c_size_t]),
+        ("model_set", c_int, [c_void_p, c_char_p]),
         ("navigator_new", c_void_p, [c_void_p, c_void_p, c_void_p, c_char_p, POINTER(State), c_int64]),
         ("push_imu", c_int, [c_void_p, c_int64, numbers, numbers]),
         ("push_beams", c_int, [c_void_p, c_int64, c_size_t, numbers, POINTER(c_uint8), numbers]),
@@ -58,7 +58,7 @@ def main(path: str) -> None:
     model = bl.bl_model_preset(b"tactical", 0.78)
     state = bl.bl_state_at_rest(0)
     state.velocity_p_mps[0] = 1.9
-    check(bl.bl_model_set_vector(model, b"initial.velocity_sd_mps", (c_double * 3)(*[0.3] * 3), 3))
+    check(bl.bl_model_set(model, b'{"initial": {"velocity_sd_mps": [0.3, 0.3, 0.3]}}'))
     navigator = bl.bl_navigator_new(geometry, model, None, b"tc", ctypes.byref(state), -1)
     for step in range(1, 1001):
         time_ns = step * 10_000_000

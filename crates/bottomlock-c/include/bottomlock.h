@@ -53,7 +53,7 @@ typedef enum {
     BL_STATUS_NULL_POINTER = 1,
     // A number, a count or a text is not what the call takes.
     BL_STATUS_INVALID_VALUE = 2,
-    // No method, preset or key has this name.
+    // No method or preset has this name.
     BL_STATUS_UNKNOWN_NAME = 3,
     // A time that does not come after the one before it in its stream.
     BL_STATUS_TIME_NOT_INCREASING = 4,
@@ -284,6 +284,9 @@ extern "C" {
 // The message of the last call that failed on this thread; empty if none has. It stays until the thread's next failure.
 const char *bl_last_error(void);
 
+// The key or argument that it is about, such as "options.water.slip_time_s"; empty where it is about none. It stays as the message.
+const char *bl_last_error_key(void);
+
 // The status of the last call that failed on this thread, for calls that return a pointer; `BL_STATUS_OK` if none has.
 bl_status bl_last_status(void);
 
@@ -365,28 +368,16 @@ bl_model *bl_model_preset(const char *name,
 // Name of a model preset by its number from 0, NULL beyond the last.
 const char *bl_model_preset_name(size_t number);
 
-// Name of a key by its number from 0, NULL beyond the last.
-const char *bl_model_key(size_t number);
+// A model from an object of JSON with the sections "environment", "imu", "initial" and those of the sensors. NULL for an error.
+bl_model *bl_model_from_json(const char *json);
 
-// Sets a key whose value is a number, SI; 0 or 1 for a switch. For example "dvl.beam_noise_sd_mps". An error changes nothing.
+// Changes what an object of JSON names; all else stays. For example "{\"dvl\": {\"beam_noise_sd_mps\": 0.02}}". An error changes
+// nothing.
 bl_status bl_model_set(bl_model *model,
-                       const char *key,
-                       double value);
+                       const char *json);
 
-// Sets a key whose value is a vector of `count` numbers, SI. An error changes nothing.
-bl_status bl_model_set_vector(bl_model *model, const char *key, const double *values, size_t count);
-
-// Sets a key whose value is a text. For example "environment.earth", "ellipsoid". An error changes nothing.
-bl_status bl_model_set_text(bl_model *model, const char *key, const char *value);
-
-// Reads the numbers of a key into `values`, which holds `capacity`; `count` is how many there are, 1 but for a vector.
-bl_status bl_model_get(const bl_model *model, const char *key, double *values, size_t capacity, size_t *count);
-
-// Reads the text of a key; it lives as long as the library.
-bl_status bl_model_get_text(const bl_model *model, const char *key, const char **value);
-
-// A copy. NULL for an error.
-bl_model *bl_model_copy(const bl_model *model);
+// The model as JSON, as `bl_options_to_json`.
+bl_status bl_model_to_json(const bl_model *model, char *json, size_t capacity, size_t *size);
 
 // Frees a model; NULL is none. Navigators made with it stay.
 void bl_model_free(bl_model *model);
@@ -457,29 +448,19 @@ bl_status bl_navigator_save(const bl_navigator *navigator,
 bl_navigator *bl_navigator_load(const uint8_t *bytes,
                                 size_t size);
 
-// The default options: all of them suit a vehicle whose inertial readings are instantaneous. NULL for an error.
-bl_options *bl_options_default(void);
+// Options from an object of JSON, of which every key may be left out: "{}" has the defaults, which suit a vehicle whose inertial
+// readings are instantaneous. For example "{\"gate\": \"off\", \"water\": {\"slip_time_s\": 30}}". NULL for an error.
+bl_options *bl_options_from_json(const char *json);
 
-// Name of a key by its number from 0, NULL beyond the last.
-const char *bl_options_key(size_t number);
+// Changes what an object of JSON names; all else stays. An error changes nothing.
+bl_status bl_options_set(bl_options *options, const char *json);
 
-// Sets a key whose value is a number, SI; 0 or 1 for a switch. For example "water_track". An error changes nothing.
-bl_status bl_options_set(bl_options *options, const char *key, double value);
-
-// Sets a key whose value is a vector of `count` numbers, SI. An error changes nothing.
-bl_status bl_options_set_vector(bl_options *options, const char *key, const double *values, size_t count);
-
-// Sets a key whose value is a text. For example "gate", "off". An error changes nothing.
-bl_status bl_options_set_text(bl_options *options, const char *key, const char *value);
-
-// Reads the numbers of a key into `values`, which holds `capacity`; `count` is how many there are, 1 but for a vector.
-bl_status bl_options_get(const bl_options *options, const char *key, double *values, size_t capacity, size_t *count);
-
-// Reads the text of a key; it lives as long as the library.
-bl_status bl_options_get_text(const bl_options *options, const char *key, const char **value);
-
-// A copy. NULL for an error.
-bl_options *bl_options_copy(const bl_options *options);
+// The options as JSON, numbers to the last bit: `size` is the number of bytes with the NUL; `BL_STATUS_BUFFER_TOO_SMALL` where `json`
+// holds less, as with a capacity of 0.
+bl_status bl_options_to_json(const bl_options *options,
+                             char *json,
+                             size_t capacity,
+                             size_t *size);
 
 // Frees options; NULL is none. Navigators made with them stay.
 void bl_options_free(bl_options *options);

@@ -24,24 +24,27 @@
 
 namespace bottomlock {
 
-/// A call that failed: the message of the library, and its code.
+/// A call that failed: the message of the library, its code, and the key that it is about.
 class Error : public std::runtime_error {
 public:
-    Error(bl_status status, const std::string &message) : std::runtime_error(message), status_(status) {}
+    Error(bl_status status, const std::string &message, std::string key = {})
+        : std::runtime_error(message), status_(status), key_(std::move(key)) {}
     bl_status status() const noexcept { return status_; }
+    const std::string &key() const noexcept { return key_; }
 
 private:
     bl_status status_;
+    std::string key_;
 };
 
 namespace detail {
 
 inline void check(bl_status status) {
-    if (status != BL_STATUS_OK) throw Error(status, bl_last_error());
+    if (status != BL_STATUS_OK) throw Error(status, bl_last_error(), bl_last_error_key());
 }
 
 template <class T> T *check(T *made) {
-    if (made == nullptr) throw Error(bl_last_status(), bl_last_error());
+    if (made == nullptr) throw Error(bl_last_status(), bl_last_error(), bl_last_error_key());
     return made;
 }
 
@@ -56,6 +59,15 @@ template <class T, void (*Free)(T *)> struct Deleter {
     void operator()(T *object) const noexcept { Free(object); }
 };
 template <class T, void (*Free)(T *)> using Owned = std::unique_ptr<T, Deleter<T, Free>>;
+
+template <class T> std::string json(const T *object, bl_status (*write)(const T *, char *, std::size_t, std::size_t *)) {
+    std::size_t size = 0;
+    write(object, nullptr, 0, &size);
+    std::string text(size, '\0');
+    check(write(object, &text[0], size, &size));
+    text.resize(size - 1);
+    return text;
+}
 
 } // namespace detail
 
@@ -168,7 +180,7 @@ private:
     detail::Owned<bl_geometry, bl_geometry_free> owned_;
 };
 
-/// Environment and errors of the sensors.
+/// Environment and errors of the sensors: from a preset or JSON, whose keys are those of Python's Model.
 class Model {
 public:
     static Model preset(const std::string &name, double latitude_rad) {
@@ -179,43 +191,20 @@ public:
         while (const char *name = bl_model_preset_name(names.size())) names.emplace_back(name);
         return names;
     }
-    static std::vector<std::string> keys() {
-        std::vector<std::string> names;
-        while (const char *name = bl_model_key(names.size())) names.emplace_back(name);
-        return names;
-    }
-
-    Model(const Model &other) : Model(bl_model_copy(other.get())) {}
+    explicit Model(const std::string &json) : Model(bl_model_from_json(json.c_str())) {}
+    Model(const Model &other) : Model(other.json()) {}
     Model(Model &&) noexcept = default;
     Model &operator=(Model other) noexcept {
         owned_.swap(other.owned_);
         return *this;
     }
 
-    Model &set(const std::string &key, double value) {
-        detail::check(bl_model_set(get(), key.c_str(), value));
+    /// Changes what an object of JSON names; all else stays.
+    Model &set(const std::string &json) {
+        detail::check(bl_model_set(get(), json.c_str()));
         return *this;
     }
-    Model &set(const std::string &key, Numbers values) {
-        detail::check(bl_model_set_vector(get(), key.c_str(), values.data(), values.size()));
-        return *this;
-    }
-    Model &set(const std::string &key, const std::string &value) {
-        detail::check(bl_model_set_text(get(), key.c_str(), value.c_str()));
-        return *this;
-    }
-    std::vector<double> numbers(const std::string &key) const {
-        std::vector<double> values(BL_STATES);
-        std::size_t count = 0;
-        detail::check(bl_model_get(get(), key.c_str(), values.data(), values.size(), &count));
-        values.resize(count);
-        return values;
-    }
-    std::string text(const std::string &key) const {
-        const char *value = nullptr;
-        detail::check(bl_model_get_text(get(), key.c_str(), &value));
-        return value;
-    }
+    std::string json() const { return detail::json(get(), bl_model_to_json); }
     bl_model *get() const noexcept { return owned_.get(); }
 
 private:
@@ -223,51 +212,26 @@ private:
     detail::Owned<bl_model, bl_model_free> owned_;
 };
 
-/// Options of the filter.
+/// Options of the filter: the defaults, or those with what an object of JSON names, whose keys are those of Python's Options.
 class Options {
 public:
-    Options() : Options(bl_options_default()) {}
-    static std::vector<std::string> keys() {
-        std::vector<std::string> names;
-        while (const char *name = bl_options_key(names.size())) names.emplace_back(name);
-        return names;
-    }
-
-    Options(const Options &other) : Options(bl_options_copy(other.get())) {}
+    explicit Options(const std::string &json = "{}") : owned_(detail::check(bl_options_from_json(json.c_str()))) {}
+    Options(const Options &other) : Options(other.json()) {}
     Options(Options &&) noexcept = default;
     Options &operator=(Options other) noexcept {
         owned_.swap(other.owned_);
         return *this;
     }
 
-    Options &set(const std::string &key, double value) {
-        detail::check(bl_options_set(get(), key.c_str(), value));
+    /// Changes what an object of JSON names; all else stays.
+    Options &set(const std::string &json) {
+        detail::check(bl_options_set(get(), json.c_str()));
         return *this;
     }
-    Options &set(const std::string &key, Numbers values) {
-        detail::check(bl_options_set_vector(get(), key.c_str(), values.data(), values.size()));
-        return *this;
-    }
-    Options &set(const std::string &key, const std::string &value) {
-        detail::check(bl_options_set_text(get(), key.c_str(), value.c_str()));
-        return *this;
-    }
-    std::vector<double> numbers(const std::string &key) const {
-        std::vector<double> values(BL_STATES);
-        std::size_t count = 0;
-        detail::check(bl_options_get(get(), key.c_str(), values.data(), values.size(), &count));
-        values.resize(count);
-        return values;
-    }
-    std::string text(const std::string &key) const {
-        const char *value = nullptr;
-        detail::check(bl_options_get_text(get(), key.c_str(), &value));
-        return value;
-    }
+    std::string json() const { return detail::json(get(), bl_options_to_json); }
     bl_options *get() const noexcept { return owned_.get(); }
 
 private:
-    explicit Options(bl_options *made) : owned_(detail::check(made)) {}
     detail::Owned<bl_options, bl_options_free> owned_;
 };
 

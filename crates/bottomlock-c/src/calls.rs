@@ -18,7 +18,7 @@ pub enum Status {
     NullPointer = 1,
     /// A number, a count or a text is not what the call takes.
     InvalidValue = 2,
-    /// No method, preset or key has this name.
+    /// No method or preset has this name.
     UnknownName = 3,
     /// A time that does not come after the one before it in its stream.
     TimeNotIncreasing = 4,
@@ -45,12 +45,16 @@ pub enum Status {
 pub(crate) struct Failure {
     status: Status,
     message: String,
+    key: String,
 }
 
 impl Failure {
     pub(crate) fn new(status: Status, message: impl Into<String>) -> Self {
-        let message = message.into();
-        Self { status, message }
+        Self {
+            status,
+            message: message.into(),
+            key: String::new(),
+        }
     }
 
     pub(crate) fn invalid(message: impl Into<String>) -> Self {
@@ -59,13 +63,19 @@ impl Failure {
 
     /// The same of numbers that have no time.
     pub(crate) fn timeless(error: &NavError) -> Self {
-        Self::new(status_of(error), error.to_string().replace(" at 0 ns", ""))
+        Self {
+            key: error.key().into(),
+            ..Self::new(status_of(error), error.to_string().replace(" at 0 ns", ""))
+        }
     }
 }
 
 impl From<NavError> for Failure {
     fn from(error: NavError) -> Self {
-        Self::new(status_of(&error), error.to_string())
+        Self {
+            key: error.key().into(),
+            ..Self::new(status_of(&error), error.to_string())
+        }
     }
 }
 
@@ -84,15 +94,37 @@ fn status_of(error: &NavError) -> Status {
 
 pub(crate) type Outcome<T> = Result<T, Failure>;
 
+/// What is kept of an error.
+struct Last {
+    status: Status,
+    message: CString,
+    key: CString,
+}
+
+impl Default for Last {
+    fn default() -> Self {
+        Self {
+            status: Status::Ok,
+            message: CString::default(),
+            key: CString::default(),
+        }
+    }
+}
+
 thread_local! {
     /// The last error of this thread's calls.
-    static LAST: RefCell<(Status, CString)> = RefCell::new((Status::Ok, CString::default()));
+    static LAST: RefCell<Last> = RefCell::new(Last::default());
 }
 
 /// Keeps an error for `bl_last_error`; where a thread ends, there is nobody left to ask for it.
 fn keep(failure: &Failure) {
-    let text = CString::new(failure.message.replace('\0', "\u{fffd}")).unwrap_or_default();
-    let _ = LAST.try_with(|last| last.replace((failure.status, text)));
+    let text = |words: &str| CString::new(words.replace('\0', "\u{fffd}")).unwrap_or_default();
+    let kept = Last {
+        status: failure.status,
+        message: text(&failure.message),
+        key: text(&failure.key),
+    };
+    let _ = LAST.try_with(|last| last.replace(kept));
 }
 
 fn caught<T>(work: impl FnOnce() -> Outcome<T>) -> Outcome<T> {
@@ -154,18 +186,29 @@ pub(crate) unsafe fn free<T>(object: *mut T) {
     }
 }
 
+/// A text of the last error; empty if none has been.
+fn last(of: impl Fn(&Last) -> &CStr) -> *const c_char {
+    const NONE: &CStr = c"";
+    LAST.try_with(|last| last.try_borrow().map_or(NONE.as_ptr(), |last| of(&last).as_ptr()))
+        .unwrap_or(NONE.as_ptr())
+}
+
 /// The message of the last call that failed on this thread; empty if none has. It stays until the thread's next failure.
 #[unsafe(no_mangle)]
 pub extern "C" fn bl_last_error() -> *const c_char {
-    const NONE: &CStr = c"";
-    LAST.try_with(|last| last.try_borrow().map_or(NONE.as_ptr(), |last| last.1.as_ptr()))
-        .unwrap_or(NONE.as_ptr())
+    last(|last| &last.message)
+}
+
+/// The key or argument that it is about, such as "options.water.slip_time_s"; empty where it is about none. It stays as the message.
+#[unsafe(no_mangle)]
+pub extern "C" fn bl_last_error_key() -> *const c_char {
+    last(|last| &last.key)
 }
 
 /// The status of the last call that failed on this thread, for calls that return a pointer; `BL_STATUS_OK` if none has.
 #[unsafe(no_mangle)]
 pub extern "C" fn bl_last_status() -> Status {
-    LAST.try_with(|last| last.try_borrow().map_or(Status::Ok, |last| last.0))
+    LAST.try_with(|last| last.try_borrow().map_or(Status::Ok, |last| last.status))
         .unwrap_or(Status::Ok)
 }
 

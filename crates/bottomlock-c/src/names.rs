@@ -1,4 +1,4 @@
-//! Names by number, for lists and menus; and the known name nearest to one given.
+//! Names by number, for lists and menus; and words about an unknown one.
 
 use std::collections::BTreeMap;
 use std::ffi::{CStr, CString, c_char};
@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use bottomlock::mechanisation::IMU_FAULTS;
 use bottomlock::navigator::METHODS;
 use bottomlock::navigator::events::STREAM_NAMES;
+use bottomlock::settings::nearest;
 
 /// A known name as a C text. The kernel's names have no NUL, so every one gets its own, once for the life of the process.
 pub(crate) fn c_name(name: &'static str) -> *const c_char {
@@ -39,40 +40,19 @@ pub extern "C" fn bl_imu_fault_name(number: usize) -> *const c_char {
 
 /// Words that follow an unknown name: the nearest known one, or all of them.
 pub(crate) fn hint(name: &str, known: &[&str]) -> String {
-    let near = known.iter().min_by_key(|one| distance(name, one));
-    match near {
-        Some(near) if 2 * distance(name, near) <= near.len() => format!("did you mean '{near}'?"),
-        _ => format!("known: {}", known.join(", ")),
+    match nearest(name, known) {
+        Some(near) => format!("did you mean '{near}'?"),
+        None => format!("known: {}", known.join(", ")),
     }
-}
-
-/// Number of letters to insert, drop or change (Levenshtein), whatever their case.
-fn distance(one: &str, two: &str) -> usize {
-    let two: Vec<u8> = two.to_ascii_lowercase().into_bytes();
-    let mut row: Vec<usize> = (0..=two.len()).collect();
-    for (i, letter) in one.to_ascii_lowercase().bytes().take(80).enumerate() {
-        let mut corner = std::mem::replace(&mut row[0], i + 1);
-        for (j, other) in two.iter().enumerate() {
-            let changed = corner + usize::from(letter != *other);
-            corner = row[j + 1];
-            row[j + 1] = changed.min(row[j] + 1).min(corner + 1);
-        }
-    }
-    row[two.len()]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Letters to change, whatever their case; and a name too far from all known ones gets the list.
+    /// A name too far from all known ones gets the list.
     #[test]
     fn the_nearest_name_is_proposed() {
-        assert_eq!(distance("kitten", "Sitting"), 3);
-        assert_eq!(
-            (distance("", "abc"), distance("abc", ""), distance("abc", "abc")),
-            (3, 3, 0)
-        );
         assert_eq!(hint("gaate", &["gps", "gate", "water"]), "did you mean 'gate'?");
         assert_eq!(hint("xyz", &["gps", "gate"]), "known: gps, gate");
         assert_eq!(hint("x", &[]), "known: ");

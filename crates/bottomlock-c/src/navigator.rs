@@ -99,10 +99,8 @@ pub unsafe extern "C" fn bl_navigator_new(
         let (geometry, model, options, initial) = unsafe {
             (
                 at("geometry", geometry)?,
-                at("model", model)?.made(),
-                options
-                    .as_ref()
-                    .map_or_else(|| Options::default().made(), Options::made),
+                at("model", model)?.0,
+                options.as_ref().map(|options| options.0).unwrap_or_default(),
                 at("initial", initial)?.to_kernel()?,
             )
         };

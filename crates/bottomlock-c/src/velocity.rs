@@ -187,7 +187,7 @@ pub unsafe extern "C" fn bl_solve_velocity(
                 given::<3>(prior_velocity_p_mps),
                 given::<9>(prior_cov_m2ps2),
                 given::<3>(omega_tp_p_radps),
-                options.as_ref().map(Options::made).unwrap_or_default(),
+                options.as_ref().map(|options| options.0).unwrap_or_default(),
             )
         };
         // SAFETY: as the header asks.

@@ -126,28 +126,35 @@ static void geometry_calls(void) {
     }
 }
 
+/* A change of one key: a number or three, seldom no JSON. */
+static const char *setting(char *text, const char *section, const char *key) {
+    if (one_in(20)) return word(NULL);
+    const double value = one_in(3) ? wild() : about(0.1, 0.1);
+    const char *form = one_in(2) ? "{\"%s\": {\"%s\": %.17g}}" : "{\"%s\": {\"%s\": [%.17g, 0.1, 0.1]}}";
+    snprintf(text, 6000, form, section, key, value);
+    return text;
+}
+
 static void settings_calls(void) {
     bl_model *model = models[below(POOL)];
     bl_options *chosen = options[below(POOL)];
-    size_t count;
-    const char *text;
-    switch (below(16)) {
+    size_t size;
+    char text[6000];
+    switch (below(10)) {
     case 0: MADE(models, bl_model, bl_model_preset, word(bl_model_preset_name), about(0.5, 0.5)); break;
-    case 1: MADE(models, bl_model, bl_model_copy, model); break;
-    case 2: CALL(bl_model_set, model, word(bl_model_key), wild()); break;
-    case 3: CALL(bl_model_set_vector, model, word(bl_model_key), some(8, 0.1, 0.1), one_in(3) ? below(8) : 3); break;
-    case 4: CALL(bl_model_set_text, model, word(bl_model_key), word(NULL)); break;
-    case 5: CALL(bl_model_get, model, word(bl_model_key), numbers, below(5), &count); break;
-    case 6: CALL(bl_model_get_text, model, word(bl_model_key), one_in(9) ? NULL : &text); break;
-    case 7: MADE(options, bl_options, bl_options_default); break;
-    case 8: MADE(options, bl_options, bl_options_copy, chosen); break;
-    case 9: CALL(bl_options_set, chosen, word(bl_options_key), wild()); break;
-    case 10: CALL(bl_options_set, chosen, "water_track", (double)below(2)); break;
-    case 11: CALL(bl_options_set, chosen, "current_layers.sd_mps", 0.1 * below(2)); break;
-    case 12: CALL(bl_options_set_vector, chosen, word(bl_options_key), some(8, 0.1, 0.1), one_in(3) ? below(8) : 3); break;
-    case 13: CALL(bl_options_set_text, chosen, word(bl_options_key), word(NULL)); break;
-    case 14: CALL(bl_options_get, chosen, word(bl_options_key), numbers, below(5), one_in(9) ? NULL : &count); break;
-    default: CALL(bl_options_get_text, chosen, word(bl_options_key), &text); break;
+    case 1: CALL(bl_model_set, model, setting(text, "initial", "velocity_sd_mps")); break;
+    case 2: CALL(bl_model_set, model, setting(text, "dvl", "beam_noise_sd_mps")); break;
+    case 3: CALL(bl_model_to_json, model, text, one_in(3) ? below(3000) : sizeof text, one_in(9) ? NULL : &size); break;
+    case 4:
+        if (bl_model_to_json(model, text, sizeof text, &size) != BL_STATUS_OK) break;
+        text[below((unsigned)size)] = one_in(3) ? '0' : text[0];
+        MADE(models, bl_model, bl_model_from_json, text);
+        break;
+    case 5: MADE(options, bl_options, bl_options_from_json, one_in(2) ? "{}" : word(NULL)); break;
+    case 6: CALL(bl_options_set, chosen, below(2) ? "{\"water_track\": true}" : "{\"water_track\": false}"); break;
+    case 7: CALL(bl_options_set, chosen, setting(text, "current_layers", "sd_mps")); break;
+    case 8: CALL(bl_options_set, chosen, setting(text, "levers", "depth_p_m")); break;
+    default: CALL(bl_options_to_json, chosen, text, one_in(3) ? below(3000) : sizeof text, one_in(9) ? NULL : &size); break;
     }
 }
 
@@ -288,7 +295,7 @@ static void small_calls(void) {
     case 6: /* back to what works, so that settings do not end all wild */
         for (unsigned k = 0; k < POOL; k++) {
             bl_options_free(options[k]);
-            options[k] = bl_options_default();
+            options[k] = bl_options_from_json("{}");
             bl_model_free(models[k]);
             models[k] = bl_model_preset("tactical", 0.5);
             bl_geometry_free(geometries[k]);

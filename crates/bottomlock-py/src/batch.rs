@@ -52,7 +52,7 @@ pub fn simulate_sensors<'py>(
     let beams = geometry.inner.beams();
     let schedule = crate::schedule::schedule(schedule, beams, 1)?;
     let options = Options {
-        sampling: settings::sampling(imu_sampling)?,
+        imu_sampling: settings::sampling(imu_sampling)?,
         levers: options
             .map(settings::options)
             .transpose()?
@@ -215,7 +215,7 @@ pub fn run_batch<'py>(
     let truths = Truths::new(truth)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
-    let methods = settings::methods(py, &methods)?;
+    let methods = settings::methods(&methods)?;
     let samples = crate::schedule::sample_count(schedule);
     crate::memory::require(batch_bytes(runs, methods.len(), samples), || {
         format!("{runs} runs of {} methods with {samples} samples", methods.len())

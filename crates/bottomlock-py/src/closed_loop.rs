@@ -54,7 +54,6 @@ impl ClosedLoop {
     #[pyo3(signature = (geometry, simulated, assumed, options, methods, start, *, vehicle_per_method, seed, trajectory_key, first_run,
         threads))]
     fn new(
-        py: Python<'_>,
         geometry: &BeamGeometry,
         simulated: &Bound<'_, PyAny>,
         assumed: &Bound<'_, PyAny>,
@@ -69,7 +68,7 @@ impl ClosedLoop {
     ) -> PyResult<Self> {
         let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
         let options = settings::options(options)?;
-        let methods = settings::methods(py, &methods)?;
+        let methods = settings::methods(&methods)?;
         if methods.is_empty() {
             return Err(invalid("methods is empty, expected at least one"));
         }

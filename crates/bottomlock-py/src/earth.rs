@@ -6,7 +6,6 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{Rows, array};
-use crate::keys::read;
 use crate::settings;
 
 /// Gravity (m/s²), north, east and down, and depth at positions (n, 3) in the tangent frame of an environment.
@@ -20,7 +19,7 @@ pub fn local_earth<'py>(
     environment: &Bound<'py, PyAny>,
     position_t_m: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let environment = read("environment", environment, settings::environment)?;
+    let environment = settings::environment(environment)?;
     environment.validate().map_err(crate::errors::raise)?;
     let earth = Earth::from(&environment);
     let rows = Rows::<3>::new("position_t_m", position_t_m, &[None])?;

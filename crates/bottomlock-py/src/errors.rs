@@ -1,7 +1,8 @@
 //! The exception for invalid input and numerical failure.
 
 use bottomlock::NavError;
-use pyo3::{PyErr, import_exception};
+use pyo3::import_exception;
+use pyo3::prelude::*;
 
 // The class is written in Python, among the other exceptions of the package; it is imported with the first error.
 import_exception!(bottomlock.errors, KernelError);
@@ -16,12 +17,27 @@ pub fn raise(error: NavError) -> PyErr {
         }
         source = inner.source();
     }
-    KernelError::new_err(text)
+    with_parts(text, &error)
 }
 
 /// The same of numbers that have no time.
 pub fn raise_timeless(error: NavError) -> PyErr {
-    invalid(without_time(&error))
+    with_parts(without_time(&error), &error)
+}
+
+/// The exception with the key, the expectation and the hint of the error.
+fn with_parts(text: String, error: &NavError) -> PyErr {
+    let raised = KernelError::new_err(text);
+    Python::attach(|py| {
+        let value = raised.value(py);
+        let parts = [
+            ("key", error.key()),
+            ("expected", error.expected()),
+            ("hint", error.hint()),
+        ];
+        let set = parts.into_iter().try_for_each(|(name, part)| value.setattr(name, part));
+        set.err().unwrap_or(raised)
+    })
 }
 
 /// The message of an error without the time 0.

@@ -1,61 +1,14 @@
 //! Limits and faults of inertial readings.
 
 use bottomlock::frames::Vec3;
-use bottomlock::mechanisation::{IMU_FAULTS, ImuLimits, ImuSample, LongGap};
+use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::replay as core;
 use bottomlock::replay::{ImuFaults, RejectedReading};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, by_name, rows, times};
-use crate::errors::{invalid, raise};
-use crate::keys::{Keys, read};
 use crate::settings;
-
-/// The limits of the inertial readings; the default of each that the options do not name.
-pub fn limits(options: &Keys<'_>) -> PyResult<ImuLimits> {
-    let default = ImuLimits::default();
-    Ok(ImuLimits {
-        max_rate_radps: options.number_or("max_imu_rate_radps", default.max_rate_radps)?,
-        max_force_mps2: options.number_or("max_imu_force_mps2", default.max_force_mps2)?,
-        stuck_after: if options.has("imu_stuck_after")? {
-            options.extract("imu_stuck_after", "a whole number, 0 or more")?
-        } else {
-            default.stuck_after
-        },
-        max_gap_s: options.number_or("max_imu_gap_s", default.max_gap_s)?,
-        long_gap: if options.has("imu_gap")? {
-            match options.text("imu_gap")?.as_str() {
-                "refuse" => LongGap::Refuse,
-                "inflate" => LongGap::Inflate,
-                other => {
-                    return Err(invalid(format!(
-                        "options.imu_gap is '{other}', expected 'refuse' or 'inflate'"
-                    )));
-                }
-            }
-        } else {
-            default.long_gap
-        },
-        gap_rate_sd_radps: options.number_or("imu_gap_rate_sd_radps", default.gap_rate_sd_radps)?,
-        gap_accel_sd_mps2: options.number_or("imu_gap_accel_sd_mps2", default.gap_accel_sd_mps2)?,
-    })
-}
-
-/// The limits, under the keys that [`limits`] reads.
-pub fn put_limits(dict: &Bound<'_, PyDict>, limits: &ImuLimits) -> PyResult<()> {
-    dict.set_item("max_imu_rate_radps", limits.max_rate_radps)?;
-    dict.set_item("max_imu_force_mps2", limits.max_force_mps2)?;
-    dict.set_item("imu_stuck_after", limits.stuck_after)?;
-    dict.set_item("max_imu_gap_s", limits.max_gap_s)?;
-    let gap = match limits.long_gap {
-        LongGap::Refuse => "refuse",
-        LongGap::Inflate => "inflate",
-    };
-    dict.set_item("imu_gap", gap)?;
-    dict.set_item("imu_gap_rate_sd_radps", limits.gap_rate_sd_radps)?;
-    dict.set_item("imu_gap_accel_sd_mps2", limits.gap_accel_sd_mps2)
-}
 
 /// Readings from their columns.
 pub fn samples(time_ns: &[i64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> impl Iterator<Item = ImuSample> {
@@ -79,8 +32,7 @@ pub fn rejected_imu<'py>(
     omega_p_radps: &Bound<'py, PyAny>,
     force_p_mps2: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (model, limits) = (read("imu", imu, settings::imu)?, settings::options(options)?.imu_limits);
-    limits.validate().map_err(raise)?;
+    let (model, limits) = (settings::imu(imu)?, settings::options(options)?.imu_limits);
     let stamps = times("time_ns", time_ns)?;
     let rates = rows::<3>("omega_p_radps", omega_p_radps, Some(stamps.len()))?;
     let forces = rows::<3>("force_p_mps2", force_p_mps2, Some(stamps.len()))?;

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 
+use bottomlock::settings::nearest;
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyString};
@@ -53,17 +54,13 @@ impl<'py> Keys<'py> {
         Ok(self.get(key)?.is_some())
     }
 
-    /// Whether the key is given, and not as None.
-    pub fn has_value(&self, key: &str) -> PyResult<bool> {
-        Ok(self.get(key)?.is_some_and(|value| !value.is_none()))
-    }
-
     /// The value of a key that must be there.
     pub fn item(&self, key: &str) -> PyResult<Bound<'py, PyAny>> {
         if let Some(value) = self.get(key)? {
             return Ok(value);
         }
-        let given = nearest(self.dict.py(), key, &self.unasked()?)?;
+        let unasked = self.unasked()?;
+        let given = nearest(key, &unasked.iter().map(String::as_str).collect::<Vec<_>>());
         let hint = given.map_or(String::new(), |given| format!(", '{given}' is given in its place"));
         Err(invalid(format!("{} lacks the key '{key}'{hint}", self.owner)))
     }
@@ -86,19 +83,6 @@ impl<'py> Keys<'py> {
         if self.has(key)? { self.number(key) } else { Ok(default) }
     }
 
-    /// A number, or none where the key is not given or given as None.
-    pub fn optional_number(&self, key: &str) -> PyResult<Option<f64>> {
-        if self.has_value(key)? {
-            self.number(key).map(Some)
-        } else {
-            Ok(None)
-        }
-    }
-
-    pub fn text(&self, key: &str) -> PyResult<String> {
-        self.extract(key, "a text")
-    }
-
     /// A value of another type, which the message describes.
     pub fn extract<T: FromPyObjectOwned<'py>>(&self, key: &str, expected: &str) -> PyResult<T> {
         let value = self.item(key)?;
@@ -112,11 +96,6 @@ impl<'py> Keys<'py> {
     /// A vector, or zeros where the key is not given.
     pub fn vector_or_zero<const N: usize>(&self, key: &str) -> PyResult<[f64; N]> {
         if self.has(key)? { self.vector(key) } else { Ok([0.0; N]) }
-    }
-
-    /// A dict or settings object under a key.
-    pub fn section<T>(&self, key: &str, of: impl FnOnce(&Keys<'py>) -> PyResult<T>) -> PyResult<T> {
-        read(&self.path(key), &self.item(key)?, of)
     }
 
     fn not(&self, key: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
@@ -151,20 +130,14 @@ impl<'py> Keys<'py> {
         let Some(unknown) = self.unasked()?.into_iter().next() else {
             return Ok(());
         };
-        let mut known = self.asked.borrow().clone();
+        let asked = self.asked.borrow();
+        let mut known: Vec<&str> = asked.iter().map(String::as_str).collect();
         known.sort_unstable();
         known.dedup();
-        let hint = match nearest(self.dict.py(), &unknown, &known)? {
+        let hint = match nearest(&unknown, &known) {
             Some(near) => format!("did you mean '{near}'?"),
             None => format!("known: {}", known.join(", ")),
         };
         Err(invalid(format!("{} has no key '{unknown}' ({hint})", self.owner)))
     }
-}
-
-/// The name nearest to one given, if one is alike: by the package's own rule, which is imported with the first error.
-pub fn nearest(py: Python<'_>, name: &str, names: &[String]) -> PyResult<Option<String>> {
-    py.import("bottomlock.support.nearest")?
-        .call_method1("nearest", (name, names.to_vec()))?
-        .extract()
 }

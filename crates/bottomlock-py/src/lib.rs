@@ -7,11 +7,11 @@ mod batch;
 mod batch_arrays;
 mod beam_arrays;
 mod calls;
-mod check;
 mod closed_loop;
 mod dvl;
 mod earth;
 mod errors;
+mod given;
 mod imu_faults;
 mod keys;
 mod memory;
@@ -35,8 +35,6 @@ mod _kernel {
     #[pymodule_export]
     use super::batch::{error_model, run_batch, simulate_sensors};
     #[pymodule_export]
-    use super::check::check_settings;
-    #[pymodule_export]
     use super::closed_loop::ClosedLoop;
     #[pymodule_export]
     use super::dvl::BeamGeometry;
@@ -57,7 +55,7 @@ mod _kernel {
     #[pymodule_export]
     use super::segments::integrate_segments;
     #[pymodule_export]
-    use super::settings::normal_gravity_mps2;
+    use super::settings::{check_settings, normal_gravity_mps2};
     #[pymodule_export]
     use super::velocity::solve_velocity;
 

@@ -56,7 +56,7 @@ use crate::state::{put_state, state};
 ///
 /// Raises:
 ///     KernelError: for numbers that are not finite or that no instrument has, wrong shapes, time that does not increase
-///         within a stream or lies before the filter's, and a gap between inertial readings longer than `max_imu_gap_s`. A
+///         within a stream or lies before the filter's, and a gap between inertial readings longer than `max_gap_s`. A
 ///         push that is refused changes nothing but the count of late events. The error has `taken`, the number of
 ///         readings that `push_imu_block` took before it, and `reports`, theirs.
 ///
@@ -95,10 +95,10 @@ impl Navigator {
             .call_method1("beam_geometry", (geometry,))?;
         let geometry = geometry.cast::<BeamGeometry>()?.get();
         let aiding = match method {
-            None => settings::method(py, "tc")?.aiding,
+            None => settings::method("tc")?.aiding,
             Some(method) => {
                 let named = py.import("bottomlock.own_method")?.call_method1("name_of", (method,))?;
-                settings::method(py, &named.extract::<String>()?)?.aiding
+                settings::method(&named.extract::<String>()?)?.aiding
             }
         };
         let (model, options) = (settings::model(model)?, settings::options(options)?);
@@ -409,7 +409,7 @@ impl Navigator {
     }
 
     /// Number of inertial readings that were rejected, by reason (out_of_range, clipped, stuck), and of gaps longer than
-    /// `max_imu_gap_s` that were bridged with inflation (inflated_gaps).
+    /// `max_gap_s` that were bridged with inflation (inflated_gaps).
     fn imu_faults<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         by_name(py, &IMU_FAULTS, &self.with(py, |inner| *inner.imu_faults())?)
     }

@@ -63,7 +63,10 @@ fn aiding_of(keys: &Keys<'_>, beams: usize) -> PyResult<Aiding> {
     Ok(Aiding {
         beams: settings::mask(&mask.values),
         sensors: sensors.into_iter().collect(),
-        levers: settings::levers(keys)?,
+        levers: match keys.get("levers")? {
+            Some(levers) => settings::levers("aiding.levers", &levers)?,
+            None => Default::default(),
+        },
     })
 }
 

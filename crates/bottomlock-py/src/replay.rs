@@ -210,7 +210,7 @@ pub fn replay_log<'py>(
     let log = OwnedLog::read(log, beams, &model)?;
     let (state, covariance) = (state("start", start)?, crate::state::covariance(covariance)?);
     let sample_time_ns = times("sample_time_ns", sample_time_ns)?;
-    let methods = settings::methods(py, &methods)?;
+    let methods = settings::methods(&methods)?;
     let request = Replay {
         log: log.log(),
         geometry: &geometry.inner,

@@ -12,7 +12,6 @@ use std::hint::black_box;
 use std::io::BufRead;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::earth::Earth;
@@ -88,7 +87,7 @@ impl Work {
     fn options(period_ns: i64) -> Options {
         Options {
             gate: Gate::Off,
-            robust: Robust::default(),
+            robust: None,
             covariance_period_ns: period_ns,
             ..Options::default()
         }

@@ -41,7 +41,7 @@ pub struct Dvl;
 
 /// A vector resolved in frame `F`.
 #[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(bound = "")]
+#[serde(bound = "", from = "[f64; 3]", into = "[f64; 3]")]
 pub struct Vec3<F>(pub Vector3<f64>, PhantomData<F>);
 
 impl<F> Clone for Vec3<F> {
@@ -93,6 +93,16 @@ impl<F> Vec3<F> {
 impl<F> From<Vector3<f64>> for Vec3<F> {
     fn from(vector: Vector3<f64>) -> Self {
         Self(vector, PhantomData)
+    }
+}
+impl<F> From<[f64; 3]> for Vec3<F> {
+    fn from(xyz: [f64; 3]) -> Self {
+        Self::from_array(xyz)
+    }
+}
+impl<F> From<Vec3<F>> for [f64; 3] {
+    fn from(vector: Vec3<F>) -> Self {
+        vector.to_array()
     }
 }
 impl<F> Add for Vec3<F> {

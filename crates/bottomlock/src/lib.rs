@@ -106,6 +106,7 @@ pub mod random;
 #[cfg(feature = "simulation")]
 pub mod replay;
 mod saved;
+pub mod settings;
 pub mod simd;
 #[cfg(feature = "simulation")]
 pub mod simulation;

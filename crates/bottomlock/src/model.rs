@@ -6,7 +6,7 @@ use crate::aiding::attitude::MagnetometerModel;
 use crate::aiding::beams::DvlModel;
 use crate::aiding::depth::DepthModel;
 use crate::aiding::gps::GpsModel;
-use crate::aiding::registry::SensorModels;
+use crate::aiding::registry::{Sections, SensorModels};
 use crate::earth::Environment;
 use crate::error::{NavError, require_non_negative};
 use crate::error_model::ProcessNoise;
@@ -14,7 +14,8 @@ use crate::layout;
 use crate::state::Covariance;
 
 /// Errors of the inertial sensors, 1 sigma, per axis.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ImuModel {
     /// Velocity random walk, m/s/√s.
     pub accel_noise_mps_rts: f64,
@@ -51,7 +52,8 @@ impl ImuModel {
 }
 
 /// Uncertainty of the initial state, 1 sigma per axis.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct InitialModel {
     /// Position, tangent frame, m.
     pub position_sd_m: [f64; 3],
@@ -78,8 +80,9 @@ impl InitialModel {
     }
 }
 
-/// Everything assumed of the environment and the sensors.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Everything assumed of the environment and the sensors; its keys are the names of the sections.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(from = "Sections", into = "Sections")]
 pub struct Model {
     /// Earth rate and gravity.
     pub environment: Environment,

@@ -84,7 +84,7 @@ def _run(
             heading_rad=drawn["heading_rad"],
         ),
         truth.time_ns[rows],
-        depth_lever_p_m=np.asarray(options.depth_lever_p_m),
+        depth_lever_p_m=np.asarray(options.levers.depth_p_m),
     )
     error = np.hstack(
         [

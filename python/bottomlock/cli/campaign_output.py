@@ -77,9 +77,10 @@ def print_results(results: Results, out: Path, *, as_json: bool = False) -> None
         )
     first = results.trajectories[0]
     options = scenarios[first]["options"]
+    assumed = options["assumptions"]
     console.print(
         f"NEES of a consistent filter is {manifest['nees_degrees'][first]}, NIS the number of fused rows. "
-        f"n_f {options['virtual_beam_factor']:g}, ε {options['nullified_sway_var_m2ps2']:g} m²/s², "
+        f"n_f {assumed['virtual_beam_factor']:g}, ε {assumed['nullified_sway_var_m2ps2']:g} m²/s², "
         f"gate {options['gate']}."
     )
     print_costs()

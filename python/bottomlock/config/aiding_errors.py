@@ -1,5 +1,7 @@
 """Errors and lever arms of depth, GPS and acoustic positions as a filter takes them; of a replay or live."""
 
+from typing import Any
+
 from bottomlock import units
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section, Vector
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
@@ -24,9 +26,9 @@ class DepthErrors(Section):
             "depth": models.DepthModel(sd_m=self.sd_m, bias_sd_m=self.bias_m, bias_time_s=self.bias_time_s)
         }
 
-    def kernel_options(self) -> dict[str, Vector]:
+    def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""
-        return {"depth_lever_p_m": self.lever_arm_m}
+        return {"levers": {"depth_p_m": self.lever_arm_m}}
 
 
 class GpsErrors(Section):
@@ -39,9 +41,9 @@ class GpsErrors(Section):
         """Section of the kernel's model, SI."""
         return {"gps": models.GpsModel(position_sd_m=self.position_sd_m, velocity_sd_mps=(0.1, 0.1, 0.2))}
 
-    def kernel_options(self) -> dict[str, Vector]:
+    def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""
-        return {"gps_lever_p_m": self.lever_arm_m}
+        return {"levers": {"gps_p_m": self.lever_arm_m}}
 
 
 class AcousticPositionErrors(Section):
@@ -65,6 +67,6 @@ class AcousticPositionErrors(Section):
         )
         return {"acoustic_position": noise}
 
-    def kernel_options(self) -> dict[str, Vector]:
+    def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""
-        return {"acoustic_position_lever_p_m": self.lever_arm_m}
+        return {"levers": {"acoustic_position_p_m": self.lever_arm_m}}

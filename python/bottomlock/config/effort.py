@@ -61,7 +61,7 @@ class EffortErrors(Section):
 
     def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""
-        return {"thrust": self.corrects, "effort_lever_p_m": self.lever_arm_m}
+        return {"thrust": self.corrects, "levers": {"effort_p_m": self.lever_arm_m}}
 
 
 def require_one_use(thrust: Any, effort: EffortErrors | None) -> None:  # noqa: ANN401 - the section of revolutions

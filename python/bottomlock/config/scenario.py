@@ -243,11 +243,11 @@ class Scenario(SensorSections):
 
     def kernel_options(self) -> models.Options:
         """Filter options as the kernel takes them."""
-        options = self.filter.kernel_options() | {"robust": self.robust.kernel_options()}
-        options |= self.water_track.kernel_options()
-        for sensor in SENSORS:
-            options |= sensor.options(getattr(self, sensor.name))
-        return models.Options(**options, imu_sampling=self.imu.sampling, **self.imu.limits.kernel_options())
+        sensors = (sensor.options(getattr(self, sensor.name)) for sensor in SENSORS)
+        imu = {"imu_sampling": self.imu.sampling, "imu_limits": self.imu.limits.kernel_limits()}
+        robust = {"robust": self.robust.kernel_options()}
+        water = self.water_track.kernel_options()
+        return models.Options.of(self.filter.kernel_options(), robust, imu, water, *sensors)
 
 
 def packaged_scenarios() -> dict[str, str]:

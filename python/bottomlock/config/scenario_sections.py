@@ -20,7 +20,7 @@ from bottomlock.config.beam_tilt import BeamTilt, check_tilts
 from bottomlock.config.instrument_grades import filled_from_grade, imu_model
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
-from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration, models
+from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, Configuration, models
 from bottomlock.own_method import known_names
 from bottomlock.support.nearest import did_you_mean
 
@@ -112,6 +112,9 @@ class ImuErrors(Section):
         return imu_model(self.model_dump())
 
 
+_LIMITS: Final = models.ImuLimits()
+
+
 class ImuLimits(Section):
     """What readings of a live navigator or a recorded log are checked against; simulated ones are not.
 
@@ -121,31 +124,22 @@ class ImuLimits(Section):
     (docs/imu_faults.md).
     """
 
-    max_rate_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = math.degrees(
-        DEFAULT_OPTIONS["max_imu_rate_radps"]
-    )
-    max_force_mps2: Annotated[float, Field(gt=0, le=1e6)] = DEFAULT_OPTIONS["max_imu_force_mps2"]
-    stuck_after: Annotated[int, Field(ge=0, le=1_000_000)] = DEFAULT_OPTIONS["imu_stuck_after"]
-    max_gap_s: Annotated[float, Field(gt=0, le=1e6)] = DEFAULT_OPTIONS["max_imu_gap_s"]
-    gap: Literal["refuse", "inflate"] = DEFAULT_OPTIONS["imu_gap"]
-    gap_rate_deg_per_s: NonNegative = math.degrees(DEFAULT_OPTIONS["imu_gap_rate_sd_radps"])
-    gap_accel_mps2: NonNegative = DEFAULT_OPTIONS["imu_gap_accel_sd_mps2"]
+    max_rate_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = math.degrees(_LIMITS.max_rate_radps)
+    max_force_mps2: Annotated[float, Field(gt=0, le=1e6)] = _LIMITS.max_force_mps2
+    stuck_after: Annotated[int, Field(ge=0, le=1_000_000)] = _LIMITS.stuck_after
+    max_gap_s: Annotated[float, Field(gt=0, le=1e6)] = _LIMITS.max_gap_s
+    gap: Literal["refuse", "inflate"] = _LIMITS.gap
+    gap_rate_deg_per_s: NonNegative = math.degrees(_LIMITS.gap_rate_sd_radps)
+    gap_accel_mps2: NonNegative = _LIMITS.gap_accel_sd_mps2
 
-    def kernel_options(self) -> dict[str, Any]:
-        """The limits among the filter's options, as the kernel takes them."""
-        return {
-            "max_imu_rate_radps": units.rad_or_default(
-                self.max_rate_deg_per_s, DEFAULT_OPTIONS["max_imu_rate_radps"]
-            ),
-            "max_imu_force_mps2": self.max_force_mps2,
-            "imu_stuck_after": self.stuck_after,
-            "max_imu_gap_s": self.max_gap_s,
-            "imu_gap": self.gap,
-            "imu_gap_rate_sd_radps": units.rad_or_default(
-                self.gap_rate_deg_per_s, DEFAULT_OPTIONS["imu_gap_rate_sd_radps"]
-            ),
-            "imu_gap_accel_sd_mps2": self.gap_accel_mps2,
-        }
+    def kernel_limits(self) -> models.ImuLimits:
+        """The limits in SI."""
+        return models.ImuLimits(
+            max_rate_radps=units.rad_or_default(self.max_rate_deg_per_s, _LIMITS.max_rate_radps),
+            gap_rate_sd_radps=units.rad_or_default(self.gap_rate_deg_per_s, _LIMITS.gap_rate_sd_radps),
+            gap_accel_sd_mps2=self.gap_accel_mps2,
+            **self.model_dump(include={"max_force_mps2", "stuck_after", "max_gap_s", "gap"}),
+        )
 
 
 class Imu(ImuErrors):
@@ -270,7 +264,7 @@ class Initial(Section):
     yaw_deg: NonNegative = 1.146
 
 
-_WATER: Final = DEFAULT_OPTIONS["water"]
+_WATER: Final = models.Water()
 
 
 class Water(Section):
@@ -281,15 +275,15 @@ class Water(Section):
     """
 
     vehicle: str | None = None
-    current_sd_mps: NonNegative = _WATER["current_sd_mps"]
-    current_time_s: Positive = _WATER["current_time_s"]
-    sway_gain_m: Finite = _WATER["sway_gain_m"]
-    sway_gain_sd_m: NonNegative = _WATER["sway_gain_sd_m"]
-    trim_sd_mps: NonNegative = _WATER["trim_sd_mps"]
-    trim_time_s: Positive = _WATER["trim_time_s"]
-    slip_sd_mps: Positive = _WATER["slip_sd_mps"]
-    slip_time_s: Positive = _WATER["slip_time_s"]
-    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False)] = _WATER["slip_epochs"]
+    current_sd_mps: NonNegative = _WATER.current_sd_mps
+    current_time_s: Positive = _WATER.current_time_s
+    sway_gain_m: Finite = _WATER.sway_gain_m
+    sway_gain_sd_m: NonNegative = _WATER.sway_gain_sd_m
+    trim_sd_mps: NonNegative = _WATER.trim_sd_mps
+    trim_time_s: Positive = _WATER.trim_time_s
+    slip_sd_mps: Positive = _WATER.slip_sd_mps
+    slip_time_s: Positive = _WATER.slip_time_s
+    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False)] = _WATER.slip_epochs
 
     @model_validator(mode="wrap")
     @classmethod
@@ -297,7 +291,7 @@ class Water(Section):
         return filled_from_grade("water", content, handler, "vehicle")
 
 
-_MOTION = models.Motion().as_dict()
+_MOTION: Final = models.Motion().as_dict()
 
 
 class Motion(Section):
@@ -313,17 +307,20 @@ class Motion(Section):
     change_time_s: tuple[Positive, Positive, Positive] = _MOTION["change_time_s"]
 
 
-_LAYERS = models.CurrentLayers().as_dict()
+_LAYERS: Final = models.CurrentLayers()
 
 
 class CurrentLayers(Section):
     """Prior of the current by depth, with water track (docs/methods/without_bottom.md); `sd_mps` 0 is no layers."""
 
-    sd_mps: NonNegative = _LAYERS["sd_mps"]
-    time_s: Positive = _LAYERS["time_s"]
-    way_m: Positive = _LAYERS["way_m"]
-    spacing_m: Positive = _LAYERS["spacing_m"]
-    mean_time_s: Positive = _LAYERS["mean_time_s"]
+    sd_mps: NonNegative = _LAYERS.sd_mps
+    time_s: Positive = _LAYERS.time_s
+    way_m: Positive = _LAYERS.way_m
+    spacing_m: Positive = _LAYERS.spacing_m
+    mean_time_s: Positive = _LAYERS.mean_time_s
+
+
+_OPTIONS: Final = models.Options()
 
 
 class Filter(Section):
@@ -336,19 +333,17 @@ class Filter(Section):
     while the beams leave a direction unobserved beyond the linear range (docs/linear_range.md).
     """
 
-    gate: Literal["joint", "per_row", "off"] = DEFAULT_OPTIONS["gate"]
-    gate_probability: Annotated[float, Field(gt=0, lt=1)] = DEFAULT_OPTIONS["gate_probability"]
-    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000)] = DEFAULT_OPTIONS[
-        "inflate_after_rejections"
-    ]
-    covariance_rate_hz: NonNegative = 1e9 / DEFAULT_OPTIONS["covariance_period_ns"]
-    estimate_dvl: bool = DEFAULT_OPTIONS["estimate_dvl"]
-    virtual_beam_factor: Positive = DEFAULT_OPTIONS["virtual_beam_factor"]
-    nullified_sway_var_m2ps2: Positive = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"]
-    weak_sway_var_m2ps2: Positive = DEFAULT_OPTIONS["weak_sway_var_m2ps2"]
-    information_port: Literal["axes", "full"] = DEFAULT_OPTIONS["information_port"]
-    speed_sd_mps: NonNegative = DEFAULT_OPTIONS["speed_sd_mps"]
-    speed_time_s: Positive = DEFAULT_OPTIONS["speed_time_s"]
+    gate: Literal["joint", "per_row", "off"] = _OPTIONS.gate
+    gate_probability: Annotated[float, Field(gt=0, lt=1)] = _OPTIONS.gate_probability
+    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000)] = _OPTIONS.inflate_after_rejections
+    covariance_rate_hz: NonNegative = 1e9 / _OPTIONS.covariance_period_ns
+    estimate_dvl: bool = _OPTIONS.estimate_dvl
+    virtual_beam_factor: Positive = _OPTIONS.assumptions.virtual_beam_factor
+    nullified_sway_var_m2ps2: Positive = _OPTIONS.assumptions.nullified_sway_var_m2ps2
+    weak_sway_var_m2ps2: Positive = _OPTIONS.assumptions.weak_sway_var_m2ps2
+    information_port: Literal["axes", "full"] = _OPTIONS.information_port
+    speed_sd_mps: NonNegative = _OPTIONS.speed_bound.sd_mps
+    speed_time_s: Positive = _OPTIONS.speed_bound.time_s
     water: Water = Water()
     current_layers: CurrentLayers = CurrentLayers()
     motion: Motion = Motion()
@@ -362,11 +357,19 @@ class Filter(Section):
         """What the section says of `models.Options`."""
         rate_hz = self.covariance_rate_hz
         period_ns = units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0
-        content = self.model_dump(exclude={"covariance_rate_hz": True, "water": {"vehicle"}})
-        return content | {"covariance_period_ns": period_ns}
+        same = {"gate", "gate_probability", "inflate_after_rejections", "estimate_dvl", "information_port"}
+        content = self.model_dump(
+            include={*same, "current_layers", "motion", "water"}, exclude={"water": {"vehicle"}}
+        )
+        assumptions = set(models.Assumptions.model_fields)
+        return content | {
+            "covariance_period_ns": period_ns,
+            "assumptions": self.model_dump(include=assumptions),
+            "speed_bound": {"sd_mps": self.speed_sd_mps, "time_s": self.speed_time_s},
+        }
 
 
-_ROBUST: Final = DEFAULT_OPTIONS["robust"]
+_ROBUST: Final = models.Robust()
 Gate = Annotated[float, Field(gt=0, lt=1)] | Literal["off"]
 
 
@@ -378,10 +381,10 @@ class Robust(Section):
     """
 
     enabled: bool = True
-    closure_gate: Gate = _ROBUST["closure_gate"] or "off"
-    beam_gate: Gate = _ROBUST["beam_gate"] or "off"
-    tail: Literal["gaussian", "student_t"] = _ROBUST["tail"]
-    student_t_degrees: Positive = _ROBUST["student_t_degrees"]
+    closure_gate: Gate = _ROBUST.closure_gate or "off"
+    beam_gate: Gate = _ROBUST.beam_gate or "off"
+    tail: Literal["gaussian", "student_t"] = _ROBUST.tail
+    student_t_degrees: Positive = _ROBUST.student_t_degrees
 
     def kernel_options(self) -> models.Robust | None:
         """The treatment as the kernel takes it, None for none."""

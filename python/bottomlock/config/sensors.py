@@ -210,7 +210,7 @@ ACOUSTIC_POSITION = Sensor(
         outlier_fraction=fixes.outlier_fraction,
         outlier_factor=fixes.outlier_factor,
     ),
-    options=lambda fixes: {"acoustic_position_lever_p_m": fixes.lever_arm_m},
+    options=lambda fixes: {"levers": {"acoustic_position_p_m": fixes.lever_arm_m}},
 )
 
 THRUST = Sensor(

@@ -9,69 +9,60 @@ Examples:
     ...     accel_bias_walk_mps2_rts=1e-5, gyro_bias_walk_radps_rts=5e-7,
     ... ).replace(gyro_bias_sd_radps=2e-5).gyro_bias_sd_radps
     2e-05
-    >>> Options(gate="off", depth_lever_p_m=[0.5, 0.0, 0.0])
-    Options(gate='off', depth_lever_p_m=(0.5, 0.0, 0.0))
+    >>> Options(gate="off", levers=Levers(depth_p_m=[0.5, 0.0, 0.0]))
+    Options(
+        gate='off',
+        levers=Levers(depth_p_m=(0.5, 0.0, 0.0)),
+    )
     >>> Options(gaate="off")  # doctest: +IGNORE_EXCEPTION_DETAIL
     Traceback (most recent call last):
-    KernelError: options has no key 'gaate' (did you mean 'gate'?)
+    KernelError: options.gaate is unknown; did you mean 'gate'?
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
-from typing import Any, ClassVar, Literal, Self, TypeVar, dataclass_transform, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, PlainValidator
 
-from bottomlock.kernel import (
-    DEFAULT_OPTIONS,
-    EARTH_RATE_RADPS,
-    KernelError,
-    check_settings,
-    normal_gravity_mps2,
-)
-from bottomlock.support.nearest import nearest
+from bottomlock.kernel import EARTH_RATE_RADPS, KernelError, check_settings, normal_gravity_mps2
 
 WALK_TIME_S = 300.0
 """Correlation time of the slow error of an attitude reference where none is given, s: minutes, as of manoeuvres."""
-Vector = Sequence[float] | NDArray[np.float64]
+
+
+def _tuple(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - the kernel has checked it
+    return tuple(np.asarray(value).tolist())
+
+
+Vector = Annotated[Sequence[float] | NDArray[np.float64], PlainValidator(_tuple)]
 """Numbers of a fixed length; kept as a tuple."""
 
 
-class Settings:
-    """Base of all settings: checked keys and values, `replace`, `as_dict` and a short `repr`."""
+class Settings(BaseModel):
+    """Base of all settings: checked by the kernel's rules, with `replace`, `as_dict` and a short `repr`."""
 
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
     place: ClassVar[str]
     """The name of the settings in messages, and of the kernel's rules for them."""
 
-    def __new__(cls, **given: Any) -> Self:  # noqa: ANN401 - the fields of the settings have their types
-        """Rejects unknown and missing keys.
+    def __init__(self, **given: Any) -> None:  # noqa: ANN401 - the fields of the settings have their types
+        """Checks keys and values.
 
         Raises:
-            KernelError: naming the key, and the nearest known one.
+            KernelError: naming the key, what was expected, and of an unknown key the nearest known one.
         """
-        known = [field.name for field in fields(cls)]  # type: ignore[arg-type] # every subclass is a dataclass
-        for key in given:
-            if key not in known:
-                close = nearest(key, known)
-                hint = f"did you mean '{close}'?" if close else f"known: {', '.join(known)}"
-                raise KernelError(f"{cls.place} has no key '{key}' ({hint})")
-        required = [field.name for field in fields(cls) if field.default is MISSING]  # type: ignore[arg-type]
-        missing = [key for key in required if key not in given]
-        # A copy and an unpickled object are made without keys, and filled afterwards.
-        if given and missing:
-            raise KernelError(f"{cls.place} lacks the key '{missing[0]}'")
-        return super().__new__(cls)
+        given = self.completed({key: _plain(value) for key, value in given.items()})
+        fields = type(self).model_fields.items()
+        defaults = {key: field.default for key, field in fields if not field.is_required()}
+        check_settings(self.place, defaults | given)
+        super().__init__(**given)
 
-    def __post_init__(self) -> None:
-        """Brings every value to the type of its field, and checks it by the kernel's rules.
-
-        Raises:
-            KernelError: naming the key, the value and what was expected.
-        """
-        for field in fields(self):  # type: ignore[arg-type]
-            object.__setattr__(self, field.name, _as_typed(field.type, getattr(self, field.name)))
-        check_settings(self.place, self.as_dict())
+    @classmethod
+    def completed(cls, given: dict[str, Any]) -> dict[str, Any]:
+        """The given values with those that follow from them."""
+        return given
 
     def replace(self, **changes: Any) -> Self:  # noqa: ANN401 - the fields of the settings have their types
         """The same settings with other values.
@@ -79,131 +70,125 @@ class Settings:
         Raises:
             KernelError: for an unknown key or a value that is not valid.
         """
-        own = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
-        return type(self)(**own | changes)
+        return type(self)(**dict(self) | changes)
 
     def as_dict(self) -> dict[str, Any]:
         """Keys and values, settings among them as dicts too: what JSON can hold, and what makes the same object."""
-        own = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
-        return {key: value.as_dict() if isinstance(value, Settings) else value for key, value in own.items()}
+        return self.model_dump()
 
     def __repr__(self) -> str:
         """The values that are not the defaults; a line each where settings are among them."""
-        own = [(field, getattr(self, field.name)) for field in fields(self)]  # type: ignore[arg-type]
-        shown = [(field.name, value) for field, value in own if value != field.default]
-        parts = [f"{name}={value!r}" for name, value in shown]
-        if any(isinstance(value, Settings) for _, value in shown):
+        fields = type(self).model_fields
+        shown = {key: value for key, value in self if value != fields[key].default}
+        parts = [f"{key}={value!r}" for key, value in shown.items()]
+        if any(isinstance(value, Settings) for value in shown.values()):
             lines = ",\n".join(parts).replace("\n", "\n    ")
             return f"{type(self).__name__}(\n    {lines},\n)"
         return f"{type(self).__name__}({', '.join(parts)})"
 
-
-def _as_typed(kind: Any, value: Any) -> Any:  # noqa: ANN401 - values come as users give them
-    """A value in the type of its field; what does not fit stays as it is, for the kernel to reject."""
-    kinds = (kind, *get_args(kind))
-    section = next((one for one in kinds if isinstance(one, type) and issubclass(one, Settings)), None)
-    if section is not None and isinstance(value, Mapping):
-        return section(**value)
-    if isinstance(value, np.ndarray | list):
-        return tuple(np.asarray(value).tolist())
-    if isinstance(value, np.generic):
-        return value.item()
-    if float in kinds and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    return value
+    __str__ = __repr__
 
 
-_T = TypeVar("_T")
+def _plain(value: Any) -> Any:  # noqa: ANN401 - values come as users give them
+    """A value without arrays and numpy's numbers."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
 _Errors = TypeVar("_Errors", bound=Settings)
 
 
-@dataclass_transform(frozen_default=True, kw_only_default=True)
-def _settings(cls: type[_T]) -> type[_T]:
-    return dataclass(frozen=True, kw_only=True, repr=False)(cls)
-
-
-@_settings
 class Environment(Settings):
-    """Latitude (rad), gravity (m/s²) at the origin and Earth rate (rad/s), 0 for an Earth at rest.
-
-    Gravity that is left out, or None, is normal gravity at that latitude (`normal_gravity_mps2`).
-    With `earth` = "ellipsoid" gravity, depth, level and heading are those of the place (docs/ellipsoid.md); with
-    "tangent_plane" they are those of the origin everywhere, as in the 2017 paper.
-    """
+    """Latitude, gravity and Earth rate; what is left out of gravity is normal gravity (`normal_gravity_mps2`)."""
 
     place: ClassVar[str] = "environment"
     latitude_rad: float
+    """geodetic latitude"""
     gravity_mps2: float = None  # type: ignore[assignment] # a number in every object
+    """gravity at the origin; None for normal gravity at the latitude"""
     earth_rate_radps: float = EARTH_RATE_RADPS
+    """rate of rotation, 0 for an Earth at rest"""
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
+    """whether gravity, level and heading are those of the place (docs/ellipsoid.md) or of the origin everywhere"""
 
-    def __post_init__(self) -> None:
-        """Fills in the gravity, and checks as every section does."""
-        if vars(self)["gravity_mps2"] is None:
-            # The latitude is checked first: an error about gravity would name the wrong key.
-            check_settings(self.place, self.as_dict() | {"gravity_mps2": 0.0})
-            object.__setattr__(self, "gravity_mps2", normal_gravity_mps2(self.latitude_rad))
-        super().__post_init__()
+    @classmethod
+    def completed(cls, given: dict[str, Any]) -> dict[str, Any]:
+        """Fills in the gravity."""
+        if given.get("gravity_mps2") is not None:
+            return given
+        # The latitude is checked first: an error about gravity would name the wrong key.
+        rest = {"earth_rate_radps": EARTH_RATE_RADPS, "earth": "ellipsoid"}
+        check_settings(cls.place, rest | given | {"gravity_mps2": 0.0})
+        return given | {"gravity_mps2": normal_gravity_mps2(given["latitude_rad"])}
 
 
-@_settings
 class ImuModel(Settings):
-    """Errors of the inertial sensors, 1 sigma per axis: noise, biases at the start, and their random walks."""
+    """Errors of the inertial sensors, 1 sigma per axis."""
 
     place: ClassVar[str] = "imu"
     accel_noise_mps_rts: float
+    """velocity random walk"""
     gyro_noise_rad_rts: float
+    """angle random walk"""
     accel_bias_sd_mps2: float
+    """accelerometer bias at the start"""
     gyro_bias_sd_radps: float
+    """gyro bias at the start"""
     accel_bias_walk_mps2_rts: float
+    """random walk of the accelerometer bias"""
     gyro_bias_walk_radps_rts: float
+    """random walk of the gyro bias"""
 
 
-@_settings
 class DvlModel(Settings):
-    """Errors of the DVL, 1 sigma: noise of a beam, bias and scale factor at the start, and their random walks."""
+    """Errors of the DVL, 1 sigma."""
 
     place: ClassVar[str] = "dvl"
     beam_noise_sd_mps: float
+    """noise of a beam"""
     beam_bias_sd_mps: float
+    """bias of a beam at the start"""
     beam_bias_walk_mps_rts: float
+    """random walk of the bias"""
     scale_factor_sd: float
+    """scale factor at the start"""
     scale_factor_walk_rts: float
+    """random walk of the scale factor"""
 
 
-@_settings
 class DvlOutlierModel(Settings):
-    """Outliers among simulated beams: their fraction, and their noise over that of a good reading."""
+    """Outliers among simulated beams."""
 
     place: ClassVar[str] = "dvl_outliers"
     outlier_fraction: float
+    """fraction of the readings"""
     outlier_factor: float
+    """their noise over that of a good reading"""
 
 
-@_settings
 class InitialModel(Settings):
-    """Uncertainty of the state at the start, 1 sigma, (3,) each.
-
-    Position and misalignment in the tangent frame, velocity in the platform frame.
-    """
+    """Uncertainty of the state at the start, 1 sigma, (3,) each."""
 
     place: ClassVar[str] = "initial"
     position_sd_m: Vector
+    """position, tangent frame"""
     attitude_sd_rad: Vector
+    """misalignment about north, east, down"""
     velocity_sd_mps: Vector
+    """velocity, platform frame"""
 
 
-@_settings
 class DepthModel(Settings):
-    """Errors of the depth sensor, 1 sigma: noise, and a bias (0 for none) with its correlation time."""
+    """Errors of the depth sensor, 1 sigma."""
 
     place: ClassVar[str] = "depth"
     sd_m: float
+    """noise"""
     bias_sd_m: float
+    """bias, 0 for none"""
     bias_time_s: float
+    """correlation time of the bias"""
 
 
-@_settings
 class MagnetometerModel(Settings):
     """Errors of an attitude reference (AHRS, magnetometer and tilt sensor), 1 sigma.
 
@@ -213,109 +198,128 @@ class MagnetometerModel(Settings):
 
     place: ClassVar[str] = "magnetometer"
     yaw_sd_rad: float
+    """noise of yaw"""
     roll_pitch_sd_rad: float
+    """noise of roll and pitch"""
     yaw_offset_sd_rad: float = 0.0
+    """constant offset of yaw"""
     roll_pitch_offset_sd_rad: float = 0.0
+    """constant offset of roll and pitch"""
     yaw_walk_sd_rad: float = 0.0
+    """walk of yaw"""
     roll_pitch_walk_sd_rad: float = 0.0
+    """walk of roll and pitch"""
     walk_time_s: float = WALK_TIME_S
+    """correlation time of the walks"""
 
 
-@_settings
 class HeadingModel(Settings):
     """Error of a heading sensor, 1 sigma: white noise, and the slow errors as of `MagnetometerModel`."""
 
     place: ClassVar[str] = "heading"
     sd_rad: float
+    """noise"""
     offset_sd_rad: float = 0.0
+    """constant offset"""
     walk_sd_rad: float = 0.0
+    """walk"""
     walk_time_s: float = WALK_TIME_S
+    """correlation time of the walk"""
 
 
-@_settings
 class GpsModel(Settings):
     """Errors of the GPS receiver, 1 sigma per axis of the tangent frame, (3,) each."""
 
     place: ClassVar[str] = "gps"
     position_sd_m: Vector
+    """noise of a position"""
     velocity_sd_mps: Vector
+    """noise of a velocity"""
 
 
-@_settings
 class AcousticPositionModel(Settings):
-    """Errors of acoustic position fixes (USBL, LBL), 1 sigma per axis, and outliers among simulated ones.
-
-    The noise is that at zero range and that per slant range from the transceiver at `transceiver_t_m` (3,); 0, the
-    default, for the same at every range.
-    """
+    """Errors of acoustic position fixes (USBL, LBL), 1 sigma per axis, and outliers among simulated ones."""
 
     place: ClassVar[str] = "acoustic_position"
     sd_m: float
+    """noise at zero range"""
     sd_per_range: float = 0.0
+    """noise per slant range from the transceiver, 0 for the same at every range"""
     transceiver_t_m: Vector = (0.0, 0.0, 0.0)
+    """place of the transceiver (3,), tangent frame"""
     outlier_fraction: float = 0.0
+    """fraction of outliers"""
     outlier_factor: float = 1.0
+    """their noise over that of a good fix"""
 
 
-@_settings
 class WaterTrackModel(Settings):
-    """Errors of simulated beams that the water returned; bias and scale factor are those of `DvlModel`.
-
-    White noise of a beam, 1 sigma; distance along the beam to the middle of the cell, m; fractions of the readings that
-    are outliers (with their noise over that of a good reading) and lost; and `wake`, 0 to 1, the part of the vehicle's
-    velocity relative to the water with which the water in the cell follows it.
-    """
+    """Errors of simulated beams that the water returned; bias and scale factor are those of `DvlModel`."""
 
     place: ClassVar[str] = "water_track"
     beam_noise_sd_mps: float
+    """white noise of a beam, 1 sigma"""
     range_m: float = 0.0
+    """distance along the beam to the middle of the cell"""
     outlier_fraction: float = 0.0
+    """fraction of outliers"""
     outlier_factor: float = 1.0
+    """their noise over that of a good reading"""
     lost_fraction: float = 0.0
+    """fraction of lost readings"""
     wake: float = 0.0
+    """part of the vehicle's velocity through the water with which the water in the cell follows it, 0 to 1"""
 
 
-@_settings
 class ThrustModel(Settings):
-    """Speed through the water by the propeller's revolutions, 1 sigma.
-
-    Advance per revolution with its uncertainty, m, and the mean of simulated vehicles, 0 for the same; slip with its
-    correlation time; and white noise of a reading, as a speed.
-    """
+    """Speed through the water by the propeller's revolutions, 1 sigma."""
 
     place: ClassVar[str] = "thrust"
     advance_m: float
+    """advance per revolution"""
     advance_sd_m: float
+    """its uncertainty"""
     true_advance_m: float = 0.0
+    """its mean among simulated vehicles, 0 for the same"""
     slip_sd_mps: float = 0.02
+    """slip"""
     slip_time_s: float = 5.0
+    """correlation time of the slip"""
     noise_sd_mps: float = 0.01
+    """white noise of a reading, as a speed"""
 
 
-@_settings
 class EffortModel(Settings):
     """Speed through the water by the forces of thrusters, 1 sigma; surge, sway and heave each.
 
-    An axis without drag is not used. Mass and added mass, kg; linear and quadratic drag, N s/m and N s²/m²; buoyancy
-    less weight, N; relative uncertainty of the speed at a force (half of that of a quadratic drag) and of mass and
-    added mass, with correlation times; slip with its correlation time; and white noise of a force, N.
+    An axis without drag is not used.
     """
 
     place: ClassVar[str] = "effort"
     mass_kg: Vector
+    """mass and added mass (3,)"""
     linear_drag_kgps: Vector
+    """linear drag (3,), N s/m"""
     quadratic_drag_kgpm: Vector
+    """quadratic drag (3,), N s²/m²"""
     buoyancy_n: float = 0.0
+    """buoyancy less weight"""
     speed_scale_sd: float = 0.1
+    """relative uncertainty of the speed at a force, half of that of a quadratic drag"""
     speed_scale_time_s: float = 86_400.0
+    """its correlation time"""
     inertia_sd: float = 0.2
+    """relative uncertainty of mass and added mass"""
     inertia_time_s: float = 86_400.0
+    """its correlation time"""
     slip_sd_mps: float = 0.02
+    """slip"""
     slip_time_s: float = 5.0
+    """correlation time of the slip"""
     noise_sd_n: float = 1.0
+    """white noise of a force"""
 
 
-@_settings
 class Model(Settings):
     """Environment, and errors of the sensors: what `Scenario.kernel_model` returns.
 
@@ -349,135 +353,195 @@ class Model(Settings):
         return found
 
 
-@_settings
 class Water(Settings):
     """Prior of the motion through the water for the method `sway_current` (docs/methods/sway_current.md), 1 sigma."""
 
     place: ClassVar[str] = "options.water"
-    current_sd_mps: float = DEFAULT_OPTIONS["water"]["current_sd_mps"]
-    current_time_s: float = DEFAULT_OPTIONS["water"]["current_time_s"]
-    sway_gain_m: float = DEFAULT_OPTIONS["water"]["sway_gain_m"]
-    sway_gain_sd_m: float = DEFAULT_OPTIONS["water"]["sway_gain_sd_m"]
-    trim_sd_mps: float = DEFAULT_OPTIONS["water"]["trim_sd_mps"]
-    trim_time_s: float = DEFAULT_OPTIONS["water"]["trim_time_s"]
-    slip_sd_mps: float = DEFAULT_OPTIONS["water"]["slip_sd_mps"]
-    slip_time_s: float = DEFAULT_OPTIONS["water"]["slip_time_s"]
-    slip_epochs: float = DEFAULT_OPTIONS["water"]["slip_epochs"]
+    current_sd_mps: float = 0.3
+    """current along north and along east"""
+    current_time_s: float = 1800.0
+    """correlation time of the current"""
+    sway_gain_m: float = 0.6
+    """sway per rate of turn: distance of the pivot ahead of the origin"""
+    sway_gain_sd_m: float = 0.3
+    """its uncertainty"""
+    trim_sd_mps: float = 0.03
+    """heave through the water that balances weight and buoyancy"""
+    trim_time_s: float = 3600.0
+    """correlation time of the trim"""
+    slip_sd_mps: float = 0.02
+    """sway and heave through the water beside these"""
+    slip_time_s: float = 5.0
+    """correlation time of the slip"""
+    slip_epochs: float = 20.0
+    """weight of the slip's prior variance, as a number of epochs"""
 
 
-@_settings
 class CurrentLayers(Settings):
-    """Prior of the current by depth, with `Options.water_track` or `thrust` (docs/methods/without_bottom.md).
-
-    `sd_mps` is 1 sigma of a layer's own part, 0 for no layers, which is forgotten in `time_s` and on `way_m` over
-    ground; layers are `spacing_m` apart; `mean_time_s` is the correlation time of what all depths have in common.
-    """
+    """Prior of the current by depth, with `Options.water_track` or `thrust` (docs/methods/without_bottom.md)."""
 
     place: ClassVar[str] = "options.current_layers"
-    sd_mps: float = DEFAULT_OPTIONS["current_layers"]["sd_mps"]
-    time_s: float = DEFAULT_OPTIONS["current_layers"]["time_s"]
-    way_m: float = DEFAULT_OPTIONS["current_layers"]["way_m"]
-    spacing_m: float = DEFAULT_OPTIONS["current_layers"]["spacing_m"]
-    mean_time_s: float = DEFAULT_OPTIONS["current_layers"]["mean_time_s"]
+    sd_mps: float = 0.04
+    """a layer's own part, 1 sigma; 0 for no layers"""
+    time_s: float = 1800.0
+    """time in which it is forgotten"""
+    way_m: float = 5000.0
+    """distance over ground on which it is forgotten"""
+    spacing_m: float = 10.0
+    """distance between layers"""
+    mean_time_s: float = 259_200.0
+    """correlation time of what all depths have in common"""
 
 
-@_settings
 class Calibration(Settings):
-    """Prior of the DVL's mounting and clock as states of the filter, 1 sigma; zero is certain, all zero is off.
-
-    `mounting_sd_rad` (3,) is about the platform's forward, right and down axes (docs/calibration.md).
-    """
+    """Prior of the DVL's mounting and clock as states (docs/calibration.md), 1 sigma; 0 is certain, all 0 is off."""
 
     place: ClassVar[str] = "options.calibration"
-    mounting_sd_rad: Vector = tuple(DEFAULT_OPTIONS["calibration"]["mounting_sd_rad"])
-    clock_sd_s: float = DEFAULT_OPTIONS["calibration"]["clock_sd_s"]
+    mounting_sd_rad: Vector = (0.0, 0.0, 0.0)
+    """mounting about the platform's forward, right and down axes (3,)"""
+    clock_sd_s: float = 0.0
+    """time to add to the stamps"""
 
 
-@_settings
 class Motion(Settings):
     """Prior of the velocity of a vehicle without usable accelerometers, 1 sigma; all zero is off (docs/no_imu.md).
 
-    Along forward, right and down of the platform, (3,) each: a mean, which hardly changes, and a first-order change
-    about it. An axis of which both are zero is free.
+    Along forward, right and down of the platform, (3,) each. An axis of which both are zero is free.
     """
 
     place: ClassVar[str] = "options.motion"
-    mean_sd_mps: Vector = tuple(DEFAULT_OPTIONS["motion"]["mean_sd_mps"])
-    mean_time_s: float = DEFAULT_OPTIONS["motion"]["mean_time_s"]
-    change_sd_mps: Vector = tuple(DEFAULT_OPTIONS["motion"]["change_sd_mps"])
-    change_time_s: Vector = tuple(DEFAULT_OPTIONS["motion"]["change_time_s"])
+    mean_sd_mps: Vector = (0.0, 0.0, 0.0)
+    """mean, which hardly changes"""
+    mean_time_s: float = 10_000.0
+    """correlation time of the mean"""
+    change_sd_mps: Vector = (0.0, 0.0, 0.0)
+    """first-order change about the mean"""
+    change_time_s: Vector = (40.0, 40.0, 40.0)
+    """correlation times of the change"""
 
 
-@_settings
 class Robust(Settings):
-    """Treatment of outliers among the beams (docs/robust.md).
-
-    A gate is the probability with which a good ping (closure) or a good beam passes, None for no gate; `tail` is the
-    distribution of the noise of the beams that pass.
-    """
+    """Treatment of outliers among the beams (docs/robust.md)."""
 
     place: ClassVar[str] = "options.robust"
-    closure_gate: float | None = DEFAULT_OPTIONS["robust"]["closure_gate"]
-    beam_gate: float | None = DEFAULT_OPTIONS["robust"]["beam_gate"]
-    tail: Literal["gaussian", "student_t"] = DEFAULT_OPTIONS["robust"]["tail"]
-    student_t_degrees: float = DEFAULT_OPTIONS["robust"]["student_t_degrees"]
+    closure_gate: float | None = 0.9973
+    """probability with which a good ping passes the closure test; None for no gate"""
+    beam_gate: float | None = 0.9973
+    """probability with which a good beam passes its own test; None for no gate"""
+    tail: Literal["gaussian", "student_t"] = "student_t"
+    """distribution of the noise of the beams that pass"""
+    student_t_degrees: float = 4.0
+    """degrees of freedom of Student's t"""
 
 
-@_settings
+class Assumptions(Settings):
+    """Parameters of the partial-beam methods."""
+
+    place: ClassVar[str] = "options.assumptions"
+    virtual_beam_factor: float = 1.0
+    """n_f of Eq. 28: inflation of a virtual beam (vb)"""
+    nullified_sway_var_m2ps2: float = 1e-3
+    """ε of Eq. 36: variance of the sway that is taken for zero (nsv)"""
+    weak_sway_var_m2ps2: float = 2.0
+    """variance of sway times its correlation time, once a second (weak_sway)"""
+
+
+class ImuLimits(Settings):
+    """What inertial readings from outside are checked against (docs/imu_faults.md)."""
+
+    place: ClassVar[str] = "options.imu_limits"
+    max_rate_radps: float = 10.0
+    """full scale of the angular rate on each axis"""
+    max_force_mps2: float = 100.0
+    """full scale of the specific force on each axis"""
+    stuck_after: int = 0
+    """number of equal readings in a row from which on they are rejected; 0 for never"""
+    max_gap_s: float = 1.0
+    """longest gap that is bridged"""
+    gap: Literal["refuse", "inflate"] = "refuse"
+    """what becomes of a longer one"""
+    gap_rate_sd_radps: float = 0.1
+    """unknown angular rate while nothing is read, 1 sigma on each axis"""
+    gap_accel_sd_mps2: float = 0.5
+    """unknown specific force while nothing is read, 1 sigma on each axis"""
+
+
+class SpeedBound(Settings):
+    """Bound on each component of the velocity where the beams leave a direction unobserved (docs/linear_range.md)."""
+
+    place: ClassVar[str] = "options.speed_bound"
+    sd_mps: float = 0.0
+    """1 sigma; 0 for no bound"""
+    time_s: float = 60.0
+    """correlation time of the bound's error"""
+
+
+class Levers(Settings):
+    """Place of each sensor (3,), platform frame."""
+
+    place: ClassVar[str] = "options.levers"
+    depth_p_m: Vector = (0.0, 0.0, 0.0)
+    gps_p_m: Vector = (0.0, 0.0, 0.0)
+    acoustic_position_p_m: Vector = (0.0, 0.0, 0.0)
+    effort_p_m: Vector = (0.0, 0.0, 0.0)
+
+
 class Options(Settings):
-    """Options of the filters (`Scenario.kernel_options` makes them); docs/event_loop.md explains each.
-
-    `robust` None is no treatment of outliers; `thrust` is what the propeller's revolutions correct; a lever arm (3,) is
-    the place of a sensor in the platform frame, m.
-    """
+    """Options of the filters; the page of a method explains each."""
 
     place: ClassVar[str] = "options"
-    gate: Literal["joint", "per_row", "off"] = DEFAULT_OPTIONS["gate"]
-    gate_probability: float = DEFAULT_OPTIONS["gate_probability"]
-    inflate_after_rejections: int = DEFAULT_OPTIONS["inflate_after_rejections"]
-    covariance_period_ns: int = DEFAULT_OPTIONS["covariance_period_ns"]
-    imu_sampling: Literal["instantaneous", "averaged"] = DEFAULT_OPTIONS["imu_sampling"]
-    estimate_dvl: bool = DEFAULT_OPTIONS["estimate_dvl"]
-    virtual_beam_factor: float = DEFAULT_OPTIONS["virtual_beam_factor"]
-    nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"]
-    weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"]
-    information_port: Literal["axes", "full"] = DEFAULT_OPTIONS["information_port"]
-    water_track: bool = DEFAULT_OPTIONS["water_track"]
-    thrust: Literal["off", "velocity", "all"] = DEFAULT_OPTIONS["thrust"]
-    speed_sd_mps: float = DEFAULT_OPTIONS["speed_sd_mps"]
-    speed_time_s: float = DEFAULT_OPTIONS["speed_time_s"]
-    max_imu_rate_radps: float = DEFAULT_OPTIONS["max_imu_rate_radps"]
-    max_imu_force_mps2: float = DEFAULT_OPTIONS["max_imu_force_mps2"]
-    imu_stuck_after: int = DEFAULT_OPTIONS["imu_stuck_after"]
-    max_imu_gap_s: float = DEFAULT_OPTIONS["max_imu_gap_s"]
-    imu_gap: Literal["refuse", "inflate"] = DEFAULT_OPTIONS["imu_gap"]
-    imu_gap_rate_sd_radps: float = DEFAULT_OPTIONS["imu_gap_rate_sd_radps"]
-    imu_gap_accel_sd_mps2: float = DEFAULT_OPTIONS["imu_gap_accel_sd_mps2"]
-    depth_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["depth_lever_p_m"])
-    gps_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["gps_lever_p_m"])
-    acoustic_position_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["acoustic_position_lever_p_m"])
-    effort_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["effort_lever_p_m"])
+    gate: Literal["joint", "per_row", "off"] = "joint"
+    """test of an innovation against its covariance"""
+    gate_probability: float = 0.9973
+    """probability with which a good measurement passes the joint gate"""
+    inflate_after_rejections: int = 5
+    """rejections of a sensor in a row after which the covariance is inflated; 0 for never"""
+    covariance_period_ns: int = 100_000_000
+    """interval of the covariance propagation; 0 for every inertial step"""
+    imu_limits: ImuLimits = ImuLimits()
+    imu_sampling: Literal["instantaneous", "averaged"] = "instantaneous"
+    """whether an inertial reading is instantaneous or the average over the interval before it"""
+    estimate_dvl: bool = True
+    """whether beam biases and scale factor are states"""
+    assumptions: Assumptions = Assumptions()
+    information_port: Literal["axes", "full"] = "axes"
+    """form in which the method `info` passes its velocity to the filter"""
     water: Water = Water()
+    water_track: bool = False
+    """whether beams that the water returns are used"""
+    thrust: Literal["off", "velocity", "all"] = "off"
+    """what the propeller's revolutions and the thrusters' forces correct"""
     current_layers: CurrentLayers = CurrentLayers()
     calibration: Calibration = Calibration()
+    speed_bound: SpeedBound = SpeedBound()
     motion: Motion = Motion()
     robust: Robust | None = Robust()
+    """treatment of outliers among the beams; None for none"""
+    levers: Levers = Levers()
+
+    @classmethod
+    def of(cls, *parts: Mapping[str, Any]) -> Self:
+        """Options of several sections, later ones before earlier ones; each section's lever arms are kept."""
+        levers = {key: value for part in parts for key, value in part.get("levers", {}).items()}
+        return cls(**{key: value for part in parts for key, value in part.items()} | {"levers": levers})
 
 
-@_settings
 class InitialState(Settings):
-    """State at the start of a navigator or a replay: what `Navigator.state` returns makes one, too.
-
-    Position (3,), tangent frame, by default its origin; attitude (4,), scalar first, platform to tangent; velocity
-    (3,), platform frame; biases of accelerometers and gyros (3,), of four beams (4,), and the DVL's scale factor.
-    """
+    """State at the start of a navigator or a replay: what `Navigator.state` returns makes one, too."""
 
     place: ClassVar[str] = "initial_state"
     time_ns: int
     position_t_m: Vector = (0.0, 0.0, 0.0)
+    """position (3,), tangent frame, by default its origin"""
     attitude_t_p: Vector
+    """attitude (4,), scalar first, platform to tangent"""
     velocity_p_mps: Vector
+    """velocity (3,), platform frame"""
     accel_bias_p_mps2: Vector = (0.0, 0.0, 0.0)
+    """bias of the accelerometers (3,)"""
     gyro_bias_p_radps: Vector = (0.0, 0.0, 0.0)
+    """bias of the gyros (3,)"""
     dvl_bias_mps: Vector = (0.0, 0.0, 0.0, 0.0)
+    """bias of four beams (4,)"""
     dvl_scale_factor: float = 0.0
+    """scale factor of the DVL"""

@@ -130,8 +130,8 @@ class AlignedNavigator:
         """Takes a reading for the alignment; the navigator begins once that is complete."""
         options = self._settings.options
         for what, reading, scale, unit in (
-            ("an angular rate", omega, options.max_imu_rate_radps, "rad/s: are the rates in deg/s?"),
-            ("a specific force", force, options.max_imu_force_mps2, "m/s²: are the forces in mg?"),
+            ("an angular rate", omega, options.imu_limits.max_rate_radps, "rad/s: are the rates in deg/s?"),
+            ("a specific force", force, options.imu_limits.max_force_mps2, "m/s²: are the forces in mg?"),
         ):
             if not np.isfinite(reading).all():
                 raise KernelError(f"a reading of the alignment has {what} that is not finite: {reading}")

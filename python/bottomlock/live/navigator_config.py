@@ -188,12 +188,12 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
     latitude = units.rad_from_deg(origin.latitude_deg)
     gravity = normal_gravity_mps2(latitude) if origin.gravity == "normal" else float(origin.gravity)
     sensors: dict[str, Any] = {}
-    added: dict[str, Any] = {}
+    added: list[dict[str, Any]] = []
     for sensor in SENSORS:
         section = getattr(config, sensor.name)
         if section is not None:
             sensors |= section.kernel_models()
-            added |= section.kernel_options()
+            added.append(section.kernel_options())
     tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
     model = models.Model(
         environment=models.Environment(
@@ -210,14 +210,13 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
         ),
         **sensors,
     )
-    options = models.Options(
-        **config.filter.kernel_options(),
-        robust=config.robust.kernel_options(),
-        **imu.limits.kernel_options() | {"imu_gap": "inflate"},
-        imu_sampling="averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
-        calibration=config.calibration.prior(instrument.calibration),
-        **added,
-    )
+    own = {
+        "robust": config.robust.kernel_options(),
+        "imu_limits": imu.limits.kernel_limits().replace(gap="inflate"),
+        "imu_sampling": "averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
+        "calibration": config.calibration.prior(instrument.calibration),
+    }
+    options = models.Options.of(config.filter.kernel_options(), own, *added)
     axes = np.eye(3)
     if isinstance(imu, ImuSection):
         turned = (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)

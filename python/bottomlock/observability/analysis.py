@@ -85,8 +85,13 @@ class Aiding:
                 raise DataError(f"there is no beam {beam}", place="aiding", expected=f"1 to {beams}")
         if len(set(self.beams)) != len(self.beams):
             raise DataError(f"a beam is named twice in {self.beams}", place="aiding")
-        flags = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "beams"}
-        return flags | {"beams": np.isin(np.arange(beams) + 1, self.beams)}
+        flags = {name: getattr(self, name) for name in _FLAGS}
+        levers = {
+            "depth_p_m": self.depth_lever_p_m,
+            "gps_p_m": self.gps_lever_p_m,
+            "acoustic_position_p_m": self.acoustic_position_lever_p_m,
+        }
+        return flags | {"beams": np.isin(np.arange(beams) + 1, self.beams), "levers": levers}
 
     @classmethod
     def scheduled(cls, schedule: Schedule) -> "Aiding":

@@ -100,13 +100,15 @@ def kernel_options(case: Case, instrument: Instrument, motion: VehicleMotion | N
         instrument: the DVL.
         motion: the prior of the velocity where the case gives none, as measured.
     """
-    options = case.filter.kernel_options() | {"robust": case.robust.kernel_options()}
+    options = case.filter.kernel_options()
     if motion is not None and "motion" not in case.filter.model_fields_set:
         options["motion"] = motion.prior
-    options |= case.imu.limits.kernel_options()
-    options["max_imu_gap_s"] = max(case.imu.limits.max_gap_s, case.imu.bridge_gaps_s)
-    for sensor in SENSORS:
-        section = getattr(case, sensor.name)
-        options |= {} if section is None else section.kernel_options()
-    options["calibration"] = case.calibration.prior(instrument.calibration)
-    return Options(**options, imu_sampling="averaged" if case.imu.averaged else "instantaneous")
+    limits = case.imu.limits.kernel_limits()
+    own = {
+        "robust": case.robust.kernel_options(),
+        "imu_limits": limits.replace(max_gap_s=max(limits.max_gap_s, case.imu.bridge_gaps_s)),
+        "imu_sampling": "averaged" if case.imu.averaged else "instantaneous",
+        "calibration": case.calibration.prior(instrument.calibration),
+    }
+    sections = [getattr(case, sensor.name) for sensor in SENSORS]
+    return Options.of(options, own, *(one.kernel_options() for one in sections if one is not None))

@@ -21,7 +21,10 @@ def closure(simulation: Simulation, truth: Truth) -> tuple[float, float]:
         velocity_p_mps=truth.velocity_p_mps[0],
     )
     # The truth's samples are values at their times, and equal ones are no fault of a sensor.
-    options = scenario.kernel_options().replace(imu_sampling="instantaneous", imu_stuck_after=0)
+    options = scenario.kernel_options()
+    options = options.replace(
+        imu_sampling="instantaneous", imu_limits=options.imu_limits.replace(stuck_after=0)
+    )
     navigator = kernel.Navigator(
         simulation.geometry, scenario.kernel_model(simulation.gravity_mps2), options, start, method="ins"
     )

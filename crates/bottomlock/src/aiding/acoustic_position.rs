@@ -78,7 +78,7 @@ impl AidingSensor for AcousticPositionSample {
         sensor: Sensor::AcousticPosition,
         quantity: Some(Quantity::Position),
     }];
-    const LEVER: Option<&'static str> = Some("acoustic_position_lever_p_m");
+    const LEVER: Option<&'static str> = Some("acoustic_position_p_m");
     const LOG: &'static [Column] = &[
         Column::new("acoustic_position_t_m", 3),
         Column {

@@ -26,14 +26,19 @@ model_section! {
         /// White noise of roll and pitch, rad.
         pub roll_pitch_sd_rad: f64,
         /// Constant offset of the yaw, rad; 0 for none.
+        #[serde(default)]
         pub yaw_offset_sd_rad: SlowSd,
         /// Constant offset of roll and pitch, rad; 0 for none.
+        #[serde(default)]
         pub roll_pitch_offset_sd_rad: SlowSd,
         /// First-order walk of the yaw, rad; 0 for none.
+        #[serde(default)]
         pub yaw_walk_sd_rad: SlowSd,
         /// First-order walk of roll and pitch, rad; 0 for none.
+        #[serde(default)]
         pub roll_pitch_walk_sd_rad: SlowSd,
         /// Correlation time of the walks, s.
+        #[serde(default)]
         pub walk_time_s: WalkTime,
     }
 }

@@ -40,6 +40,7 @@ model_section! {
 
 /// Axes that the information form passes to the filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum InformationPort {
     /// The observable principal axes only.
     #[default]

@@ -41,6 +41,7 @@ const LARGEST_CLOCK_SD_S: f64 = 2.0;
 
 /// What is known of mounting and clock beforehand, 1 sigma; an unknown of zero is none.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct CalibrationPrior {
     /// Rotation from the stated mounting about forward, right and down, rad.
     pub mounting_sd_rad: [f64; 3],
@@ -67,7 +68,7 @@ impl CalibrationPrior {
     /// # Errors
     /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
-        let (mounting, clock) = ("calibration.mounting_sd_rad", "calibration.clock_sd_s");
+        let (mounting, clock) = ("options.calibration.mounting_sd_rad", "options.calibration.clock_sd_s");
         self.mounting_sd_rad
             .iter()
             .try_for_each(|&sd_rad| require_non_negative(mounting, sd_rad))?;

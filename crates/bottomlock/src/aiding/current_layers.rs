@@ -42,6 +42,7 @@ const DEEPEST: f64 = 1e9;
 
 /// What is known of the layers beforehand; 1 sigma.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct LayersPrior {
     /// Part of the current that a layer has to itself, along north and along east, m/s; 0 for no layers.
     pub sd_mps: f64,
@@ -74,12 +75,17 @@ impl LayersPrior {
     /// # Errors
     /// [`NavError`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
-        require_non_negative("current_layers.sd_mps", self.sd_mps)?;
-        require_magnitude("current_layers.sd_mps", &[self.sd_mps], 1e7, "less than 1e7 m/s")?;
-        require_positive("current_layers.time_s", self.time_s)?;
-        require_positive("current_layers.way_m", self.way_m)?;
-        require_positive("current_layers.spacing_m", self.spacing_m)?;
-        require_positive("current_layers.mean_time_s", self.mean_time_s)
+        require_non_negative("options.current_layers.sd_mps", self.sd_mps)?;
+        require_magnitude(
+            "options.current_layers.sd_mps",
+            &[self.sd_mps],
+            1e7,
+            "less than 1e7 m/s",
+        )?;
+        require_positive("options.current_layers.time_s", self.time_s)?;
+        require_positive("options.current_layers.way_m", self.way_m)?;
+        require_positive("options.current_layers.spacing_m", self.spacing_m)?;
+        require_positive("options.current_layers.mean_time_s", self.mean_time_s)
     }
 }
 

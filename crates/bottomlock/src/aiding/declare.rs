@@ -156,14 +156,6 @@ macro_rules! models {
         }
 
         impl SensorModels {
-            /// Reads each section by its name.
-            ///
-            /// # Errors
-            /// The reader's error.
-            pub fn read<R: SectionReader>(reader: &R) -> Result<Self, R::Error> {
-                Ok(Self { $($field: reader.section::<$model>()?,)+ })
-            }
-
             /// Checks every number.
             ///
             /// # Errors
@@ -173,39 +165,73 @@ macro_rules! models {
                 Ok(())
             }
 
-            /// Reads the section of a name and checks its numbers; `None` for a name that is none of them.
+            /// Reads the section of a name and checks its numbers.
             ///
             /// # Errors
-            /// The reader's error, and within it [`Self::validate`]'s.
-            pub fn check<R: SectionReader>(name: &str, reader: &R) -> Option<Result<Result<(), NavError>, R::Error>> {
+            /// As [`crate::settings::read`] and [`Self::validate`]; [`NavError::UnknownName`] for a name that is none of them.
+            pub(crate) fn check<'de, D>(name: &str, source: D) -> Result<(), NavError>
+            where
+                D: serde::Deserializer<'de, Error: std::fmt::Display>,
+            {
                 $(if name == <$model as Section>::NAME {
-                    return Some(reader.section::<$model>().map(|section| section.validate()));
+                    return crate::settings::read::<$model, D>(name, source)?.validate();
                 })+
-                None
+                Err(NavError::UnknownName {
+                    what: "settings",
+                    name: name.into(),
+                    expected: concat!("options, model, environment, imu, initial", $(", ", stringify!($field)),+),
+                })
+            }
+        }
+
+        /// The sections of a model side by side, as they are written; a sensor that there is not has none.
+        #[derive(serde::Serialize, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub(crate) struct Sections {
+            environment: Environment,
+            imu: ImuModel,
+            initial: InitialModel,
+            $(#[serde(default)] $field: Option<$model>,)+
+        }
+
+        impl From<Sections> for Model {
+            fn from(sections: Sections) -> Self {
+                Self {
+                    environment: sections.environment,
+                    imu: sections.imu,
+                    initial: sections.initial,
+                    sensors: SensorModels { $($field: sections.$field.unwrap_or_default(),)+ },
+                }
+            }
+        }
+
+        impl From<Model> for Sections {
+            fn from(model: Model) -> Self {
+                Self {
+                    environment: model.environment,
+                    imu: model.imu,
+                    initial: model.initial,
+                    $($field: Some(model.sensors.$field).filter(|section| *section != <$model>::default()),)+
+                }
             }
         }
     };
 }
 
-/// Declares a section of a model, with how it is read and checked.
+/// Declares a section of a model, with how it is checked.
 macro_rules! model_section {
     ($(#[$doc:meta])* pub struct $model:ident in $section:literal {
         $($(#[$field_doc:meta])* pub $field:ident: $kind:ty,)+
     }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
         pub struct $model {
             $($(#[$field_doc])* pub $field: $kind,)+
         }
 
         impl $crate::aiding::sensor::Section for $model {
             const NAME: &'static str = $section;
-
-            fn read<N: $crate::aiding::sensor::Numbers>(numbers: &N) -> Result<Self, N::Error> {
-                Ok(Self {
-                    $($field: $crate::aiding::sensor::Field::read(numbers, stringify!($field))?,)+
-                })
-            }
 
             fn validate(&self) -> Result<(), $crate::error::NavError> {
                 $($crate::aiding::sensor::Field::check(

@@ -44,7 +44,7 @@ impl AidingSensor for DepthSample {
         sensor: Sensor::Depth,
         quantity: Some(Quantity::Position),
     }];
-    const LEVER: Option<&'static str> = Some("depth_lever_p_m");
+    const LEVER: Option<&'static str> = Some("depth_p_m");
     const LOG: &'static [Column] = &[Column::new("depth_m", 1)];
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "depth",

@@ -162,7 +162,7 @@ impl AidingSensor for EffortSample {
         report(Sensor::EffortSway),
         report(Sensor::EffortHeave),
     ];
-    const LEVER: Option<&'static str> = Some("effort_lever_p_m");
+    const LEVER: Option<&'static str> = Some("effort_p_m");
     const LOG: &'static [Column] = &[Column::new("effort_force_p_n", 3)];
 
     fn time_ns(&self) -> i64 {

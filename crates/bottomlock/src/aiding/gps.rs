@@ -56,7 +56,7 @@ impl AidingSensor for GpsSample {
             quantity: Some(Quantity::Velocity),
         },
     ];
-    const LEVER: Option<&'static str> = Some("gps_lever_p_m");
+    const LEVER: Option<&'static str> = Some("gps_p_m");
     const LOG: &'static [Column] = &[Column::new("gps_position_t_m", 3)];
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "gps",

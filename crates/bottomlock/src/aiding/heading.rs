@@ -23,10 +23,13 @@ model_section! {
         /// White noise, rad.
         pub sd_rad: f64,
         /// Constant offset, rad; 0 for none.
+        #[serde(default)]
         pub offset_sd_rad: SlowSd,
         /// First-order walk, rad; 0 for none.
+        #[serde(default)]
         pub walk_sd_rad: SlowSd,
         /// Correlation time of the walk, s.
+        #[serde(default)]
         pub walk_time_s: WalkTime,
     }
 }

@@ -31,6 +31,7 @@ pub(crate) const LEARNING_NS: i64 = 20_000_000_000;
 
 /// Prior of the velocity along the platform's axes, 1 sigma; an axis of which both deviations are zero is free.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct MotionPrior {
     /// Mean, m/s.
     pub mean_sd_mps: [f64; 3],
@@ -71,13 +72,17 @@ impl MotionPrior {
     /// # Errors
     /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
-        let sd = self.mean_sd_mps.iter().map(|&sd| ("motion.mean_sd_mps", sd));
-        sd.chain(self.change_sd_mps.iter().map(|&sd| ("motion.change_sd_mps", sd)))
-            .try_for_each(|(field, sd)| require_non_negative(field, sd))?;
-        require_positive("motion.mean_time_s", self.mean_time_s)?;
+        let sd = self.mean_sd_mps.iter().map(|&sd| ("options.motion.mean_sd_mps", sd));
+        sd.chain(
+            self.change_sd_mps
+                .iter()
+                .map(|&sd| ("options.motion.change_sd_mps", sd)),
+        )
+        .try_for_each(|(field, sd)| require_non_negative(field, sd))?;
+        require_positive("options.motion.mean_time_s", self.mean_time_s)?;
         self.change_time_s
             .iter()
-            .try_for_each(|&time_s| require_positive("motion.change_time_s", time_s))
+            .try_for_each(|&time_s| require_positive("options.motion.change_time_s", time_s))
     }
 
     /// The rows of the axes of which something is known.
@@ -129,10 +134,12 @@ mod tests {
         assert_eq!(MotionPrior::default().validate(), Ok(()));
         type Change = fn(&mut MotionPrior);
         let faults: [(&str, Change); 4] = [
-            ("motion.mean_sd_mps", |prior| prior.mean_sd_mps[1] = -1.0),
-            ("motion.change_sd_mps", |prior| prior.change_sd_mps[2] = f64::NAN),
-            ("motion.mean_time_s", |prior| prior.mean_time_s = 0.0),
-            ("motion.change_time_s", |prior| prior.change_time_s[0] = 0.0),
+            ("options.motion.mean_sd_mps", |prior| prior.mean_sd_mps[1] = -1.0),
+            ("options.motion.change_sd_mps", |prior| {
+                prior.change_sd_mps[2] = f64::NAN
+            }),
+            ("options.motion.mean_time_s", |prior| prior.mean_time_s = 0.0),
+            ("options.motion.change_time_s", |prior| prior.change_time_s[0] = 0.0),
         ];
         for (field, change) in faults {
             let mut prior = MotionPrior::default();

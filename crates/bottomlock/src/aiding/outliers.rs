@@ -38,24 +38,18 @@ const STANDSTILL: f64 = 1e-9;
 
 /// The distribution of a beam's noise; its standard deviation is the scale.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Tail {
     /// A Gaussian: the Kalman update.
     #[default]
     Gaussian,
     /// Student's t.
-    StudentT {
-        /// ν, 1 or more; the Gaussian as ν grows.
-        degrees: f64,
-    },
+    StudentT,
 }
 
-impl Tail {
-    /// ν of the recommended treatment.
-    pub const STUDENT_T_DEGREES: f64 = 4.0;
-}
-
-/// Treatment of outliers among the beams; [`Robust::default`] is none, [`Robust::recommended`] what instruments need.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+/// Treatment of outliers among the beams; by default what instruments need.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Robust {
     /// Probability that a good ping passes the closure test.
     pub closure_gate: Option<f64>,
@@ -63,23 +57,33 @@ pub struct Robust {
     pub beam_gate: Option<f64>,
     /// Noise of the beams that pass.
     pub tail: Tail,
+    /// ν of Student's t, 1 or more; the Gaussian as ν grows.
+    pub student_t_degrees: f64,
 }
 
-impl Robust {
+impl Default for Robust {
     /// Closure and single-beam gates at 99.73 %, and Student's t with four degrees for the beams that pass.
     ///
     /// Closure residuals of instruments have such tails (docs/robust.md). Student's t alone is consistent; the gates
     /// remove what no tail explains.
-    #[must_use]
-    pub const fn recommended() -> Self {
+    fn default() -> Self {
         Self {
             closure_gate: Some(0.9973),
             beam_gate: Some(0.9973),
-            tail: Tail::StudentT {
-                degrees: Tail::STUDENT_T_DEGREES,
-            },
+            tail: Tail::StudentT,
+            student_t_degrees: 4.0,
         }
     }
+}
+
+impl Robust {
+    /// No treatment: pings pass unchanged.
+    pub const OFF: Self = Self {
+        closure_gate: None,
+        beam_gate: None,
+        tail: Tail::Gaussian,
+        student_t_degrees: 4.0,
+    };
 
     /// Checks every number.
     ///
@@ -87,8 +91,8 @@ impl Robust {
     /// [`NavError::OutOfRange`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         for (field, gate) in [
-            ("robust.closure_gate", self.closure_gate),
-            ("robust.beam_gate", self.beam_gate),
+            ("options.robust.closure_gate", self.closure_gate),
+            ("options.robust.beam_gate", self.beam_gate),
         ] {
             if let Some(value) = gate.filter(|&p| !(p > 0.0 && p < 1.0)) {
                 return Err(NavError::OutOfRange {
@@ -98,21 +102,21 @@ impl Robust {
                 });
             }
         }
-        match self.tail {
-            Tail::Gaussian => Ok(()),
-            Tail::StudentT { degrees } if degrees.is_finite() && degrees >= 1.0 => Ok(()),
-            Tail::StudentT { degrees } => Err(NavError::OutOfRange {
-                field: "robust.student_t_degrees",
-                value: degrees,
-                expected: "a finite number >= 1",
-            }),
+        // Those of a tail that is not chosen, too.
+        if self.student_t_degrees.is_finite() && self.student_t_degrees >= 1.0 {
+            return Ok(());
         }
+        Err(NavError::OutOfRange {
+            field: "options.robust.student_t_degrees",
+            value: self.student_t_degrees,
+            expected: "a finite number >= 1",
+        })
     }
 
     /// True if pings pass unchanged.
     #[must_use]
     pub fn is_off(&self) -> bool {
-        *self == Self::default()
+        self.closure_gate.is_none() && self.beam_gate.is_none() && self.tail == Tail::Gaussian
     }
 }
 
@@ -251,11 +255,11 @@ pub fn screen(
         out.weight[beam] = 0.0;
         out.ping.valid = (out.ping.valid.iter().filter(|&other| other != beam)).collect::<BeamMask>();
     };
-    if let Tail::StudentT { degrees } = robust.tail {
+    if robust.tail == Tail::StudentT {
         let own = DVector::from_fn(rows.beams.len(), |i, _| {
             (ping.sd_mps[rows.beams[i]] / geometry.sound_speed_scale()).powi(2)
         });
-        let widened = rows.weighted(&own, degrees, time_ns)?;
+        let widened = rows.weighted(&own, robust.student_t_degrees, time_ns)?;
         for (i, &beam) in rows.beams.iter().enumerate() {
             out.weight[beam] = own[i] / widened[i];
             out.ping.sd_mps[beam] = widened[i].sqrt() * geometry.sound_speed_scale();

@@ -132,11 +132,11 @@ fn the_wild_beam_is_the_one_that_goes() {
     let gates = [
         Robust {
             closure_gate: Some(0.9973),
-            ..Robust::default()
+            ..Robust::OFF
         },
         Robust {
             beam_gate: Some(0.9973),
-            ..Robust::default()
+            ..Robust::OFF
         },
     ];
     for robust in gates {
@@ -173,8 +173,9 @@ fn student_weight_of_one_beam() {
     one.ping.velocity_mps[0] = z;
     one.ping.valid = BeamMask::all(1);
     let robust = Robust {
-        tail: Tail::StudentT { degrees },
-        ..Robust::default()
+        tail: Tail::StudentT,
+        student_t_degrees: degrees,
+        ..Robust::OFF
     };
     let screened = one.screened(&robust);
     let (scale, noise) = (SD * SD * 7.0 / 5.0, screened.ping.sd_mps[0].powi(2));
@@ -189,7 +190,7 @@ fn student_weight_of_one_beam() {
 fn closure_begins_at_its_quantile() {
     let robust = Robust {
         closure_gate: Some(0.99),
-        ..Robust::default()
+        ..Robust::OFF
     };
     for (beams, quantile) in [(4, 6.634_897), (5, 9.210_340)] {
         for (factor, passes) in [(0.999_f64, true), (1.001, false)] {
@@ -220,13 +221,14 @@ fn closure_begins_at_its_quantile() {
 #[test]
 fn thin_tails_are_the_kalman_update() {
     let one = case(0.1, [0.05, -0.12, 0.03, 0.3]);
-    let plain = one.correction(&Robust::default());
+    let plain = one.correction(&Robust::OFF);
     let student = one.correction(&Robust {
-        tail: Tail::StudentT { degrees: 1e12 },
-        ..Robust::default()
+        tail: Tail::StudentT,
+        student_t_degrees: 1e12,
+        ..Robust::OFF
     });
     assert!((student - plain).norm() < 1e-10);
-    assert!(Robust::default().is_off());
+    assert!(Robust::OFF.is_off());
 }
 
 /// Options that make no sense are named.
@@ -235,30 +237,31 @@ fn bad_options_are_named() {
     for probability in [0.0, 1.0, f64::NAN] {
         let gates = Robust {
             beam_gate: Some(probability),
-            ..Robust::default()
+            ..Robust::OFF
         };
         assert!(gates.validate().is_err(), "{probability}");
     }
-    assert!(Robust::default().is_off() && !Robust::recommended().is_off());
+    assert!(Robust::OFF.is_off() && !Robust::default().is_off());
     let text = |robust: Robust| robust.validate().unwrap_err().to_string();
     assert!(
         text(Robust {
             closure_gate: Some(1.0),
-            ..Robust::default()
+            ..Robust::OFF
         })
         .contains("robust.closure_gate is 1")
     );
     assert!(
         text(Robust {
             beam_gate: Some(f64::NAN),
-            ..Robust::default()
+            ..Robust::OFF
         })
         .contains("robust.beam_gate")
     );
     assert!(
         text(Robust {
-            tail: Tail::StudentT { degrees: 0.0 },
-            ..Robust::default()
+            tail: Tail::StudentT,
+            student_t_degrees: 0.0,
+            ..Robust::OFF
         })
         .contains("student_t_degrees")
     );
@@ -280,17 +283,17 @@ proptest! {
         let pull: f64 = (0..4).map(|beam| velocity_sd.powi(2) * one.geometry.direction_p(beam).norm() / SD).sum();
         let (gate, root) = (Some(0.9973), quantile(1, 0.9973).sqrt());
         for (robust, bound) in [
-            (Robust { tail: Tail::StudentT { degrees: 4.0 }, ..Robust::default() }, 1.25),
-            (Robust { beam_gate: gate, ..Robust::default() }, root),
-            (Robust { closure_gate: gate, ..Robust::default() }, 2.0 * root),
+            (Robust { tail: Tail::StudentT, student_t_degrees: 4.0, ..Robust::OFF }, 1.25),
+            (Robust { beam_gate: gate, ..Robust::OFF }, root),
+            (Robust { closure_gate: gate, ..Robust::OFF }, 2.0 * root),
         ] {
             let moved = one.correction(&robust).norm();
             prop_assert!(moved <= bound * pull * (1.0 + 1e-6), "{robust:?} moves {moved}");
             let weights = one.screened(&robust).weight;
             prop_assert!(weights[..4].iter().all(|weight| (0.0..=1.0).contains(weight)), "{weights:?}");
         }
-        let plain = one.correction(&Robust::default()).norm() / error[wild].abs();
-        let unit = case(velocity_sd, [1.0, 0.0, 0.0, 0.0]).correction(&Robust::default()).norm();
+        let plain = one.correction(&Robust::OFF).norm() / error[wild].abs();
+        let unit = case(velocity_sd, [1.0, 0.0, 0.0, 0.0]).correction(&Robust::OFF).norm();
         prop_assert!((plain / unit - 1.0).abs() < 1e-6);
     }
 }
@@ -306,7 +309,7 @@ fn the_sound_speed_scales_all() {
         scaled.ping.velocity_mps[beam] *= factor;
         scaled.ping.sd_mps[beam] *= factor;
     }
-    let robust = Robust::recommended();
+    let robust = Robust::default();
     let (plain, scaled) = (plain.screened(&robust), scaled.screened(&robust));
     assert_eq!(plain.ping.valid, scaled.ping.valid);
     assert_eq!(plain.ping.valid.count(), 3);

@@ -13,10 +13,15 @@ use crate::aiding::thrust::{ThrustModel, ThrustSample};
 use crate::aiding::velocity::VelocitySample;
 use crate::aiding::water_track::WaterTrackModel;
 use crate::aiding::{Innovation, Motion};
-use crate::error::{NavError, require_finite};
+use crate::earth::Environment;
+use crate::error::{LARGEST, NavError};
 use crate::frames::{Platform, Vec3};
+use crate::model::{ImuModel, InitialModel, Model};
 #[cfg(feature = "simulation")]
 use crate::random::Normals;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 // In the order in which measurements of the same time are taken: variant (sample): name of each of its reports.
 sensors! {
@@ -132,7 +137,7 @@ pub fn reports() -> impl Iterator<Item = (SensorKind, Report)> {
 }
 
 /// Lever arm of each sensor, platform frame, m.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Levers([Vec3<Platform>; SENSORS]);
 
 impl Levers {
@@ -149,25 +154,92 @@ impl Levers {
         self
     }
 
-    /// Checks every number.
+    /// The sensors that have a lever arm, with its key.
+    fn keys() -> impl Iterator<Item = (SensorKind, &'static str)> {
+        let all = SensorKind::ALL.into_iter();
+        all.filter_map(|kind| kind.declaration().lever.map(|key| (kind, key)))
+    }
+
+    /// Checks every number; `place` is the name of the lever arms in messages.
     ///
     /// # Errors
-    /// [`NavError::NotFinite`] that names the lever arm.
-    pub fn validate(&self) -> Result<(), NavError> {
-        SensorKind::ALL.into_iter().try_for_each(|kind| {
-            let field = kind.declaration().lever.unwrap_or("lever arm");
-            require_finite(field, 0, &self.of(kind).to_array())
-        })
+    /// [`NavError::Setting`] that names the lever arm.
+    pub fn validate(&self, place: &str) -> Result<(), NavError> {
+        for (kind, key) in Self::keys() {
+            if let Some(value) = self
+                .of(kind)
+                .to_array()
+                .into_iter()
+                .find(|value| !(value.abs() < LARGEST))
+            {
+                return Err(NavError::Setting {
+                    key: format!("{place}.{key}"),
+                    found: format!("is {value}"),
+                    expected: "numbers of metres".into(),
+                    hint: String::new(),
+                });
+            }
+        }
+        Ok(())
     }
 }
 
-/// Reads the sections of a model.
-pub trait SectionReader {
-    /// Type of the error.
-    type Error;
-    /// A section.
-    ///
-    /// # Errors
-    /// For a missing section or value.
-    fn section<S: Section>(&self) -> Result<S, Self::Error>;
+impl Serialize for Levers {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(Self::keys().count()))?;
+        for (kind, key) in Self::keys() {
+            map.serialize_entry(key, &self.of(kind).to_array())?;
+        }
+        map.end()
+    }
 }
+
+impl<'de> Deserialize<'de> for Levers {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct ByKey;
+
+        impl<'de> Visitor<'de> for ByKey {
+            type Value = Levers;
+
+            fn expecting(&self, text: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                text.write_str("a map of lever arms")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Levers, A::Error> {
+                let mut levers = Levers::default();
+                while let Some(given) = map.next_key::<String>()? {
+                    let Some((kind, _)) = Levers::keys().find(|(_, key)| *key == given) else {
+                        return Err(A::Error::unknown_field(&given, &LEVERS));
+                    };
+                    levers = levers.with(kind, map.next_value()?);
+                }
+                Ok(levers)
+            }
+        }
+
+        deserializer.deserialize_map(ByKey)
+    }
+}
+
+/// Number of sensors with a lever arm.
+const LEVER_COUNT: usize = {
+    let (mut count, mut kind) = (0, 0);
+    while kind < SENSORS {
+        count += DECLARATIONS[kind].lever.is_some() as usize;
+        kind += 1;
+    }
+    count
+};
+
+/// Keys of the lever arms.
+const LEVERS: [&str; LEVER_COUNT] = {
+    let (mut keys, mut count, mut kind) = ([""; LEVER_COUNT], 0, 0);
+    while kind < SENSORS {
+        if let Some(key) = DECLARATIONS[kind].lever {
+            keys[count] = key;
+            count += 1;
+        }
+        kind += 1;
+    }
+    keys
+};

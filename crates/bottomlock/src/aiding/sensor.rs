@@ -149,37 +149,10 @@ pub struct TrueMotion {
     pub omega_p_radps: Vector3<f64>,
 }
 
-/// Where the numbers of a model's section come from.
-pub trait Numbers {
-    /// Type of the error.
-    type Error;
-    /// The number of a key.
-    ///
-    /// # Errors
-    /// For a key that is not there or no number.
-    fn number(&self, key: &'static str) -> Result<f64, Self::Error>;
-    /// The number of a key, or another one where the key is not there.
-    ///
-    /// # Errors
-    /// For a key that is no number.
-    fn number_or(&self, key: &'static str, otherwise: f64) -> Result<f64, Self::Error>;
-    /// The three numbers of a key.
-    ///
-    /// # Errors
-    /// For a key that is not there or not three numbers.
-    fn triple(&self, key: &'static str) -> Result<[f64; 3], Self::Error>;
-}
-
-/// A section of a model: numbers by key; all zero for a model without the sensor.
+/// A section of a model; all zero for a model without the sensor.
 pub trait Section: Copy + Default {
     /// Its name.
     const NAME: &'static str;
-
-    /// Reads it.
-    ///
-    /// # Errors
-    /// As [`Numbers`].
-    fn read<N: Numbers>(numbers: &N) -> Result<Self, N::Error>;
 
     /// Checks every number.
     ///
@@ -188,13 +161,8 @@ pub trait Section: Copy + Default {
     fn validate(&self) -> Result<(), NavError>;
 }
 
-/// A field of a section: how it is read and checked.
+/// A field of a section, and how it is checked.
 pub trait Field: Copy {
-    /// Reads it.
-    ///
-    /// # Errors
-    /// As [`Numbers`].
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error>;
     /// Checks it.
     ///
     /// # Errors
@@ -204,9 +172,6 @@ pub trait Field: Copy {
 
 /// A standard deviation or a density: 0 or more.
 impl Field for f64 {
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
-        numbers.number(key)
-    }
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         require_non_negative(name, *self)
     }
@@ -214,9 +179,6 @@ impl Field for f64 {
 
 /// Three standard deviations: 0 or more.
 impl Field for [f64; 3] {
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
-        numbers.triple(key)
-    }
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         self.iter().try_for_each(|&value| require_non_negative(name, value))
     }
@@ -227,9 +189,6 @@ impl Field for [f64; 3] {
 pub struct Fraction(pub f64);
 
 impl Field for Fraction {
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
-        numbers.number(key).map(Self)
-    }
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         if (0.0..=1.0).contains(&self.0) {
             return Ok(());
@@ -247,9 +206,6 @@ impl Field for Fraction {
 pub struct Signed(pub f64);
 
 impl Field for Signed {
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
-        numbers.number(key).map(Self)
-    }
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         require_finite(name, 0, &[self.0])
     }
@@ -267,9 +223,6 @@ impl Default for TimeConstant {
 }
 
 impl Field for TimeConstant {
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
-        numbers.number(key).map(Self)
-    }
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         require_positive(name, self.0)
     }
@@ -280,9 +233,6 @@ impl Field for TimeConstant {
 pub struct SlowSd(pub f64);
 
 impl Field for SlowSd {
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
-        numbers.number_or(key, 0.0).map(Self)
-    }
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         require_non_negative(name, self.0)
     }
@@ -299,9 +249,6 @@ impl Default for WalkTime {
 }
 
 impl Field for WalkTime {
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
-        numbers.number_or(key, Self::default().0).map(Self)
-    }
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         require_positive(name, self.0)
     }
@@ -309,9 +256,6 @@ impl Field for WalkTime {
 
 /// A position: any finite numbers.
 impl Field for Vec3<Tangent> {
-    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
-        numbers.triple(key).map(Self::from_array)
-    }
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         require_finite(name, 0, &self.to_array())
     }
@@ -320,45 +264,6 @@ impl Field for Vec3<Tangent> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    struct Keys;
-
-    impl Numbers for Keys {
-        type Error = ();
-        fn number(&self, key: &'static str) -> Result<f64, ()> {
-            if key == "number" { Ok(0.5) } else { Err(()) }
-        }
-        fn number_or(&self, key: &'static str, otherwise: f64) -> Result<f64, ()> {
-            if key == "none" { Ok(otherwise) } else { self.number(key) }
-        }
-        fn triple(&self, key: &'static str) -> Result<[f64; 3], ()> {
-            if key == "triple" { Ok([1.0, 2.0, 3.0]) } else { Err(()) }
-        }
-    }
-
-    /// A field is what its key says, and a missing key is the reader's error.
-    #[test]
-    fn fields_are_read_by_their_keys() {
-        assert_eq!(f64::read(&Keys, "number"), Ok(0.5));
-        assert_eq!(Fraction::read(&Keys, "number"), Ok(Fraction(0.5)));
-        assert_eq!(TimeConstant::read(&Keys, "number"), Ok(TimeConstant(0.5)));
-        assert_eq!(<[f64; 3]>::read(&Keys, "triple"), Ok([1.0, 2.0, 3.0]));
-        assert_eq!(Vec3::<Tangent>::read(&Keys, "triple"), Ok(Vec3::new(1.0, 2.0, 3.0)));
-        assert_eq!(f64::read(&Keys, "none"), Err(()));
-        assert_eq!(
-            (SlowSd::read(&Keys, "number"), SlowSd::read(&Keys, "none")),
-            (Ok(SlowSd(0.5)), Ok(SlowSd(0.0)))
-        );
-        assert_eq!(
-            (WalkTime::read(&Keys, "number"), WalkTime::read(&Keys, "none")),
-            (Ok(WalkTime(0.5)), Ok(WalkTime(300.0)))
-        );
-        assert_eq!(
-            (SlowSd::read(&Keys, "triple"), WalkTime::read(&Keys, "triple")),
-            (Err(()), Err(()))
-        );
-        assert_eq!(Vec3::<Tangent>::read(&Keys, "none"), Err(()));
-    }
 
     /// What a field may be: the ends of its range and the numbers just beyond.
     #[test]

@@ -13,6 +13,7 @@ use nalgebra::Matrix3;
 
 /// The bound; none by default.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct SpeedBound {
     /// σ of each component of the velocity over ground, m/s; 0 for no bound.
     pub sd_mps: f64,
@@ -35,8 +36,8 @@ impl SpeedBound {
     /// # Errors
     /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
-        require_non_negative("speed_sd_mps", self.sd_mps)?;
-        require_positive("speed_time_s", self.time_s)
+        require_non_negative("options.speed_bound.sd_mps", self.sd_mps)?;
+        require_positive("options.speed_bound.time_s", self.time_s)
     }
 
     /// 0 = v̂ + δv + n, after an interval of `since_s` (s) without.
@@ -78,7 +79,10 @@ mod tests {
     #[test]
     fn numbers_are_checked() {
         assert_eq!(SpeedBound::default().validate(), Ok(()));
-        for (sd_mps, time_s, field) in [(-1.0, 60.0, "speed_sd_mps"), (1.0, 0.0, "speed_time_s")] {
+        for (sd_mps, time_s, field) in [
+            (-1.0, 60.0, "options.speed_bound.sd_mps"),
+            (1.0, 0.0, "options.speed_bound.time_s"),
+        ] {
             let text = SpeedBound { sd_mps, time_s }.validate().unwrap_err().to_string();
             assert!(text.contains(field), "{text}");
         }

@@ -86,6 +86,7 @@ impl ThrustModel {
 
 /// What the revolutions correct.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ThrustUse {
     /// Nothing: they are refused.
     #[default]
@@ -98,9 +99,6 @@ pub enum ThrustUse {
 }
 
 impl ThrustUse {
-    /// The names of the uses.
-    pub const NAMES: [(Self, &str); 3] = [(Self::Off, "off"), (Self::Velocity, "velocity"), (Self::All, "all")];
-
     /// The states that a row corrects, and that it does not where the bottom's beams hold the velocity: it then learns advance and
     /// current from it.
     pub(crate) const fn corrects(self, is_velocity_held: bool) -> Corrects {

@@ -48,6 +48,7 @@ const WEIGHTLESS: &str = "less than 1e7: 1e6 already gives the assumption no wei
 
 /// Prior of the motion through the water; 1 sigma.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct WaterPrior {
     /// Current along north and along east, m/s.
     pub current_sd_mps: f64,
@@ -92,28 +93,28 @@ impl WaterPrior {
     /// # Errors
     /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
-        crate::error::require_finite("water.sway_gain_m", 0, &[self.sway_gain_m])?;
-        require_non_negative("water.current_sd_mps", self.current_sd_mps)?;
-        require_non_negative("water.sway_gain_sd_m", self.sway_gain_sd_m)?;
-        require_positive("water.current_time_s", self.current_time_s)?;
-        require_non_negative("water.trim_sd_mps", self.trim_sd_mps)?;
-        require_positive("water.trim_time_s", self.trim_time_s)?;
-        require_positive("water.slip_sd_mps", self.slip_sd_mps)?;
-        require_positive("water.slip_time_s", self.slip_time_s)?;
-        require_positive("water.slip_epochs", self.slip_epochs)?;
+        crate::error::require_finite("options.water.sway_gain_m", 0, &[self.sway_gain_m])?;
+        require_non_negative("options.water.current_sd_mps", self.current_sd_mps)?;
+        require_non_negative("options.water.sway_gain_sd_m", self.sway_gain_sd_m)?;
+        require_positive("options.water.current_time_s", self.current_time_s)?;
+        require_non_negative("options.water.trim_sd_mps", self.trim_sd_mps)?;
+        require_positive("options.water.trim_time_s", self.trim_time_s)?;
+        require_positive("options.water.slip_sd_mps", self.slip_sd_mps)?;
+        require_positive("options.water.slip_time_s", self.slip_time_s)?;
+        require_positive("options.water.slip_epochs", self.slip_epochs)?;
         if self.slip_epochs < 1.0 {
             return Err(NavError::OutOfRange {
-                field: "water.slip_epochs",
+                field: "options.water.slip_epochs",
                 value: self.slip_epochs,
                 expected: "1 or more",
             });
         }
         let bounded = [
-            ("water.current_sd_mps", self.current_sd_mps),
-            ("water.sway_gain_m", self.sway_gain_m),
-            ("water.sway_gain_sd_m", self.sway_gain_sd_m),
-            ("water.trim_sd_mps", self.trim_sd_mps),
-            ("water.slip_sd_mps", self.slip_sd_mps),
+            ("options.water.current_sd_mps", self.current_sd_mps),
+            ("options.water.sway_gain_m", self.sway_gain_m),
+            ("options.water.sway_gain_sd_m", self.sway_gain_sd_m),
+            ("options.water.trim_sd_mps", self.trim_sd_mps),
+            ("options.water.slip_sd_mps", self.slip_sd_mps),
         ];
         for (field, value) in bounded {
             require_magnitude(field, &[value], LARGEST, WEIGHTLESS)?;

@@ -47,6 +47,7 @@ pub enum PartialMethod {
 
 /// Parameters of the methods.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Assumptions {
     /// n_f of Eq. 28.
     pub virtual_beam_factor: f64,
@@ -62,9 +63,12 @@ impl Assumptions {
     /// # Errors
     /// [`NavError::OutOfRange`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
-        require_positive("virtual_beam_factor", self.virtual_beam_factor)?;
-        require_positive("nullified_sway_var_m2ps2", self.nullified_sway_var_m2ps2)?;
-        require_positive("weak_sway_var_m2ps2", self.weak_sway_var_m2ps2)
+        require_positive("options.assumptions.virtual_beam_factor", self.virtual_beam_factor)?;
+        require_positive(
+            "options.assumptions.nullified_sway_var_m2ps2",
+            self.nullified_sway_var_m2ps2,
+        )?;
+        require_positive("options.assumptions.weak_sway_var_m2ps2", self.weak_sway_var_m2ps2)
     }
 
     /// The assumptions of a ping `interval_s` after the one before it, if any. A sway that lasts is no new information at each

@@ -54,6 +54,7 @@ pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> f64 {
 
 /// What the Earth is to a filter and to simulated sensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum EarthModel {
     /// A plane: gravity and the directions of north, east and down are those of the origin everywhere, as in the 2017 paper.
     TangentPlane,
@@ -63,7 +64,8 @@ pub enum EarthModel {
 }
 
 /// Latitude, gravity and Earth rate of a mission.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Environment {
     /// Geodetic latitude, rad.
     pub latitude_rad: f64,

@@ -56,6 +56,22 @@ pub enum NavError {
         /// Range expected, with the likely mistake.
         expected: &'static str,
     },
+    /// A setting is unknown, missing, of another type or not valid.
+    #[error(
+        "{key} {found}{}{expected}{}{hint}",
+        before(", expected ", expected),
+        before("; ", hint)
+    )]
+    Setting {
+        /// Path of its key.
+        key: String,
+        /// What was found there.
+        found: String,
+        /// What was expected; empty where that is plain.
+        expected: String,
+        /// The likely mistake; empty for none.
+        hint: String,
+    },
     /// A beam flagged valid has a bad velocity or standard deviation, or does not exist.
     #[error("beam {beam} at {time_ns} ns is flagged valid but its {field} is {}, expected {expected}", shown(*value))]
     BadBeam {
@@ -95,7 +111,7 @@ pub enum NavError {
     /// Nothing was read by the inertial sensors for longer than the limit.
     #[error(
         "imu time {time_ns} ns comes {gap_s:.6} s after the last good reading at {last_ns} ns, expected at most \
-         max_imu_gap_s = {limit_s} s: start again from a fix, or bridge the gap with imu_gap = \"inflate\""
+         imu_limits.max_gap_s = {limit_s} s: start again from a fix, or bridge the gap with imu_limits.gap = \"inflate\""
     )]
     ImuGap {
         /// Time of the reading after the gap, ns.
@@ -110,7 +126,7 @@ pub enum NavError {
     /// The attitude would be unknown after a gap between inertial readings.
     #[error(
         "imu time {time_ns} ns comes {gap_s:.6} s after the last good reading at {last_ns} ns, too long to bridge: with \
-         imu_gap_rate_sd_radps the attitude is unknown by more than 1 rad, expected {longest_s:.6} s or less: start \
+         imu_limits.gap_rate_sd_radps the attitude is unknown by more than 1 rad, expected {longest_s:.6} s or less: start \
          again from a fix"
     )]
     ImuGapTooLong {
@@ -315,6 +331,51 @@ pub const LARGEST: f64 = 1e12;
 
 /// Half the range of the times, 2⁶² ns: the difference of two such times is an integer too.
 const SPAN_NS: u64 = 1 << 62;
+
+impl NavError {
+    /// The key or field that it is about; empty where it is about none.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        match self {
+            Self::Setting { key, .. } => key,
+            Self::NotFinite { field, .. }
+            | Self::TooLarge { field, .. }
+            | Self::OutOfRange { field, .. }
+            | Self::BadBeam { field, .. }
+            | Self::WrongCount { field, .. }
+            | Self::Implausible { field, .. } => field,
+            Self::InRow { source, .. } | Self::InMethod { source, .. } | Self::InRun { source, .. } => source.key(),
+            _ => "",
+        }
+    }
+
+    /// What was expected; empty where the message alone says it.
+    #[must_use]
+    pub fn expected(&self) -> &str {
+        match self {
+            Self::Setting { expected, .. } | Self::WrongCount { expected, .. } => expected,
+            Self::OutOfRange { expected, .. } | Self::BadBeam { expected, .. } => expected,
+            Self::InRow { source, .. } | Self::InMethod { source, .. } | Self::InRun { source, .. } => {
+                source.expected()
+            }
+            _ => "",
+        }
+    }
+
+    /// What to do, or the likely mistake; empty where the message alone says it.
+    #[must_use]
+    pub fn hint(&self) -> &str {
+        match self {
+            Self::Setting { hint, .. } => hint,
+            _ => "",
+        }
+    }
+}
+
+/// What stands before a part of a message that may be empty.
+fn before<'a>(words: &'a str, part: &str) -> &'a str {
+    if part.is_empty() { "" } else { words }
+}
 
 /// A number in a message, without hundreds of digits.
 fn shown(value: f64) -> String {

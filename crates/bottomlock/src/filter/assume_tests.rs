@@ -23,7 +23,7 @@ fn filter(gate: Gate, speed_mps: f64, attitude_sd_rad: f64) -> Eskf {
     Eskf::new(state, &model, &options).unwrap()
 }
 
-const JOINT: Gate = Gate::Joint { probability: 0.9973 };
+const JOINT: Gate = Gate::Joint;
 
 /// Surge and sway, off by so many σ of the innovation.
 fn measured(sigmas: [f64; 2]) -> Innovation {

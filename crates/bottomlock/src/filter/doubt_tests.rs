@@ -19,7 +19,7 @@ const S: i64 = 1_000_000_000;
 /// With the third of agreeing rejections, after a velocity was accepted.
 fn filter() -> Eskf {
     let options = Options {
-        gate: Gate::Joint { probability: 0.9973 },
+        gate: Gate::Joint,
         inflate_after_rejections: 3,
         ..Options::default()
     };

@@ -30,13 +30,11 @@ pub(super) const LONGEST_DOUBT_NS: i64 = 30_000_000_000;
 const PLAUSIBLE: f64 = 0.9973;
 
 /// Test of an innovation against its covariance S.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Gate {
     /// Compares the NIS of all rows with a chi-squared quantile.
-    Joint {
-        /// Probability with which a correct measurement passes.
-        probability: f64,
-    },
+    Joint,
     /// Compares each row with three of its standard deviations (the rule of the papers).
     PerRow,
     /// Rejects nothing.
@@ -45,32 +43,38 @@ pub enum Gate {
 
 /// A gate with its thresholds.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(try_from = "Gate", into = "Gate")]
+#[serde(try_from = "(Gate, f64)", into = "(Gate, f64)")]
 pub struct GateTable {
     /// The test.
     pub gate: Gate,
+    /// Probability with which a correct measurement passes a joint gate.
+    probability: f64,
     /// Chi-squared quantiles for 1 to [`MAX_ROWS`] degrees of freedom; infinite without a joint gate.
     quantiles: [f64; MAX_ROWS],
 }
 
 impl GateTable {
-    /// Computes the thresholds of a gate.
+    /// Computes the thresholds of a gate; `probability` is that with which a correct measurement passes a joint one.
     ///
     /// # Errors
     /// [`NavError::OutOfRange`] unless the probability lies strictly between 0 and 1.
-    pub fn new(gate: Gate) -> Result<Self, NavError> {
+    pub fn new(gate: Gate, probability: f64) -> Result<Self, NavError> {
         let mut quantiles = [f64::INFINITY; MAX_ROWS];
-        if let Gate::Joint { probability } = gate {
+        if gate == Gate::Joint {
             if !(probability > 0.0 && probability < 1.0) {
                 return Err(NavError::OutOfRange {
-                    field: "gate_probability",
+                    field: "options.gate_probability",
                     value: probability,
                     expected: "strictly between 0 and 1: a probability, not a percentage",
                 });
             }
             quantiles = std::array::from_fn(|k| quantile(k + 1, probability));
         }
-        Ok(Self { gate, quantiles })
+        Ok(Self {
+            gate,
+            probability,
+            quantiles,
+        })
     }
 
     /// A gate that accepts every measurement.
@@ -78,6 +82,7 @@ impl GateTable {
     pub fn open() -> Self {
         Self {
             gate: Gate::Off,
+            probability: PLAUSIBLE,
             quantiles: [f64::INFINITY; MAX_ROWS],
         }
     }
@@ -86,22 +91,20 @@ impl GateTable {
     ///
     /// # Errors
     /// As [`GateTable::new`].
-    pub fn plausible(gate: Gate) -> Result<Self, NavError> {
-        Self::new(match gate {
-            Gate::Joint { .. } => gate,
-            Gate::PerRow | Gate::Off => Gate::Joint { probability: PLAUSIBLE },
-        })
+    pub fn plausible(gate: Gate, probability: f64) -> Result<Self, NavError> {
+        let is_joint = gate == Gate::Joint;
+        Self::new(Gate::Joint, if is_joint { probability } else { PLAUSIBLE })
     }
 
     /// The rows of an innovation that the gate rejects, a bit per row.
     #[must_use]
     pub fn rejected_rows(&self, report: &UpdateReport) -> u8 {
         match self.gate {
-            Gate::Joint { .. } if report.nis > report.threshold => u8::MAX,
+            Gate::Joint if report.nis > report.threshold => u8::MAX,
             Gate::PerRow => (0..report.rows)
                 .filter(|&k| report.residual[k].powi(2) > ROW_SIGMAS.powi(2) * report.covariance[(k, k)])
                 .fold(0, |bits, k| bits | 1 << k),
-            Gate::Off | Gate::Joint { .. } => 0,
+            Gate::Off | Gate::Joint => 0,
         }
     }
 
@@ -112,16 +115,16 @@ impl GateTable {
     }
 }
 
-impl TryFrom<Gate> for GateTable {
+impl TryFrom<(Gate, f64)> for GateTable {
     type Error = NavError;
-    fn try_from(gate: Gate) -> Result<Self, NavError> {
-        Self::new(gate)
+    fn try_from((gate, probability): (Gate, f64)) -> Result<Self, NavError> {
+        Self::new(gate, probability)
     }
 }
 
-impl From<GateTable> for Gate {
+impl From<GateTable> for (Gate, f64) {
     fn from(table: GateTable) -> Self {
-        table.gate
+        (table.gate, table.probability)
     }
 }
 
@@ -132,10 +135,10 @@ mod tests {
     /// Tabulated 99 % quantiles of chi-squared: 6.635 for one degree of freedom, 11.345 for three.
     #[test]
     fn gate_thresholds_are_the_tabulated_quantiles() {
-        let table = GateTable::new(Gate::Joint { probability: 0.99 }).unwrap();
+        let table = GateTable::new(Gate::Joint, 0.99).unwrap();
         assert!((table.threshold(1) - 6.634_896_6).abs() < 1e-5);
         assert!((table.threshold(3) - 11.344_866_7).abs() < 1e-5);
-        assert!(GateTable::new(Gate::Joint { probability: 1.0 }).is_err());
-        assert_eq!(GateTable::new(Gate::Off).unwrap().threshold(2), f64::INFINITY);
+        assert!(GateTable::new(Gate::Joint, 1.0).is_err());
+        assert_eq!(GateTable::new(Gate::Off, 0.5).unwrap().threshold(2), f64::INFINITY);
     }
 }

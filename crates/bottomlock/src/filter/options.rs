@@ -16,9 +16,12 @@ use crate::mechanisation::{ImuLimits, Sampling};
 
 /// Filter options, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Options {
     /// Innovation gate.
     pub gate: Gate,
+    /// Probability with which a good measurement passes the joint gate.
+    pub gate_probability: f64,
     /// Number of consecutive rejections by a sensor after which the covariance is inflated; 0 for never.
     pub inflate_after_rejections: u32,
     /// Interval of the covariance propagation, ns; 0 for every IMU step.
@@ -26,7 +29,7 @@ pub struct Options {
     /// Limits of the inertial readings of a live navigator or a recorded log.
     pub imu_limits: ImuLimits,
     /// Whether an IMU sample is instantaneous or an average over the interval before it.
-    pub sampling: Sampling,
+    pub imu_sampling: Sampling,
     /// True to estimate the beam biases and the scale factor (20 states), false to freeze them (15 states).
     pub estimate_dvl: bool,
     /// Parameters of the partial-beam methods.
@@ -47,8 +50,8 @@ pub struct Options {
     pub speed_bound: SpeedBound,
     /// Prior of the velocity of a vehicle without usable accelerometers; off where all of it is zero.
     pub motion: MotionPrior,
-    /// Detection of outliers among the beams.
-    pub robust: Robust,
+    /// Treatment of outliers among the beams; `None` is none.
+    pub robust: Option<Robust>,
     /// Place of each sensor, platform frame, m.
     pub levers: Levers,
 }
@@ -58,11 +61,12 @@ impl Default for Options {
     /// recommended treatment of outliers among the beams.
     fn default() -> Self {
         Self {
-            gate: Gate::Joint { probability: 0.9973 },
+            gate: Gate::Joint,
+            gate_probability: 0.9973,
             inflate_after_rejections: 5,
             covariance_period_ns: 100_000_000,
             imu_limits: ImuLimits::default(),
-            sampling: Sampling::Instantaneous,
+            imu_sampling: Sampling::Instantaneous,
             estimate_dvl: true,
             assumptions: Assumptions::default(),
             information_port: InformationPort::Axes,
@@ -73,7 +77,7 @@ impl Default for Options {
             calibration: CalibrationPrior::default(),
             speed_bound: SpeedBound::default(),
             motion: MotionPrior::default(),
-            robust: Robust::recommended(),
+            robust: Some(Robust::default()),
             levers: Levers::default(),
         }
     }
@@ -93,14 +97,14 @@ impl Options {
     pub fn validate(&self) -> Result<(), NavError> {
         if self.covariance_period_ns < 0 {
             return Err(NavError::OutOfRange {
-                field: "covariance_period_ns",
+                field: "options.covariance_period_ns",
                 value: self.covariance_period_ns as f64,
                 expected: "0 (every IMU step) or a positive number of nanoseconds",
             });
         }
         if self.inflate_after_rejections == 1 {
             return Err(NavError::OutOfRange {
-                field: "inflate_after_rejections",
+                field: "options.inflate_after_rejections",
                 value: 1.0,
                 expected: "0 (never), or 2 or more: single correct fixes are rejected by chance",
             });
@@ -112,9 +116,10 @@ impl Options {
         self.calibration.validate()?;
         self.speed_bound.validate()?;
         self.motion.validate()?;
-        self.robust.validate()?;
-        self.levers.validate()?;
-        GateTable::new(self.gate).map(|_| ())
+        self.robust.map_or(Ok(()), |robust| robust.validate())?;
+        self.levers.validate("options.levers")?;
+        // That of a gate which is not chosen, too.
+        GateTable::new(Gate::Joint, self.gate_probability).map(|_| ())
     }
 }
 
@@ -140,13 +145,18 @@ mod tests {
             ("water.slip_epochs", |options| options.water.slip_epochs = 0.5),
             ("current_layers.way_m", |options| options.current_layers.way_m = 0.0),
             ("clock_sd_s", |options| options.calibration.clock_sd_s = -1.0),
-            ("speed_sd_mps", |options| options.speed_bound.sd_mps = -1.0),
+            ("speed_bound.sd_mps", |options| options.speed_bound.sd_mps = -1.0),
             ("motion.mean_sd_mps", |options| options.motion.mean_sd_mps[2] = -1.0),
-            ("robust.beam_gate", |options| options.robust.beam_gate = Some(2.0)),
-            ("depth_lever_p_m", |options| {
+            ("robust.beam_gate", |options| {
+                options.robust = Some(Robust {
+                    beam_gate: Some(2.0),
+                    ..Robust::default()
+                })
+            }),
+            ("options.levers.depth_p_m", |options| {
                 options.levers = options.levers.with(SensorKind::Depth, Vec3::new(f64::NAN, 0.0, 0.0));
             }),
-            ("gate", |options| options.gate = Gate::Joint { probability: 1.0 }),
+            ("options.gate_probability", |options| options.gate_probability = 1.0),
         ];
         for (words, change) in faults {
             let mut options = Options::default();

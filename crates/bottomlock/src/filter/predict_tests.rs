@@ -14,7 +14,7 @@ const PERIODS_NS: [i64; 3] = [0, 20_000_000, 100_000_000];
 
 fn filter(period_ns: i64, sampling: Sampling, water: bool) -> Eskf {
     let options = Options {
-        sampling,
+        imu_sampling: sampling,
         covariance_period_ns: period_ns,
         ..Options::default()
     };

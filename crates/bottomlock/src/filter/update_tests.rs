@@ -13,6 +13,7 @@ use crate::state::NavState;
 fn verdict(gate: Gate, nis: f64) -> (Verdict, f64) {
     let options = Options {
         gate,
+        gate_probability: 0.99,
         ..Options::default()
     };
     let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
@@ -25,7 +26,7 @@ fn verdict(gate: Gate, nis: f64) -> (Verdict, f64) {
 /// The tabulated 99 % quantile of chi-squared with one degree of freedom, 6.6349, and the three sigma of the papers.
 #[test]
 fn the_gate_begins_at_its_threshold() {
-    for (gate, threshold) in [(Gate::Joint { probability: 0.99 }, 6.634_896_6), (Gate::PerRow, 9.0)] {
+    for (gate, threshold) in [(Gate::Joint, 6.634_896_6), (Gate::PerRow, 9.0)] {
         for (factor, expected) in [(0.999, Verdict::Accepted), (1.001, Verdict::Rejected)] {
             let (verdict, nis) = verdict(gate, factor * threshold);
             assert_eq!(verdict, expected, "{gate:?}, {factor} of the threshold");

@@ -25,6 +25,7 @@ pub(crate) const LONGEST_GAP_S: f64 = 1e6;
 
 /// What becomes of a gap between inertial readings that is longer than the limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum LongGap {
     /// The reading after it is refused with an error.
     #[default]
@@ -35,6 +36,7 @@ pub enum LongGap {
 
 /// Limits of the inertial readings that come from outside; simulated ones are not checked.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct ImuLimits {
     /// Full scale of the angular rate on each axis, rad/s.
     pub max_rate_radps: f64,
@@ -45,7 +47,7 @@ pub struct ImuLimits {
     /// Longest gap that is bridged, s.
     pub max_gap_s: f64,
     /// What becomes of a longer one.
-    pub long_gap: LongGap,
+    pub gap: LongGap,
     /// σ_ω: unknown angular rate while nothing is read, 1 sigma on each axis, rad/s.
     pub gap_rate_sd_radps: f64,
     /// σ_f: unknown specific force while nothing is read, 1 sigma on each axis, m/s².
@@ -61,7 +63,7 @@ impl Default for ImuLimits {
             max_force_mps2: 100.0,
             stuck_after: 0,
             max_gap_s: 1.0,
-            long_gap: LongGap::Refuse,
+            gap: LongGap::Refuse,
             gap_rate_sd_radps: 0.1,
             gap_accel_sd_mps2: 0.5,
         }
@@ -79,25 +81,25 @@ impl ImuLimits {
         let scale = "a full scale of the data sheet, more than 0 and at most 1e6";
         let checks = [
             (
-                "max_imu_rate_radps",
+                "options.imu_limits.max_rate_radps",
                 self.max_rate_radps,
                 is_full_scale(self.max_rate_radps),
                 scale,
             ),
             (
-                "max_imu_force_mps2",
+                "options.imu_limits.max_force_mps2",
                 self.max_force_mps2,
                 is_full_scale(self.max_force_mps2),
                 scale,
             ),
             (
-                "max_imu_gap_s",
+                "options.imu_limits.max_gap_s",
                 self.max_gap_s,
                 is_gap(self.max_gap_s),
                 "a number of seconds, more than 0 and at most 1e6",
             ),
             (
-                "imu_stuck_after",
+                "options.imu_limits.stuck_after",
                 f64::from(self.stuck_after),
                 self.stuck_after != 1,
                 "0 (never), or 2 or more equal readings in a row",
@@ -108,8 +110,8 @@ impl ImuLimits {
                 return Err(NavError::OutOfRange { field, value, expected });
             }
         }
-        require_non_negative("imu_gap_rate_sd_radps", self.gap_rate_sd_radps)?;
-        require_non_negative("imu_gap_accel_sd_mps2", self.gap_accel_sd_mps2)
+        require_non_negative("options.imu_limits.gap_rate_sd_radps", self.gap_rate_sd_radps)?;
+        require_non_negative("options.imu_limits.gap_accel_sd_mps2", self.gap_accel_sd_mps2)
     }
 
     /// Whether a reading is a number below the full scale on every axis.

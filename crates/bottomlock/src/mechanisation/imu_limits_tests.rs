@@ -56,30 +56,30 @@ fn limits_are_checked() {
                 max_rate_radps: 0.0,
                 ..good
             },
-            "max_imu_rate_radps",
+            "options.imu_limits.max_rate_radps",
         ),
         (
             ImuLimits {
                 max_force_mps2: f64::INFINITY,
                 ..good
             },
-            "max_imu_force_mps2",
+            "options.imu_limits.max_force_mps2",
         ),
-        (ImuLimits { max_gap_s: 0.0, ..good }, "max_imu_gap_s"),
-        (ImuLimits { stuck_after: 1, ..good }, "imu_stuck_after"),
+        (ImuLimits { max_gap_s: 0.0, ..good }, "options.imu_limits.max_gap_s"),
+        (ImuLimits { stuck_after: 1, ..good }, "options.imu_limits.stuck_after"),
         (
             ImuLimits {
                 gap_rate_sd_radps: f64::NAN,
                 ..good
             },
-            "imu_gap_rate_sd_radps",
+            "options.imu_limits.gap_rate_sd_radps",
         ),
         (
             ImuLimits {
                 gap_accel_sd_mps2: -1.0,
                 ..good
             },
-            "imu_gap_accel_sd_mps2",
+            "options.imu_limits.gap_accel_sd_mps2",
         ),
     ] {
         assert!(bad.validate().unwrap_err().to_string().starts_with(field), "{field}");

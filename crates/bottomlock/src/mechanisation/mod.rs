@@ -56,6 +56,7 @@ impl ImuSample {
 
 /// What a sample means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Sampling {
     /// The value at the sample's own time; a step uses both of its ends.
     #[default]

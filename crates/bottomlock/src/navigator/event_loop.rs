@@ -226,7 +226,7 @@ impl Navigator {
         {
             let time_ns = event.time_ns();
             if time_ns > last.time_ns {
-                let middle = match self.options.sampling {
+                let middle = match self.options.imu_sampling {
                     Sampling::Instantaneous => ImuSample::between(&last, sample, time_ns),
                     Sampling::Averaged => ImuSample { time_ns, ..*sample },
                 };

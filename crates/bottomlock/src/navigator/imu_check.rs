@@ -96,7 +96,7 @@ impl ImuCheck {
     /// [`NavError::ImuGap`] or [`NavError::ImuGapTooLong`] for a gap that is not bridged.
     pub(crate) fn judge(&self, sample: &ImuSample, good_ns: i64) -> Result<Judged, NavError> {
         let is_long = self.is_long(sample, good_ns);
-        if is_long && self.limits.long_gap == LongGap::Refuse {
+        if is_long && self.limits.gap == LongGap::Refuse {
             return Err(NavError::ImuGap {
                 time_ns: sample.time_ns,
                 last_ns: good_ns,

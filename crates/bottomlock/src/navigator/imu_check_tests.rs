@@ -75,7 +75,7 @@ fn gaps_are_refused_beyond_the_limit() {
 /// Where it is asked for, a longer gap is inflated and counted, up to a radian of attitude.
 #[test]
 fn gaps_are_inflated_where_asked() {
-    let mut check = check(|limits| limits.long_gap = LongGap::Inflate);
+    let mut check = check(|limits| limits.gap = LongGap::Inflate);
     let readings = [0, 2_000, 2_010, 13_000, 12_010].map(|time_ms| reading(time_ms, 0.0));
     assert_eq!(verdicts(&mut check, &readings), "gbgeb");
     assert_eq!(check.counts(), &[0, 0, 0, 2]);

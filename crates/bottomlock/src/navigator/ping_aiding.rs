@@ -89,14 +89,15 @@ impl Navigator {
     /// The ping after outlier rejection with the innovation covariance of the filter without assumptions, and the weight
     /// of each beam; the ping itself and no weight where it is off.
     fn screen(&mut self, ping: &BeamSample) -> Result<(BeamSample, Option<[f64; MAX_BEAMS]>), NavError> {
-        if self.options.robust.is_off() || self.aiding == BeamAiding::None {
+        let robust = self.options.robust.filter(|robust| !robust.is_off());
+        let Some(robust) = robust.filter(|_| self.aiding != BeamAiding::None) else {
             return Ok((*ping, None));
-        }
+        };
         let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
         let covariance = filter.propagated_covariance();
         let mut terms = filter.beam_terms(geometry, ping);
         filter.add_further_to(&mut terms);
-        let screened = outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping)?;
+        let screened = outliers::screen(&robust, geometry, &covariance, &terms, ping)?;
         Ok((screened.ping, Some(screened.weight)))
     }
 }

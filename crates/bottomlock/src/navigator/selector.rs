@@ -53,9 +53,7 @@ impl Bank {
         Ok(Self {
             members: SELECTOR_METHODS.into_iter().map(member).collect::<Result<_, _>>()?,
             selected: 0,
-            gate: GateTable::new(Gate::Joint {
-                probability: PASS_PROBABILITY,
-            })?,
+            gate: GateTable::new(Gate::Joint, PASS_PROBABILITY)?,
         })
     }
 

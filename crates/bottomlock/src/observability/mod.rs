@@ -73,7 +73,7 @@ impl Aiding {
     /// [`NavError::WrongCount`] for an empty set, [`NavError::BadBeam`] for a beam that the geometry lacks,
     /// [`NavError::NotFinite`] for a lever arm.
     pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
-        self.levers.validate()?;
+        self.levers.validate("aiding.levers")?;
         if self.is_empty() {
             let names: Vec<&str> = reports().map(|(_, report)| report.sensor.name()).collect();
             return Err(NavError::WrongCount {

@@ -149,7 +149,7 @@ fn replay_is_streaming_bit_for_bit() {
     let recording = steady_turn(8);
     for sampling in [Sampling::Instantaneous, Sampling::Averaged] {
         let options = Options {
-            sampling,
+            imu_sampling: sampling,
             ..Options::default()
         };
         let samples = [0, 1_500 * MS, 8_000 * MS];

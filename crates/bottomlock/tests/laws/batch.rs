@@ -21,7 +21,7 @@ fn segments_give_the_results_of_the_whole_truth() {
     let (turn, epochs, model, geometry) = (Turn::new(8, 0.05), Epochs::new(8), Model::table_2(), janus());
     for sampling in [Sampling::Instantaneous, Sampling::Averaged] {
         let options = Options {
-            sampling,
+            imu_sampling: sampling,
             ..Options::default()
         };
         let schedules = [epochs.schedule()];
@@ -159,7 +159,7 @@ fn perfect_sensors_return_the_truth() {
     let (turn, epochs, assumed, geometry) = (Turn::new(60, 0.05), Epochs::new(60), Model::table_2(), janus());
     for sampling in [Sampling::Instantaneous, Sampling::Averaged] {
         let options = Options {
-            sampling,
+            imu_sampling: sampling,
             ..Options::default()
         };
         let simulated = perfect();

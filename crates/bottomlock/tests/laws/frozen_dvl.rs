@@ -1,6 +1,5 @@
 //! The 15-state filter and the 20-state filter with frozen DVL states.
 
-use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamMask, BeamSample};
 use bottomlock::error_model::{Coefficients, dense_noise};
@@ -59,7 +58,7 @@ fn fifteen_states_are_twenty_with_frozen_dvl() {
         estimate_dvl: false,
         covariance_period_ns: 0,
         gate: Gate::Off,
-        robust: Robust::default(),
+        robust: None,
         ..Options::default()
     };
     let streams = draw(&turn, &epochs.schedule(), 3, 0, 0).unwrap();

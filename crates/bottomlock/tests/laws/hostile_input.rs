@@ -1,7 +1,6 @@
 //! Input out of order, bad beams, and random events: errors or finite states, never a panic.
 
 use bottomlock::NavError;
-use bottomlock::aiding::outliers::Robust;
 use bottomlock::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
 use bottomlock::filter::options::Options;
@@ -68,7 +67,7 @@ fn times_that_do_not_increase_are_rejected() {
 fn gate_per_row_rejects_the_bad_beam() {
     let options = Options {
         gate: Gate::PerRow,
-        robust: Robust::default(),
+        robust: None,
         ..Options::default()
     };
     let mut navigator = Navigator::new(

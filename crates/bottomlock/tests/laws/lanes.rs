@@ -71,7 +71,7 @@ proptest! {
         period_ms in prop::sample::select(vec![0_i64, 20, 33, 100]),
     ) {
         let options = Options {
-            sampling: if averaged { Sampling::Averaged } else { Sampling::Instantaneous },
+            imu_sampling: if averaged { Sampling::Averaged } else { Sampling::Instantaneous },
             covariance_period_ns: period_ms * 1_000_000,
             ..Options::default()
         };

@@ -289,7 +289,7 @@ fn a_new_covariance_begins_anew() {
 #[test]
 fn memory_has_bounds() {
     let mut options = Options::default();
-    options.imu_limits.long_gap = LongGap::Inflate;
+    options.imu_limits.gap = LongGap::Inflate;
     let mut navigator = under_way("ins", &options, 10_000 * MS, 1);
     // 20 kHz for five seconds.
     for k in 1..=100_000 {

@@ -100,12 +100,12 @@ fn a_gap_is_refused_or_inflated() {
     assert_eq!(
         error,
         "imu time 3600000000000 ns comes 3600.000000 s after the last good reading at 0 ns, expected at most \
-         max_imu_gap_s = 1 s: start again from a fix, or bridge the gap with imu_gap = \"inflate\""
+         imu_limits.max_gap_s = 1 s: start again from a fix, or bridge the gap with imu_limits.gap = \"inflate\""
     );
     assert_eq!(seen(&navigator), before);
 
     let mut options = Options::default();
-    options.imu_limits.long_gap = LongGap::Inflate;
+    options.imu_limits.gap = LongGap::Inflate;
     let mut inflating = live("tc", &options);
     quiet(&mut inflating, &imu(0, 0.0)).unwrap();
     assert!(matches!(
@@ -302,7 +302,7 @@ proptest! {
         inflate in any::<bool>(), gate in any::<bool>(), horizon_ns in prop_oneof![Just(0), Just(500 * MS), Just(10_000 * MS)],
     ) {
         let mut options = Options { covariance_period_ns: if every_step { 0 } else { 100_000_000 }, ..Options::default() };
-        if inflate { options.imu_limits.long_gap = LongGap::Inflate; }
+        if inflate { options.imu_limits.gap = LongGap::Inflate; }
         if !gate { options.gate = Gate::Off; }
         let mut navigator = live_within(horizon_ns, METHODS[index].name, &options);
         let mut spared = navigator.clone();

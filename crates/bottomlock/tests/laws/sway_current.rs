@@ -1,6 +1,5 @@
 //! Properties of the method with assumptions on sway and heave through the water, against tight coupling.
 
-use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
@@ -102,7 +101,7 @@ fn run(aiding: BeamAiding, track: &Track, options: &Options) -> Outcome {
 fn with_prior(prior: WaterPrior) -> Options {
     Options {
         water: prior,
-        robust: Robust::default(),
+        robust: None,
         ..Options::default()
     }
 }
@@ -153,7 +152,7 @@ fn a_rejected_assumption_changes_nothing() {
         seconds: 2,
         ..longer.clone()
     };
-    for gate in [Gate::Joint { probability: 0.9973 }, Gate::PerRow] {
+    for gate in [Gate::Joint, Gate::PerRow] {
         let options = Options {
             gate,
             ..with_prior(overconfident)
@@ -195,7 +194,7 @@ fn a_contradicted_assumption_is_restarted() {
         mask_later: BeamMask::all(4),
         ..track
     };
-    for gate in [Gate::Joint { probability: 0.9973 }, Gate::PerRow] {
+    for gate in [Gate::Joint, Gate::PerRow] {
         let options = Options {
             gate,
             ..with_prior(none)

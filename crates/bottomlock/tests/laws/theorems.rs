@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::beams::DvlModel;
-use bottomlock::aiding::outliers::{Robust, Tail};
+use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::dvl::partial::PartialMethod;
@@ -120,8 +120,9 @@ prop_compose! {
 fn update(case: &Case, aiding: BeamAiding, port: InformationPort, gate: Gate) -> (NavState, Covariance, f64) {
     let options = Options {
         gate,
+        gate_probability: 0.9,
         information_port: port,
-        robust: Robust::default(),
+        robust: None,
         ..Options::default()
     };
     let mut navigator = Navigator::new(case.state, case.geometry.clone(), aiding, &model(), &options).unwrap();
@@ -229,11 +230,10 @@ proptest! {
     #[test]
     fn the_joint_gate_treats_them_alike(case in case(true, true)) {
         prop_assume!(rank(&case).is_some());
-        let gate = Gate::Joint { probability: 0.9 };
-        let tight = update(&case, BeamAiding::Tight, AXES, gate);
-        let exact = update(&case, BeamAiding::Loose(PartialMethod::VirtualBeamExact), AXES, gate);
-        let axes = update(&case, BeamAiding::Loose(PartialMethod::Information), AXES, gate);
-        let full = update(&case, BeamAiding::Loose(PartialMethod::Information), InformationPort::Full, gate);
+        let tight = update(&case, BeamAiding::Tight, AXES, Gate::Joint);
+        let exact = update(&case, BeamAiding::Loose(PartialMethod::VirtualBeamExact), AXES, Gate::Joint);
+        let axes = update(&case, BeamAiding::Loose(PartialMethod::Information), AXES, Gate::Joint);
+        let full = update(&case, BeamAiding::Loose(PartialMethod::Information), InformationPort::Full, Gate::Joint);
         prop_assert!(gap(&tight, &exact) < 1e-9 && gap(&tight, &axes) < 1e-9 && gap(&tight, &full) < 1e-9);
     }
 
@@ -256,14 +256,9 @@ fn sequence(
     port: InformationPort,
 ) -> (NavState, Covariance, f64) {
     let options = Options {
-        gate: Gate::Joint { probability: 0.9 },
+        gate_probability: 0.9,
         information_port: port,
-        robust: Robust {
-            tail: Tail::StudentT {
-                degrees: Tail::STUDENT_T_DEGREES,
-            },
-            ..Robust::recommended()
-        },
+        robust: Some(Robust::default()),
         inflate_after_rejections: 2,
         ..Options::default()
     };

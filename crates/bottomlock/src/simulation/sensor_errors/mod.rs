@@ -153,7 +153,7 @@ impl SensorErrors {
             model: *model,
             claimed: *claimed,
             earth: Earth::from(&model.environment),
-            sampling: options.sampling,
+            sampling: options.imu_sampling,
             inertial: Inertial::new(&model.imu, key),
             dvl: Dvl {
                 noise: of_beams(Stream::BeamNoise),

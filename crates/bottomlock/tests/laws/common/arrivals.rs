@@ -312,28 +312,28 @@ fn options(random: &mut ChaCha8Rng) -> Options {
         gate: match random.random_range(0..3) {
             0 => Gate::PerRow,
             1 => Gate::Off,
-            _ => Gate::Joint { probability: 0.9973 },
+            _ => Gate::Joint,
         },
         inflate_after_rejections: if random.random() { 2 } else { 5 },
         covariance_period_ns: if random.random_bool(0.3) { 0 } else { 100 * MS },
-        sampling: if random.random() {
+        imu_sampling: if random.random() {
             Sampling::Instantaneous
         } else {
             Sampling::Averaged
         },
         estimate_dvl: random.random(),
         robust: match random.random_range(0..3) {
-            0 => Robust::default(),
-            1 => Robust {
+            0 => None,
+            1 => Some(Robust {
                 tail: Tail::Gaussian,
-                ..Robust::recommended()
-            },
-            _ => Robust::recommended(),
+                ..Robust::default()
+            }),
+            _ => Some(Robust::default()),
         },
         ..Options::default()
     };
     options.imu_limits.stuck_after = if random.random() { 3 } else { 0 };
-    options.imu_limits.long_gap = LongGap::Inflate;
+    options.imu_limits.gap = LongGap::Inflate;
     options.imu_limits.max_gap_s = if random.random() { 0.05 } else { 1.0 };
     options.imu_limits.gap_rate_sd_radps = 0.01;
     options
