@@ -63,7 +63,12 @@ def test_values_are_checked_by_the_kernels_rules() -> None:
         (lambda: MODEL.imu.replace(gyro_bias_sd_radps=-1.0), "imu.gyro_bias_sd_radps", "-1", ">= 0"),
         (lambda: MODEL.imu.replace(gyro_bias_sd_radps="3"), "imu.gyro_bias_sd_radps", "'3'", "a number"),
         (lambda: MODEL.imu.replace(gyro_bias_sd_radps=True), "imu.gyro_bias_sd_radps", "true", "a number"),
-        (lambda: MODEL.initial.replace(position_sd_m=[1.0, 2.0]), "initial.position_sd_m", "2 values", "3 numbers"),
+        (
+            lambda: MODEL.initial.replace(position_sd_m=[1.0, 2.0]),
+            "initial.position_sd_m",
+            "2 values",
+            "3 numbers",
+        ),
         (
             lambda: MODEL.initial.replace(position_sd_m=[True, 1, 1]),
             "initial.position_sd_m[0]",
