@@ -4,9 +4,10 @@ use nalgebra::Matrix4;
 
 use crate::aiding::attitude::MagnetometerModel;
 use crate::aiding::beams::DvlModel;
+use crate::aiding::declare::sections;
 use crate::aiding::depth::DepthModel;
 use crate::aiding::gps::GpsModel;
-use crate::aiding::registry::{Sections, SensorModels};
+use crate::aiding::registry::{SensorModels, sensor_models};
 use crate::earth::Environment;
 use crate::error::{NavError, require_non_negative};
 use crate::error_model::ProcessNoise;
@@ -191,6 +192,8 @@ impl Model {
         p
     }
 }
+
+sensor_models!(sections);
 
 #[cfg(test)]
 mod tests {

@@ -178,18 +178,6 @@ fn options_have_the_shape_of_their_keys() {
     assert_eq!(lever.of(SensorKind::Depth).to_array(), [1.0, 2.0, 3.0]);
 }
 
-/// Letters to change, whatever their case; a name too far from all known ones has no nearest one.
-#[test]
-fn the_nearest_name_is_proposed() {
-    assert_eq!(distance("kitten", "Sitting"), 3);
-    assert_eq!(
-        (distance("", "abc"), distance("abc", ""), distance("abc", "abc")),
-        (3, 3, 0)
-    );
-    assert_eq!(nearest("gaate", &["gps", "gate", "water"]), Some("gate"));
-    assert_eq!((nearest("xyz", &["gps", "gate"]), nearest("x", &[])), (None, None));
-}
-
 proptest! {
     /// Numbers come back to the last bit.
     #[test]

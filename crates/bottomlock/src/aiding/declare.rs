@@ -168,13 +168,13 @@ macro_rules! models {
             /// Reads the section of a name and checks its numbers.
             ///
             /// # Errors
-            /// As [`crate::settings::read`] and [`Self::validate`]; [`NavError::UnknownName`] for a name that is none of them.
+            /// As [`crate::error::setting::read`] and [`Self::validate`]; [`NavError::UnknownName`] for a name that is none of them.
             pub(crate) fn check<'de, D>(name: &str, source: D) -> Result<(), NavError>
             where
                 D: serde::Deserializer<'de, Error: std::fmt::Display>,
             {
                 $(if name == <$model as Section>::NAME {
-                    return crate::settings::read::<$model, D>(name, source)?.validate();
+                    return crate::error::setting::read::<$model, D>(name, source)?.validate();
                 })+
                 Err(NavError::UnknownName {
                     what: "settings",
@@ -183,7 +183,12 @@ macro_rules! models {
                 })
             }
         }
+    };
+}
 
+/// Declares the sections of a model side by side.
+macro_rules! sections {
+    ($($field:ident: $model:ty,)+) => {
         /// The sections of a model side by side, as they are written; a sensor that there is not has none.
         #[derive(serde::Serialize, serde::Deserialize)]
         #[serde(deny_unknown_fields)]
@@ -243,4 +248,4 @@ macro_rules! model_section {
         }
     };
 }
-pub(crate) use {model_section, models, sensors};
+pub(crate) use {model_section, models, sections, sensors};

@@ -9,7 +9,7 @@ pub mod beams;
 pub mod calibration;
 pub(crate) mod closure;
 pub mod current_layers;
-mod declare;
+pub(crate) mod declare;
 pub mod depth;
 pub mod effort;
 pub mod further;

@@ -1,22 +1,18 @@
 //! The registry: one line for each aiding sensor.
 
-use crate::aiding::acoustic_position::{AcousticPositionModel, AcousticPositionSample};
-use crate::aiding::attitude::{AttitudeSample, MagnetometerModel};
-use crate::aiding::beams::{DvlModel, DvlOutlierModel};
+use crate::aiding::acoustic_position::AcousticPositionSample;
+use crate::aiding::attitude::AttitudeSample;
 use crate::aiding::declare::{models, sensors};
-use crate::aiding::depth::{DepthModel, DepthSample};
-use crate::aiding::effort::{EffortModel, EffortSample};
-use crate::aiding::gps::{GpsModel, GpsSample};
-use crate::aiding::heading::{HeadingModel, HeadingSample};
+use crate::aiding::depth::DepthSample;
+use crate::aiding::effort::EffortSample;
+use crate::aiding::gps::GpsSample;
+use crate::aiding::heading::HeadingSample;
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
-use crate::aiding::thrust::{ThrustModel, ThrustSample};
+use crate::aiding::thrust::ThrustSample;
 use crate::aiding::velocity::VelocitySample;
-use crate::aiding::water_track::WaterTrackModel;
 use crate::aiding::{Innovation, Motion};
-use crate::earth::Environment;
 use crate::error::{LARGEST, NavError};
 use crate::frames::{Platform, Vec3};
-use crate::model::{ImuModel, InitialModel, Model};
 #[cfg(feature = "simulation")]
 use crate::random::Normals;
 use serde::de::{Error, MapAccess, Visitor};
@@ -35,18 +31,26 @@ sensors! {
     Effort(EffortSample): EffortSurge = "effort_surge", EffortSway = "effort_sway", EffortHeave = "effort_heave";
 }
 
-models! {
-    dvl: DvlModel,
-    dvl_outliers: DvlOutlierModel,
-    depth: DepthModel,
-    magnetometer: MagnetometerModel,
-    heading: HeadingModel,
-    gps: GpsModel,
-    acoustic_position: AcousticPositionModel,
-    water_track: WaterTrackModel,
-    thrust: ThrustModel,
-    effort: EffortModel,
+/// Gives a macro the models of the sensors, each with the name of its section.
+macro_rules! sensor_models {
+    ($then:ident) => {
+        $then! {
+            dvl: crate::aiding::beams::DvlModel,
+            dvl_outliers: crate::aiding::beams::DvlOutlierModel,
+            depth: crate::aiding::depth::DepthModel,
+            magnetometer: crate::aiding::attitude::MagnetometerModel,
+            heading: crate::aiding::heading::HeadingModel,
+            gps: crate::aiding::gps::GpsModel,
+            acoustic_position: crate::aiding::acoustic_position::AcousticPositionModel,
+            water_track: crate::aiding::water_track::WaterTrackModel,
+            thrust: crate::aiding::thrust::ThrustModel,
+            effort: crate::aiding::effort::EffortModel,
+        }
+    };
 }
+pub(crate) use sensor_models;
+
+sensor_models!(models);
 
 /// [`AidingSensor::of_row`] of a sensor.
 type OfRow = fn(i64, &[Option<&[f64]>], &SensorModels) -> Option<Measurement>;

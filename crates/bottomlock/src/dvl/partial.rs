@@ -1,5 +1,4 @@
-//! The extended loosely coupled methods and the selector (Eqs. 23–49): one least-squares solution with different extra
-//! rows.
+//! The extended loosely coupled methods and the selector (Eqs. 23–49): one least-squares solution with extra rows.
 //!
 //! | Method | Extra row | Solved components |
 //! |---|---|---|
@@ -64,10 +63,8 @@ impl Assumptions {
     /// [`NavError::OutOfRange`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         require_positive("options.assumptions.virtual_beam_factor", self.virtual_beam_factor)?;
-        require_positive(
-            "options.assumptions.nullified_sway_var_m2ps2",
-            self.nullified_sway_var_m2ps2,
-        )?;
+        let nullified = self.nullified_sway_var_m2ps2;
+        require_positive("options.assumptions.nullified_sway_var_m2ps2", nullified)?;
         require_positive("options.assumptions.weak_sway_var_m2ps2", self.weak_sway_var_m2ps2)
     }
 

@@ -3,6 +3,7 @@
 //! Lost beams, rejected measurements and unobservable axes are values, never errors.
 
 mod checks;
+pub(crate) mod setting;
 
 use thiserror::Error;
 
