@@ -53,7 +53,7 @@ class CLibrary:
     def json(self, kind: str, object_: int) -> Any:  # noqa: ANN401 - what JSON holds
         """The content of a "model" or "options"."""
         size, text = ctypes.c_size_t(), ctypes.create_string_buffer(20_000)
-        self(f"{kind}_to_json", object_, ctypes.addressof(text), len(text), ctypes.addressof(size))
+        self(f"{kind}_to_json", object_, text, len(text), ctypes.addressof(size))
         assert len(text.value) + 1 == size.value
         return json.loads(text.value)
 

@@ -32,7 +32,7 @@ model = bottomlock.Model(
     gps=bottomlock.GpsModel(position_sd_m=[2.0, 2.0, 4.0], velocity_sd_mps=[0.1, 0.1, 0.2]),
 )
 gravity = model.environment.gravity_mps2
-options = bottomlock.Options(levers={"depth_p_m": [0.5, 0.0, 0.0]})
+options = bottomlock.Options(levers=bottomlock.Levers(depth_p_m=[0.5, 0.0, 0.0]))
 initial = bottomlock.InitialState(
     time_ns=0, position_t_m=[0, 0, 20], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[2, 0, 0]
 )

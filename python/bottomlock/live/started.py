@@ -214,7 +214,7 @@ def start(
     instrument = dvl if isinstance(dvl, Instrument) else config.instrument()
     settings = kernel_settings(config, instrument)
     if isinstance(imu, ImuModel):
-        settings = replace(settings, model=replace(settings.model, imu=imu))
+        settings = replace(settings, model=settings.model.replace(imu=imu))
     return StartedNavigator(config, instrument, settings)
 
 
