@@ -113,7 +113,7 @@ typedef struct bl_model bl_model;
 // another, each whole. One thread should push, since reports are those of the last push.
 typedef struct bl_navigator bl_navigator;
 
-// Options of the filter, SI. Those of which a choice has several parts stand beside the kernel's.
+// Options of the filter, SI.
 typedef struct bl_options bl_options;
 
 // Estimate of the motion through the water, with options of "water_track" or the method sway_current.
