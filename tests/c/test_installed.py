@@ -190,6 +190,7 @@ def test_a_failure_has_its_code(c: CLibrary) -> None:
         ("INVALID_VALUE", ("options_set", options, '{"imu_limits": {"stuck_after": 1.5}}')),
         ("INVALID_VALUE", ("options_set", options, '{"gate": "off"')),
         ("INVALID_VALUE", ("options_from_json", "[]")),
+        ("INVALID_VALUE", ("options_set", options, '{"water": [0.1, 600.0]}')),
         ("INVALID_VALUE", ("geometry_janus", "x", 20.0)),
         ("UNKNOWN_NAME", ("geometry_preset", "a50")),
         ("UNKNOWN_NAME", ("navigator_new", geometry, model, None, "tight", state, -1)),

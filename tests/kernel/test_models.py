@@ -90,6 +90,7 @@ def test_values_are_checked_by_the_kernels_rules() -> None:
             "NaN",
             "metres",
         ),
+        (lambda: OPTIONS.replace(water=[0.1, 600.0]), "options.water", "a list", "a table"),
         (lambda: OPTIONS.replace(water={"slip_sd_mps": 0.0}), "options.water.slip_sd_mps", "0", "> 0"),
         (lambda: OPTIONS.water.replace(slip_sd_mps=0.0), "options.water.slip_sd_mps", "0", "> 0"),
         (lambda: OPTIONS.water.replace(slip_sd_mps=np.nan), "options.water.slip_sd_mps", "NaN", "> 0"),

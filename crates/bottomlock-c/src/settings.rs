@@ -14,6 +14,9 @@ use crate::pointers::{fill, put};
 
 /// Settings that are read and written as JSON, and always valid.
 pub(crate) trait Settings: Serialize + Sized {
+    /// Their name in messages.
+    const NAME: &'static str;
+
     /// Reads and checks them.
     fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError>;
 
@@ -21,7 +24,7 @@ pub(crate) trait Settings: Serialize + Sized {
         let mut source = serde_json::Deserializer::from_str(text);
         let made = Self::read(&mut source)?;
         source.end().map_err(|error| no_json(&error))?;
-        Ok(made)
+        made.of_tables(&serde_json::from_str(text).map_err(|error| no_json(&error))?)
     }
 
     /// The same with the values of an object of JSON; what it does not name stays.
@@ -29,7 +32,22 @@ pub(crate) trait Settings: Serialize + Sized {
         let change = serde_json::from_str(text).map_err(|error| no_json(&error))?;
         let mut value = serde_json::to_value(self).map_err(|error| no_json(&error))?;
         merge(&mut value, change);
-        Ok(Self::read(value)?)
+        Self::read(value.clone())?.of_tables(&value)
+    }
+
+    /// The settings, made of tables alone: Serde takes a list for a struct, too, by the order of its fields.
+    fn of_tables(self, given: &Value) -> Outcome<Self> {
+        let made = serde_json::to_value(&self).map_err(|error| no_json(&error))?;
+        match list_for_table(Self::NAME, given, &made) {
+            Some(key) => Err(NavError::Setting {
+                key,
+                found: "is a list".into(),
+                expected: "a table of settings".into(),
+                hint: String::new(),
+            }
+            .into()),
+            None => Ok(self),
+        }
     }
 
     /// # Safety
@@ -46,12 +64,16 @@ pub(crate) trait Settings: Serialize + Sized {
 }
 
 impl Settings for Model {
+    const NAME: &'static str = "model";
+
     fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
         model(source).map(Self)
     }
 }
 
 impl Settings for Options {
+    const NAME: &'static str = "options";
+
     fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
         options(source).map(Self)
     }
@@ -59,6 +81,17 @@ impl Settings for Options {
 
 fn no_json(error: &serde_json::Error) -> Failure {
     Failure::invalid(format!("the text is no JSON: {error}"))
+}
+
+/// The key of the first table that is given as a list.
+fn list_for_table(key: &str, given: &Value, made: &Value) -> Option<String> {
+    match (given, made) {
+        (Value::Array(_), Value::Object(_)) => Some(key.into()),
+        (Value::Object(given), Value::Object(made)) => given
+            .iter()
+            .find_map(|(name, part)| list_for_table(&format!("{key}.{name}"), part, made.get(name)?)),
+        _ => None,
+    }
 }
 
 /// Replaces what a change names, section by section.

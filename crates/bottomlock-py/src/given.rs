@@ -82,13 +82,26 @@ impl<'de, 'py> Deserializer<'de> for Given<'py> {
         }
     }
 
+    /// Serde takes a list for a struct, too, by the order of its fields; here a table alone.
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        _fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Error> {
+        if self.0.is_instance_of::<PyList>() || self.0.is_instance_of::<PyTuple>() {
+            return Err(Error::invalid_type(Unexpected::Seq, &"struct"));
+        }
+        self.deserialize_any(visitor)
+    }
+
     fn deserialize_newtype_struct<V: Visitor<'de>>(self, _name: &'static str, visitor: V) -> Result<V::Value, Error> {
         visitor.visit_newtype_struct(self)
     }
 
     forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct seq tuple
-        tuple_struct map struct identifier ignored_any
+        tuple_struct map identifier ignored_any
     }
 }
 
