@@ -320,7 +320,7 @@ WATER_TRACK = Sensor(
     ),
 )
 
-SENSORS = (DEPTH, ATTITUDE, GPS, ACOUSTIC_POSITION, THRUST, EFFORT, WATER_TRACK)
+SENSORS: tuple[Sensor, ...] = (DEPTH, ATTITUDE, GPS, ACOUSTIC_POSITION, THRUST, EFFORT, WATER_TRACK)
 """In the order in which readings of the same time are taken, after inertial readings and pings."""
-INSTRUMENTS = (IMU, *SENSORS)
-SENSOR_OF = {sensor.reading: sensor for sensor in SENSORS}
+INSTRUMENTS: tuple[Instrument, ...] = (IMU, *SENSORS)
+SENSOR_OF: dict[type, Sensor] = {sensor.reading: sensor for sensor in SENSORS}
