@@ -41,7 +41,7 @@ from bottomlock.recordings.sensors import ATTITUDE, DEPTH, SENSORS, WATER_TRACK,
 class LiveConfig(NavigatorConfig):
     """A whole configuration; with `case` the sections of a navigator are those of a case of `bottomlock replay`.
 
-    A section may stand in one of the two files; of [start] the 1 sigma are the case's, the rest is not. Keys of the
+    A section may stand in one of the two files. From [start] of the case only the 1 sigma values are taken. Keys of the
     case that say how its tables are read do not count.
     """
 

@@ -10,32 +10,10 @@ from bottomlock.errors import ScenarioError
 from bottomlock.recordings.sensors import SENSORS
 
 _OF_FILES = {
-    *(
-        "file",
-        "clock",
-        "every",
-        "source",
-        "column",
-        "unit",
-        "up",
-        "valid",
-        "interval",
-        "geometry_known",
-        "aids",
-        "sd",
-    ),
-    *(
-        "force",
-        "omega",
-        "force_unit",
-        "omega_unit",
-        "velocity",
-        "velocity_unit",
-        "velocity_scale",
-        "angle_unit",
-    ),
-    *("roll", "pitch", "yaw", "latitude", "longitude", "height", "north", "east", "down"),
-}
+    "file", "clock", "every", "source", "column", "unit", "up", "valid", "interval", "geometry_known", "aids", "sd",
+    "force", "omega", "force_unit", "omega_unit", "velocity", "velocity_unit", "velocity_scale", "angle_unit",
+    "roll", "pitch", "yaw", "latitude", "longitude", "height", "north", "east", "down",
+}  # fmt: skip
 """Keys of a case that say how a table is read, which live sources are not."""
 _START = ("level_sd_deg", "heading_sd_deg", "position_sd_m", "velocity_sd_mps")
 """Keys of [start] that are what the filter assumes; the others are of the dive."""
@@ -98,7 +76,10 @@ def _is_kept(section: str, key: str) -> bool:
 
 
 def _imu(section: Mapping[str, Any]) -> dict[str, Any]:
-    """[imu] with its errors among its keys; live use bridges every gap, and the longest that a case fills is none."""
+    """[imu] with the keys of its errors beside the others.
+
+    `bridge_gaps_s` becomes the least `limits.max_gap_s`; `limits.gap` is left out, since live use bridges every gap.
+    """
     kept = {
         key: value for key, value in section.items() if key not in _OF_FILES | {"errors", "bridge_gaps_s"}
     }

@@ -1,7 +1,7 @@
 """The sensors beside IMU and DVL, each declared once for a case, a live configuration and a program's readings.
 
-A sensor is a section with its errors (`kernel_models`, `kernel_options`), a reading and an entry of `SENSORS`; nothing
-else names the sensors one by one.
+A sensor is a section with its errors (`kernel_models`, `kernel_options`), a reading and an entry of `SENSORS`. Beside
+it, only the models of the files name the sensors one by one; the readings of a simulation are in `config.sensors`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
