@@ -12,7 +12,6 @@ from pydantic import BaseModel, TypeAdapter
 
 from bottomlock.cli.keys import MODELS, OPEN_SECTIONS, Kind, keys, matching, reference
 from bottomlock.config.key_reference import describe, key_of, section_models
-from bottomlock.config.meaning import meanings_of
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
 from tools import key_reference
@@ -52,19 +51,6 @@ def test_every_key_is_described_and_its_example_is_valid() -> None:
             TypeAdapter(declared).validate_python(value)
             count += 1
     assert count > 400
-
-
-def test_no_meaning_is_of_a_key_that_does_not_exist() -> None:
-    """A key that was renamed leaves no entry behind."""
-    known = {(one.__module__, one.__name__): one for model in models() for one in model.__mro__}
-    folder = ROOT / "python" / "bottomlock" / "config" / "meanings"
-    modules = [f"bottomlock.{file.name.removesuffix('.toml')}" for file in folder.iterdir()]
-    assert modules
-    for module in modules:
-        for name, entries in meanings_of(module).items():
-            model = known[module, name]
-            assert issubclass(model, BaseModel)
-            assert set(entries) <= set(model.model_fields), f"{module}.{name}"
 
 
 @pytest.mark.parametrize("kind", get_args(Kind))

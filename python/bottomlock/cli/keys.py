@@ -3,14 +3,13 @@
 import dataclasses
 import json
 import sys
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from pydantic import BaseModel
 
 from bottomlock.cli.console import console
-from bottomlock.config.key_reference import Key, KeySection, section_models, section_paths, sections_of
-from bottomlock.config.meaning import meaning_of
+from bottomlock.config.key_reference import Key, KeySection, sections_of
 from bottomlock.config.mission_sections import MISSIONS, SEABEDS
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
@@ -56,7 +55,8 @@ def keys(
                 hint="leave one of them out",
             )
         dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-        text = json.dumps(dialect | _described(MODELS[kind]), indent=2, ensure_ascii=False)
+        schema = MODELS[kind].model_json_schema()
+        text = json.dumps(dialect | schema, indent=2, ensure_ascii=False)
         sys.stdout.write(f"{text}\n")
         return
     found = matching(reference(kind), word)
@@ -139,15 +139,3 @@ def summary(key: Key) -> str:
     span = f", {key.range}" if key.range not in {"", "any", "finite"} else ""
     default = key.default if key.default == "required" else f"default {key.default}"
     return f"{key.type}{unit}{span}; {default}"
-
-
-def _described(model: type[BaseModel]) -> dict[str, Any]:
-    """The schema of a model, each key with its meaning."""
-    content = model.model_json_schema()
-    for _, section in section_paths(model):
-        found = content if section is model else content.get("$defs", {}).get(section.__name__, {})
-        for name, entry in found.get("properties", {}).items():
-            # The definition of a section has its own words.
-            if not section_models(section.model_fields[name].annotation):
-                entry["description"] = meaning_of(section, name).text
-    return content

@@ -1,8 +1,9 @@
 """Errors and lever arms of depth, GPS and acoustic positions as a filter takes them; of a replay or live."""
 
-from typing import Any
+from typing import Annotated, Any
 
 from bottomlock import units
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section, Vector
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
 from bottomlock.kernel import models
@@ -15,10 +16,14 @@ class DepthErrors(Section):
     density, barometer. The filter estimates it.
     """
 
-    sd_m: Positive
+    sd_m: Annotated[Positive, shown(example=0.02)]
+    """white noise, 1 sigma"""
     bias_m: NonNegative = DEPTH_BIAS_M
+    """what the reading is off for hours, 1 sigma, which the filter estimates; 0 says nothing"""
     bias_time_s: Positive = DEPTH_BIAS_TIME_S
+    """correlation time of the bias"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    """position of the sensor from the IMU, platform axes"""
 
     def kernel_models(self) -> dict[str, models.Settings]:
         """Section of the kernel's model, SI."""
@@ -35,7 +40,9 @@ class GpsErrors(Section):
     """Noise of GPS positions along north, east, down, 1 sigma, of an antenna at `lever_arm_m` from the IMU."""
 
     position_sd_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
+    """noise of north, east, down, 1 sigma"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    """position of the antenna from the IMU, platform axes"""
 
     def kernel_models(self) -> dict[str, models.Settings]:
         """Section of the kernel's model, SI."""
@@ -54,9 +61,13 @@ class AcousticPositionErrors(Section):
     """
 
     sd_m: Positive = 0.5
+    """part of the noise that does not depend on range, each axis, 1 sigma"""
     sd_percent_of_range: NonNegative = 1.0
+    """part of the noise that grows with the slant range, each axis, 1 sigma"""
     transceiver_m: Vector = (0.0, 0.0, 0.0)
+    """position of the transceiver: north, east, down"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    """position of the transponder from the IMU, platform axes"""
 
     def kernel_models(self) -> dict[str, models.Settings]:
         """Section of the kernel's model, SI."""

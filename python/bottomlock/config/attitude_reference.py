@@ -7,6 +7,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from bottomlock import units
 from bottomlock.config.instrument_grades import filled_from_grade
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section
 from bottomlock.kernel import models
 
@@ -25,20 +26,35 @@ class AttitudeReference(Section):
     of these keys that are left out.
     """
 
-    grade: str | None = None
+    grade: Annotated[str | None, shown(example="mti_ahrs")] = None
+    """packaged grade that gives the standard deviations and the walk time left out here: magnetic, mti_ahrs,
+    gyrocompass; bottomlock list grades lists them"""
     frame: Literal["ned_frd", "enu_flu"] = "ned_frd"
+    """frames of the angles: north-east-down to forward-starboard-down, or east-north-up to forward-port-up"""
     mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    """rotation from sensor to platform axes: roll"""
     mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    """rotation from sensor to platform axes: pitch"""
     mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """rotation from sensor to platform axes: yaw"""
     yaw_offset_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """added to the yaw, for instance a declination"""
     aids: Literal["attitude", "heading", "nothing"] = "nothing"
+    """what the filter uses of it; the alignment may use it in any case"""
     roll_pitch_sd_deg: Positive = 1.0
+    """noise of roll and pitch, 1 sigma"""
     yaw_sd_deg: Positive = 5.0
+    """noise of the yaw, 1 sigma"""
     roll_pitch_offset_sd_deg: NonNegative = 0.0
+    """constant offset of roll and of pitch, 1 sigma; a state of the filter unless 0"""
     yaw_offset_sd_deg: NonNegative = 0.0
+    """constant offset of the yaw, likewise"""
     roll_pitch_walk_sd_deg: NonNegative = 0.0
+    """first-order walk of roll and of pitch, likewise"""
     yaw_walk_sd_deg: NonNegative = 0.0
+    """first-order walk of the yaw, likewise"""
     walk_time_s: Positive = models.WALK_TIME_S
+    """correlation time of the walks"""
 
     @model_validator(mode="wrap")
     @classmethod

@@ -5,6 +5,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section
 from bottomlock.kernel.models import Calibration
 
@@ -40,10 +41,15 @@ class StatedCalibration(Section):
     """
 
     mounting_sd_deg: tuple[SmallAngle, SmallAngle, SmallAngle] = (0.0, 0.0, 0.0)
+    """1 sigma of the mounting about the platform's forward, right and down axes"""
     scale_percent: Annotated[float, Field(gt=-50, lt=50, allow_inf_nan=False)] = 0.0
-    scale_sd_percent: Positive | None = None
+    """so much too much the DVL reads"""
+    scale_sd_percent: Annotated[Positive | None, shown(example=0.3)] = None
+    """1 sigma of the scale; none: that of the case"""
     clock_offset_s: Finite = 0.0
+    """to be added to the stamps of the DVL"""
     clock_sd_s: ShortTime = 0.0
+    """1 sigma of the clock offset"""
 
 
 class CalibrationSection(Section):
@@ -54,8 +60,12 @@ class CalibrationSection(Section):
     """
 
     enabled: bool = True
-    mounting_sd_deg: Angles | None = None
-    clock_sd_s: NonNegative | None = None
+    """whether mounting and clock are states of the filter"""
+    mounting_sd_deg: Annotated[Angles | None, shown(example=1.0)] = None
+    """1 sigma of the mounting, one value or three (forward, right, down); none: that of the DVL's file, 0 (certain)
+    without"""
+    clock_sd_s: Annotated[NonNegative | None, shown(example=0.1)] = None
+    """1 sigma of the clock offset; none: that of the DVL's file, 0 (certain) without"""
 
     @model_validator(mode="after")
     def _short(self) -> Self:

@@ -1,11 +1,12 @@
 """Geometry, noise and errors of a DVL as a filter takes them, of a replay or live."""
 
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import model_validator
 
 from bottomlock import units
 from bottomlock.config.calibration import StatedCalibration
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section
 from bottomlock.kernel import models
 
@@ -14,9 +15,13 @@ class DvlErrors(Section):
     """Errors of the DVL that the filter assumes beside the beams' white noise, 1 sigma."""
 
     beam_bias_mps: NonNegative = 0.005
+    """bias of a beam that is constant in a dive"""
     beam_bias_walk_mps_per_rt_s: NonNegative = 5e-5
+    """random walk of a beam's bias"""
     scale_factor_percent: NonNegative = 0.7
+    """scale factor common to the beams, constant in a dive"""
     scale_factor_walk_percent_per_rt_s: NonNegative = 5e-3
+    """random walk of the scale factor"""
 
     def kernel_model(self, beam_noise_sd_mps: float, stated: StatedCalibration | None) -> models.DvlModel:
         """The errors in SI, with the noise of a beam; a scale that is not given here is as the DVL's file states it."""
@@ -39,9 +44,12 @@ class DvlSettings(Section):
     own figure of merit of each beam and ping.
     """
 
-    geometry: str
-    beam_noise_mps: Positive | None = None
-    beam_noise_from: Literal["geometry", "recording"] = "geometry"
+    geometry: Annotated[str, shown(example="waterlinked_a50")]
+    """geometry of the DVL, packaged or a file"""
+    beam_noise_mps: Annotated[Positive | None, shown(example=0.02)] = None
+    """white noise of a beam, 1 sigma; none: the geometry's"""
+    beam_noise_from: Annotated[Literal["geometry", "recording"], shown(example="recording")] = "geometry"
+    """where the noise is from: geometry file, or the instrument's own figure of merit of each beam and ping"""
     errors: DvlErrors = DvlErrors()
 
     @model_validator(mode="after")

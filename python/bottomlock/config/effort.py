@@ -1,10 +1,11 @@
 """Forces of thrusters, the speed through the water by the vehicle's drag: mass, drag and their errors."""
 
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import model_validator
 
 from bottomlock import units
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section, Vector
 from bottomlock.kernel import models
 
@@ -16,17 +17,32 @@ class EffortErrors(Section):
     alone.
     """
 
-    mass_kg: Vector
-    linear_drag_kg_per_s: Vector = (0.0, 0.0, 0.0)
-    quadratic_drag_kg_per_m: Vector = (0.0, 0.0, 0.0)
-    buoyancy_n: Finite = 0.0
+    mass_kg: Annotated[Vector, shown(unit="kg", example=[19.9, 20.6, 32.2])]
+    """mass and added mass along surge, sway and heave"""
+    linear_drag_kg_per_s: Annotated[Vector, shown(unit="N s/m", example=[13.7, 0.0, 33.0])] = (0.0, 0.0, 0.0)
+    """drag over speed"""
+    quadratic_drag_kg_per_m: Annotated[Vector, shown(unit="N s²/m²", example=[141.0, 217.0, 190.0])] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    """drag over speed squared"""
+    buoyancy_n: Annotated[Finite, shown(unit="N")] = 0.0
+    """buoyancy less weight; negative for a vehicle that sinks"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    """the place that mass and drag refer to, platform frame"""
     uncertainty_percent: NonNegative = 10.0
+    """of the speed at a force, 1 sigma: half of that of a quadratic drag, all of that of a linear one"""
     inertia_percent: NonNegative = 20.0
+    """of mass and added mass, 1 sigma"""
     slip_mps: Positive = 0.02
+    """slip, 1 sigma: what waves, a tether and turns make of the speed at a force"""
     slip_time_s: Positive = 5.0
-    noise_n: Positive = 1.0
+    """correlation time of the slip"""
+    noise_n: Annotated[Positive, shown(unit="N")] = 1.0
+    """white noise of a force"""
     corrects: Literal["velocity", "all"] = "velocity"
+    """what a reading corrects: the velocity, speed at a force, slip, inertia and current alone, or all states"""
 
     @model_validator(mode="after")
     def _has_drag(self) -> Self:

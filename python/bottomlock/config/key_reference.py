@@ -11,7 +11,6 @@ import annotated_types
 from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 
-from bottomlock.config.meaning import Meaning, meaning_of
 from bottomlock.config.toml_value import toml_value
 from bottomlock.config.unit_of_key import unit_of
 
@@ -77,37 +76,45 @@ def key_of(model: type[BaseModel], name: str, field: FieldInfo) -> Key:
     Raises:
         LookupError: for a key without a meaning, or a number without a unit.
     """
-    found = meaning_of(model, name)
     kind, span = describe(field.annotation, tuple(field.metadata))
+    if not field.description:
+        raise LookupError(f"{model.__name__}.{name} has no meaning: add a docstring below the attribute")
     return Key(
         name=name,
         type=kind,
-        unit=_unit(model, name, field, found),
+        unit=_unit(model, name, field),
         default=_default(field),
-        range=found.range or span,
-        meaning=found.text,
-        example=f"{name} = {toml_value(example_of(name, field, found))}",
+        range=_stated(field, "range") or span,
+        meaning=" ".join(field.description.split()),
+        example=f"{name} = {toml_value(example_of(name, field))}",
     )
 
 
-def example_of(name: str, field: FieldInfo, found: Meaning) -> Any:  # noqa: ANN401 - of any key
-    """The value of the example: the stated one, else the default.
+def _stated(field: FieldInfo, name: str) -> str:
+    extra = field.json_schema_extra
+    return str(extra.get(name, "")) if isinstance(extra, dict) else ""
+
+
+def example_of(name: str, field: FieldInfo) -> Any:  # noqa: ANN401 - of any key
+    """The value of the example: the stated one, else the default, else the first of a choice.
 
     Raises:
-        LookupError: for a key that has neither.
+        LookupError: for a key that has none of them.
     """
-    if found.example is not None:
-        return found.example
+    if field.examples:
+        return field.examples[0]
     default = None if field.is_required() else field.get_default(call_default_factory=True)
-    if default is None or default in ((), {}):
-        raise LookupError(f"'{name}' has no example, and its default is none")
-    return default
+    if default is not None and default not in ((), {}):
+        return default
+    if get_origin(field.annotation) is Literal:
+        return get_args(field.annotation)[0]
+    raise LookupError(f"'{name}' has no example, and its default is none")
 
 
-def _unit(model: type[BaseModel], name: str, field: FieldInfo, found: Meaning) -> str:
+def _unit(model: type[BaseModel], name: str, field: FieldInfo) -> str:
     """The unit: stated, of a coefficient, or that of the key's ending; "1" of a number without dimension."""
     units = [list(one.units) for one in _coefficients(field.annotation, tuple(field.metadata))]
-    unit = found.unit or (" or ".join(units[0]) if units else unit_of(name))
+    unit = _stated(field, "unit") or (" or ".join(units[0]) if units else unit_of(name))
     if not unit and _has_numbers(field.annotation):
         raise LookupError(f"{model.__name__}.{name} is a number without a unit")
     return unit

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from bottomlock.config.meaning import shown
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.support.nearest import guess
@@ -24,76 +25,118 @@ Length = Annotated[float, Field(ge=0.1, le=1e6)]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class CurrentTable(_Table):
     """The current: mean speed and direction, its turn, shear with depth, and a Gauss-Markov variation."""
 
     speed_mps: NotNegative = 0.0
+    """mean speed of the current"""
     towards_deg: Finite = 0.0
+    """direction that it sets towards at the start, from north to east"""
     turn_deg_per_h: Finite = 0.0
-    shear_north_mps_per_m: Finite = 0.0
-    shear_east_mps_per_m: Finite = 0.0
+    """rate at which the mean turns from north to east, as with a tide; the shear does not turn"""
+    shear_north_mps_per_m: Annotated[Finite, shown(unit="m/s per m")] = 0.0
+    """change of its north component with depth"""
+    shear_east_mps_per_m: Annotated[Finite, shown(unit="m/s per m")] = 0.0
+    """change of its east component with depth"""
     wander_sd_mps: NotNegative = 0.0
+    """1 sigma of its variation, each component"""
     wander_time_s: Positive = 120.0
-    seed: int = 0
+    """correlation time of its variation"""
+    seed: Annotated[int, shown(unit="1")] = 0
+    """seed of its variation"""
 
 
 class StuckFinTable(_Table):
     """A fin that is stuck at an angle."""
 
-    fin: Annotated[int, Field(ge=1, le=4)]
-    angle_deg: Finite
+    fin: Annotated[int, Field(ge=1, le=4), shown(unit="1", example=2)]
+    """number of the fin that is stuck"""
+    angle_deg: Annotated[Finite, shown(example=5.0)]
+    """angle at which it stands"""
 
 
 class _MissionTable(_Table):
     speed_mps: Speed = 2.0
+    """speed over ground"""
     guidance: Literal["line_of_sight", "constant_bearing"] = "line_of_sight"
+    """law of guidance"""
     current: CurrentTable = CurrentTable()
     stuck_fin: StuckFinTable | None = None
-    heading_deg: Finite | None = None
+    heading_deg: Annotated[Finite | None, shown(example=30.0)] = None
+    """heading that a vehicle with thrusters holds; without it the vehicle points along its path"""
 
 
 class StraightTable(_MissionTable):
     """Trajectory 1: north at constant depth."""
 
     kind: Literal["straight"]
+    """the path"""
     duration_s: Duration = 250.0
+    """length of a run"""
     depth_m: NotNegative = 20.0
+    """depth throughout"""
 
 
 class FigureEightTable(_MissionTable):
     """Trajectory 2: circles to the right and to the left in turn, with a dive."""
 
     kind: Literal["figure_eight"]
+    """the path"""
     duration_s: Duration = 250.0
+    """length of a run"""
     depth_m: NotNegative = 20.0
+    """depth at the start"""
     radius_m: Length = 40.0
+    """radius of each circle"""
     dive_rate_mps: Finite = 0.1
+    """sink rate throughout"""
 
 
 class LawnMowerTable(_MissionTable):
     """Trajectory 3: a dive, then legs at constant depth joined by half turns."""
 
     kind: Literal["lawn_mower"]
+    """the path"""
     duration_s: Duration = 250.0
+    """length of a run"""
     depth_m: NotNegative = 20.0
+    """depth at the start"""
     leg_m: Length = 80.0
+    """length of a leg"""
     spacing_m: Length = 30.0
+    """distance between legs"""
     dive_rate_mps: Finite = 0.3
+    """sink rate on the way in"""
     dive_duration_s: Duration = 30.0
+    """length of the dive"""
 
 
 class WaypointsTable(_MissionTable):
     """A user's trajectory: waypoints (north, east in m), rounded corners, depth at times."""
 
     kind: Literal["waypoints"]
-    name: Annotated[str, Field(min_length=1)]
-    waypoints_m: Annotated[list[tuple[Finite, Finite]], Field(min_length=2)]
+    """the path"""
+    name: Annotated[str, Field(min_length=1), shown(example="harbour")]
+    """name of the path"""
+    waypoints_m: Annotated[
+        list[tuple[Finite, Finite]],
+        Field(min_length=2),
+        shown(example=[[0.0, 0.0], [200.0, 0.0], [200.0, 80.0]]),
+    ]
+    """north and east of each waypoint"""
     turn_radius_m: Length = 15.0
-    depth_profile: Annotated[list[tuple[Finite, NotNegative]], Field(min_length=1)]
-    duration_s: Duration | None = None
+    """radius of the corners"""
+    depth_profile: Annotated[
+        list[tuple[Finite, NotNegative]],
+        Field(min_length=1),
+        shown(unit="s, m", example=[[0.0, 5.0], [60.0, 20.0]]),
+    ]
+    """time (s) and depth (m) of each knot, joined by constant rates"""
+    duration_s: Annotated[Duration | None, shown(example=300.0)] = None
+    """length of a run; none: to the end of the path"""
 
 
 AnyMission: TypeAlias = StraightTable | FigureEightTable | LawnMowerTable | WaypointsTable
@@ -109,26 +152,37 @@ class FlatSeabedTable(_Table):
     """A plane: depth below the origin and slopes, positive where it deepens."""
 
     kind: Literal["plane"]
-    depth_m: Positive
+    """a plane"""
+    depth_m: Annotated[Positive, shown(example=72.0)]
+    """depth of the bottom below the origin"""
     slope_north_deg: Finite = 0.0
+    """slope, positive where it deepens northwards"""
     slope_east_deg: Finite = 0.0
+    """slope, positive where it deepens eastwards"""
 
 
 class RollingSeabedTable(_Table):
     """A synthetic grid of crossed undulations."""
 
     kind: Literal["rolling"]
-    depth_m: Positive
-    relief_m: NotNegative
-    wavelength_m: Positive
+    """a made grid of crossed undulations"""
+    depth_m: Annotated[Positive, shown(example=60.0)]
+    """mean depth of the bottom"""
+    relief_m: Annotated[NotNegative, shown(example=6.0)]
+    """height of the undulations"""
+    wavelength_m: Annotated[Positive, shown(example=120.0)]
+    """their wavelength"""
     half_width_m: Positive = 600.0
+    """distance from the origin to the grid's edge"""
 
 
 class GridSeabedTable(_Table):
     """A user's grid file (.toml or .npz)."""
 
     kind: Literal["grid"]
-    path: Path
+    """a grid of your own"""
+    path: Annotated[Path, shown(example="harbour.npz")]
+    """file of the grid, TOML or npz, from the scenario's folder"""
 
 
 AnySeabed: TypeAlias = FlatSeabedTable | RollingSeabedTable | GridSeabedTable

@@ -1,6 +1,9 @@
 """Noise of a motion that is made from attitudes, without inertial readings (docs/no_imu.md)."""
 
+from typing import Annotated
+
 from bottomlock import units
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section
 from bottomlock.kernel.models import ImuModel
 
@@ -16,8 +19,10 @@ class MotionErrors(Section):
     changes: by the 1 sigma of its yaw in an hour if it is left out.
     """
 
-    accel_noise_mps_per_rt_h: Positive | None = None
-    gyro_noise_deg_per_rt_h: NonNegative | None = None
+    accel_noise_mps_per_rt_h: Annotated[Positive | None, shown(example=1.5)] = None
+    """white noise of the vehicle's own accelerations, 1 sigma; none: measured on the log"""
+    gyro_noise_deg_per_rt_h: Annotated[NonNegative | None, shown(example=2.0)] = None
+    """how the error of the attitude changes, 1 sigma; none: by the 1 sigma of the yaw an hour"""
 
     def kernel_model(self, accel_noise_mps_rts: float, gyro_noise_rad_rts: float) -> ImuModel:
         """The errors in SI; what the section leaves out is given, in m/s/√s and rad/√s. There are no biases."""

@@ -1,11 +1,12 @@
 """Methods of one's own in a scenario or a case: where they come from, and their names among the methods."""
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from bottomlock import own_method
+from bottomlock.config.meaning import shown
 
 
 class OwnMethods(BaseModel):
@@ -14,7 +15,10 @@ class OwnMethods(BaseModel):
     `methods` may hold these too, and in Python classes and objects; it has their names afterwards.
     """
 
-    own_methods: tuple[str, ...] = ()
+    model_config = ConfigDict(use_attribute_docstrings=True)
+    own_methods: Annotated[tuple[str, ...], shown(example=["partial_loose.py:PartialLoose"])] = ()
+    """methods of your own, as module:Class or file.py:Class; a name of this form among the methods is put here by
+    itself"""
 
     @model_validator(mode="before")
     @classmethod

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from bottomlock import units
+from bottomlock.config.meaning import shown
 from bottomlock.config.mission_sections import CurrentTable, faults_of
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario_sections import (
@@ -53,12 +54,20 @@ class Scenario(SensorSections):
         0.02
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
-    description: str = ""
+    name: Annotated[
+        str, Field(pattern=r"^[A-Za-z0-9_\-]+$"), shown(range="letters, digits, _ and -", example="harbour")
+    ]
+    """name of the campaign's rows, tables and figures"""
+    description: Annotated[str, shown(example="A survey of the harbour with two beams")] = ""
+    """one sentence for tables and pages"""
     trajectory: Trajectory
-    mission: dict[str, Any] = Field(default_factory=dict)
+    mission: Annotated[dict[str, Any], shown(example={"depth_m": 20.0})] = Field(default_factory=dict)
+    """the vehicle's path, with the keys of its kind"""
     environment: Environment = Environment()
-    seabed: dict[str, Any] = Field(default_factory=dict)
+    seabed: Annotated[dict[str, Any], shown(example={"kind": "plane", "depth_m": 60.0})] = Field(
+        default_factory=dict
+    )
+    """the bottom, with the keys of its kind; without it every beam is in range"""
     imu: Imu
     dvl: Dvl
     water_track: WaterTrack = WaterTrack(enabled=False)

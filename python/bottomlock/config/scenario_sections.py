@@ -18,6 +18,7 @@ from pydantic import (
 from bottomlock import units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
 from bottomlock.config.instrument_grades import filled_from_grade, imu_model
+from bottomlock.config.meaning import shown
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, Configuration, models
@@ -36,7 +37,7 @@ Vector = tuple[Finite, Finite, Finite]
 class Section(BaseModel):
     """A section: unknown keys are errors, values are kept as read."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class Trajectory(PathKeys, Section):
@@ -47,19 +48,34 @@ class Trajectory(PathKeys, Section):
     """
 
     kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints", "file"]
+    """the path; constant_turn is analytic only, waypoints of a vehicle only; a file needs no kind"""
     source: Literal["vehicle", "analytic", "file"] = "vehicle"
+    """who makes the motion: a simulated vehicle under guidance, analytic functions with exact derivatives, or the
+    splines through a file"""
     vehicle: str = "tauv"
+    """packaged vehicle, or a vehicle file, from the scenario's folder; source vehicle only"""
     feedback: Literal["truth", "estimate"] = "truth"
-    pilot: str = "own"
+    """state that guidance and control use; with the estimate the path has the navigation error; source vehicle only"""
+    pilot: Annotated[str, shown(range='"own" or a method of the campaign')] = "own"
+    """with feedback = "estimate": the method whose estimate steers, or "own": each method has its own vehicle"""
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 250.0
+    """length of a run; a path through waypoints ends at the last of them unless this is given"""
     speed_mps: Annotated[float, Field(gt=0, le=50)] = 2.0
+    """speed over ground that the path is followed with"""
     heading_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """heading at the start, from north to east; source analytic only"""
     yaw_rate_deg_per_s: Annotated[float, Field(gt=0, le=90)] = 3.0
+    """rate of the turns; source analytic only"""
     dive_angle_deg: Annotated[float, Field(ge=0, le=60)] = 5.0
+    """pitch of the dive, down; source analytic only"""
     dive_s: NonNegative = 30.0
+    """length of the dive; source analytic only"""
     leg_s: Positive = 40.0
+    """length of a leg of the lawn mower; source analytic only"""
     turn_s: Positive = 20.0
+    """length of a half turn of the lawn mower; source analytic only"""
     sway_gain_m: Annotated[float, Field(ge=-10, le=10)] = 0.6
+    """sway over yaw rate in turns, m/s for each rad/s; source analytic only"""
 
     @model_validator(mode="after")
     def _of_one_source(self) -> Self:
@@ -83,24 +99,39 @@ class Environment(Section):
     """Position on the Earth, and the date; longitude and decimal year are used for the magnetic field only."""
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)] = 32.8
+    """latitude, for gravity and the Earth's rate"""
     longitude_deg: Annotated[float, Field(ge=-180, le=360)] = 35.0
-    year: Annotated[float, Field(ge=1900, le=2100)] = 2026.0
-    gravity: Literal["normal"] | Positive = "normal"
+    """longitude, for the magnetic field alone"""
+    year: Annotated[float, Field(ge=1900, le=2100), shown(unit="year")] = 2026.0
+    """decimal year, for the magnetic field alone"""
+    gravity: Annotated[Literal["normal"] | Positive, shown(unit="m/s²")] = "normal"
+    """gravity: normal (WGS 84, at latitude and depth), or a number"""
     depth_m: Finite = 0.0
+    """depth at which normal gravity is taken; on the ellipsoid it follows from the vehicle's depth"""
     earth_rotation: bool = True
+    """whether the Earth turns, for truth and filter alike"""
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
+    """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
 
 
 class ImuErrors(Section):
     """Errors of inertial sensors, 1 sigma; those of a packaged grade where `grade` names one and a key is left out."""
 
-    grade: str | None = None
-    accel_bias_mg: NonNegative
-    gyro_bias_deg_per_h: NonNegative
-    accel_noise_mps_per_rt_h: NonNegative
-    gyro_noise_deg_per_rt_h: NonNegative
+    grade: Annotated[str | None, shown(example="mti")] = None
+    """packaged grade that gives the keys left out here: phone, autopilot, mti, tactical, fibre_optic, ring_laser;
+    bottomlock list grades lists them"""
+    accel_bias_mg: Annotated[NonNegative, shown(example=0.5)]
+    """accelerometer bias that is constant in a run, each axis"""
+    gyro_bias_deg_per_h: Annotated[NonNegative, shown(example=3.0)]
+    """gyro bias that is constant in a run, each axis"""
+    accel_noise_mps_per_rt_h: Annotated[NonNegative, shown(example=0.072)]
+    """velocity random walk, each axis"""
+    gyro_noise_deg_per_rt_h: Annotated[NonNegative, shown(example=0.34)]
+    """angle random walk, each axis"""
     accel_bias_walk_mps2_per_rt_s: NonNegative = 0.0
+    """random walk of the accelerometer bias"""
     gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
+    """random walk of the gyro bias"""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -125,12 +156,19 @@ class ImuLimits(Section):
     """
 
     max_rate_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = math.degrees(_LIMITS.max_rate_radps)
+    """full scale of the gyros: a reading at or beyond it is rejected"""
     max_force_mps2: Annotated[float, Field(gt=0, le=1e6)] = _LIMITS.max_force_mps2
-    stuck_after: Annotated[int, Field(ge=0, le=1_000_000)] = _LIMITS.stuck_after
+    """full scale of the accelerometers: a reading at or beyond it is rejected"""
+    stuck_after: Annotated[int, Field(ge=0, le=1_000_000), shown(unit="1")] = _LIMITS.stuck_after
+    """equal readings in a row after which a sensor counts as stuck; 0 never"""
     max_gap_s: Annotated[float, Field(gt=0, le=1e6)] = _LIMITS.max_gap_s
+    """longest interval without good readings that is bridged as it is"""
     gap: Literal["refuse", "inflate"] = _LIMITS.gap
+    """what a longer one does: refuse ends with an error, inflate bridges it with its uncertainty"""
     gap_rate_deg_per_s: NonNegative = math.degrees(_LIMITS.gap_rate_sd_radps)
+    """angular rate that may happen unseen in a gap, each axis"""
     gap_accel_mps2: NonNegative = _LIMITS.gap_accel_sd_mps2
+    """acceleration that may happen unseen in a gap, each axis"""
 
     def kernel_limits(self) -> models.ImuLimits:
         """The limits in SI."""
@@ -146,31 +184,41 @@ class Imu(ImuErrors):
     """Inertial measurement unit: rate, errors, and the limits of its readings outside a simulation."""
 
     rate_hz: Annotated[float, Field(ge=1, le=10_000)] = 150.0
+    """rate of the readings"""
     sampling: Literal["instantaneous", "averaged"] = "instantaneous"
+    """whether a reading is of its moment, or the mean over the interval before it"""
     limits: ImuLimits = ImuLimits()
 
 
 class Outage(Section):
     """Beams that do not return between two times."""
 
-    beams: tuple[Annotated[int, Field(ge=1, le=8)], ...]
+    beams: Annotated[tuple[Annotated[int, Field(ge=1, le=8)], ...], shown(unit="1", example=[3, 4])]
+    """beams that do not return, numbered from 1"""
     from_s: NonNegative = 0.0
-    to_s: Positive = math.inf
+    """begin, from the start"""
+    to_s: Annotated[Positive, shown(example=120.0)] = math.inf
+    """end, from the start; without it until the end"""
 
 
 class Dropout(Section):
     """Beams that come and go by chance, each by itself: mean times up and down, memoryless in between."""
 
-    beams: tuple[Annotated[int, Field(ge=1, le=8)], ...]
-    mean_up_s: Positive
-    mean_down_s: Positive
+    beams: Annotated[tuple[Annotated[int, Field(ge=1, le=8)], ...], shown(unit="1", example=[1, 2])]
+    """beams that come and go, each by itself, numbered from 1"""
+    mean_up_s: Annotated[Positive, shown(example=20.0)]
+    """mean time that a beam returns"""
+    mean_down_s: Annotated[Positive, shown(example=5.0)]
+    """mean time that it does not"""
 
 
 class AltitudeLoss(Section):
     """All beams lost together by chance: mean times up and down."""
 
-    mean_up_s: Positive
-    mean_down_s: Positive
+    mean_up_s: Annotated[Positive, shown(example=120.0)]
+    """mean time that the bottom is in range"""
+    mean_down_s: Annotated[Positive, shown(example=15.0)]
+    """mean time that it is not, and no beam returns"""
 
 
 class Dvl(Section):
@@ -184,32 +232,67 @@ class Dvl(Section):
     """
 
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 1.0
+    """rate of the pings"""
     configuration: Configuration = "x"
-    tilt_deg: BeamTilt = 20.0
-    tilts_deg: tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None = None
-    azimuths_deg: tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None = None
-    directions: tuple[Vector, ...] | None = None
-    lever_arms_m: tuple[Vector, ...] | None = None
+    """beams in an x (azimuths 45, 135, 225, 315 deg), in a + (0, 90, 180, 270), by angles, or by directions"""
+    tilt_deg: Annotated[BeamTilt, shown(range="≥ 2.0, < 90.0")] = 20.0
+    """tilt of every beam from the vertical, for x and +"""
+    tilts_deg: Annotated[
+        tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None, shown(example=[22.5, 22.5, 22.5, 22.5])
+    ] = None
+    """tilt of each beam, for angles"""
+    azimuths_deg: Annotated[
+        tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None,
+        shown(example=[135.0, -135.0, -45.0, 45.0]),
+    ] = None
+    """azimuth of each beam from forward to starboard, for angles"""
+    directions: Annotated[
+        tuple[Vector, ...] | None,
+        shown(unit="1", example=[[0.342, 0.0, 0.94], [-0.171, 0.296, 0.94], [-0.171, -0.296, 0.94]]),
+    ] = None
+    """unit vector of each beam, instrument axes, pointing away from it, for directions"""
+    lever_arms_m: Annotated[
+        tuple[Vector, ...] | None,
+        shown(example=[[0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1]]),
+    ] = None
+    """position of each transducer from the IMU, platform axes; none: at the IMU"""
     mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    """rotation from instrument to platform axes: roll"""
     mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    """rotation from instrument to platform axes: pitch"""
     mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    sound_speed_scale: Positive = 1.0
-    beam_noise_mps: Positive
+    """rotation from instrument to platform axes: yaw"""
+    sound_speed_scale: Annotated[Positive, shown(unit="1")] = 1.0
+    """factor of the readings, for instance true over assumed speed of sound"""
+    beam_noise_mps: Annotated[Positive, shown(example=0.042)]
+    """white noise of a beam"""
     beam_bias_mps: NonNegative = 0.005
+    """bias of a beam that is constant in a run"""
     beam_bias_walk_mps_per_rt_s: NonNegative = 5e-5
+    """random walk of a beam's bias"""
     scale_factor_percent: NonNegative = 0.7
+    """scale factor common to the beams, constant in a run"""
     scale_factor_walk_percent_per_rt_s: NonNegative = 5e-3
-    outlier_fraction: Fraction = 0.0
-    outlier_factor: Factor = 10.0
+    """random walk of the scale factor"""
+    outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
+    """part of a beam's readings that are outliers; the filter does not model them"""
+    outlier_factor: Annotated[Factor, shown(unit="1")] = 10.0
+    """noise of an outlier over that of a good reading"""
     min_range_m: NonNegative = 0.0
-    max_range_m: Annotated[float, Field(gt=0)] = math.inf
+    """least range at which a beam returns; needs [seabed]"""
+    max_range_m: Annotated[float, Field(gt=0), shown(example=64.0)] = math.inf
+    """greatest range at which a beam returns; needs [seabed]"""
     max_incidence_deg: Annotated[float, Field(gt=0, le=90)] = 90.0
+    """greatest angle between beam and the bottom's normal at which it returns; needs [seabed]"""
     range_noise_m: NonNegative = 0.0
-    beams_lost: tuple[Annotated[int, Field(ge=1, le=8)], ...] = ()
+    """white noise of the ranges, which decide what returns; needs [seabed]"""
+    beams_lost: Annotated[tuple[Annotated[int, Field(ge=1, le=8)], ...], shown(unit="1", example=[3, 4])] = ()
+    """beams lost throughout, numbered from 1"""
     outages: tuple[Outage, ...] = ()
     dropouts: tuple[Dropout, ...] = ()
     altitude_loss: AltitudeLoss | None = None
-    replay_validity: str | None = None
+    replay_validity: Annotated[str | None, shown(example="dive.parquet")] = None
+    """beam table of a recorded log whose validity is repeated end to end, from the scenario's folder"""
 
     @property
     def beams(self) -> int:
@@ -258,10 +341,15 @@ class Initial(Section):
     """Uncertainty of the initial state, 1 sigma."""
 
     position_m: Triple = (2.0, 2.0, 2.0)
+    """north, east, down"""
     velocity_mps: Triple = (0.05, 0.05, 0.05)
+    """surge, sway, heave"""
     roll_deg: NonNegative = 0.573
+    """roll"""
     pitch_deg: NonNegative = 0.573
+    """pitch"""
     yaw_deg: NonNegative = 1.146
+    """yaw"""
 
 
 _WATER: Final = models.Water()
@@ -274,16 +362,28 @@ class Water(Section):
     docs/methods/sway_current.md says where each number comes from.
     """
 
-    vehicle: str | None = None
+    vehicle: Annotated[str | None, shown(example="hovering")] = None
+    """kind of vehicle that gives the keys left out here: torpedo, hovering, glider, surface; bottomlock list grades
+    lists them"""
     current_sd_mps: NonNegative = _WATER.current_sd_mps
+    """current along north and along east"""
     current_time_s: Positive = _WATER.current_time_s
+    """correlation time of the current"""
     sway_gain_m: Finite = _WATER.sway_gain_m
+    """sway through the water over yaw rate, its sign reversed: m/s for each rad/s"""
     sway_gain_sd_m: NonNegative = _WATER.sway_gain_sd_m
+    """its uncertainty"""
     trim_sd_mps: NonNegative = _WATER.trim_sd_mps
+    """heave through the water in level flight"""
     trim_time_s: Positive = _WATER.trim_time_s
+    """its correlation time"""
     slip_sd_mps: Positive = _WATER.slip_sd_mps
+    """sway and heave through the water beside these"""
     slip_time_s: Positive = _WATER.slip_time_s
-    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False)] = _WATER.slip_epochs
+    """their correlation time"""
+    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False), shown(unit="1")] = _WATER.slip_epochs
+    """observations, a fifth of the correlation time apart, that this slip counts for where it is learned with every
+    beam"""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -302,9 +402,13 @@ class Motion(Section):
     """
 
     mean_sd_mps: tuple[NonNegative, NonNegative, NonNegative] = _MOTION["mean_sd_mps"]
+    """mean velocity along forward, right, down; 0 with no change either leaves an axis free"""
     mean_time_s: Positive = _MOTION["mean_time_s"]
+    """its correlation time"""
     change_sd_mps: tuple[NonNegative, NonNegative, NonNegative] = _MOTION["change_sd_mps"]
+    """change of the velocity about its mean"""
     change_time_s: tuple[Positive, Positive, Positive] = _MOTION["change_time_s"]
+    """its correlation time"""
 
 
 _LAYERS: Final = models.CurrentLayers()
@@ -314,10 +418,15 @@ class CurrentLayers(Section):
     """Prior of the current by depth, with water track (docs/methods/without_bottom.md); `sd_mps` 0 is no layers."""
 
     sd_mps: NonNegative = _LAYERS.sd_mps
+    """part of the current that a layer has to itself; 0 is one current for all depths"""
     time_s: Positive = _LAYERS.time_s
+    """its correlation time"""
     way_m: Positive = _LAYERS.way_m
+    """its correlation length along the way over ground"""
     spacing_m: Positive = _LAYERS.spacing_m
+    """distance between two layers"""
     mean_time_s: Positive = _LAYERS.mean_time_s
+    """correlation time of what all depths have in common"""
 
 
 _OPTIONS: Final = models.Options()
@@ -334,16 +443,30 @@ class Filter(Section):
     """
 
     gate: Literal["joint", "per_row", "off"] = _OPTIONS.gate
-    gate_probability: Annotated[float, Field(gt=0, lt=1)] = _OPTIONS.gate_probability
-    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000)] = _OPTIONS.inflate_after_rejections
+    """test of a measurement: joint for all its rows, per_row for each, off for none"""
+    gate_probability: Annotated[float, Field(gt=0, lt=1), shown(unit="1")] = _OPTIONS.gate_probability
+    """probability with which a good measurement passes"""
+    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000), shown(unit="1")] = (
+        _OPTIONS.inflate_after_rejections
+    )
+    """rejections of a sensor in a row before the covariance is inflated; 0 never"""
     covariance_rate_hz: NonNegative = 1e9 / _OPTIONS.covariance_period_ns
+    """rate of the covariance's propagation; 0 at every inertial reading"""
     estimate_dvl: bool = _OPTIONS.estimate_dvl
-    virtual_beam_factor: Positive = _OPTIONS.assumptions.virtual_beam_factor
+    """whether beam biases and scale factor are states (20), or frozen (15)"""
+    virtual_beam_factor: Annotated[Positive, shown(unit="1")] = _OPTIONS.assumptions.virtual_beam_factor
+    """n_f of Eq. 28: inflation of a virtual beam (vb)"""
     nullified_sway_var_m2ps2: Positive = _OPTIONS.assumptions.nullified_sway_var_m2ps2
+    """ε of Eq. 36: variance of the sway that is taken for zero (nsv)"""
     weak_sway_var_m2ps2: Positive = _OPTIONS.assumptions.weak_sway_var_m2ps2
+    """variance of sway times its correlation time, once a second (weak_sway)"""
     information_port: Literal["axes", "full"] = _OPTIONS.information_port
+    """what info hands over: the observable axes, or the full vector with a large variance"""
     speed_sd_mps: NonNegative = _OPTIONS.speed_bound.sd_mps
+    """bound on each component of the velocity while the beams leave a direction unobserved beyond the linear range;
+    0 none"""
     speed_time_s: Positive = _OPTIONS.speed_bound.time_s
+    """correlation time of that bound's error"""
     water: Water = Water()
     current_layers: CurrentLayers = CurrentLayers()
     motion: Motion = Motion()
@@ -381,10 +504,15 @@ class Robust(Section):
     """
 
     enabled: bool = True
-    closure_gate: Gate = _ROBUST.closure_gate or "off"
-    beam_gate: Gate = _ROBUST.beam_gate or "off"
+    """whether outliers among the beams are treated before a method uses a ping"""
+    closure_gate: Annotated[Gate, shown(unit="1")] = _ROBUST.closure_gate or "off"
+    """probability with which the closure of a good ping passes, or "off" """
+    beam_gate: Annotated[Gate, shown(unit="1")] = _ROBUST.beam_gate or "off"
+    """probability with which a good beam passes against the filter's own velocity, or "off" """
     tail: Literal["gaussian", "student_t"] = _ROBUST.tail
-    student_t_degrees: Positive = _ROBUST.student_t_degrees
+    """distribution of the noise of the beams that pass"""
+    student_t_degrees: Annotated[Positive, shown(unit="1")] = _ROBUST.student_t_degrees
+    """degrees of freedom, for student_t"""
 
     def kernel_options(self) -> models.Robust | None:
         """The treatment as the kernel takes it, None for none."""
@@ -425,6 +553,11 @@ def known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call 
 class Campaign(OwnMethods, Section):
     """How many runs of what; `own_methods` says where methods of one's own are (docs/own_method.md)."""
 
-    runs: Annotated[int, Field(ge=1, le=10_000_000)] = 100
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
-    methods: Annotated[tuple[str, ...], BeforeValidator(known_methods)] = METHODS
+    runs: Annotated[int, Field(ge=1, le=10_000_000), shown(unit="1")] = 100
+    """number of runs of each trajectory"""
+    seed: Annotated[int, Field(ge=0, lt=2**63), shown(unit="1")] = 2017
+    """seed of every random number"""
+    methods: Annotated[
+        tuple[str, ...], BeforeValidator(known_methods), shown(example=["tc", "sway_current"])
+    ] = METHODS
+    """aiding methods, all on the same readings; also dead_reckoning, where [magnetometer] or [heading] is enabled"""

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from bottomlock import units
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import (
     Factor,
     Finite,
@@ -40,14 +41,24 @@ class Depth(Section):
     """
 
     enabled: bool = True
+    """whether there is a depth sensor; a section that is there is on unless it says otherwise"""
     rate_hz: Positive = 0.25
+    """rate of the readings"""
     noise_pa: Positive = 194.0
+    """white noise of the pressure"""
     bias_m: NonNegative = DEPTH_BIAS_M
+    """offset, tide, density and barometer together, which the filter estimates and a run draws; 0 says that there
+    are none"""
     bias_time_s: Positive = DEPTH_BIAS_TIME_S
+    """correlation time of the bias"""
     water_density_kg_per_m3: Positive = 1025.0
-    true_density_kg_per_m3: Positive | None = None
+    """density with which the sensor takes its pressure for depth"""
+    true_density_kg_per_m3: Annotated[Positive | None, shown(example=1027.0)] = None
+    """density of the water itself; none: the sensor's"""
     tide_m: Finite = 0.0
+    """what the tide adds to the reading; not drawn"""
     barometric_offset_pa: Finite = 0.0
+    """what the barometer adds to the pressure; not drawn"""
 
 
 class Magnetometer(Section):
@@ -59,42 +70,77 @@ class Magnetometer(Section):
     """
 
     enabled: bool = True
+    """whether there is a magnetometer with tilt sensor"""
     rate_hz: Positive = 0.5
+    """rate of the readings"""
     yaw_noise_deg: Positive = 5.72
+    """white noise of the yaw"""
     roll_pitch_noise_deg: Positive = 1.15
+    """white noise of roll and pitch"""
     yaw_offset_sd_deg: NonNegative = 0.0
+    """constant offset of the yaw, drawn for each run; a state of the filter unless 0"""
     roll_pitch_offset_sd_deg: NonNegative = 0.0
+    """constant offset of roll and of pitch, likewise"""
     yaw_walk_sd_deg: NonNegative = 0.0
+    """first-order walk of the yaw, likewise"""
     roll_pitch_walk_sd_deg: NonNegative = 0.0
+    """first-order walk of roll and of pitch, likewise"""
     walk_time_s: Positive = models.WALK_TIME_S
-    declination_deg: Annotated[float, Field(ge=-180, le=180)] | Literal["wmm"] = 0.0
+    """correlation time of the walks"""
+    declination_deg: Annotated[
+        Annotated[float, Field(ge=-180, le=180)] | Literal["wmm"], shown(range='≥ -180.0, ≤ 180.0, or "wmm"')
+    ] = 0.0
+    """declination of the field; "wmm" takes the field from the World Magnetic Model"""
     inclination_deg: Annotated[float, Field(gt=-90, lt=90)] = 49.0
-    field_nt: Positive = 45_000.0
-    assumed_declination_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
-    hard_iron_nt: Vector = (0.0, 0.0, 0.0)
-    soft_iron: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    """inclination of the field, down"""
+    field_nt: Annotated[Positive, shown(unit="nT")] = 45_000.0
+    """strength of the field"""
+    assumed_declination_deg: Annotated[
+        Annotated[float, Field(ge=-180, le=180)] | None, shown(example=4.5)
+    ] = None
+    """declination that the compass corrects for; none: the true one"""
+    hard_iron_nt: Annotated[Vector, shown(unit="nT")] = (0.0, 0.0, 0.0)
+    """field of the vehicle's own, platform axes"""
+    soft_iron: Annotated[tuple[Vector, Vector, Vector], shown(unit="1")] = (
+        (1.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0),
+        (0.0, 0.0, 1.0),
+    )
+    """matrix that distorts the field, rows in platform axes"""
 
 
 class Heading(Section):
     """Heading sensor, such as a gyrocompass: yaw alone; its slow errors as of the magnetometer."""
 
     enabled: bool = True
+    """whether there is a heading sensor, such as a gyrocompass"""
     rate_hz: Positive = 1.0
+    """rate of the readings"""
     noise_deg: Positive = 0.5
+    """white noise of the heading"""
     offset_sd_deg: NonNegative = 0.0
+    """constant offset, drawn for each run; a state of the filter unless 0"""
     walk_sd_deg: NonNegative = 0.0
+    """first-order walk, likewise"""
     walk_time_s: Positive = models.WALK_TIME_S
+    """correlation time of the walk"""
 
 
 class Gps(Section):
     """GPS receiver: fixes at the surface only, from `acquire_s` after the antenna has come up."""
 
     enabled: bool = True
+    """whether there is a GPS receiver"""
     rate_hz: Positive = 1.0
+    """rate of the fixes, at the surface"""
     position_noise_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
+    """white noise of north, east, down"""
     velocity_noise_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.2)
+    """white noise of the velocity north, east, down"""
     antenna_depth_m: Finite = 0.3
+    """depth of the platform above which the antenna is out of the water"""
     acquire_s: NonNegative = 5.0
+    """time from surfacing to the first fix"""
 
 
 class AcousticPosition(Section):
@@ -107,13 +153,21 @@ class AcousticPosition(Section):
     """
 
     enabled: bool = True
+    """whether there are acoustic positions (USBL, LBL)"""
     rate_hz: Positive = 0.2
+    """rate of the fixes"""
     noise_m: Positive = 0.5
+    """part of the noise that does not depend on range, each axis"""
     noise_percent_of_range: NonNegative = 1.0
+    """part of the noise that grows with the slant range, each axis"""
     transceiver_m: Vector = (0.0, 0.0, 0.0)
+    """position of the transceiver: north, east, down"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
-    outlier_fraction: Fraction = 0.0
-    outlier_factor: Factor = 10.0
+    """position of the transponder from the IMU, platform axes"""
+    outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
+    """part of the fixes that are outliers; the filter does not model them"""
+    outlier_factor: Annotated[Factor, shown(unit="1")] = 10.0
+    """noise of an outlier over that of a good fix"""
 
 
 @dataclass(frozen=True)

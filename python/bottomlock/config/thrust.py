@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from bottomlock import units
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import NonNegative, Positive, Section
 from bottomlock.kernel import models
 
@@ -15,12 +16,18 @@ class ThrustErrors(Section):
     `corrects` is what a reading corrects: "velocity" leaves attitude and biases alone.
     """
 
-    advance_m: Positive
+    advance_m: Annotated[Positive, shown(example=0.1)]
+    """advance per revolution that the filter expects"""
     uncertainty_percent: NonNegative = 10.0
+    """what the filter expects of its error, and how simulated vehicles differ, 1 sigma"""
     slip_mps: Positive = 0.02
+    """slip, 1 sigma: what waves, turns and changes of speed make of advance times revolutions"""
     slip_time_s: Positive = 5.0
+    """correlation time of the slip"""
     noise_mps: Positive = 0.01
+    """white noise of a reading, as a speed"""
     corrects: Literal["velocity", "all"] = "velocity"
+    """what a reading corrects: the velocity, advance, slip and current alone, or all states"""
 
     def kernel_model(self) -> models.ThrustModel:
         """The errors in SI."""
@@ -50,9 +57,13 @@ class Thrust(ThrustErrors):
     """
 
     enabled: bool = True
+    """whether revolutions are measured; a section that is there is on unless it says otherwise"""
     rate_hz: Positive = 1.0
+    """readings a second"""
     advance_m: Positive = 0.1
+    """advance per revolution that the filter expects"""
     error_percent: Annotated[float, Field(gt=-100, allow_inf_nan=False)] = 0.0
+    """by how much vehicles advance more on average; the filter does not model it"""
 
     def kernel_model(self) -> models.ThrustModel:
         """The errors in SI, with those of simulated vehicles."""

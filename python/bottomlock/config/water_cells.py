@@ -4,6 +4,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import Positive, Section
 from bottomlock.kernel import models
 
@@ -17,10 +18,15 @@ class WaterCells(Section):
     that the instrument records with each cell comes before `noise_mps`.
     """
 
-    cells: Annotated[tuple[Cell, ...], Field(min_length=1)] = (1, 2)
-    min_correlation: Annotated[float, Field(ge=0, le=255)] = 0.0
-    max_closure_mps: Positive | None = None
-    noise_mps: Positive | None = None
+    cells: Annotated[tuple[Cell, ...], Field(min_length=1), shown(unit="1")] = (1, 2)
+    """numbers of the cells whose mean is used, 1 the nearest; leave out those in the vehicle's own wake"""
+    min_correlation: Annotated[float, Field(ge=0, le=255), shown(unit="1", example=64.0)] = 0.0
+    """least correlation of a beam in a cell, 0 to 255"""
+    max_closure_mps: Annotated[Positive | None, shown(example=0.05)] = None
+    """largest closure of the beams of a cell, beyond which none of them is used; none: three times what their noise
+    leads to"""
+    noise_mps: Annotated[Positive | None, shown(example=0.04)] = None
+    """noise of a beam, 1 sigma, where the instrument records none; none: that of the bottom's beams"""
 
     @model_validator(mode="after")
     def _cells_once(self) -> Self:

@@ -1,7 +1,8 @@
 """Beams of the DVL that the water returns, in a scenario."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+from bottomlock.config.meaning import shown
 from bottomlock.config.mission_sections import CurrentTable
 from bottomlock.config.scenario_sections import Factor, Fraction, NonNegative, Positive, Section
 from bottomlock.kernel import models
@@ -17,13 +18,22 @@ class WaterTrack(Section):
     """
 
     enabled: bool = True
+    """whether the water returns beams; a section that is there is on unless it says otherwise"""
     pings: Literal["all", "without_bottom"] = "all"
+    """which pings return the water: all of them, or those of which no beam returns from the bottom"""
     range_m: NonNegative = 10.0
+    """distance along the beam from the transducer to the middle of the cell"""
     noise_mps: Positive = 0.05
-    lost_fraction: Fraction = 0.0
-    outlier_fraction: Fraction = 0.0
-    outlier_factor: Factor = 10.0
-    wake: Fraction = 0.0
+    """white noise of each beam"""
+    lost_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
+    """part of the readings of each beam that are lost"""
+    outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
+    """part of the readings of each beam that are outliers, such as fish; the filter does not model them"""
+    outlier_factor: Annotated[Factor, shown(unit="1")] = 10.0
+    """noise of an outlier over that of a good reading"""
+    wake: Annotated[Fraction, shown(unit="1")] = 0.0
+    """part of the vehicle's velocity relative to the water with which the water in the cell follows it; the filter
+    does not model it"""
     current: CurrentTable = CurrentTable()
 
     def kernel_model(self) -> models.WaterTrackModel | None:

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from bottomlock import units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
 from bottomlock.config.calibration import StatedCalibration
+from bottomlock.config.meaning import shown
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.errors import DataError, ScenarioError
@@ -43,19 +44,30 @@ Vector = tuple[Finite, Finite, Finite]
 class Columns(BaseModel):
     """Column map of a log; the defaults are the documented names."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     time: str = "time_ns"
+    """column of the times"""
     time_unit: Literal["ns", "us", "ms", "s"] = "ns"
-    velocity: tuple[str, ...] | None = None
-    valid: tuple[str, ...] | None = None
-    lost_when_empty: bool = False
-    velocity_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    """unit of the times"""
+    velocity: Annotated[tuple[str, ...] | None, shown(example=["b1", "b2", "b3", "b4"])] = None
+    """column of each beam's velocity, positive towards the bottom; none: beam1_mps, beam2_mps, ..."""
+    valid: Annotated[tuple[str, ...] | None, shown(example=["ok1", "ok2", "ok3", "ok4"])] = None
+    """column of each beam's flag; none: beam1_valid, beam2_valid, ..."""
+    lost_when_empty: Annotated[bool, shown(example=True)] = False
+    """a beam is lost where the cell of its velocity is empty, and no column of flags is read"""
+    velocity_scale: Annotated[float, Field(gt=0, allow_inf_nan=False), shown(unit="1")] = 1.0
+    """factor from the velocities' unit to m/s: 0.001 of mm/s"""
     # Columns that `bottomlock convert` keeps beside the beams; of these a fix uses `instrument_valid`.
-    range: tuple[str, ...] | None = None
-    quality: tuple[str, ...] | None = None
-    sd: tuple[str, ...] | None = None
-    instrument: tuple[str, ...] | None = None
-    instrument_valid: str | None = None
+    range: Annotated[tuple[str, ...] | None, shown(example=["r1", "r2", "r3", "r4"])] = None
+    """column of each beam's range, m"""
+    quality: Annotated[tuple[str, ...] | None, shown(example=["q1", "q2", "q3", "q4"])] = None
+    """column of each beam's quality, in the instrument's own measure"""
+    sd: Annotated[tuple[str, ...] | None, shown(example=["s1", "s2", "s3", "s4"])] = None
+    """column of each beam's standard deviation, m/s"""
+    instrument: Annotated[tuple[str, ...] | None, shown(example=["vx", "vy", "vz"])] = None
+    """columns of the instrument's own velocity, its axes x, y, z, in the unit of the beams"""
+    instrument_valid: Annotated[str | None, shown(example="valid")] = None
+    """column that says whether that velocity is valid"""
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -69,19 +81,44 @@ class Columns(BaseModel):
 class InstrumentFile(BaseModel):
     """Contents of a DVL's TOML file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    name: str = ""
-    configuration: Configuration
-    tilt_deg: BeamTilt | None = None
-    tilts_deg: tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None = None
-    azimuths_deg: tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None = None
-    directions: tuple[Vector, ...] | None = None
-    lever_arms_m: tuple[Vector, ...] | None = None
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    name: Annotated[str, shown(example="Water Linked A50")] = ""
+    """name for pages"""
+    configuration: Annotated[Configuration, shown(example="x")]
+    """beams in an x (azimuths 45, 135, 225, 315 deg), in a + (0, 90, 180, 270), by angles, or by directions"""
+    tilt_deg: Annotated[BeamTilt | None, shown(range="≥ 2.0, < 90.0", example=20.0)] = None
+    """tilt of every beam from the vertical; needed for x and +"""
+    tilts_deg: Annotated[
+        tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None, shown(example=[22.5, 22.5, 22.5, 22.5])
+    ] = None
+    """tilt of each beam; needed for angles"""
+    azimuths_deg: Annotated[
+        tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None,
+        shown(example=[135.0, -135.0, -45.0, 45.0]),
+    ] = None
+    """azimuth of each beam from forward to starboard; needed for angles"""
+    directions: Annotated[
+        tuple[Vector, ...] | None,
+        shown(unit="1", example=[[0.342, 0.0, 0.94], [-0.171, 0.296, 0.94], [-0.171, -0.296, 0.94]]),
+    ] = None
+    """unit vector of each beam, instrument axes, pointing away from it; needed for directions"""
+    lever_arms_m: Annotated[
+        tuple[Vector, ...] | None,
+        shown(example=[[0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1]]),
+    ] = None
+    """position of each transducer from the IMU, platform axes; none: at the IMU"""
     mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    """rotation from instrument to platform axes: roll"""
     mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    """rotation from instrument to platform axes: pitch"""
     mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    sound_speed_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
-    beam_noise_mps: tuple[Annotated[float, Field(gt=0)], ...] | Annotated[float, Field(gt=0)]
+    """rotation from instrument to platform axes: yaw"""
+    sound_speed_scale: Annotated[float, Field(gt=0, allow_inf_nan=False), shown(unit="1")] = 1.0
+    """factor of the readings, for instance true over assumed speed of sound"""
+    beam_noise_mps: Annotated[
+        tuple[Annotated[float, Field(gt=0)], ...] | Annotated[float, Field(gt=0)], shown(example=0.02)
+    ]
+    """white noise, 1 sigma, of every beam, or of each"""
     columns: Columns = Columns()
     calibration: StatedCalibration | None = None
 

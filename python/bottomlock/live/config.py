@@ -2,12 +2,13 @@
 
 import inspect
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import ValidationError, model_validator
 
 from bottomlock import units
 from bottomlock.config.effort import require_one_use
+from bottomlock.config.meaning import shown
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
@@ -45,9 +46,12 @@ class LiveConfig(NavigatorConfig):
     case that say how its tables are read do not count.
     """
 
-    name: Name
-    mode: Mode
-    case: str | None = None
+    name: Annotated[Name, shown(example="rov")]
+    """name on the page and in the log"""
+    mode: Annotated[Mode, shown(example="velocity")]
+    """velocity: what the beams of a ping determine; navigation: an inertial solution"""
+    case: Annotated[str | None, shown(example="dive.toml")] = None
+    """case of bottomlock replay whose sections count here; none: those of this file"""
     source: tuple[SourceSection, ...] = ()
     port: tuple[PortSection, ...] = ()
     velocity: VelocitySection = VelocitySection()

@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.effort import EffortErrors
+from bottomlock.config.meaning import shown
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegative, Positive, Section, Vector
 from bottomlock.config.thrust import ThrustErrors
@@ -52,10 +53,14 @@ class ImuSection(Imu):
     sent.
     """
 
-    axes: Axes = UNCHANGED_AXES
+    axes: Annotated[Axes, shown(example=["x", "-y", "-z"])] = UNCHANGED_AXES
+    """for each axis of the platform that of the sensor, with its sign, before the mounting"""
     mounting_roll_deg: Angle = 0.0
+    """rotation from sensor to platform axes: roll"""
     mounting_pitch_deg: Angle = 0.0
+    """rotation from sensor to platform axes: pitch"""
     mounting_yaw_deg: Angle = 0.0
+    """rotation from sensor to platform axes: yaw"""
 
     @model_validator(mode="after")
     def _axes_once(self) -> Self:
@@ -76,6 +81,7 @@ class ImuFromAttitude(MotionErrors):
     """
 
     source: Literal["attitude"]
+    """the attitudes of [attitude] take the place of inertial readings"""
     limits: ImuLimits = ImuLimits()
 
     @model_validator(mode="after")
@@ -105,6 +111,7 @@ class AttitudeSection(AttitudeReference):
     """
 
     message: AttitudeMessage = "ATTITUDE"
+    """MAVLink message of the attitude"""
 
 
 class DepthSection(DepthErrors):
@@ -114,9 +121,13 @@ class DepthSection(DepthErrors):
     """
 
     sd_m: Positive = 0.05
+    """white noise, 1 sigma"""
     water_density_kg_per_m3: Positive = 1025.0
+    """density, for pressures"""
     surface_pressure_pa: Positive = 101_325.0
+    """pressure at the surface"""
     message: Literal["SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3"] = "SCALED_PRESSURE"
+    """MAVLink message of the water's pressure; on ArduSub SCALED_PRESSURE2"""
 
     def depth_m(self, pressure_pa: float, gravity_mps2: float) -> float:
         """Depth below the surface, m, of the water's absolute pressure."""
@@ -141,11 +152,16 @@ class OriginSection(Section):
     `height_m` is the origin's as the receiver counts: above the ellipsoid, or above the sea.
     """
 
-    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
-    longitude_deg: Annotated[float, Field(ge=-360, le=360)] | None = None
+    latitude_deg: Annotated[float, Field(ge=-90, le=90), shown(example=42.3)]
+    """latitude, for gravity and the Earth's rate"""
+    longitude_deg: Annotated[Annotated[float, Field(ge=-360, le=360)] | None, shown(example=9.1)] = None
+    """longitude; needed by [gps] alone"""
     height_m: Finite = 0.0
-    gravity: Literal["normal"] | Positive = "normal"
+    """height of the origin, as the GPS receiver counts it"""
+    gravity: Annotated[Literal["normal"] | Positive, shown(unit="m/s²")] = "normal"
+    """gravity: normal (WGS 84, at the latitude), or a number"""
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
+    """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
 
 
 HEADING_SD_DEG = 2.0
@@ -166,16 +182,29 @@ class StartSection(Section):
     """
 
     window_s: Positive = 5.0
-    level: Literal["levelling", "attitude"] | None = None
-    level_sd_deg: Positive | None = None
+    """time that levelling averages over"""
+    level: Annotated[Literal["levelling", "attitude"] | None, shown(example="attitude")] = None
+    """source of roll and pitch: the accelerometers, or [attitude]; none: the accelerometers where there are
+    inertial readings"""
+    level_sd_deg: Annotated[Positive | None, shown(example=1.0)] = None
+    """1 sigma of roll and pitch, the vehicle's own acceleration included; none: 1 by levelling, that of [attitude]
+    otherwise"""
     largest_tilt_deg: Annotated[float, Field(gt=0, le=180)] = 60.0
-    heading_deg: Angle | None = None
-    heading_sd_deg: Annotated[Positive | None, Field(validate_default=True)] = None
+    """tilt that the accelerometers may measure at the start"""
+    heading_deg: Annotated[Angle | None, shown(example=90.0)] = None
+    """heading of the platform when the program starts; none: that of [attitude]"""
+    heading_sd_deg: Annotated[Positive | None, Field(validate_default=True), shown(example=5.0)] = None
+    """1 sigma of that heading; none: that of [attitude], which only then can be left out"""
     position_m: Vector = (0.0, 0.0, 0.0)
+    """north, east, down at the start"""
     position_sd_m: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 1.0)
+    """1 sigma of that position"""
     velocity: Literal["beams", "given"] = "beams"
+    """source of the velocity: the first ping of rank 3, or given"""
     velocity_mps: Vector = (0.0, 0.0, 0.0)
+    """surge, sway, heave, for velocity given"""
     velocity_sd_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.1)
+    """1 sigma of surge, sway, heave"""
 
     @field_validator("heading_sd_deg", mode="after")
     @classmethod
@@ -194,8 +223,11 @@ class NavigationSection(Section):
     """
 
     method: Method = "tc"
+    """aiding method"""
     horizon_s: Annotated[float, Field(gt=0, le=10)] = 2.0
-    estimate_hz: Annotated[float, Field(gt=0, le=1000)] = 20.0
+    """how late a measurement may be and still be put in its place"""
+    estimate_hz: Annotated[float, Field(gt=0, le=1000), shown(unit="Hz")] = 20.0
+    """estimates a second beside one after each ping"""
 
 
 class StatesSection(Section):
@@ -204,12 +236,18 @@ class StatesSection(Section):
     `rejected_pings` is less than `filter.inflate_after_rejections`, with which the gate opens again.
     """
 
-    silent_periods: Annotated[float, Field(ge=1, le=1000)] = 3.0
+    silent_periods: Annotated[float, Field(ge=1, le=1000), shown(unit="1")] = 3.0
+    """periods of a source without a message after which it is silent"""
     silent_least_s: NonNegative = 0.1
+    """least time of that"""
     settle_s: NonNegative = 1.0
+    """time without a worse condition before a state improves"""
     velocity_sd_mps: Positive = 0.5
-    rejected_pings: Annotated[int, Field(ge=1, le=10_000)] = 4
-    closure_ratio: Annotated[float, Field(ge=1.0, le=1000.0)] = 3.0
+    """1 sigma of a velocity axis above which the state is UNSAFE"""
+    rejected_pings: Annotated[int, Field(ge=1, le=10_000), shown(unit="1")] = 4
+    """pings rejected in a row after which the state is UNSAFE"""
+    closure_ratio: Annotated[float, Field(ge=1.0, le=1000.0), shown(unit="1")] = 3.0
+    """scatter of the beams' closure over the claimed one, over 20 complete pings, above which the state is UNSAFE"""
 
 
 class SourceSection(Section):
@@ -223,17 +261,35 @@ class SourceSection(Section):
     what does not move the vehicle.
     """
 
-    name: Name
-    address: SourceAddress
-    format: SourceFormat
-    rate_hz: Annotated[float, Field(gt=0, le=10_000)]
+    name: Annotated[Name, shown(example="dvl")]
+    """name of the source"""
+    address: Annotated[
+        SourceAddress,
+        shown(
+            range="tcp:, tcpin:, udpin:, serial:, file:, stdin, ros: (docs/live.md)",
+            example="tcp:192.168.194.95:16171",
+        ),
+    ]
+    """where the bytes come from"""
+    format: Annotated[SourceFormat, shown(example="waterlinked-json")]
+    """format of the bytes"""
+    rate_hz: Annotated[float, Field(gt=0, le=10_000), shown(example=4.0)]
+    """least rate that is expected"""
     clock: Literal["instrument", "host", "arrival"] = "instrument"
+    """instrument: its stamps, mapped to the host's clock; host: its stamps as they are; arrival: the time of arrival"""
     latency_s: Annotated[float, Field(ge=-10, le=10)] = 0.0
+    """subtracted from the times"""
     step_s: Annotated[float, Field(gt=0, le=60)] = 0.1
+    """distance of a stamp from where the clock should be, beyond which it is not used"""
     negate_beams: bool = False
+    """whether the velocities of the beams are positive away from the bottom; of a DVL"""
     keep_stale: bool = False
+    """whether beams that repeat the previous record stay valid; of a DVL"""
     checksum: bool = False
-    request_hz: Annotated[float, Field(gt=0, le=1000)] | None = None
+    """whether every line needs a checksum; imu-csv, attitude-csv and depth-csv"""
+    request_hz: Annotated[Annotated[float, Field(gt=0, le=1000)] | None, shown(example=50.0)] = None
+    """rate at which the autopilot is asked for what is read of it (SET_MESSAGE_INTERVAL); none: not asked; of
+    mavlink"""
 
     @model_validator(mode="after")
     def _messages_stay_whole(self) -> Self:
@@ -276,40 +332,62 @@ class SourceSection(Section):
 class PortSection(Section):
     """A target: the kind of port, where it goes, its greatest rate (by default the port's own), its other settings."""
 
-    port: str
-    to: SinkAddress
-    rate_hz: Annotated[float, Field(gt=0, le=1000)] | None = None
-    settings: dict[str, Any] = Field(default_factory=dict)
+    port: Annotated[str, shown(range="a name of docs/ports.md", example="vision_speed_estimate")]
+    """kind of port (docs/ports.md)"""
+    to: Annotated[
+        SinkAddress,
+        shown(
+            range="tcp:, tcpin:, udpout:, serial:, file:, ros:, stdout (docs/live.md)",
+            example="udpout:127.0.0.1:14550",
+        ),
+    ]
+    """where the messages go"""
+    rate_hz: Annotated[Annotated[float, Field(gt=0, le=1000)] | None, shown(example=10.0)] = None
+    """greatest rate; none: the port's own"""
+    settings: Annotated[dict[str, Any], shown(range="keys of the port", example={"system": 1})] = Field(
+        default_factory=dict
+    )
+    """other settings of the port (docs/ports.md)"""
 
 
 class LogSection(Section):
     """The raw log: every byte with its time of arrival, as MCAP, a new file at each start."""
 
-    folder: str
+    folder: Annotated[str, shown(example="logs")]
+    """folder of the raw logs, from the configuration's"""
     flush_s: Annotated[float, Field(ge=0, le=60)] = 0.5
+    """time after which bytes are on the disk"""
 
 
 class CheckpointSection(Section):
     """The navigator saved to a file every `every_s`; a start continues from it if it is not older than `max_age_s`."""
 
-    file: str
+    file: Annotated[str, shown(example="rov.checkpoint")]
+    """file of the saved navigator, from the configuration's folder"""
     every_s: Annotated[float, Field(ge=0.1, le=60)] = 1.0
+    """interval between two savings"""
     max_age_s: Annotated[float, Field(gt=0, le=60)] = 5.0
+    """age up to which a start goes on from it"""
 
 
 class HealthSection(Section):
     """The health page: address and TCP port."""
 
     host: str = "127.0.0.1"
-    port: Annotated[int, Field(ge=0, le=65_535)] = 8770
-    names: tuple[str, ...] = ()
+    """address that the page listens on"""
+    port: Annotated[int, Field(ge=0, le=65_535), shown(unit="1")] = 8770
+    """TCP port of the page; 0 any free one"""
+    names: Annotated[tuple[str, ...], shown(example=["rov.local"])] = ()
+    """host names under which the page may be asked, beside addresses, localhost and host"""
 
 
 class DiagnosticsSection(Section):
     """Diagnostics of ROS 2, `diagnostic_msgs/DiagnosticArray`: where to, and how often."""
 
-    to: SinkAddress = "ros:/diagnostics"
+    to: Annotated[SinkAddress, shown(range="as port.to")] = "ros:/diagnostics"
+    """where the diagnostics go"""
     every_s: Annotated[float, Field(ge=0.1, le=60)] = 1.0
+    """interval between two of them"""
 
 
 VelocityMethod = Literal["info", "plcf", "lc"]
@@ -320,4 +398,6 @@ class VelocitySection(Section):
     """Mode velocity: how a ping is solved, and what no vehicle does from one ping to the next."""
 
     method: VelocityMethod = "info"
+    """how a ping is solved: observable axes, platform components, or the whole velocity alone"""
     acceleration_mps2: Annotated[float, Field(gt=0, le=100)] = 1.0
+    """largest acceleration along a beam; a beam that changes faster is an outlier and not used"""

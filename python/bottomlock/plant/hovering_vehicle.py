@@ -3,11 +3,12 @@
 SNAME notation in the platform frame (FRD) with its origin at the centre of buoyancy; all fields are SI floats.
 """
 
-from typing import Self, TypeAlias
+from typing import Annotated, Self, TypeAlias
 
 import numpy as np
 from pydantic import model_validator
 
+from bottomlock.config.meaning import shown
 from bottomlock.plant import coefficients as coef
 from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.vehicle import AddedMass, Limits, RigidBody, Table, Vehicle, Water, check_body
@@ -16,18 +17,52 @@ from bottomlock.plant.vehicle import AddedMass, Limits, RigidBody, Table, Vehicl
 class Damping(Table):
     """Drag of each axis by itself: linear and quadratic in its velocity through the water."""
 
-    surge_linear: coef.LinearDrag
-    surge_quadratic: coef.QuadraticDrag
-    sway_linear: coef.LinearDrag
-    sway_quadratic: coef.QuadraticDrag
-    heave_linear: coef.LinearDrag
-    heave_quadratic: coef.QuadraticDrag
-    roll_linear: coef.LinearRotaryDrag
-    roll_quadratic: coef.RotaryDrag
-    pitch_linear: coef.LinearRotaryDrag
-    pitch_quadratic: coef.RotaryDrag
-    yaw_linear: coef.LinearRotaryDrag
-    yaw_quadratic: coef.RotaryDrag
+    surge_linear: Annotated[
+        coef.LinearDrag, shown(example={"value": 13.7, "unit": "N s/m", "source": "basin"})
+    ]
+    """drag in surge over speed"""
+    surge_quadratic: Annotated[
+        coef.QuadraticDrag, shown(example={"value": 141.0, "unit": "kg/m", "source": "basin"})
+    ]
+    """drag in surge over speed squared"""
+    sway_linear: Annotated[coef.LinearDrag, shown(example={"value": 0.0, "unit": "N s/m", "source": "basin"})]
+    """drag in sway over speed"""
+    sway_quadratic: Annotated[
+        coef.QuadraticDrag, shown(example={"value": 217.0, "unit": "kg/m", "source": "basin"})
+    ]
+    """drag in sway over speed squared"""
+    heave_linear: Annotated[
+        coef.LinearDrag, shown(example={"value": 33.0, "unit": "N s/m", "source": "basin"})
+    ]
+    """drag in heave over speed"""
+    heave_quadratic: Annotated[
+        coef.QuadraticDrag, shown(example={"value": 190.0, "unit": "kg/m", "source": "basin"})
+    ]
+    """drag in heave over speed squared"""
+    roll_linear: Annotated[
+        coef.LinearRotaryDrag, shown(example={"value": 0.0, "unit": "N m s/rad", "source": "basin"})
+    ]
+    """damping of roll over its rate"""
+    roll_quadratic: Annotated[
+        coef.RotaryDrag, shown(example={"value": 1.19, "unit": "kg m2", "source": "basin"})
+    ]
+    """damping of roll over its rate squared"""
+    pitch_linear: Annotated[
+        coef.LinearRotaryDrag, shown(example={"value": 0.8, "unit": "N m s/rad", "source": "basin"})
+    ]
+    """damping of pitch over its rate"""
+    pitch_quadratic: Annotated[
+        coef.RotaryDrag, shown(example={"value": 0.47, "unit": "kg m2", "source": "basin"})
+    ]
+    """damping of pitch over its rate squared"""
+    yaw_linear: Annotated[
+        coef.LinearRotaryDrag, shown(example={"value": 0.0, "unit": "N m s/rad", "source": "basin"})
+    ]
+    """damping of yaw over its rate"""
+    yaw_quadratic: Annotated[
+        coef.RotaryDrag, shown(example={"value": 1.5, "unit": "kg m2", "source": "basin"})
+    ]
+    """damping of yaw over its rate squared"""
 
     def axes(self) -> list[tuple[float, float]]:
         """Linear and quadratic drag of surge, sway, heave, roll, pitch and yaw."""
@@ -38,13 +73,34 @@ class Damping(Table):
 class Thrusters(Table):
     """Place and direction of each thruster, their greatest thrust and lag; a list has an entry a thruster."""
 
-    position_x: tuple[coef.Length, ...]
-    position_y: tuple[coef.Length, ...]
-    position_z: tuple[coef.Length, ...]
-    azimuth: tuple[coef.Angle, ...]
-    elevation: tuple[coef.Angle, ...]
-    max_thrust: coef.PositiveForce
-    time_constant: coef.PositiveTime
+    position_x: Annotated[
+        tuple[coef.Length, ...], shown(example=[{"value": 0.156, "unit": "m", "source": "drawing"}])
+    ]
+    """where each thruster stands, forward of the centre of buoyancy; six or more"""
+    position_y: Annotated[
+        tuple[coef.Length, ...], shown(example=[{"value": 0.111, "unit": "m", "source": "drawing"}])
+    ]
+    """the same, starboard"""
+    position_z: Annotated[
+        tuple[coef.Length, ...], shown(example=[{"value": 0.0, "unit": "m", "source": "drawing"}])
+    ]
+    """the same, down"""
+    azimuth: Annotated[
+        tuple[coef.Angle, ...], shown(example=[{"value": -45.0, "unit": "deg", "source": "drawing"}])
+    ]
+    """direction in which each one pushes the vehicle, from forward to starboard"""
+    elevation: Annotated[
+        tuple[coef.Angle, ...], shown(example=[{"value": 0.0, "unit": "deg", "source": "drawing"}])
+    ]
+    """the same, above the level"""
+    max_thrust: Annotated[
+        coef.PositiveForce, shown(example={"value": 40.0, "unit": "N", "source": "data sheet"})
+    ]
+    """greatest thrust of each, both ways"""
+    time_constant: Annotated[
+        coef.PositiveTime, shown(example={"value": 0.15, "unit": "s", "source": "assumed"})
+    ]
+    """first-order lag of the thrust"""
 
     def wrenches(self) -> FloatArray:
         """Force (N) and moment (N m) of a newton of each thruster, (6, thrusters)."""
@@ -58,20 +114,43 @@ class Thrusters(Table):
 class VelocityPi(Table):
     """A PI controller from a velocity error to a force, with its limit."""
 
-    proportional: coef.ForcePerSpeed
-    integral: coef.ForcePerDistance
-    tracking_time: coef.PositiveTime
-    limit: coef.PositiveForce
+    proportional: Annotated[
+        coef.ForcePerSpeed, shown(example={"value": 60.0, "unit": "N s/m", "source": "design"})
+    ]
+    """force for each m/s of error"""
+    integral: Annotated[
+        coef.ForcePerDistance, shown(example={"value": 60.0, "unit": "N/m", "source": "design"})
+    ]
+    """force for each metre of integrated error"""
+    tracking_time: Annotated[
+        coef.PositiveTime, shown(example={"value": 1.0, "unit": "s", "source": "design"})
+    ]
+    """time in which anti-windup unwinds the integral"""
+    limit: Annotated[coef.PositiveForce, shown(example={"value": 80.0, "unit": "N", "source": "design"})]
+    """greatest force that it asks for"""
 
 
 class AnglePid(Table):
     """A PID controller from an angle error to a moment, with its limit."""
 
-    proportional: coef.MomentPerAngle
-    integral: coef.MomentPerAngleSecond
-    derivative: coef.MomentPerRate
-    tracking_time: coef.PositiveTime
-    limit: coef.PositiveMoment
+    proportional: Annotated[
+        coef.MomentPerAngle, shown(example={"value": 4.0, "unit": "N m/rad", "source": "design"})
+    ]
+    """moment for each rad of error"""
+    integral: Annotated[
+        coef.MomentPerAngleSecond, shown(example={"value": 1.0, "unit": "N m/(rad s)", "source": "design"})
+    ]
+    """moment for each rad s of integrated error"""
+    derivative: Annotated[
+        coef.MomentPerRate, shown(example={"value": 3.0, "unit": "N m s/rad", "source": "design"})
+    ]
+    """moment for each rad/s of error"""
+    tracking_time: Annotated[
+        coef.PositiveTime, shown(example={"value": 3.0, "unit": "s", "source": "design"})
+    ]
+    """time in which anti-windup unwinds the integral"""
+    limit: Annotated[coef.PositiveMoment, shown(example={"value": 10.0, "unit": "N m", "source": "design"})]
+    """greatest moment that it asks for"""
 
 
 class HoveringAutopilot(Table):
@@ -92,16 +171,23 @@ class HoveringAutopilot(Table):
 class HoveringGuidance(Table):
     """Line-of-sight look-ahead, target approach speed, and the gain from depth error to sink rate."""
 
-    look_ahead: coef.PositiveLength
-    approach_speed: coef.PositiveSpeed
-    depth_gain: coef.PerTime
+    look_ahead: Annotated[coef.PositiveLength, shown(example={"value": 2.0, "unit": "m", "source": "design"})]
+    """look-ahead of line-of-sight guidance"""
+    approach_speed: Annotated[
+        coef.PositiveSpeed, shown(example={"value": 0.2, "unit": "m/s", "source": "design"})
+    ]
+    """greatest approach speed of constant-bearing guidance"""
+    depth_gain: Annotated[coef.PerTime, shown(example={"value": 0.5, "unit": "1/s", "source": "design"})]
+    """sink rate for each metre of depth error"""
 
 
 class HoveringVehicle(Table):
     """Every coefficient of a vehicle that thrusters move in every direction, SI; see `load_vehicle`."""
 
-    name: str
-    description: str
+    name: Annotated[str, shown(example="bluerov2_heavy")]
+    """name of the vehicle"""
+    description: Annotated[str, shown(example="ROV with eight thrusters")]
+    """one sentence for pages"""
     water: Water
     rigid_body: RigidBody
     damping: Damping

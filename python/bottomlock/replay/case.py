@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError
 
 from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.effort import require_one_use
+from bottomlock.config.meaning import shown
 from bottomlock.config.own_methods import OwnMethods, own_methods_from
 from bottomlock.config.scenario_sections import (
     Filter,
@@ -45,11 +46,16 @@ FROM_REFERENCE = "reference"
 class Origin(Section):
     """Origin of the tangent frame; without coordinates, the first position of the reference or of GPS."""
 
-    latitude_deg: Annotated[float, Field(ge=-90, le=90)] | None = None
-    longitude_deg: Annotated[float, Field(ge=-180, le=360)] | None = None
+    latitude_deg: Annotated[Annotated[float, Field(ge=-90, le=90)] | None, shown(example=42.3)] = None
+    """latitude of the tangent plane's origin; none: the first position of reference or GPS"""
+    longitude_deg: Annotated[Annotated[float, Field(ge=-180, le=360)] | None, shown(example=-83.7)] = None
+    """longitude of the origin; needs the latitude"""
     height_m: Finite = 0.0
-    gravity: Literal["normal"] | Positive = "normal"
+    """height of the origin above the ellipsoid"""
+    gravity: Annotated[Literal["normal"] | Positive, shown(unit="m/s²")] = "normal"
+    """gravity: normal (WGS 84, at the latitude), or a number"""
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
+    """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
 
     @model_validator(mode="after")
     def _longitude_needs_latitude(self) -> Self:
@@ -68,21 +74,39 @@ class Start(Section):
     is the averaging time of the alignment.
     """
 
-    at_s: NonNegative | None = None
+    at_s: Annotated[NonNegative | None, shown(example=60.0)] = None
+    """begin of the navigation, from the first inertial reading; none: there, or at the reference's first row"""
     window_s: Positive = 10.0
+    """time that the alignment averages over"""
     level: Literal["levelling", "attitude", "reference", "given"] = "levelling"
+    """source of roll and pitch"""
     heading: Literal["magnetometer", "gps_course", "gyrocompass", "attitude", "reference", "given"]
+    """source of the heading"""
     roll_deg: Finite = 0.0
+    """roll, for level given"""
     pitch_deg: Finite = 0.0
+    """pitch, for level given"""
     heading_deg: Finite = 0.0
-    level_sd_deg: Positive | None = None
-    heading_sd_deg: Positive | None = None
+    """heading, for heading given"""
+    level_sd_deg: Annotated[Positive | None, shown(example=1.0)] = None
+    """1 sigma of roll and pitch; none: computed; needed for given and reference"""
+    heading_sd_deg: Annotated[Positive | None, shown(example=3.0)] = None
+    """1 sigma of the heading; none: computed; needed for given and reference"""
     position: Literal["given", "reference", "gps"] = "given"
+    """source of the position"""
     position_m: Vector = (0.0, 0.0, 0.0)
-    position_sd_m: tuple[NonNegative, NonNegative, NonNegative] | None = None
+    """north, east, down, for position given"""
+    position_sd_m: Annotated[
+        tuple[NonNegative, NonNegative, NonNegative] | None, shown(example=[2.0, 2.0, 0.5])
+    ] = None
+    """1 sigma of north, east, down; needed unless the position is from gps, where none is that of [gps]; [0, 0, 0]
+    says that positions count from the start"""
     velocity: Literal["given", "reference", "beams"] = "given"
+    """source of the velocity"""
     velocity_mps: Vector = (0.0, 0.0, 0.0)
+    """surge, sway, heave, for velocity given"""
     velocity_sd_mps: tuple[Positive, Positive, Positive] = (0.05, 0.05, 0.05)
+    """1 sigma of surge, sway, heave"""
 
     @property
     def from_reference(self) -> bool:
@@ -118,10 +142,16 @@ class Settings(OwnMethods, Section):
     Dead reckoning runs beside the methods wherever the case has an attitude, named or not.
     """
 
-    methods: Annotated[tuple[str, ...], BeforeValidator(known_methods)] = METHODS
+    methods: Annotated[
+        tuple[str, ...], BeforeValidator(known_methods), shown(example=["tc", "sway_current"])
+    ] = METHODS
+    """aiding methods, all on the same readings; dead_reckoning runs beside them wherever there is an attitude"""
     smooth: bool = True
+    """whether a smoother follows the filter"""
     sample_s: Positive = 1.0
-    duration_s: Positive | None = None
+    """interval of the samples without a reference"""
+    duration_s: Annotated[Positive | None, shown(example=600.0)] = None
+    """length of the navigation; none: to the end"""
 
     @property
     def filters(self) -> tuple[str, ...]:
@@ -132,8 +162,12 @@ class Settings(OwnMethods, Section):
 class Case(SensorStreams):
     """A whole case file."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
-    description: str = ""
+    name: Annotated[
+        str, Field(pattern=r"^[A-Za-z0-9_\-]+$"), shown(range="letters, digits, _ and -", example="dive7")
+    ]
+    """name of the replay in tables and pages"""
+    description: Annotated[str, shown(example="Dive 7 along the wall")] = ""
+    """one sentence for tables and pages"""
     origin: Origin = Origin()
     imu: Annotated[
         Annotated[ImuStream, Tag(ImuStream.__name__)]

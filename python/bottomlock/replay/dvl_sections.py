@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from bottomlock.config.dvl_errors import DvlSettings
+from bottomlock.config.meaning import shown
 from bottomlock.config.scenario_sections import Outage, Positive, Section
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.replay.stream_sections import Clock, ColumnTriple, ReorderedStream
@@ -26,12 +27,18 @@ class DvlStream(DvlSettings, ReorderedStream):
     """
 
     source: Literal["beams", "velocity"] = "beams"
+    """whether beams were recorded, or are projected from the instrument's velocity"""
     clock: Clock = Clock(column="time_ns", unit="ns")
     geometry_known: bool = True
-    velocity: ColumnTriple | None = None
+    """false: the geometry is a guess; without a reference a replay is then trusted in part at most"""
+    velocity: Annotated[ColumnTriple | None, shown(example=["vx", "vy", "vz"])] = None
+    """columns of the instrument's velocity, its axes x, y, z; for source velocity"""
     velocity_unit: Literal["m/s", "cm/s", "mm/s"] = "m/s"
-    velocity_scale: Positive = 1.0
-    valid: str | None = None
+    """unit of that velocity"""
+    velocity_scale: Annotated[Positive, shown(unit="1")] = 1.0
+    """factor that is in that velocity, and is divided out"""
+    valid: Annotated[str | None, shown(example="valid")] = None
+    """column that is 0 where a ping lost its velocity; for source velocity"""
 
     @model_validator(mode="before")
     @classmethod
@@ -72,7 +79,9 @@ class WaterTrackStream(WaterCells):
     for both. What-if cases remove beams of the bottom only.
     """
 
-    file: Path | None = None
+    file: Annotated[Path | None, shown(example="beams_water.parquet")] = None
+    """water table of bottomlock convert; none: the one beside the beams of [dvl], beams_water.parquet of
+    beams.parquet"""
 
 
 class WhatIf(Section):
@@ -81,8 +90,14 @@ class WhatIf(Section):
     Times are seconds from the start of the navigation.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
-    beams_lost: tuple[Beam, ...] = ()
+    name: Annotated[
+        str,
+        Field(pattern=r"^[A-Za-z0-9_\-]+$"),
+        shown(range='letters, digits, _ and -; not "recorded"', example="lost_34"),
+    ]
+    """name of the what-if case in tables"""
+    beams_lost: Annotated[tuple[Beam, ...], shown(unit="1", example=[3, 4])] = ()
+    """beams lost throughout, numbered from 1"""
     outages: tuple[Outage, ...] = ()
 
     @model_validator(mode="after")

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.effort import EffortErrors
+from bottomlock.config.meaning import shown
 from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import (
     Finite,
@@ -47,15 +48,24 @@ class Clock(Section):
     error, or its row is left out where `unordered` is "drop".
     """
 
-    column: str | None = None
+    column: Annotated[str | None, shown(example="time_ns")] = None
+    """column of the stamps; none: the rows are at rate_hz"""
     unit: Literal["ns", "us", "ms", "s"] = "s"
-    rate_hz: Positive | None = None
+    """unit of the stamps"""
+    rate_hz: Annotated[Positive | None, shown(example=62.5)] = None
+    """even rate of the rows; with a column the stamps give the begin only"""
     start_s: Finite = 0.0
+    """time of the first row, without a column"""
     offset_s: Finite = 0.0
-    gap_s: Positive | None = None
+    """added to every time, to bring the stream to the clock of the case"""
+    gap_s: Annotated[Positive | None, shown(example=0.5)] = None
+    """step that counts as a gap; none: three median steps"""
     jump_s: Positive = 60.0
+    """step that counts as a jump of the clock"""
     steady_within_s: Positive = 0.05
+    """deviation of a stamp from the even rate that is allowed"""
     unordered: Literal["error", "drop"] = "error"
+    """what a time that repeats or goes back does: error, or its row is dropped"""
 
     @model_validator(mode="after")
     def _gives_times(self) -> Self:
@@ -71,9 +81,11 @@ class Clock(Section):
 class Stream(Section):
     """A table of a case: file and clock; with `every` = n every n-th row is used."""
 
-    file: Path
+    file: Annotated[Path, shown(example="imu.csv")]
+    """table, CSV or Parquet, from the case's folder"""
     clock: Clock
-    every: Annotated[int, Field(ge=1)] = 1
+    every: Annotated[int, Field(ge=1), shown(unit="1")] = 1
+    """every n-th row is used; 1 for the IMU"""
 
 
 class SensorStream(Stream):
@@ -100,6 +112,7 @@ class ReorderedStream(Stream):
     """A sensor with its own axes, reordered by `axes`."""
 
     axes: Axes = UNCHANGED_AXES
+    """axes of the sensor, with sign, that point forward, starboard, down"""
 
     @model_validator(mode="after")
     def _axes_once(self) -> Self:
@@ -111,8 +124,11 @@ class MountedStream(ReorderedStream):
     """A sensor whose axes, reordered, are rotated to platform axes by the mounting angles."""
 
     mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    """rotation from sensor to platform axes: roll"""
     mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    """rotation from sensor to platform axes: pitch"""
     mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """rotation from sensor to platform axes: yaw"""
 
     @property
     def mounting_rpy_rad(self) -> Floats:
@@ -130,13 +146,21 @@ class ImuStream(MountedStream):
     """
 
     source: Literal["readings"] = "readings"
-    force: ColumnTriple
-    omega: ColumnTriple
+    """where the readings are from: this table, or the attitude of a vehicle that has none"""
+    force: Annotated[ColumnTriple, shown(example=["fx", "fy", "fz"])]
+    """columns of the specific force"""
+    omega: Annotated[ColumnTriple, shown(example=["wx", "wy", "wz"])]
+    """columns of the angular rate"""
     force_unit: Literal["m/s2", "g", "mg", "m/s"] = "m/s2"
+    """unit of the specific force; m/s: increments over the interval"""
     omega_unit: Literal["rad/s", "deg/s", "deg/h", "rad", "deg"] = "rad/s"
-    interval: str | None = None
-    sampling: Literal["instantaneous", "averaged"] | None = None
+    """unit of the angular rate; rad, deg: increments over the interval"""
+    interval: Annotated[str | None, shown(example="dt")] = None
+    """column of the interval of increments, s; none: 1/clock.rate_hz"""
+    sampling: Annotated[Literal["instantaneous", "averaged"] | None, shown(example="averaged")] = None
+    """whether a reading is of its moment, or the mean over its interval; none: averaged for increments"""
     bridge_gaps_s: NonNegative = 0.0
+    """longest gap that is bridged linearly"""
     limits: ImuLimits = ImuLimits()
     errors: ImuErrors
 
@@ -174,7 +198,9 @@ class ImuFromAttitude(Section):
     """
 
     source: Literal["attitude"]
+    """the readings are made from [attitude]"""
     bridge_gaps_s: NonNegative = 0.0
+    """longest gap of the attitude that is bridged by a turn at a constant rate"""
     limits: ImuLimits = ImuLimits()
     errors: MotionErrors = MotionErrors()
 
@@ -193,11 +219,16 @@ def kind_of_imu(section: Any) -> str:  # noqa: ANN401 - what a file holds, or a 
 class DepthStream(DepthErrors, SensorStream):
     """Depth, height (`up` = true) or pressure: its column, density, and errors."""
 
-    column: str
+    column: Annotated[str, shown(example="depth")]
+    """column of depth, height or pressure"""
     unit: Literal["m", "cm", "Pa", "kPa", "mbar", "bar", "dbar"] = "m"
+    """unit of the column"""
     up: bool = False
+    """whether the column is positive up, a height"""
     offset_m: Finite = 0.0
+    """added to the depth"""
     water_density_kg_per_m3: Positive = 1025.0
+    """density, for pressures"""
 
     def stream(self, time_ns: Times, values: Floats) -> Depths:
         """The stream in SI, of the columns (n, k)."""
@@ -216,8 +247,10 @@ class ThrustStream(ThrustErrors, SensorStream):
     Positive revolutions drive the vehicle forward. What-if cases leave them alone.
     """
 
-    column: str
+    column: Annotated[str, shown(example="rpm")]
+    """column of the revolutions, positive where they drive the vehicle forward"""
     unit: Literal["rpm", "Hz", "rad/s"]
+    """unit of the column"""
 
     def stream(self, time_ns: Times, values: Floats) -> Revolutions:
         """The stream in SI, of the columns (n, k)."""
@@ -251,7 +284,8 @@ class EffortStream(EffortErrors, SensorStream):
     """
 
     column_keys: ClassVar = ("force",)
-    force: ColumnTriple
+    force: Annotated[ColumnTriple, shown(example=["x", "y", "z"])]
+    """columns of the forces along surge, sway and heave, N, positive forward, starboard and down"""
 
     def stream(self, time_ns: Times, values: Floats) -> Forces:
         """The stream in SI, of the columns (n, k)."""
@@ -282,10 +316,14 @@ class AttitudeStream(AttitudeReference, SensorStream):
     """Roll, pitch and yaw of a recorded attitude sensor: its columns, mounting and errors."""
 
     column_keys: ClassVar = ("roll", "pitch", "yaw")
-    roll: str
-    pitch: str
-    yaw: str
+    roll: Annotated[str, shown(example="roll")]
+    """column of the roll"""
+    pitch: Annotated[str, shown(example="pitch")]
+    """column of the pitch"""
+    yaw: Annotated[str, shown(example="yaw")]
+    """column of the yaw"""
     unit: Literal["rad", "deg"] = "rad"
+    """unit of the angles"""
 
     def stream(self, time_ns: Times, values: Floats) -> Attitudes:
         """The stream in SI, of the columns (n, k)."""
@@ -301,22 +339,33 @@ class MagnetometerStream(MountedStream):
     `hard_iron` is subtracted from the readings (same unit, sensor axes) before the rotation to platform axes.
     """
 
-    field: ColumnTriple
-    declination_deg: Annotated[float, Field(ge=-180, le=180)]
-    hard_iron: Vector = (0.0, 0.0, 0.0)
-    heading_sd_deg: Positive
+    field: Annotated[ColumnTriple, shown(example=["mx", "my", "mz"])]
+    """columns of the field, any unit"""
+    declination_deg: Annotated[float, Field(ge=-180, le=180), shown(example=4.5)]
+    """declination, from true to magnetic north"""
+    hard_iron: Annotated[Vector, shown(unit="the field's")] = (0.0, 0.0, 0.0)
+    """subtracted from the readings, sensor axes"""
+    heading_sd_deg: Annotated[Positive, shown(example=5.0)]
+    """1 sigma of the heading at the start"""
 
 
 class PositionStream(Stream):
     """Positions as latitude, longitude and height, or north, east and down in m (`height` is positive up)."""
 
-    latitude: str | None = None
-    longitude: str | None = None
-    height: str | None = None
+    latitude: Annotated[str | None, shown(example="lat")] = None
+    """column of the latitude"""
+    longitude: Annotated[str | None, shown(example="lon")] = None
+    """column of the longitude"""
+    height: Annotated[str | None, shown(example="alt")] = None
+    """column of the height, m, positive up"""
     angle_unit: Literal["rad", "deg"] = "deg"
-    north: str | None = None
-    east: str | None = None
-    down: str | None = None
+    """unit of latitude and longitude"""
+    north: Annotated[str | None, shown(example="north")] = None
+    """column of the position north, m"""
+    east: Annotated[str | None, shown(example="east")] = None
+    """column of the position east, m"""
+    down: Annotated[str | None, shown(example="down")] = None
+    """column of the position down, m"""
 
     @property
     def geodetic(self) -> bool:
@@ -355,12 +404,14 @@ class GpsStream(GpsErrors, PlacedStream):
     """GPS positions of an antenna at `lever_arm_m` from the IMU; with `aids` = false only the alignment uses them."""
 
     aids: bool = True
+    """whether the filter uses it; the alignment may use it in any case"""
 
 
 class AcousticPositionStream(AcousticPositionErrors, PlacedStream):
     """Acoustic positions (USBL, LBL): columns, and errors; `sd` are the columns of 1 sigma (m; north, east, down)."""
 
-    sd: ColumnTriple | None = None
+    sd: Annotated[ColumnTriple | None, shown(example=["sn", "se", "sd"])] = None
+    """columns of the noise of north, east, down, m, 1 sigma; none: sd_m and sd_percent_of_range"""
 
 
 class ReferenceStream(PositionStream):
@@ -371,14 +422,23 @@ class ReferenceStream(PositionStream):
     """
 
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
-    velocity_ned: ColumnTriple | None = None
-    velocity_body: ColumnTriple | None = None
-    roll: str | None = None
-    pitch: str | None = None
-    yaw: str | None = None
+    """position of the reference point from the IMU, platform axes"""
+    velocity_ned: Annotated[ColumnTriple | None, shown(example=["vn", "ve", "vd"])] = None
+    """columns of the velocity north, east, down, m/s; needs the attitude"""
+    velocity_body: Annotated[ColumnTriple | None, shown(example=["u", "v", "w"])] = None
+    """columns of the velocity forward, starboard, down, m/s"""
+    roll: Annotated[str | None, shown(example="roll")] = None
+    """column of the roll"""
+    pitch: Annotated[str | None, shown(example="pitch")] = None
+    """column of the pitch"""
+    yaw: Annotated[str | None, shown(example="yaw")] = None
+    """column of the yaw"""
     attitude_unit: Literal["rad", "deg"] = "rad"
+    """unit of the angles"""
     sd_m: NonNegative = 0.0
-    note: str = ""
+    """1 sigma of a horizontal position of the reference"""
+    note: Annotated[str, shown(example="post-processed with the same IMU")] = ""
+    """sentence for the page, for instance on which sensors the reference depends"""
 
     @property
     def has_attitude(self) -> bool:
