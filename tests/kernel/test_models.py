@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,30 @@ def test_an_unknown_key_names_the_nearest(value: models.Settings) -> None:
         if value is not STATE:
             path = wrong if value is MODEL else f"{value.place}.{wrong}"
             assert (caught.value.key, caught.value.hint) == (path, f"did you mean '{key}'?")
+
+
+def bounds() -> Iterator[tuple[models.Settings, str, float, bool]]:
+    """Of every stated bound: settings, key, the bound, and whether it is itself allowed."""
+    for value in (OPTIONS, OPTIONS.water, OPTIONS.motion, OPTIONS.current_layers, OPTIONS.assumptions):
+        for key, field in type(value).model_fields.items():
+            for one in field.metadata:
+                for name in ("gt", "ge", "lt", "le"):
+                    if hasattr(one, name):
+                        yield value, key, getattr(one, name), name in {"ge", "le"}
+
+
+def test_stated_bounds_are_the_kernels() -> None:
+    """A bound that excludes its value is refused there; one that allows it is taken, and refused a step beyond."""
+    count = 0
+    for value, key, bound, allowed in bounds():
+        beyond = [bound] if not allowed else [bound - 1] if bound < 1e6 else []
+        if allowed:
+            value.replace(**{key: bound})
+        for wrong in beyond:
+            with pytest.raises(KernelError, match=key):
+                value.replace(**{key: wrong})
+        count += 1
+    assert count > 15
 
 
 def test_values_are_checked_by_the_kernels_rules() -> None:

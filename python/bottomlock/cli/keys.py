@@ -55,8 +55,8 @@ def keys(
                 hint="leave one of them out",
             )
         dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-        schema = MODELS[kind].model_json_schema()
-        text = json.dumps(dialect | schema, indent=2, ensure_ascii=False)
+        content = dialect | MODELS[kind].model_json_schema()
+        text = json.dumps(content, indent=2, ensure_ascii=False)
         sys.stdout.write(f"{text}\n")
         return
     found = matching(reference(kind), word)

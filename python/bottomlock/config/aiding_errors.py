@@ -4,9 +4,10 @@ from typing import Annotated, Any
 
 from bottomlock import units
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import NonNegative, Positive, Section, Vector
+from bottomlock.config.scenario_sections import Section, Vector
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
 from bottomlock.kernel import models
+from bottomlock.kernel.models import NonNegative, Positive
 
 
 class DepthErrors(Section):

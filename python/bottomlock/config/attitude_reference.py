@@ -8,8 +8,9 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from bottomlock import units
 from bottomlock.config.instrument_grades import filled_from_grade
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import NonNegative, Positive, Section
+from bottomlock.config.scenario_sections import Section
 from bottomlock.kernel import models
+from bottomlock.kernel.models import NonNegative, Positive
 
 START_FACTOR = 3.0
 """1 sigma of a start over that of the reading it is from, where readings with the same slow error follow. The slow

@@ -6,8 +6,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section
-from bottomlock.kernel.models import Calibration
+from bottomlock.config.scenario_sections import Section
+from bottomlock.kernel.models import Calibration, Finite, NonNegative, Positive
 
 SmallAngle = Annotated[float, Field(ge=0, le=30, allow_inf_nan=False)]
 """1 sigma of a mounting angle, degrees: the filter is linear in it."""

@@ -6,8 +6,9 @@ from pydantic import model_validator
 
 from bottomlock import units
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section, Vector
+from bottomlock.config.scenario_sections import Section, Vector
 from bottomlock.kernel import models
+from bottomlock.kernel.models import Finite, NonNegative, Positive
 
 
 class EffortErrors(Section):

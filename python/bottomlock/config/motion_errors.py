@@ -4,8 +4,8 @@ from typing import Annotated
 
 from bottomlock import units
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import NonNegative, Positive, Section
-from bottomlock.kernel.models import ImuModel
+from bottomlock.config.scenario_sections import Section
+from bottomlock.kernel.models import ImuModel, NonNegative, Positive
 
 WEIGHTLESS_MPS2 = 0.0
 """Gravity of a filter whose specific forces are made without it."""

@@ -22,12 +22,10 @@ from bottomlock.config.meaning import shown
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, Configuration, models
+from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import known_names
 from bottomlock.support.nearest import did_you_mean
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Factor = Annotated[float, Field(ge=1, allow_inf_nan=False)]
 Triple = tuple[NonNegative, NonNegative, NonNegative]
@@ -352,38 +350,17 @@ class Initial(Section):
     """yaw"""
 
 
-_WATER: Final = models.Water()
-
-
-class Water(Section):
+class Water(models.Water):
     """Prior of the methods sway_current and consistent for the motion through the water, 1 sigma.
 
     `vehicle` gives the keys left out; without it they are the kernel's, of a torpedo of 3 m at 2 m/s.
     docs/methods/sway_current.md says where each number comes from.
     """
 
+    beside = frozenset({"vehicle"})
     vehicle: Annotated[str | None, shown(example="hovering")] = None
     """kind of vehicle that gives the keys left out here: torpedo, hovering, glider, surface; bottomlock list grades
     lists them"""
-    current_sd_mps: NonNegative = _WATER.current_sd_mps
-    """current along north and along east"""
-    current_time_s: Positive = _WATER.current_time_s
-    """correlation time of the current"""
-    sway_gain_m: Finite = _WATER.sway_gain_m
-    """sway through the water over yaw rate, its sign reversed: m/s for each rad/s"""
-    sway_gain_sd_m: NonNegative = _WATER.sway_gain_sd_m
-    """its uncertainty"""
-    trim_sd_mps: NonNegative = _WATER.trim_sd_mps
-    """heave through the water in level flight"""
-    trim_time_s: Positive = _WATER.trim_time_s
-    """its correlation time"""
-    slip_sd_mps: Positive = _WATER.slip_sd_mps
-    """sway and heave through the water beside these"""
-    slip_time_s: Positive = _WATER.slip_time_s
-    """their correlation time"""
-    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False), shown(unit="1")] = _WATER.slip_epochs
-    """observations, a fifth of the correlation time apart, that this slip counts for where it is learned with every
-    beam"""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -391,48 +368,10 @@ class Water(Section):
         return filled_from_grade("water", content, handler, "vehicle")
 
 
-_MOTION: Final = models.Motion().as_dict()
-
-
-class Motion(Section):
-    """Prior of the velocity of a vehicle without usable accelerometers, along forward, right and down, 1 sigma.
-
-    A mean, which hardly changes, and a first-order change about it; all zero, the default, is no prior
-    (docs/no_imu.md).
-    """
-
-    mean_sd_mps: tuple[NonNegative, NonNegative, NonNegative] = _MOTION["mean_sd_mps"]
-    """mean velocity along forward, right, down; 0 with no change either leaves an axis free"""
-    mean_time_s: Positive = _MOTION["mean_time_s"]
-    """its correlation time"""
-    change_sd_mps: tuple[NonNegative, NonNegative, NonNegative] = _MOTION["change_sd_mps"]
-    """change of the velocity about its mean"""
-    change_time_s: tuple[Positive, Positive, Positive] = _MOTION["change_time_s"]
-    """its correlation time"""
-
-
-_LAYERS: Final = models.CurrentLayers()
-
-
-class CurrentLayers(Section):
-    """Prior of the current by depth, with water track (docs/methods/without_bottom.md); `sd_mps` 0 is no layers."""
-
-    sd_mps: NonNegative = _LAYERS.sd_mps
-    """part of the current that a layer has to itself; 0 is one current for all depths"""
-    time_s: Positive = _LAYERS.time_s
-    """its correlation time"""
-    way_m: Positive = _LAYERS.way_m
-    """its correlation length along the way over ground"""
-    spacing_m: Positive = _LAYERS.spacing_m
-    """distance between two layers"""
-    mean_time_s: Positive = _LAYERS.mean_time_s
-    """correlation time of what all depths have in common"""
-
-
 _OPTIONS: Final = models.Options()
 
 
-class Filter(Section):
+class Filter(models.FilterKeys, models.AssumptionKeys, Section):
     """Filter options; the defaults are the kernel's.
 
     The paper gives neither n_f nor ε. n_f = 1 is its Eq. 28 with nothing added; ε = 1e-3 m²/s² is a sway of 3 cm/s,
@@ -442,34 +381,16 @@ class Filter(Section):
     while the beams leave a direction unobserved beyond the linear range (docs/linear_range.md).
     """
 
-    gate: Literal["joint", "per_row", "off"] = _OPTIONS.gate
-    """test of a measurement: joint for all its rows, per_row for each, off for none"""
-    gate_probability: Annotated[float, Field(gt=0, lt=1), shown(unit="1")] = _OPTIONS.gate_probability
-    """probability with which a good measurement passes"""
-    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000), shown(unit="1")] = (
-        _OPTIONS.inflate_after_rejections
-    )
-    """rejections of a sensor in a row before the covariance is inflated; 0 never"""
     covariance_rate_hz: NonNegative = 1e9 / _OPTIONS.covariance_period_ns
     """rate of the covariance's propagation; 0 at every inertial reading"""
-    estimate_dvl: bool = _OPTIONS.estimate_dvl
-    """whether beam biases and scale factor are states (20), or frozen (15)"""
-    virtual_beam_factor: Annotated[Positive, shown(unit="1")] = _OPTIONS.assumptions.virtual_beam_factor
-    """n_f of Eq. 28: inflation of a virtual beam (vb)"""
-    nullified_sway_var_m2ps2: Positive = _OPTIONS.assumptions.nullified_sway_var_m2ps2
-    """ε of Eq. 36: variance of the sway that is taken for zero (nsv)"""
-    weak_sway_var_m2ps2: Positive = _OPTIONS.assumptions.weak_sway_var_m2ps2
-    """variance of sway times its correlation time, once a second (weak_sway)"""
-    information_port: Literal["axes", "full"] = _OPTIONS.information_port
-    """what info hands over: the observable axes, or the full vector with a large variance"""
     speed_sd_mps: NonNegative = _OPTIONS.speed_bound.sd_mps
     """bound on each component of the velocity while the beams leave a direction unobserved beyond the linear range;
     0 none"""
     speed_time_s: Positive = _OPTIONS.speed_bound.time_s
     """correlation time of that bound's error"""
     water: Water = Water()
-    current_layers: CurrentLayers = CurrentLayers()
-    motion: Motion = Motion()
+    current_layers: models.CurrentLayers = models.CurrentLayers()
+    motion: models.Motion = models.Motion()
 
     @property
     def states(self) -> int:
@@ -480,14 +401,11 @@ class Filter(Section):
         """What the section says of `models.Options`."""
         rate_hz = self.covariance_rate_hz
         period_ns = units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0
-        same = {"gate", "gate_probability", "inflate_after_rejections", "estimate_dvl", "information_port"}
-        content = self.model_dump(
-            include={*same, "current_layers", "motion", "water"}, exclude={"water": {"vehicle"}}
-        )
-        assumptions = set(models.Assumptions.model_fields)
+        same = {*models.FilterKeys.model_fields, "current_layers", "motion", "water"}
+        content = self.model_dump(include=same, exclude={"water": {"vehicle"}})
         return content | {
             "covariance_period_ns": period_ns,
-            "assumptions": self.model_dump(include=assumptions),
+            "assumptions": self.model_dump(include=set(models.AssumptionKeys.model_fields)),
             "speed_bound": {"sd_mps": self.speed_sd_mps, "time_s": self.speed_time_s},
         }
 

@@ -11,17 +11,10 @@ from pydantic import Field
 
 from bottomlock import units
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import (
-    Factor,
-    Finite,
-    Fraction,
-    NonNegative,
-    Positive,
-    Section,
-    Vector,
-)
+from bottomlock.config.scenario_sections import Factor, Fraction, Section, Vector
 from bottomlock.config.thrust import Thrust
 from bottomlock.kernel import models
+from bottomlock.kernel.models import Finite, NonNegative, Positive
 
 AXES = ("north", "east", "down")
 

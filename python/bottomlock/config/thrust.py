@@ -6,8 +6,9 @@ from pydantic import Field
 
 from bottomlock import units
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import NonNegative, Positive, Section
+from bottomlock.config.scenario_sections import Section
 from bottomlock.kernel import models
+from bottomlock.kernel.models import NonNegative, Positive
 
 
 class ThrustErrors(Section):

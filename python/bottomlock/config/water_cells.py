@@ -5,8 +5,9 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Positive, Section
+from bottomlock.config.scenario_sections import Section
 from bottomlock.kernel import models
+from bottomlock.kernel.models import Positive
 
 Cell = Annotated[int, Field(ge=1, le=255)]
 

@@ -4,8 +4,9 @@ from typing import Annotated, Any, Literal
 
 from bottomlock.config.meaning import shown
 from bottomlock.config.mission_sections import CurrentTable
-from bottomlock.config.scenario_sections import Factor, Fraction, NonNegative, Positive, Section
+from bottomlock.config.scenario_sections import Factor, Fraction, Section
 from bottomlock.kernel import models
+from bottomlock.kernel.models import NonNegative, Positive
 
 
 class WaterTrack(Section):

@@ -24,7 +24,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, PlainValidator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
 
 from bottomlock.kernel import EARTH_RATE_RADPS, KernelError, check_settings, normal_gravity_mps2
 
@@ -38,6 +38,13 @@ def _tuple(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - the kernel has ch
 
 Vector = Annotated[Sequence[float] | NDArray[np.float64], PlainValidator(_tuple)]
 """Numbers of a fixed length; kept as a tuple."""
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+_ONE = Field(json_schema_extra={"unit": "1"})
+_Array = BeforeValidator(lambda value: value.tolist() if isinstance(value, np.ndarray) else value)
+NonNegatives = Annotated[tuple[NonNegative, NonNegative, NonNegative], _Array]
+Positives = Annotated[tuple[Positive, Positive, Positive], _Array]
 
 
 class Settings(BaseModel):
@@ -46,6 +53,8 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
     place: ClassVar[str]
     """The name of the settings in messages, and of the kernel's rules for them."""
+    beside: ClassVar[frozenset[str]] = frozenset()
+    """Keys that the kernel does not know."""
 
     def __init__(self, **given: Any) -> None:  # noqa: ANN401 - the fields of the settings have their types
         """Checks keys and values.
@@ -56,8 +65,12 @@ class Settings(BaseModel):
         given = self.completed({key: _plain(value) for key, value in given.items()})
         fields = type(self).model_fields.items()
         defaults = {key: field.default for key, field in fields if not field.is_required()}
-        check_settings(self.place, defaults | given)
+        checked = (defaults | given).items()
+        check_settings(self.place, {key: value for key, value in checked if key not in self.beside})
         super().__init__(**given)
+
+    # Within a section of a file pydantic checks the keys, as it does those beside them.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @classmethod
     def completed(cls, given: dict[str, Any]) -> dict[str, Any]:
@@ -357,23 +370,23 @@ class Water(Settings):
     """Prior of the motion through the water for the method `sway_current` (docs/methods/sway_current.md), 1 sigma."""
 
     place: ClassVar[str] = "options.water"
-    current_sd_mps: float = 0.3
+    current_sd_mps: NonNegative = 0.3
     """current along north and along east"""
-    current_time_s: float = 1800.0
+    current_time_s: Positive = 1800.0
     """correlation time of the current"""
-    sway_gain_m: float = 0.6
+    sway_gain_m: Finite = 0.6
     """sway per rate of turn: distance of the pivot ahead of the origin"""
-    sway_gain_sd_m: float = 0.3
+    sway_gain_sd_m: NonNegative = 0.3
     """its uncertainty"""
-    trim_sd_mps: float = 0.03
+    trim_sd_mps: NonNegative = 0.03
     """heave through the water that balances weight and buoyancy"""
-    trim_time_s: float = 3600.0
+    trim_time_s: Positive = 3600.0
     """correlation time of the trim"""
-    slip_sd_mps: float = 0.02
+    slip_sd_mps: Positive = 0.02
     """sway and heave through the water beside these"""
-    slip_time_s: float = 5.0
+    slip_time_s: Positive = 5.0
     """correlation time of the slip"""
-    slip_epochs: float = 20.0
+    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False), _ONE] = 20.0
     """weight of the slip's prior variance, as a number of epochs"""
 
 
@@ -381,15 +394,15 @@ class CurrentLayers(Settings):
     """Prior of the current by depth, with `Options.water_track` or `thrust` (docs/methods/without_bottom.md)."""
 
     place: ClassVar[str] = "options.current_layers"
-    sd_mps: float = 0.04
+    sd_mps: NonNegative = 0.04
     """a layer's own part, 1 sigma; 0 for no layers"""
-    time_s: float = 1800.0
+    time_s: Positive = 1800.0
     """time in which it is forgotten"""
-    way_m: float = 5000.0
+    way_m: Positive = 5000.0
     """distance over ground on which it is forgotten"""
-    spacing_m: float = 10.0
+    spacing_m: Positive = 10.0
     """distance between layers"""
-    mean_time_s: float = 259_200.0
+    mean_time_s: Positive = 259_200.0
     """correlation time of what all depths have in common"""
 
 
@@ -410,13 +423,13 @@ class Motion(Settings):
     """
 
     place: ClassVar[str] = "options.motion"
-    mean_sd_mps: Vector = (0.0, 0.0, 0.0)
+    mean_sd_mps: NonNegatives = (0.0, 0.0, 0.0)
     """mean, which hardly changes"""
-    mean_time_s: float = 10_000.0
+    mean_time_s: Positive = 10_000.0
     """correlation time of the mean"""
-    change_sd_mps: Vector = (0.0, 0.0, 0.0)
+    change_sd_mps: NonNegatives = (0.0, 0.0, 0.0)
     """first-order change about the mean"""
-    change_time_s: Vector = (40.0, 40.0, 40.0)
+    change_time_s: Positives = (40.0, 40.0, 40.0)
     """correlation times of the change"""
 
 
@@ -434,16 +447,22 @@ class Robust(Settings):
     """degrees of freedom of Student's t"""
 
 
-class Assumptions(Settings):
+class AssumptionKeys(BaseModel):
+    """What the partial-beam methods assume, as a settings file says it too."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+    virtual_beam_factor: Annotated[Positive, _ONE] = 1.0
+    """n_f of Eq. 28: inflation of a virtual beam (vb)"""
+    nullified_sway_var_m2ps2: Positive = 1e-3
+    """ε of Eq. 36: variance of the sway that is taken for zero (nsv)"""
+    weak_sway_var_m2ps2: Positive = 2.0
+    """variance of sway times its correlation time, once a second (weak_sway)"""
+
+
+class Assumptions(AssumptionKeys, Settings):
     """Parameters of the partial-beam methods."""
 
     place: ClassVar[str] = "options.assumptions"
-    virtual_beam_factor: float = 1.0
-    """n_f of Eq. 28: inflation of a virtual beam (vb)"""
-    nullified_sway_var_m2ps2: float = 1e-3
-    """ε of Eq. 36: variance of the sway that is taken for zero (nsv)"""
-    weak_sway_var_m2ps2: float = 2.0
-    """variance of sway times its correlation time, once a second (weak_sway)"""
 
 
 class ImuLimits(Settings):
@@ -486,26 +505,32 @@ class Levers(Settings):
     effort_p_m: Vector = (0.0, 0.0, 0.0)
 
 
-class Options(Settings):
+class FilterKeys(BaseModel):
+    """Options of the filters, as a settings file says them too."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+    gate: Literal["joint", "per_row", "off"] = "joint"
+    """test of a measurement: joint for all its rows, per_row for each, off for none"""
+    gate_probability: Annotated[float, Field(gt=0, lt=1), _ONE] = 0.9973
+    """probability with which a good measurement passes"""
+    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000), _ONE] = 5
+    """rejections of a sensor in a row before the covariance is inflated; 0 never"""
+    estimate_dvl: bool = True
+    """whether beam biases and scale factor are states (20), or frozen (15)"""
+    information_port: Literal["axes", "full"] = "axes"
+    """what info hands over: the observable axes, or the full vector with a large variance"""
+
+
+class Options(FilterKeys, Settings):
     """Options of the filters; the page of a method explains each."""
 
     place: ClassVar[str] = "options"
-    gate: Literal["joint", "per_row", "off"] = "joint"
-    """test of an innovation against its covariance"""
-    gate_probability: float = 0.9973
-    """probability with which a good measurement passes the joint gate"""
-    inflate_after_rejections: int = 5
-    """rejections of a sensor in a row after which the covariance is inflated; 0 for never"""
     covariance_period_ns: int = 100_000_000
     """interval of the covariance propagation; 0 for every inertial step"""
     imu_limits: ImuLimits = ImuLimits()
     imu_sampling: Literal["instantaneous", "averaged"] = "instantaneous"
     """whether an inertial reading is instantaneous or the average over the interval before it"""
-    estimate_dvl: bool = True
-    """whether beam biases and scale factor are states"""
     assumptions: Assumptions = Assumptions()
-    information_port: Literal["axes", "full"] = "axes"
-    """form in which the method `info` passes its velocity to the filter"""
     water: Water = Water()
     water_track: bool = False
     """whether beams that the water returns are used"""

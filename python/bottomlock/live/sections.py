@@ -10,11 +10,12 @@ from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.effort import EffortErrors
 from bottomlock.config.meaning import shown
 from bottomlock.config.motion_errors import MotionErrors
-from bottomlock.config.scenario_sections import Finite, Imu, ImuLimits, NonNegative, Positive, Section, Vector
+from bottomlock.config.scenario_sections import Imu, ImuLimits, Section, Vector
 from bottomlock.config.thrust import ThrustErrors
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import Method
+from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.live.address import SinkAddress, SourceAddress
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
 from bottomlock.recordings.sensors import INSTRUMENTS

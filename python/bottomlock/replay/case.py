@@ -13,21 +13,13 @@ from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.effort import require_one_use
 from bottomlock.config.meaning import shown
 from bottomlock.config.own_methods import OwnMethods, own_methods_from
-from bottomlock.config.scenario_sections import (
-    Filter,
-    Finite,
-    NonNegative,
-    Positive,
-    Robust,
-    Section,
-    Vector,
-    known_methods,
-)
+from bottomlock.config.scenario_sections import Filter, Robust, Section, Vector, known_methods
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.io.water_table import water_file
 from bottomlock.kernel import METHODS
+from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.dvl_sections import DvlStream, WaterTrackStream, WhatIf
 from bottomlock.replay.stream_sections import (

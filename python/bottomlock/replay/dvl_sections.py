@@ -8,8 +8,9 @@ from pydantic import Field, model_validator
 
 from bottomlock.config.dvl_errors import DvlSettings
 from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Outage, Positive, Section
+from bottomlock.config.scenario_sections import Outage, Section
 from bottomlock.config.water_cells import WaterCells
+from bottomlock.kernel.models import Positive
 from bottomlock.replay.stream_sections import Clock, ColumnTriple, ReorderedStream
 
 Beam = Annotated[int, Field(ge=1, le=8)]

@@ -11,17 +11,10 @@ from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.effort import EffortErrors
 from bottomlock.config.meaning import shown
 from bottomlock.config.motion_errors import MotionErrors
-from bottomlock.config.scenario_sections import (
-    Finite,
-    ImuErrors,
-    ImuLimits,
-    NonNegative,
-    Positive,
-    Section,
-    Vector,
-)
+from bottomlock.config.scenario_sections import ImuErrors, ImuLimits, Section, Vector
 from bottomlock.config.thrust import ThrustErrors
 from bottomlock.errors import DataError
+from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.recordings.axes import from_angles, platform_attitude
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
 from bottomlock.recordings.streams import Attitudes, Depths, Floats, Forces, Revolutions, Times

@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from bottomlock.config.scenario_sections import Finite, Section
+from bottomlock.config.scenario_sections import Section
 from bottomlock.io.beams import geometry_text, read_geometry
+from bottomlock.kernel.models import Finite
 from bottomlock.live.sections import Name
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS
 from bottomlock.ports.estimate import Mode
