@@ -18,13 +18,10 @@ error then counts twice by a tenth of its variance, and not by half."""
 
 
 class AttitudeReference(Section):
-    """Mounting and errors of an attitude sensor; `frame` "enu_flu" is converted to NED, FRD.
+    """Mounting and errors of an attitude sensor.
 
-    `aids` is what the filter uses: the attitude, the heading alone, or nothing (the alignment may still use it). The
-    mounting angles rotate the sensor's axes to the platform's; `yaw_offset_deg` (a declination) is added to the yaw.
     Of a reading's error `roll_pitch_sd_deg` and `yaw_sd_deg` are white noise, a constant offset and a first-order walk
-    last: the filter estimates these two where they are given. `grade` names a packaged instrument, which gives those
-    of these keys that are left out.
+    last: the filter estimates these two where they are given.
     """
 
     grade: Annotated[str | None, shown(example="mti_ahrs")] = None

@@ -34,11 +34,7 @@ Angles = Annotated[tuple[SmallAngle, SmallAngle, SmallAngle], BeforeValidator(_t
 
 
 class StatedCalibration(Section):
-    """How well a DVL's file knows it, 1 sigma; the mounting itself is `mounting_roll_deg` and the others there.
-
-    `mounting_sd_deg` is about the platform's forward, right and down axes. The DVL reads `scale_percent` too much.
-    `clock_offset_s` is to be added to its stamps.
-    """
+    """How well a DVL's file knows it, 1 sigma; the mounting itself is `mounting_roll_deg` and the others there."""
 
     mounting_sd_deg: tuple[SmallAngle, SmallAngle, SmallAngle] = (0.0, 0.0, 0.0)
     """1 sigma of the mounting about the platform's forward, right and down axes"""

@@ -39,11 +39,7 @@ class DvlErrors(Section):
 
 
 class DvlSettings(Section):
-    """The DVL: its geometry (packaged name or TOML file), the noise of its beams and the other errors, 1 sigma.
-
-    `beam_noise_mps` replaces that of the geometry; with `beam_noise_from` = "recording" the noise is the instrument's
-    own figure of merit of each beam and ping.
-    """
+    """The DVL: its geometry (packaged name or TOML file), the noise of its beams and the other errors, 1 sigma."""
 
     geometry: Annotated[str, shown(example="waterlinked_a50")]
     """geometry of the DVL, packaged or a file"""

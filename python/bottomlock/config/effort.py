@@ -14,8 +14,7 @@ from bottomlock.kernel.models import Finite, NonNegative, Positive
 class EffortErrors(Section):
     """What a filter makes of the forces of thrusters: mass, drag, slip and noise, 1 sigma; surge, sway and heave each.
 
-    An axis without drag is not used. `corrects` is what a reading corrects: "velocity" leaves attitude and biases
-    alone.
+    An axis without drag is not used.
     """
 
     mass_kg: Annotated[Vector, shown(unit="kg", example=[19.9, 20.6, 32.2])]

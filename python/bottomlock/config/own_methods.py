@@ -10,10 +10,7 @@ from bottomlock.config.meaning import shown
 
 
 class OwnMethods(BaseModel):
-    """`own_methods` are "module:Class" or "file.py:Class".
-
-    `methods` may hold these too, and in Python classes and objects; it has their names afterwards.
-    """
+    """Methods of one's own; `methods` may name or hold them too, and has their names afterwards."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
     own_methods: Annotated[tuple[str, ...], shown(example=["partial_loose.py:PartialLoose"])] = ()

@@ -36,10 +36,7 @@ class PathLimits(BaseModel):
 
 
 class PathKeys(BaseModel):
-    """A path of one's own (docs/own_trajectory.md).
-
-    `file` is CSV or Parquet, samples of a smooth motion; `columns` gives the file's names of columns.
-    """
+    """A path of one's own (docs/own_trajectory.md): CSV or Parquet, samples of a smooth motion."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
     file: Annotated[str | None, shown(example="nav.csv")] = None

@@ -39,11 +39,7 @@ class Section(BaseModel):
 
 
 class Trajectory(PathKeys, Section):
-    """The true motion: of a simulated vehicle, analytic, or along a path of one's own from a file.
-
-    `feedback` is the state that guidance and control of the vehicle use: the truth or the estimate. `pilot` is the
-    method whose estimate it is, or "own": each method has its own vehicle.
-    """
+    """The true motion: of a simulated vehicle, analytic, or along a path of one's own from a file."""
 
     kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints", "file"]
     """the path; constant_turn is analytic only, waypoints of a vehicle only; a file needs no kind"""
@@ -147,10 +143,7 @@ _LIMITS: Final = models.ImuLimits()
 class ImuLimits(Section):
     """What readings of a live navigator or a recorded log are checked against; simulated ones are not.
 
-    A reading at or beyond the full scale of the data sheet is rejected, and so is the last of `stuck_after` equal ones
-    (0: never). An interval without good readings that is longer than `max_gap_s` is refused or, with `gap` = "inflate",
-    bridged; `gap_rate_deg_per_s` and `gap_accel_mps2`, 1 sigma on each axis, are the motion that may happen unseen
-    (docs/imu_faults.md).
+    The last of `stuck_after` equal readings is rejected (docs/imu_faults.md).
     """
 
     max_rate_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = math.degrees(_LIMITS.max_rate_radps)
@@ -222,11 +215,8 @@ class AltitudeLoss(Section):
 class Dvl(Section):
     """Doppler velocity log: geometry, rate, errors (1 sigma), limits over the seabed, and which beams are lost.
 
-    The defaults of bias and scale factor are those of the paper's Table 2, as in a replay. A fraction of the readings
-    of each beam are outliers, with `outlier_factor` times the noise; the filter does not model them.
-
-    Every rule of loss must let a beam through: lost throughout, outages, dropouts, altitude loss, the validity of a
-    recorded log (`replay_validity`, repeated end to end), and range and incidence where there is a seabed.
+    The defaults of bias and scale factor are those of the paper's Table 2, as in a replay. Every rule of loss must let
+    a beam through.
     """
 
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 1.0
@@ -353,8 +343,7 @@ class Initial(Section):
 class Water(models.Water):
     """Prior of the methods sway_current and consistent for the motion through the water, 1 sigma.
 
-    `vehicle` gives the keys left out; without it they are the kernel's, of a torpedo of 3 m at 2 m/s.
-    docs/methods/sway_current.md says where each number comes from.
+    The defaults are of a torpedo of 3 m at 2 m/s; docs/methods/sway_current.md says where each number comes from.
     """
 
     beside = frozenset({"vehicle"})
@@ -376,9 +365,6 @@ class Filter(models.FilterKeys, models.AssumptionKeys, Section):
 
     The paper gives neither n_f nor ε. n_f = 1 is its Eq. 28 with nothing added; ε = 1e-3 m²/s² is a sway of 3 cm/s,
     which is close to zero without making the gate reject real beams. Neither is fitted to a result.
-
-    `speed_sd_mps`, 0 for none, bounds each component of the velocity over ground, with one error for `speed_time_s`,
-    while the beams leave a direction unobserved beyond the linear range (docs/linear_range.md).
     """
 
     covariance_rate_hz: NonNegative = 1e9 / _OPTIONS.covariance_period_ns
@@ -415,11 +401,7 @@ Gate = Annotated[float, Field(gt=0, lt=1)] | Literal["off"]
 
 
 class Robust(Section):
-    """Treatment of outliers among the beams before a method uses a ping; the defaults are the kernel's.
-
-    A gate, of closure or of single beams, is the probability with which a good ping or beam passes, or "off"; `tail` is
-    the distribution of the noise of the beams that pass.
-    """
+    """Treatment of outliers among the beams before a method uses a ping; the defaults are the kernel's."""
 
     enabled: bool = True
     """whether outliers among the beams are treated before a method uses a ping"""

@@ -27,10 +27,7 @@ DEPTH_BIAS_TIME_S: float = 21_600.0
 class Depth(Section):
     """Depth sensor: noise, bias, and what density, tide and barometer add to its reading.
 
-    `bias_m`, 1 sigma, is what the filter expects of offset, tide, density and barometer together, and estimates; a
-    run draws it as a process with the correlation time `bias_time_s`. The sensor takes its pressure for depth with
-    `water_density_kg_per_m3`; the water itself has `true_density_kg_per_m3`, by default the same. What density,
-    tide and barometer add is not drawn.
+    A run draws the bias as a process; what density, tide and barometer add is not drawn.
     """
 
     enabled: bool = True
@@ -55,12 +52,7 @@ class Depth(Section):
 
 
 class Magnetometer(Section):
-    """Magnetometer and tilt sensor as an attitude sensor: noise, and what declination and iron add to its yaw.
-
-    `declination_deg` is the field's own, with inclination and strength; "wmm" takes all three from the World Magnetic
-    Model. `assumed_declination_deg` is what the compass corrects for, by default the true one. Its slow errors, a
-    constant offset and a first-order walk drawn for each run, are states of the filter where they are not 0.
-    """
+    """Magnetometer and tilt sensor as an attitude sensor: noise, and what declination and iron add to its yaw."""
 
     enabled: bool = True
     """whether there is a magnetometer with tilt sensor"""
@@ -139,10 +131,7 @@ class Gps(Section):
 class AcousticPosition(Section):
     """Acoustic position (USBL, LBL): fixes whose noise grows with the slant range from the transceiver.
 
-    The standard deviation of each axis is the root of noise_m² + (noise_percent_of_range/100 · slant range)². The
-    transceiver, on a ship or on the seabed, is at `transceiver_m` in the tangent frame (north, east, down); the
-    transponder at `lever_arm_m` in the platform frame. A fraction of the fixes are outliers, with `outlier_factor`
-    times the noise; the filter does not model them.
+    The standard deviation of each axis is the root of noise_m² + (noise_percent_of_range/100 · slant range)².
     """
 
     enabled: bool = True

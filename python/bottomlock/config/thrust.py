@@ -12,10 +12,7 @@ from bottomlock.kernel.models import NonNegative, Positive
 
 
 class ThrustErrors(Section):
-    """What a filter takes the revolutions of a propeller for: advance per revolution, slip and noise, 1 sigma.
-
-    `corrects` is what a reading corrects: "velocity" leaves attitude and biases alone.
-    """
+    """What a filter takes the revolutions of a propeller for: advance per revolution, slip and noise, 1 sigma."""
 
     advance_m: Annotated[Positive, shown(example=0.1)]
     """advance per revolution that the filter expects"""
@@ -52,9 +49,8 @@ class ThrustErrors(Section):
 class Thrust(ThrustErrors):
     """Revolutions of the propeller: the speed through the water along the vehicle's axis by its advance, and slip.
 
-    With the section every method has the current as states. The filter expects `advance_m` with its uncertainty; a run
-    draws its own about `error_percent` more, and a slip. `corrects` is what a reading corrects: "velocity" leaves
-    attitude and biases alone. The water moves as for `[water_track]`.
+    With the section every method has the current as states. A run draws its own advance about `error_percent` more. The
+    water moves as for `[water_track]`.
     """
 
     enabled: bool = True

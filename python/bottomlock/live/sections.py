@@ -252,15 +252,7 @@ class StatesSection(Section):
 
 
 class SourceSection(Section):
-    """A stream of bytes: where it comes from, its format, and its clock.
-
-    `rate_hz` is the least rate that is expected of it: it is silent after `states.silent_periods` of that. `clock`:
-    "instrument" maps its own stamps to the host's clock; "host" takes them as they are; "arrival" takes the time of
-    arrival. `latency_s` is subtracted from the times. A stamp that is further than `step_s` from where the clock
-    should be is not used. `checksum` demands one of every line of numbers; without it they are demanded from the first
-    line that has one. `request_hz` is the rate at which an autopilot is asked for what is read of it, 10 Hz at most of
-    what does not move the vehicle.
-    """
+    """A stream of bytes: where it comes from, its format, and its clock."""
 
     name: Annotated[Name, shown(example="dvl")]
     """name of the source"""
@@ -287,7 +279,8 @@ class SourceSection(Section):
     keep_stale: bool = False
     """whether beams that repeat the previous record stay valid; of a DVL"""
     checksum: bool = False
-    """whether every line needs a checksum; imu-csv, attitude-csv and depth-csv"""
+    """whether every line needs a checksum, or those after the first that has one; imu-csv, attitude-csv and
+    depth-csv"""
     request_hz: Annotated[Annotated[float, Field(gt=0, le=1000)] | None, shown(example=50.0)] = None
     """rate at which the autopilot is asked for what is read of it (SET_MESSAGE_INTERVAL); none: not asked; of
     mavlink"""

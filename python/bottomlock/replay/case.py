@@ -61,9 +61,7 @@ class Origin(Section):
 class Start(Section):
     """Initial alignment: the source of each part of the initial state and its 1 sigma.
 
-    A standard deviation that is left out is computed by the alignment. `at_s` counts from the first inertial reading;
-    without it the navigation starts there, or at the first row of the reference where a part comes from it. `window_s`
-    is the averaging time of the alignment.
+    A standard deviation that is left out is computed by the alignment.
     """
 
     at_s: Annotated[NonNegative | None, shown(example=60.0)] = None

@@ -35,9 +35,7 @@ class Clock(Section):
     """Times of a table's rows: from a column, from an even rate, or both.
 
     With `column` alone the stamps are the times. With `rate_hz` alone row k is at `start_s` + k/rate. With both the
-    rows are at an even rate, whose offset is the median of the (host's) stamps; each stamp may deviate from it by
-    `steady_within_s`. `offset_s` is added, to bring the stream's clock to the case's. A step longer than `gap_s` is a
-    gap (default: three median steps), one longer than `jump_s` a clock jump. A time that repeats or goes back is an
+    rows are at an even rate, whose offset is the median of the (host's) stamps. A time that repeats or goes back is an
     error, or its row is left out where `unordered` is "drop".
     """
 
@@ -327,10 +325,7 @@ class AttitudeStream(AttitudeReference, SensorStream):
 
 
 class MagnetometerStream(MountedStream):
-    """Magnetic field in sensor axes, for the initial heading; any unit, the same for all three axes.
-
-    `hard_iron` is subtracted from the readings (same unit, sensor axes) before the rotation to platform axes.
-    """
+    """Magnetic field in sensor axes, for the initial heading; any unit, the same for all three axes."""
 
     field: Annotated[ColumnTriple, shown(example=["mx", "my", "mz"])]
     """columns of the field, any unit"""
@@ -408,11 +403,7 @@ class AcousticPositionStream(AcousticPositionErrors, PlacedStream):
 
 
 class ReferenceStream(PositionStream):
-    """Reference position, velocity and attitude, to compute errors against, of a point at `lever_arm_m` from the IMU.
-
-    `sd_m` is 1 sigma of its horizontal position along an axis: an error that it explains is not held against a method.
-    `note` is printed in the report, for instance that the reference is computed from the same sensors.
-    """
+    """Reference position, velocity and attitude, to compute errors against."""
 
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     """position of the reference point from the IMU, platform axes"""
