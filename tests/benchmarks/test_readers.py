@@ -36,14 +36,3 @@ def test_time_of_a_reader_is_linear(name: str) -> None:
         one = (data * (SIZE // len(data) + 1))[:SIZE]
         # Once more if the machine was busy with something else; a quadratic reader fails every time.
         assert any(cost(name, one + one) < 3.0 * cost(name, one) + 0.005 for _ in range(3))
-
-
-@pytest.mark.parametrize("name", ["nortek-ascii", "cerulean-dvkfc", "waterlinked-json"])
-def test_good_text_is_read_in_columns(name: str) -> None:
-    """A byte of a good log costs at most four times as much as one of LinkQuest's CSV; read one by one it was ten."""
-
-    def per_byte(form: str) -> float:
-        log = logs.joined(logs.build(form, 0).records)
-        return cost(form, (log * (SIZE // len(log) + 1))[:SIZE])
-
-    assert any(per_byte(name) < 4.0 * per_byte("linkquest-csv") for _ in range(3))

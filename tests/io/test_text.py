@@ -82,6 +82,16 @@ def test_json_merged_and_cut_lines() -> None:
     assert "missing from that sum" in recording.notes[1]
 
 
+@pytest.mark.parametrize("damage", [b',"time":1}', b',"fom":tru}', b"}]"])
+def test_json_damaged_objects(damage: bytes) -> None:
+    """A key that is given twice, a broken word and what follows an object: the line is lost or told to be merged."""
+    line = seeds.a50_report(1).strip()
+    recording = waterlinked_json.read(seeds.a50_report(0) + line.removesuffix(b"}") + damage, "log")
+    reason = "merged line" if damage == b"}]" else "truncated"
+    assert recording.account.skipped[reason].first == 2
+    assert recording.table.rows == (2 if reason == "merged line" else 1)
+
+
 def test_serial_documented_examples() -> None:
     """The maker's examples: CRC-8 good, one measurement of four beams, time of validity 7 µs."""
     recording = waterlinked_serial.read(seeds.SERIAL, "log")

@@ -7,22 +7,22 @@ manufacturer the NMEA exclusive or. Either is accepted.
 
 import numpy as np
 
-from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
-from bottomlock.io.dollar_sentences import Names, Remarks, Sentences, sentences
+from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.dollar_sentences import pattern, sentences
 from bottomlock.io.framing import Lines, Stream
-from bottomlock.io.lines import Bytes, running_crc8, running_xor
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.sentences import crc8_of, number, whole, xor_of
 
 NAME = "cerulean-dvkfc"
 STREAM = Stream(lambda _: Lines())
 _BEAMS = 3
 _LEAST_RANGE_CONFIDENCE = 25.0
-_NAMES = Names(b"DV", letters=(2, 4), digits=0, longest=600)
-_FIELDS = 26
-_MARKS = {0: b"24577", 4: b"[A]", 11: b"[B]", 18: b"[C]", 25: b"0x0055AAFF"}
+_FORM = pattern(rb"DV[A-Z]{2,4}", 600)
+_FIELDS = 27
+_MARKS = {1: b"24577", 5: b"[A]", 12: b"[B]", 19: b"[C]", 26: b"0x0055AAFF"}
 """Version, the cones and the end, by field."""
-_COUNT, _TIME = 1, 3
-_CONES = [field for first in (5, 12, 19) for field in range(first, first + 6)]
+_COUNT, _TIME = 2, 4
+_CONES = [field for first in (6, 13, 20) for field in range(first, first + 6)]
 
 
 def sniff(head: bytes) -> bool:
@@ -30,25 +30,18 @@ def sniff(head: bytes) -> bool:
     return b"$DVKFC," in head
 
 
-def _fits(raw: Bytes, start: Integers, star: Integers, given: Integers) -> Flags:
+def _fits(text: bytes, given: int) -> bool:
     """Either of the two sums."""
-    sums = (running_xor(raw)(start, star), running_crc8(raw, 0x131)(start, star))
-    return np.asarray((sums[0] == given) | (sums[1] == given))
+    return given in {xor_of(text), crc8_of(text, 0x131)}
 
 
-def _pings(found: Sentences, remarks: Remarks) -> tuple[Integers, Integers, Floats]:
-    """Position, time (ns since start) and the numbers of the cones (n, 18); what is not as published is counted."""
-    good, fields = found.fields(_FIELDS)
-    use = np.ones(len(fields.begin), dtype=bool)
-    for column, word in _MARKS.items():
-        use &= fields.is_text(column, word)
-    use &= np.array([count is not None for count in fields.wholes(_COUNT)], dtype=bool)
-    values, known = fields.numbers([_TIME, *_CONES])
-    with np.errstate(invalid="ignore"):
-        use &= known.all(axis=1) & (values[:, 0] >= 0.0) & (values[:, 0] < 1e9)
-    good[good] = use
-    remarks.skip("sentence with wrong fields or version", ~good, found.position, found.start, found.text)
-    return found.position[good], np.rint(values[use, 0] * 1e9).astype(np.int64), values[use, 1:]
+def _numbers(fields: list[bytes]) -> list[float] | None:
+    """Time (s since start) and the numbers of the cones; None where the sentence is not as published."""
+    if len(fields) != _FIELDS or any(fields[k] != mark for k, mark in _MARKS.items()):
+        return None
+    found = [v for k in (_TIME, *_CONES) if (v := number(fields[k])) is not None]
+    sound = len(found) == 1 + len(_CONES) and whole(fields[_COUNT]) is not None
+    return found if sound and 0.0 <= found[0] < 1e9 else None
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -58,11 +51,15 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where there is none.
     """
     account = Account(unit="line")
-    parts = []
-    for found, remarks in sentences(data, _NAMES, (b"DVKFC",), _fits, account, trust=options.ignore_checksum):
-        parts.append(_pings(found, remarks))
-        remarks.tell()
-    table = _table(parts, account, negate=options.negate_beams)
+    position, found = [], []
+    for line, text in sentences(data, _FORM, (b"DVKFC",), _fits, account, trust=options.ignore_checksum):
+        numbers = _numbers(text.split(b","))
+        if numbers is None:
+            account.skip("sentence with wrong fields or version", line, text)
+        else:
+            position.append(line)
+            found.append(numbers)
+    table = _table(position, found, account, negate=options.negate_beams)
     raise_if_empty(account, place, "$DVKFC sentence")
     return Recording(
         format=NAME,
@@ -79,17 +76,16 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _table(parts: list[tuple[Integers, Integers, Floats]], account: Account, *, negate: bool) -> BeamTable:
+def _table(position: list[int], found: list[list[float]], account: Account, *, negate: bool) -> BeamTable:
     """Per cone: gain, cycles, range, range confidence, velocity, velocity confidence."""
-    nothing = np.empty(0, dtype=np.int64)
-    position, time_ns = (np.concatenate([nothing, *(part[k] for part in parts)]) for k in (0, 1))
-    cones = np.concatenate([np.empty((0, len(_CONES))), *(part[2] for part in parts)])
-    _, _, distance, sure, velocity, quality = np.moveaxis(cones.reshape(-1, _BEAMS, 6), 2, 0)
+    values = np.array(found).reshape(-1, 1 + len(_CONES))
+    cones = values[:, 1:].reshape(-1, _BEAMS, 6)
+    _, _, distance, sure, velocity, quality = np.moveaxis(cones, 2, 0)
     return make_table(
         account,
         _BEAMS,
         position,
-        time_ns,
+        np.rint(values[:, 0] * 1e9).astype(np.int64),
         velocity,
         sure >= _LEAST_RANGE_CONFIDENCE,
         range_m=np.where(distance > 0.0, distance, NAN),

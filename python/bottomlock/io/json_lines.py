@@ -1,20 +1,11 @@
-"""JSON objects of a text with one a line, or several where line ends were lost.
-
-A line that is one sound object is read by a fast parser; whatever that refuses, and what has a key twice, is read again
-by the parser of the standard library, which says how far a line is good.
-"""
+"""JSON objects of a text with one a line, or several where line ends were lost."""
 
 import json
-from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from pydantic_core import from_json
-
 from bottomlock.io.beam_table import Account
-from bottomlock.io.lines import batches
+from bottomlock.io.sentences import lines_of
 
 LONGEST_JSON = 65_536
 """Longest line that is read as a report, bytes."""
@@ -33,24 +24,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 _DECODER = json.JSONDecoder(object_pairs_hook=_object)
 
-
 Object = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Line:
-    """The objects of a line; `damaged` if there is more in it than these."""
-
-    objects: tuple[Object, ...]
-    damaged: bool
-
-    def tell(self, account: Account, position: int, text: bytes, count: int) -> None:
-        """Counts so many lines that are all the same."""
-        account.read += count * (len(self.objects) + self.damaged)
-        if self.damaged:
-            account.skip("merged line" if self.objects else "truncated", position, text, count=count)
-        elif len(self.objects) > 1:
-            account.flag("merged line, all of it read", position, count=count)
 
 
 def objects(
@@ -63,69 +37,27 @@ def objects(
         other: the kind of an object that is passed by, None for one that is wanted.
         account: for the counts.
     """
-    for lines in batches(data):
-        long = lines.end - lines.start > LONGEST_JSON
-        edges = zip(lines.start.tolist(), lines.end.tolist(), strict=True)
-        has = np.array([lines.text.find(b"{", *edge) >= 0 for edge in edges], dtype=bool)
-        none, whole = ~(has | long), lines.piece(lines.start, lines.end)
-        account.read += int(np.count_nonzero(none)) + int(np.count_nonzero(long))
-        account.skip_where("truncated", none, lines.number, whole)
-        account.skip_where("line too long", long, lines.number, whole)
-        chosen = lines.where(has & ~long)
-        for position, text, count, line in _different(chosen.number.tolist(), chosen.texts(), other):
-            line.tell(account, position, text, count)
-            for one in line.objects:
-                kind = other(one)
-                if kind is None:
-                    yield position, one
-                else:
-                    account.pass_by(kind, position, count=count)
+    for position, line in lines_of(data):
+        account.read += 1
+        if len(line) > LONGEST_JSON:
+            account.skip("line too long", position, line)
+            continue
+        found, damaged = _parse(line.decode("utf-8", "replace"))
+        account.read += len(found) + damaged - 1
+        if damaged:
+            account.skip("merged line" if found else "truncated", position, line)
+        elif len(found) > 1:
+            account.flag("merged line, all of it read", position)
+        for one in found:
+            kind = other(one)
+            if kind is None:
+                yield position, one
+            else:
+                account.pass_by(kind, position)
 
 
-def _different(
-    positions: list[int], texts: list[bytes], other: Callable[[Object], str | None]
-) -> Iterator[tuple[int, bytes, int, Line]]:
-    """Number, text, count and content of lines in their order; the same text without a wanted object comes once."""
-    times = Counter(texts)
-    if 2 * len(times) > len(texts):
-        for position, text in zip(positions, texts, strict=True):
-            yield position, text, 1, parse(text)
-        return
-    parsed = {text: parse(text) for text in times}
-    quiet = {text for text, line in parsed.items() if None not in map(other, line.objects)}
-    first = dict(zip(reversed(texts), reversed(positions), strict=True))
-    found = [(first[text], text, times[text]) for text in quiet]
-    if len(quiet) < len(times):
-        found += [(at, text, 1) for at, text in zip(positions, texts, strict=True) if text not in quiet]
-    for position, text, count in sorted(found):
-        yield position, text, count, parsed[text]
-
-
-def _keys(value: Object) -> int:
-    """How many keys an object has, and the objects that it holds itself or in lists; deeper ones are not counted."""
-    keys = len(value)
-    for one in value.values():
-        if type(one) is list:
-            keys += sum([len(each) for each in one if type(each) is dict])
-        elif type(one) is dict:
-            keys += len(one)
-    return keys
-
-
-def parse(text: bytes) -> Line:
-    """The objects of a line without blanks around it."""
-    try:
-        value = from_json(text, allow_inf_nan=False)
-    except ValueError:
-        return _parse_in_pieces(text.decode("utf-8", "replace"))
-    # Every key has its colon: more colons are those of texts, of deeper objects, or of a key that is given twice.
-    if type(value) is dict and _keys(value) == text.count(b":"):
-        return Line((value,), damaged=False)
-    return _parse_in_pieces(text.decode("utf-8", "replace"))
-
-
-def _parse_in_pieces(text: str) -> Line:
-    """The objects of a line that may be damaged."""
+def _parse(text: str) -> tuple[list[Object], bool]:
+    """The objects of a line without blanks around it, and whether there is more in it than these."""
     found: list[Object] = []
     at, restarts, damaged = 0, 0, False
     while 0 <= at < len(text):
@@ -144,4 +76,4 @@ def _parse_in_pieces(text: str) -> Line:
         at = end
         while at < len(text) and text[at] in " \t\r":
             at += 1
-    return Line(tuple(found), damaged=damaged)
+    return found, damaged

@@ -5,14 +5,12 @@ s = sin 22°, c = cos 22°, likewise b1 with vy, b2 with -vx, b3 with -vy. Here 
 velocity becomes (x, -y, -z), forward-right-down if x is forward and the recorded frame is right-handed.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Floats, Integers, Recording
-from bottomlock.io.lines import Lines, batches, fields_between, numbers, wholes
+from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.sentences import lines_of, number, whole
 
 NAME = "linkquest-csv"
 _BEAMS = 4
@@ -29,7 +27,11 @@ _NEEDED = (
     "altitude",
     "soundSpeed",
 )
-_GOOD, _NUMBERS = _NEEDED[1 : 1 + _BEAMS], [n for n in _NEEDED[1 + _BEAMS :] if n != "velocityInstFlag"]
+_FLAGS = tuple(name for name in _NEEDED if name.startswith("dataGood") or name.endswith("Flag"))
+_NUMBERS = tuple(name for name in _NEEDED[1:] if name not in _FLAGS)
+
+Row = tuple[int, int, int | None, list[bool], list[float]]
+"""Line, time, arrival (ns), flags of the beams and the instrument (5), numbers (13)."""
 
 
 def sniff(head: bytes) -> bool:
@@ -59,18 +61,12 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where the header lacks a column, or no line can be read.
     """
     account = Account(unit="line")
-    at: dict[str, int] | None = None
-    parts = []
-    for lines in batches(data):
-        if at is None and len(lines.start):
-            header = lines.text[lines.start[0] : lines.end[0]]
-            at, lines = _columns(header, place), lines.where(np.arange(len(lines.start)) > 0)  # noqa: PLW2901
-            width = header.count(b",") + 1
-        if at is not None:
-            parts.append(_rows(lines, at, width, account))
-    if at is None:
-        at = _columns(b"", place)
-    table = _table(parts, account, options)
+    lines = lines_of(data)
+    header = next(lines, (0, b""))[1]
+    at = _columns(header, place)
+    width = header.count(b",") + 1
+    rows = [row for position, line in lines if (row := _row(position, line, at, width, account)) is not None]
+    table = _table(rows, account, options)
     raise_if_empty(account, place, "ping of a LinkQuest NavQuest")
     return Recording(
         format=NAME,
@@ -91,70 +87,43 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Lines of numbers, (n,) each, `flags` (n, 5) of the beams and the instrument, `values` (n, 13)."""
-
-    position: Integers
-    time_ns: list[int | None]
-    arrival_ns: list[int | None]
-    flags: Integers
-    values: Floats
-
-
-def _rows(lines: Lines, at: dict[str, int], width: int, account: Account) -> _Rows:
-    """The lines of a batch."""
-    raw, commas = lines.raw, lines.places(b",")
-    fields, bounds = fields_between(commas, lines.start, lines.end, width)
-    whole_line = lines.piece(lines.start, lines.end)
-    fits = fields == width
-    account.read += len(fits)
-    account.skip_where("truncated", fields < width, lines.number, whole_line)
-    account.skip_where("merged line", fields > width, lines.number, whole_line)
-    good = lines.where(fits)
-    begin, end = bounds[:, :-1] + 1, bounds[:, 1:]
-
-    def texts(name: str) -> list[int | None]:
-        return wholes(lines, begin[:, at[name]], end[:, at[name]])
-
-    chosen = [at[name] for name in _NUMBERS]
-    values, known = numbers(raw, begin[:, chosen], end[:, chosen])
-    marked = [at[name] for name in (*_GOOD, "velocityInstFlag")]
-    flags = raw.take(begin[:, marked], mode="clip").astype(np.int64) - ord("0")
-    sound = (end[:, marked] - begin[:, marked] == 1) & (flags >= 0) & (flags <= 1)
-    time_ns = texts("header.stamp")
-    use = known.all(axis=1) & sound.all(axis=1) & np.array([t is not None for t in time_ns], dtype=bool)
-    account.skip_where("a field that is no number", ~use, good.number, good.piece(good.start, good.end))
+def _row(position: int, line: bytes, at: dict[str, int], width: int, account: Account) -> Row | None:
+    """A line; None where it cannot be read, which is counted."""
+    account.read += 1
+    fields = line.split(b",")
+    if len(fields) != width:
+        account.skip("truncated" if len(fields) < width else "merged line", position, line)
+        return None
+    time_ns = whole(fields[at["header.stamp"]])
+    flags = [fields[at[name]] for name in _FLAGS]
+    values = [v for name in _NUMBERS if (v := number(fields[at[name]])) is not None]
+    if time_ns is None or len(values) < len(_NUMBERS) or not set(flags) <= {b"0", b"1"}:
+        account.skip("a field that is no number", position, line)
+        return None
     # Two lines that lost an end and a beginning may look like one: there is no checksum, and a time is no range.
-    far = use & (values[:, :_BEAMS] > _MOST_RANGE_M).any(axis=1)
-    account.skip_where("range beyond 20 km", far, good.number, good.piece(good.start, good.end))
-    use &= ~far
-    arrival = texts("%time") if "%time" in at else [None] * len(use)
-    index = np.flatnonzero(use).tolist()
-    return _Rows(
-        good.number[use], [time_ns[k] for k in index], [arrival[k] for k in index], flags[use], values[use]
-    )
+    if max(values[:_BEAMS]) > _MOST_RANGE_M:
+        account.skip("range beyond 20 km", position, line)
+        return None
+    arrival_ns = whole(fields[at["%time"]]) if "%time" in at else None
+    return position, time_ns, arrival_ns, [flag == b"1" for flag in flags], values
 
 
-def _table(parts: list[_Rows], account: Account, options: Options) -> BeamTable:
+def _table(rows: list[Row], account: Account, options: Options) -> BeamTable:
     """The table, its signs turned to ours."""
-    nothing = _Rows(np.zeros(0, dtype=np.int64), [], [], np.zeros((0, 5), dtype=np.int64), np.zeros((0, 13)))
-    position, flags, values = (
-        np.concatenate([getattr(part, name) for part in (nothing, *parts)])
-        for name in ("position", "flags", "values")
-    )
+    flags = np.array([row[3] for row in rows], dtype=bool).reshape(-1, len(_FLAGS))
+    values = np.array([row[4] for row in rows]).reshape(-1, len(_NUMBERS))
     ranges, velocity, instrument, altitude = values[:, :4], values[:, 4:8], values[:, 8:11], values[:, 11]
     return make_table(
         account,
         _BEAMS,
-        position,
-        [t for part in parts for t in part.time_ns],
+        [row[0] for row in rows],
+        [row[1] for row in rows],
         -velocity,
-        flags[:, :_BEAMS] == 1,
+        flags[:, :_BEAMS],
         range_m=np.where(ranges > 0.0, ranges, NAN),
         instrument=instrument * np.array([1.0, -1.0, -1.0]),
         verdict=flags[:, _BEAMS],
-        arrival_ns=[t for part in parts for t in part.arrival_ns],
+        arrival_ns=[row[2] for row in rows],
         extra={"altitude_m": np.where(altitude > 0.0, altitude, NAN), "sound_speed_mps": values[:, 12]},
         negate=options.negate_beams,
     )

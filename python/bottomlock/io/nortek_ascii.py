@@ -4,17 +4,16 @@ BV is the beam's velocity (-32.768 invalid), FOM its figure of merit (10 invalid
 invalid), DT1 the milliseconds from the trigger to the echo's centre.
 """
 
+import datetime as dt
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
-from bottomlock.io.civil_time import minute_ns
-from bottomlock.io.dollar_sentences import Fields, Names, Remarks, Sentences, sentences
+from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.dollar_sentences import pattern, sentences
 from bottomlock.io.framing import NortekLines, Stream
-from bottomlock.io.lines import Bytes, is_text, running_xor
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.sentences import number, whole, xor_of
 
 NAME = "nortek-ascii"
 STREAM = Stream(NortekLines, figures=True)
@@ -22,21 +21,14 @@ MOST_BEAMS = 4
 NO_VELOCITY_MPS, NO_FOM_MPS = -32.768, 10.0
 TILT_RAD = math.radians(25.0)
 """Tilt of Nortek's DVL500 and DVL1000, to turn a vertical distance into one along the beam."""
-_NAMES = Names(b"PNOR", letters=(0, 3), digits=2, longest=400)
-_WANTED = (b"PNORBT0", b"PNORBT1")
+_FORM = pattern(rb"PNOR[A-Z]{0,3}[0-9]{0,2}", 400)
 _TAGS = (b"BEAM", b"DATE", b"TIME", b"DT1", b"DT2", b"BV", b"FOM", b"DIST", b"STAT")
 _BEAM, _DATE, _TIME, _DT1, _BV, _FOM, _DIST = 0, 1, 2, 3, 5, 6, 7
 _LOST = np.array([NO_VELOCITY_MPS, NO_FOM_MPS, 0.0, NAN])
+_EPOCH = dt.datetime(1970, 1, 1)  # noqa: DTZ001 - as the times, without a zone
 
-
-@dataclass(frozen=True, eq=False)
-class _Beams:
-    """Beam lines, (n,) each; `numbers` (n, 4) holds velocity, figure of merit, vertical distance, DT1 (ms)."""
-
-    position: Integers
-    time_ns: Integers
-    beam: Integers
-    numbers: Floats
+Beam = tuple[int, int, int, tuple[float, ...]]
+"""Line, time (ns since 1970), beam from 1, and velocity, figure of merit, vertical distance, DT1 (ms)."""
 
 
 def sniff(head: bytes) -> bool:
@@ -44,85 +36,72 @@ def sniff(head: bytes) -> bool:
     return b"$PNORBT" in head
 
 
-def _untag(fields: Fields) -> tuple[Fields, Flags]:
-    """Values in the order of DF351, also from the tagged form, and which lines have each tag in its place."""
-    raw, begin = fields.lines.raw, fields.begin.copy()
-    equals = np.append(fields.lines.places(b"="), len(raw))
-    tagged = equals[np.searchsorted(equals, begin[:, 0])] < fields.end[:, 0]
-    good = np.ones(len(tagged), dtype=bool)
-    if not tagged.any():
-        return fields, good
-    for column, tag in enumerate(_TAGS):
-        value = begin[:, column] + len(tag) + 1
-        has = (value <= fields.end[:, column]) & is_text(raw, begin[:, column], value, tag + b"=")
-        good &= has | ~tagged
-        begin[:, column] = np.where(tagged & has, value, begin[:, column])
-    return Fields(fields.lines, begin, fields.end), good
+def _untag(fields: list[bytes]) -> list[bytes] | None:
+    """Values in the order of DF351, from the tagged form; None where a tag is missing or out of place."""
+    values = []
+    for tag, text in zip(_TAGS, fields, strict=True):
+        name, equals, value = text.partition(b"=")
+        if not equals or name != tag:
+            return None
+        values.append(value)
+    return values
 
 
-def _times(fields: Fields) -> tuple[Integers, Flags]:
-    """MMDDYY and hhmmss.ssss as nanoseconds since 1970 (n,), and which are times."""
-    raw, time, end = fields.lines.raw, fields.begin[:, _TIME], fields.end[:, _TIME]
-    digits = [raw.take(time + k, mode="clip").astype(np.int64) - ord("0") for k in range(6)]
-    good = (end - time >= 6) & (fields.end[:, _DATE] - fields.begin[:, _DATE] == 6)
-    for digit in digits:
-        good &= (digit >= 0) & (digit <= 9)
-    rest = Fields(fields.lines, np.minimum(time + 4, end)[:, None], end[:, None])
-    seconds, known = rest.numbers([0])
-    second = seconds[:, 0]
-    with np.errstate(invalid="ignore"):
-        good &= known[:, 0] & (second >= 0.0) & (second < 61.0)
-    date = np.array(
-        [-1 if v is None or not g else v for v, g in zip(fields.wholes(_DATE), good, strict=True)]
-    )
-    month, day, year = date // 10_000, date // 100 % 100, 2000 + date % 100
-    hour, minute = 10 * digits[0] + digits[1], 10 * digits[2] + digits[3]
-    begin, sound = minute_ns(year, month, day, hour, minute)
-    good &= sound & (date >= 0)
-    return begin + np.rint(np.where(good, second, 0.0) * 1e9).astype(np.int64), good
+def _time_ns(date: bytes, time: bytes) -> int | None:
+    """MMDDYY and hhmmss.ssss as nanoseconds since 1970."""
+    day, second = whole(date), number(time[4:])
+    if len(date) != 6 or day is None or not time[:6].isdigit() or second is None or not 0.0 <= second < 61.0:
+        return None
+    month, rest = divmod(day, 10_000)
+    try:
+        minute = dt.datetime(2000 + rest % 100, month, rest // 100, int(time[:2]), int(time[2:4]))  # noqa: DTZ001
+    except ValueError:
+        return None
+    return (minute - _EPOCH) // dt.timedelta(minutes=1) * 60_000_000_000 + round(second * 1e9)
 
 
-def _beams(found: Sentences, remarks: Remarks) -> _Beams:
-    """The beam lines among sentences; those with wrong fields are counted."""
-    good, fields = found.fields(len(_TAGS))
-    fields, use = _untag(fields)
-    time_ns, timed = _times(fields)
-    beam = np.array(
-        [v if v is not None and 1 <= v <= MOST_BEAMS else 0 for v in fields.wholes(_BEAM)], dtype=np.int64
-    )
-    values, known = fields.numbers([_BV, _FOM, _DIST, _DT1])
-    use &= timed & (beam > 0) & known.all(axis=1)
-    good[good] = use
-    remarks.skip("beam line with wrong fields", ~good, found.position, found.start, found.text)
-    return _Beams(found.position[good], time_ns[use], beam[use], values[use])
+def _beam(position: int, fields: list[bytes]) -> Beam | None:
+    """A beam line, from its fields; None where they are not what they should be."""
+    values = fields if len(fields) == len(_TAGS) else None
+    if values and b"=" in values[_BEAM]:
+        values = _untag(values)
+    if values is None:
+        return None
+    time_ns, beam = _time_ns(values[_DATE], values[_TIME]), whole(values[_BEAM])
+    numbers = tuple(v for k in (_BV, _FOM, _DIST, _DT1) if (v := number(values[k])) is not None)
+    if time_ns is None or beam is None or not 1 <= beam <= MOST_BEAMS or len(numbers) < len(_LOST):
+        return None
+    return position, time_ns, beam, numbers
 
 
-def _read_beams(data: bytes, account: Account, *, trust: bool) -> _Beams:
+def _read_beams(data: bytes, account: Account, *, trust: bool) -> list[Beam]:
     """Every good beam line of a file."""
-    nothing = np.empty(0, dtype=np.int64)
-    parts = [_Beams(nothing, nothing, nothing, np.empty((0, 4)))]
-    for found, remarks in sentences(data, _NAMES, _WANTED, _fits, account, trust=trust):
-        parts.append(_beams(found, remarks))
-        remarks.tell()
-    columns = ("position", "time_ns", "beam", "numbers")
-    return _Beams(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+    found = []
+    wanted = (b"PNORBT0", b"PNORBT1")
+    for position, text in sentences(data, _FORM, wanted, _fits, account, trust=trust):
+        beam = _beam(position, text.split(b",")[1:])
+        if beam is None:
+            account.skip("beam line with wrong fields", position, text)
+        else:
+            found.append(beam)
+    return found
 
 
-def _fits(raw: Bytes, start: Integers, star: Integers, given: Integers) -> Flags:
+def _fits(text: bytes, given: int) -> bool:
     """The exclusive or of NMEA 0183."""
-    return np.asarray(running_xor(raw)(start, star) == given)
+    return xor_of(text) == given
 
 
-def _pings(lines: _Beams) -> Integers:
-    """(n,) the ping of each beam line: a new one begins with another time, or with a beam that is there already."""
-    found, last, there, ping = [], None, 0, -1
-    for time, beam in zip(lines.time_ns.tolist(), lines.beam.tolist(), strict=True):
-        mark = 1 << beam
-        if time != last or there & mark:
-            ping, last, there = ping + 1, time, 0
-        there |= mark
+def _pings(lines: list[Beam]) -> list[int]:
+    """The ping of each beam line: a new one begins with another time, or with a beam that is there already."""
+    found, last, ping = [], None, -1
+    there: set[int] = set()
+    for _, time_ns, beam, _ in lines:
+        if time_ns != last or beam in there:
+            ping, last, there = ping + 1, time_ns, set()
+        there.add(beam)
         found.append(ping)
-    return np.array(found, dtype=np.int64)
+    return found
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -133,7 +112,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     """
     account = Account(unit="line")
     lines = _read_beams(data, account, trust=options.ignore_checksum)
-    beams = int(lines.beam.max(initial=0))
+    beams = max((beam for _, _, beam, _ in lines), default=0)
     table = _table(lines, beams, account, negate=options.negate_beams)
     raise_if_empty(account, place, "beam line $PNORBT0 or $PNORBT1")
     return Recording(
@@ -154,21 +133,22 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _table(lines: _Beams, beams: int, account: Account, *, negate: bool) -> BeamTable:
+def _table(lines: list[Beam], beams: int, account: Account, *, negate: bool) -> BeamTable:
     """The table; what the manual says of invalid values becomes none."""
-    ping = _pings(lines)
+    ping = np.array(_pings(lines), dtype=np.int64)
+    position, time_ns, beam = np.array([line[:3] for line in lines], dtype=np.int64).reshape(-1, 3).T
     first = np.flatnonzero(np.diff(ping, prepend=-1))
     values = np.tile(_LOST, (len(first), beams, 1))
-    values[ping, lines.beam - 1] = lines.numbers
+    values[ping, beam - 1] = np.array([line[3] for line in lines]).reshape(-1, len(_LOST))
     there = np.bincount(ping, minlength=len(first))
-    account.flag_where("beam line missing", there < beams, lines.position[first])
+    account.flag_where("beam line missing", there < beams, position[first])
     velocity, fom, distance, dt1_ms = np.moveaxis(values, 2, 0)
     known = velocity > NO_VELOCITY_MPS + 1e-3
     return make_table(
         account,
         beams,
-        lines.position[first],
-        lines.time_ns[first],
+        position[first],
+        time_ns[first],
         np.where(known, velocity, NAN),
         known & (fom < NO_FOM_MPS),
         range_m=np.where(distance > 0.0, distance / math.cos(TILT_RAD), NAN),

@@ -1,5 +1,14 @@
-"""Text records: numbers, checksums, and how they are shown."""
+"""Text records: lines, sentences, numbers, checksums, and how they are shown."""
 
+import functools
+import io
+import operator
+from collections.abc import Iterator
+
+from bottomlock.io.progress import reporter
+
+_BLOCK = 1 << 18
+"""Bytes between two reports of progress."""
 LONGEST_LINE = 4096
 """Longest line that is searched for a sentence; no instrument's sentence is longer."""
 
@@ -49,9 +58,27 @@ def xor_of(text: bytes) -> int:
     >>> hex(xor_of(b"PNORBT0,1,040721,131335.3341,23.961,-48.122,-32.76800,10.00000,0.00,0x00000000"))
     '0x48'
     """
-    value = 0
+    return functools.reduce(operator.xor, text, 0)
+
+
+@functools.cache
+def _crc8_table(polynomial: int) -> bytes:
+    """What a byte becomes after eight further bits."""
+    table = list(range(256))
+    for _ in range(8):
+        table = [value << 1 ^ polynomial if value & 0x80 else value << 1 for value in table]
+    return bytes(table)
+
+
+def crc8_of(text: bytes, polynomial: int) -> int:
+    """CRC-8 that starts from 0, not reflected.
+
+    >>> hex(crc8_of(b"wru,0,0.070,1.10,-40,-95", 0x107))
+    '0x9c'
+    """
+    table, value = _crc8_table(polynomial), 0
     for byte in text:
-        value ^= byte
+        value = table[value ^ byte]
     return value
 
 
@@ -67,3 +94,15 @@ def hexadecimal(text: bytes) -> int | None:
         return int(text, 16)
     except ValueError:
         return None
+
+
+def lines_of(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Number, from 1, and text of the lines that are not empty, without line ends, blanks and NULs around them."""
+    report, at, told = reporter(), 0, 0
+    for position, line in enumerate(io.BytesIO(data), 1):
+        at += len(line)
+        if report is not None and at >= told + _BLOCK:
+            report(at)
+            told = at
+        if solid := line.strip(b"\r\n \t\x00"):
+            yield position, solid

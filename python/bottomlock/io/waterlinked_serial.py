@@ -7,26 +7,19 @@ alone, so logs of `wrx` and `wrt` have no beam velocities.
 """
 
 import re
-from dataclasses import dataclass
-from itertools import accumulate
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
 
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.framing import Stream, WaterLinkedLines
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty, whole_times
+from bottomlock.io.sentences import LONGEST_LINE, crc8_of, lines_of, number, whole
 from bottomlock.io.water_table import WaterTable
 from bottomlock.io.waterlinked_json import WATER_RANGE_M
-from bottomlock.io.waterlinked_sentences import (
-    LOST,
-    TRANSDUCER,
-    VELOCITY,
-    VELOCITY_ALONE,
-    WATER,
-    Events,
-    read_events,
-)
 
 NAME = "waterlinked-serial"
 STREAM = Stream(
@@ -40,6 +33,20 @@ STREAM = Stream(
 _BEAMS = 4
 _MISSING = 1.5
 """Intervals between two reports from which on one is missing between them."""
+_SENTENCE = re.compile(rb"(wr[a-z!?](?:,[^*,]{0,200}){0,16})\*([0-9a-fA-F]{2})")
+_DIGITS = re.compile(rb"[0-9]+")
+_WATER_FIELDS = 11
+_LAYOUTS = {
+    b"wrz": (12, (1, 2, 3, 5, 6, 10), 4, 8),
+    b"wrs": (_WATER_FIELDS, (1, 2, 3, 5, 5, 9), 4, 7),
+    b"wrx": (9, (2, 3, 4, 6, 5, 1), 7, None),
+}
+"""Of velocities: fields; those of x, y, z, altitude (none of a `wrs`), figure of merit, interval; of flag and time."""
+_OTHERS = {
+    b"wrt": "wrt (distances alone, deprecated)",
+    b"wrp": "wrp (dead reckoning)",
+    b"wrs": "wrs (no velocity through the water)",
+}
 ADVICE = (
     "the log has velocities but no beams (wru): update the instrument's firmware to 2.1 or later, "
     "or record its TCP port 16171"
@@ -51,101 +58,180 @@ def sniff(head: bytes) -> bool:
     return re.search(rb"(^|[\s\x00,])wr[zuxtps],-?\d", head) is not None
 
 
-@dataclass(frozen=True, eq=False)
-class _Pings:
-    """Velocity reports with the transducers that follow them; `lines` are those up to the next velocity report.
+Frame = tuple[bytes, bytes]
+"""What a logger wrote before and behind a sentence, without its digits: a time stamp changes, its form does not."""
+
+
+@dataclass
+class _Ping:
+    """A velocity report and the transducers that follow it.
 
     Attributes:
-        position: (n,) line of each report.
-        velocity: (n, 6) x, y, z, altitude, figure of merit, interval (ms).
-        verdict: (n,) 1 and 0 as the instrument flags its velocity.
-        validity_us: (n,) time of validity, None where there is none.
-        lines: (n,).
-        water: (n,) the report is one of the water.
-        joined: (n, 4) the transducer's report is there.
-        beams: (n, 4, 4) by transducer: velocity, distance, rssi, nsd.
+        position: line of the report.
+        water: the report is one of the water.
+        velocity: x, y, z, altitude, figure of merit, interval (ms).
+        verdict: 1 and 0 as the instrument flags its velocity.
+        validity_us: time of validity, None where there is none.
+        frame: around the report.
+        lines: those up to the next velocity report.
+        beams: velocity, distance, rssi and nsd of transducers 0, 1, ...
     """
 
-    position: Integers
-    velocity: Floats
-    verdict: Integers
-    validity_us: list[int | None]
-    lines: Integers
-    water: Flags
-    joined: Flags
-    beams: Floats
+    position: int
+    water: bool
+    velocity: list[float]
+    verdict: int
+    validity_us: int | None
+    frame: Frame
+    lines: int = 1
+    beams: list[list[float]] = field(default_factory=list)
 
 
-def _join(events: Events, data: bytes, account: Account) -> _Pings:
+def _sentences(
+    line: bytes, position: int, account: Account, *, trust: bool
+) -> Iterator[tuple[bytes, Frame] | None]:
+    """The good sentences of a line, None where a line or sentence cannot be read; what is lost is counted."""
+    if len(line) > LONGEST_LINE:
+        account.read += 1
+        account.skip("line too long", position, line)
+        yield None
+        return
+    at = 0
+    while match := _SENTENCE.search(line, at):
+        text, digits = match.groups()
+        good = crc8_of(text, 0x107) == int(digits, 16)
+        inner = text.find(b"wr", 1)
+        account.read += 1
+        if not good and inner > 0:
+            # A sentence that was cut off, then a whole one: look again from the second.
+            account.skip("merged line", position, line)
+            at = match.start() + inner
+            yield None
+            continue
+        before, at = line[at : match.start()], match.end()
+        if good or trust:
+            if not good:
+                account.flag("bad checksum, kept on request", position, text)
+            yield text, (_shape(before), _shape(line[at:]))
+        else:
+            account.skip("bad checksum", position, match.group())
+            yield None
+    if not at:
+        account.read += 1
+        account.skip("truncated" if b"wr" in line else "not a sentence", position, line)
+        yield None
+    elif line[at:].strip():
+        account.read += 1
+        account.skip("truncated", position, line[at:])
+
+
+def _shape(around: bytes) -> bytes:
+    return _DIGITS.sub(b"0", around.strip())
+
+
+def _numbers(fields: list[bytes], columns: tuple[int, ...]) -> list[float] | None:
+    """Some fields as numbers, None where one is none."""
+    found = [v for k in columns if (v := number(fields[k])) is not None]
+    return found if len(found) == len(columns) else None
+
+
+def _velocity(fields: list[bytes], position: int, frame: Frame) -> _Ping | None:
+    """A velocity report as a ping without beams yet; None where a field is not what it should be."""
+    count, columns, flag, validity = _LAYOUTS[fields[0]]
+    numbers = _numbers(fields, columns) if len(fields) == count else None
+    if numbers is None or fields[flag] not in {b"y", b"n"}:
+        return None
+    water = fields[0] == b"wrs"
+    if water:
+        numbers[3] = NAN
+    validity_us = None if validity is None else whole(fields[validity])
+    return _Ping(position, water, numbers, int(fields[flag] == b"y"), validity_us, frame)
+
+
+class _Joining:
     """Joins transducer reports to the velocity report before them.
 
     The reports carry no number of their ping. The instrument sends a `wrz` and then `wru` 0, 1, 2, 3, so whatever
     departs from that closes the ping: a line that cannot be read may have been the next `wrz`, and a missing number
     shows a lost line.
     """
-    kind = events.kind
-    with_beams = (kind == VELOCITY) | (kind == WATER)
-    opens = with_beams | (kind == VELOCITY_ALONE)
-    report = np.flatnonzero(opens)
-    ping = np.cumsum(opens) - 1
-    # The report before each event; without any, the event itself.
-    before = np.where(ping >= 0, report[ping] if len(report) else 0, np.arange(len(kind)))
-    transducer = kind == TRANSDUCER
-    inside = transducer & (ping >= 0) & with_beams[before]
-    fits = inside & (events.flag == np.arange(len(kind)) - before - 1)
-    fits &= _unbroken(fits | opens, events.lost, before)
-    for k in np.flatnonzero(fits & (events.framed | events.framed[before])).tolist():
-        fits[k] = events.same_frame(data, k, int(before[k]))
-    open_ = inside & _unbroken(fits | opens, events.lost, before)
-    fits &= open_
-    for reason, those in (
-        ("transducer report before any velocity", ping < 0),
-        ("transducer report after a lost line", (ping >= 0) & ~open_),
-        ("transducer report without its velocity report", open_ & ~fits),
-    ):
-        account.skip_where(reason, transducer & those, events.position)
-    account.pass_by_where("wru (joined to its wrz or wrs)", fits, events.position)
-    # The lines of each ping that are there: those that count, and those that cannot be read.
-    there = (transducer | (kind == LOST)) + events.lost[1:]
-    lines = 1 + np.bincount(ping[ping >= 0], there[ping >= 0], minlength=len(report)).astype(np.int64)
-    joined = np.zeros((len(report), _BEAMS), dtype=bool)
-    beams = np.full((len(report), _BEAMS, 4), np.nan)
-    joined[ping[fits], events.flag[fits]] = True
-    beams[ping[fits], events.flag[fits]] = events.numbers[fits, :4]
-    return _Pings(
-        position=events.position[report],
-        velocity=events.numbers[report],
-        verdict=events.flag[report],
-        validity_us=events.validity_us,
-        lines=lines,
-        water=kind[report] == WATER,
-        joined=joined,
-        beams=beams,
-    )
+
+    def __init__(self, account: Account) -> None:
+        self.pings: list[_Ping] = []
+        self._account, self._open = account, False
+
+    def velocity(self, text: bytes, position: int, frame: Frame) -> None:
+        """A velocity opens a ping; a `wrx` is one without transducers."""
+        ping = _velocity(text.split(b","), position, frame)
+        self._open = ping is not None and not text.startswith(b"wrx")
+        if ping is None:
+            self._account.skip("velocity report with wrong fields", position, text)
+        else:
+            self.pings.append(ping)
+
+    def transducer(self, text: bytes, position: int, frame: Frame) -> None:
+        """A `wru`: joined where it is the next of the open ping; else it closes the ping and is skipped."""
+        fields = text.split(b",")
+        beam = _numbers(fields, (2, 3, 4, 5)) if len(fields) == 6 else None
+        if beam is None or fields[1] not in {b"0", b"1", b"2", b"3"}:
+            self._account.skip("transducer report with wrong fields", position, text)
+        elif not self.pings:
+            self._account.skip("transducer report before any velocity", position)
+        elif not self._open:
+            self._account.skip("transducer report after a lost line", position)
+        elif int(fields[1]) != len(self.pings[-1].beams) or frame != self.pings[-1].frame:
+            self._account.skip("transducer report without its velocity report", position)
+        else:
+            self.pings[-1].beams.append(beam)
+            self.pings[-1].lines += 1
+            self._account.pass_by("wru (joined to its wrz or wrs)", position)
+            return
+        self.lost()
+
+    def lost(self) -> None:
+        """A line that is not, or not as it was sent."""
+        self._open = False
+        if self.pings:
+            self.pings[-1].lines += 1
 
 
-def _unbroken(good: Flags, lost: Integers, before: Integers) -> Flags:
-    """(n,) every event from the report before it up to, but not with, this one is good, and none between is lost."""
-    bad, gaps = np.cumsum(~good), np.cumsum(lost[:-1] > 0)
-    return np.asarray((bad - ~good == bad[before]) & (gaps == gaps[before]), dtype=bool)
+def _pings(data: bytes, account: Account, *, trust: bool) -> list[_Ping]:
+    """The pings of a file; the account lists the lines that are none of theirs."""
+    joining = _Joining(account)
+    for position, line in lines_of(data):
+        for sentence in _sentences(line, position, account, trust=trust):
+            if sentence is None:
+                joining.lost()
+                continue
+            text, frame = sentence
+            kind = text[:3]
+            if kind in {b"wrz", b"wrx"} or (kind == b"wrs" and text.count(b",") == _WATER_FIELDS - 1):
+                joining.velocity(text, position, frame)
+            elif kind == b"wru":
+                joining.transducer(text, position, frame)
+            else:
+                account.pass_by(_OTHERS.get(kind, kind.decode("ascii")), position)
+                # A kept sentence with a wrong checksum may have been a velocity report.
+                if trust and kind not in _OTHERS:
+                    joining.lost()
+    return joining.pings
 
 
-def _clear_unsure(pings: _Pings, account: Account) -> None:
+def _clear_unsure(pings: list[_Ping], account: Account) -> None:
     """Takes the transducers from pings after which lines are missing without a trace.
 
     Of two reports in the log the second states its interval to the report before it. Where their times of validity lie
     further apart, a report is missing between them. If its lines are there, damaged, it closed the ping. If they are
     not, the transducers may be those of the missing report.
     """
-    validity = np.array([NAN if t is None else float(t) for t in pings.validity_us])
-    interval = pings.velocity[1:, 5]
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        intervals = np.diff(validity) / (1000.0 * interval)
-    missing = (interval > 0.0) & pings.joined[:-1].any(axis=1) & (intervals > _MISSING)
-    missing &= pings.lines[:-1] < (_BEAMS + 1) * np.maximum(2.0, np.rint(intervals))
-    reason = "lines missing after this report: its transducers may be another's"
-    account.flag_where(reason, missing, pings.position[:-1])
-    pings.joined[:-1][missing] = False
+    for ping, after in pairwise(pings):
+        interval_us = 1000.0 * after.velocity[5]
+        if ping.validity_us is None or after.validity_us is None or not interval_us > 0.0:
+            continue
+        intervals = (after.validity_us - ping.validity_us) / interval_us
+        if ping.beams and intervals > _MISSING and ping.lines < (_BEAMS + 1) * max(2.0, np.rint(intervals)):
+            account.flag("lines missing after this report: its transducers may be another's", ping.position)
+            ping.beams.clear()
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -156,12 +242,12 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             requested.
     """
     account = Account(unit="line")
-    pings = _join(read_events(data, account, trust=options.ignore_checksum), data, account)
+    pings = _pings(data, account, trust=options.ignore_checksum)
     _clear_unsure(pings, account)
-    with_beams = bool(pings.joined.any())
-    if len(pings.position) and not with_beams and not options.instrument_only:
+    with_beams = any(ping.beams for ping in pings)
+    if pings and not with_beams and not options.instrument_only:
         raise DataError(ADVICE, place=place, hint="--instrument-only converts the velocities as they are")
-    absolute = bool(pings.validity_us) and None not in pings.validity_us
+    absolute = bool(pings) and all(ping.validity_us is not None for ping in pings)
     table, water = _table(pings, account, options, beams=_BEAMS if with_beams else 0, absolute=absolute)
     raise_if_empty(account, place, "velocity report")
     return Recording(
@@ -183,22 +269,26 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
 
 
 def _table(
-    pings: _Pings, account: Account, options: Options, *, beams: int, absolute: bool
+    pings: list[_Ping], account: Account, options: Options, *, beams: int, absolute: bool
 ) -> tuple[BeamTable, WaterTable | None]:
     """The tables of beams and of water; a beam is lost where its distance is negative."""
-    interval = pings.velocity[:, 5]
-    usable = np.isfinite(interval) & (np.abs(interval) <= 1e9)
-    account.skip_where("no interval since the last report", ~usable, pings.position)
-    if beams:
-        missing = usable & ~pings.joined.all(axis=1)
-        account.flag_where("transducer report missing", missing, pings.position)
+    usable = []
+    for ping in pings:
+        if not abs(ping.velocity[5]) <= 1e9:
+            account.skip("no interval since the last report", ping.position)
+            continue
+        usable.append(ping)
+        if len(ping.beams) < beams:
+            account.flag("transducer report missing", ping.position)
     if absolute:
-        times = [(t or 0) * 1000 for t, good in zip(pings.validity_us, usable.tolist(), strict=True) if good]
+        times = [(ping.validity_us or 0) * 1000 for ping in usable]
     else:
-        # Whole numbers of Python: a sum of absurd intervals goes beyond 64 bits.
-        times = list(accumulate(np.rint(interval[usable] * 1e6).astype(np.int64).tolist()))
-    found = np.where(pings.joined[..., None], pings.beams, NAN)[usable][:, :beams]
-    position, through_water = pings.position[usable], pings.water[usable]
+        times = list(accumulate(round(ping.velocity[5] * 1e6) for ping in usable))
+    lost = [[NAN] * 4] * beams
+    found = np.array([(ping.beams + lost)[:beams] for ping in usable]).reshape(len(usable), beams, 4)
+    reports = np.array([ping.velocity for ping in usable]).reshape(-1, 6)
+    position = np.array([ping.position for ping in usable], dtype=np.int64)
+    through_water = np.array([ping.water for ping in usable], dtype=bool)
     water = make_water(
         account,
         position[through_water],
@@ -212,7 +302,7 @@ def _table(
     account.flag_where("velocity through the water: no beam has the bottom", through_water, position)
     found[through_water] = NAN
     velocity, distance, rssi, noise = np.moveaxis(found, 2, 0)
-    altitude, fom = pings.velocity[usable, 3], np.where(through_water, NAN, pings.velocity[usable, 4])
+    altitude, fom = reports[:, 3], np.where(through_water, NAN, reports[:, 4])
     table = make_table(
         account,
         beams,
@@ -222,8 +312,8 @@ def _table(
         distance >= 0.0,
         range_m=np.where(distance >= 0.0, distance, NAN),
         quality=rssi,
-        instrument=np.where(through_water[:, None], NAN, pings.velocity[usable, :3]),
-        verdict=np.where(through_water, 0, pings.verdict[usable]),
+        instrument=np.where(through_water[:, None], NAN, reports[:, :3]),
+        verdict=np.where(through_water, 0, [ping.verdict for ping in usable]),
         extra={
             "altitude_m": np.where(altitude >= 0.0, altitude, NAN),
             "instrument_sd_mps": fom,
