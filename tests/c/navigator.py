@@ -50,6 +50,11 @@ class CLibrary:
         """An empty structure."""
         return self.header.structures[f"bl_{name}"]()
 
+    def geometry(self, directions: NDArray[np.float64]) -> int:
+        """A geometry of beams along (beams, 3) directions."""
+        made: int = self("geometry_from_json", json.dumps({"directions_d": directions.tolist()}))
+        return made
+
     def json(self, kind: str, object_: int) -> Any:  # noqa: ANN401 - what JSON holds
         """The content of a "model" or "options"."""
         size, text = ctypes.c_size_t(), ctypes.create_string_buffer(20_000)
@@ -92,7 +97,7 @@ class CNavigator:
         method: str,
     ) -> None:
         self.c = c
-        geometry = c("geometry_from_directions", len(directions), np.ascontiguousarray(directions))
+        geometry = c.geometry(directions)
         of_model = c("model_from_json", json.dumps(model.as_dict()))
         of_options = c("options_from_json", json.dumps(options.as_dict()))
         state = c.structure("state")
@@ -105,6 +110,13 @@ class CNavigator:
         c("geometry_free", geometry)
         c("model_free", of_model)
         c("options_free", of_options)
+
+    @classmethod
+    def of(cls, c: CLibrary, pointer: int) -> CNavigator:
+        """A navigator that another call has made."""
+        made = cls.__new__(cls)
+        made.c, made.pointer = c, pointer
+        return made
 
     def push(self, name: str, *arguments: Any) -> list[Any]:  # noqa: ANN401 - as the call takes them
         """Pushes; the reports."""

@@ -14,7 +14,7 @@ import pytest
 from bottomlock import imu, kernel, solve_velocity
 from bottomlock.config.instrument_grades import grades
 from bottomlock.io.beams import packaged_geometries, read_geometry
-from bottomlock.kernel import Navigator, Report, models
+from bottomlock.kernel import BeamGeometry, Navigator, Report, models
 from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
@@ -226,11 +226,11 @@ def test_packaged_geometries(c: CLibrary, name: str) -> None:
     """The same names and beams; the one of a log's own signs is for that log alone."""
     if name == "linkquest_caves":
         with pytest.raises(CError, match="unknown geometry"):
-            c("geometry_preset", name)
+            c("geometry_from_json", json.dumps({"preset": name}))
         return
     assert name in c.names("geometry_preset_name")
     expected = read_geometry(name).geometry.directions_p
-    geometry = c("geometry_preset", name)
+    geometry = c("geometry_from_json", json.dumps({"preset": name}))
     for beam, direction in enumerate(expected):
         found = np.zeros(3)
         c("geometry_direction", geometry, beam, found)
@@ -248,9 +248,9 @@ def test_packaged_grades(c: CLibrary) -> None:
     """A preset has the IMU of its grade, to the last bit; normal gravity; and what all presets share for the rest."""
     names = c.names("model_preset_name")
     assert names == [*grades("imu"), "table_2"]
-    paper = c("model_preset", "table_2", 0.7)
+    paper = c("model_from_json", '{"preset": "table_2", "latitude_rad": 0.7}')
     for name in names:
-        model = c("model_preset", name, 0.7)
+        model = c("model_from_json", json.dumps({"preset": name, "latitude_rad": 0.7}))
         expected = c.json("model", paper)
         if name != "table_2":
             expected["imu"] = imu(name).as_dict()
@@ -273,10 +273,102 @@ def test_json_keeps_every_value(c: CLibrary) -> None:
     c("model_free", model)
 
 
+def test_geometries_are_those_of_the_package(c: CLibrary) -> None:
+    """Every way to state beams, with a mounting and lever arms, to the last bit."""
+    mounting, scale = [0.1, -0.2, 0.3], 1.01
+    directions = JANUS_20.directions_p
+    angles: Any = ([0.4, 0.5, 0.6], [0.0, 2.0, 4.0])
+    further: Any = {"mounting_rpy_rad": mounting, "sound_speed_scale": scale}
+    for beams, ways in (
+        ({"configuration": "+", "tilt_rad": 0.4}, BeamGeometry.janus(0.4, configuration="+", **further)),
+        ({"configuration": "x", "tilt_rad": 0.4}, BeamGeometry.janus(0.4, **further)),
+        ({"tilts_rad": angles[0], "azimuths_rad": angles[1]}, BeamGeometry.from_angles(*angles, **further)),
+        ({"directions_d": directions.tolist()}, BeamGeometry(directions, **further)),
+    ):
+        given = beams | {"roll_pitch_yaw_rad": mounting, "sound_speed_scale": scale}
+        geometry = c("geometry_from_json", json.dumps(given))
+        for beam, direction in enumerate(ways.directions_p):
+            found = np.zeros(3)
+            c("geometry_direction", geometry, beam, found)
+            np.testing.assert_array_equal(found, direction)
+        c("geometry_free", geometry)
+
+
+def test_a_navigator_in_one_call(c: CLibrary) -> None:
+    """From one text of JSON: the saved bytes are Python's, with every part of it and with the defaults."""
+    geometry = {"directions_d": JANUS_20.directions_p.tolist()}
+    levers = np.arange(12.0).reshape(4, 3) / 10
+    model, options = Model(**settings.table_2()), Options(water_track=True)
+    start: Any = {
+        "time_ns": 7,
+        "position_t_m": (1, 2, 3),
+        "attitude_t_p": (1, 0, 0, 0),
+        "velocity_p_mps": (1, 0, 0),
+    }
+    given = {
+        "geometry": geometry | {"lever_arms_p_m": levers.tolist(), "sound_speed_scale": 1.01},
+        "model": model.as_dict(),
+        "options": {"water_track": True},
+        "start": start,
+        "method": "sway_current",
+        "horizon_ns": 10**9,
+    }
+    at_rest = {"time_ns": 0, "position_t_m": (0, 0, 0), "velocity_p_mps": (0, 0, 0)}
+    mounted = BeamGeometry(JANUS_20.directions_p, lever_arms_p_m=levers, sound_speed_scale=1.01)
+    expected = Navigator(mounted, model, options, start, method="sway_current", horizon_ns=10**9)
+    for text, theirs in (
+        (given, expected),
+        (
+            {"geometry": geometry, "model": model.as_dict()},
+            Navigator(JANUS_20, model, Options(), start | at_rest),
+        ),
+    ):
+        ours = CNavigator.of(c, c("navigator_from_json", json.dumps(text)))
+        same(ours, theirs)
+        ours.free()
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "words"),
+    [
+        ({"modle": {}}, "navigator.modle", "did you mean 'model'"),
+        ({"model": None}, "model", "expected a table"),
+        ({"model": {"preset": "tactical"}}, "latitude_rad", "expected a number"),
+        ({"model": {"preset": "tactcal", "latitude_rad": 0.5}}, "model.preset", "did you mean 'tactical'"),
+        ({"model": {"preset": "mti", "latitude_rad": 0.5, "dvl": {"nois": 1}}}, "dvl.nois", "unknown"),
+        ({"options": {"water": {"slip_tme_s": 5.0}}}, "options.water.slip_tme_s", "slip_time_s"),
+        ({"geometry": {"preset": "a50"}}, "geometry.preset", "waterlinked_a50"),
+        ({"geometry": {"preset": "teledyne_20", "tilt_rad": 0.4}}, "geometry", "expected once"),
+        ({"geometry": {"configuration": "y", "tilt_rad": 0.4}}, "geometry.configuration", "'x' or '+'"),
+        ({"geometry": {"directions_d": [[1, 0]]}}, "geometry.directions_d[0]", "expected 3 numbers"),
+        (
+            {"geometry": {"preset": "teledyne_20", "roll_pitch_yaw_rad": [0, 0, 45]}},
+            "geometry.roll_pitch_yaw_rad",
+            "degrees",
+        ),
+        ({"start": {"attitude_t_p": [1, 1, 0, 0]}}, "start.attitude_t_p", "norm"),
+        ({"start": {"velocity_mps": [1, 1, 0]}}, "start.velocity_mps", "did you mean 'velocity_p_mps'"),
+        ({"start": []}, "start", "a table of settings"),
+        ({"method": "tight"}, "method", "unknown"),
+        ({"horizon_ns": -1}, "horizon_ns", ""),
+        ({"horizon_ns": 0.5}, "navigator.horizon_ns", "a whole number"),
+    ],
+)
+def test_a_navigator_that_is_refused(c: CLibrary, change: dict[str, Any], key: str, words: str) -> None:
+    """The key of what is wrong, and what was expected."""
+    given = {"geometry": {"preset": "x_janus_20"}, "model": {"preset": "tactical", "latitude_rad": 0.5}}
+    ours = c("navigator_from_json", json.dumps(given))
+    c("navigator_free", ours)
+    with pytest.raises(CError) as caught:
+        c("navigator_from_json", json.dumps(given | change))
+    assert c("last_error_key").decode() == key
+    assert words in str(caught.value)
+
+
 def test_one_ping(c: CLibrary) -> None:
     """Every method and mask of beams, with and without a prior."""
     random = np.random.default_rng(3)
-    geometry = c("geometry_from_directions", 4, np.ascontiguousarray(JANUS_20.directions_p))
+    geometry = c.geometry(JANUS_20.directions_p)
     methods = (
         "least_squares virtual_beam nullified_sway partial_loose virtual_heave selector information weak_sway"
     )

@@ -6,12 +6,11 @@ int main(void) {
     const double omega[3] = {0.0, 0.0, 0.0}, force[3] = {0.0, 0.0, -9.806}, sd[4] = {0.02, 0.02, 0.02, 0.02};
     const double beams[4] = {0.484, -0.484, -0.484, 0.0}; /* 2 m/s times sin 20 deg cos 45 deg, ahead or aft */
     const uint8_t valid[4] = {1, 1, 1, 0};
-    bl_geometry *geometry = bl_geometry_preset("x_janus_20");
-    bl_model *model = bl_model_preset("tactical", 0.78); /* IMU, latitude in rad */
-    bl_state state = bl_state_at_rest(0);
-    state.velocity_p_mps[0] = 1.9; /* as known at the start, to 0.3 m/s */
-    bl_status status = bl_model_set(model, "{\"initial\": {\"velocity_sd_mps\": [0.3, 0.3, 0.3]}}");
-    bl_navigator *navigator = bl_navigator_new(geometry, model, NULL, "tc", &state, BL_DEFAULT_HORIZON_NS);
+    bl_state state; /* surge as known at the start, to 0.3 m/s; the latitude in rad */
+    bl_navigator *navigator = bl_navigator_from_json(
+        "{\"geometry\": {\"preset\": \"x_janus_20\"}, \"start\": {\"velocity_p_mps\": [1.9, 0, 0]}, \"model\": {\"preset\": \"tactical\","
+        " \"latitude_rad\": 0.78, \"initial\": {\"velocity_sd_mps\": [0.3, 0.3, 0.3]}}}");
+    bl_status status = navigator == NULL ? bl_last_status() : BL_STATUS_OK;
 
     for (int step = 1; step <= 1000 && status == BL_STATUS_OK; step++) {
         const int64_t time_ns = step * INT64_C(10000000); /* 100 Hz */
@@ -22,6 +21,4 @@ int main(void) {
         return fprintf(stderr, "%s\n", bl_last_error()), 1;
     printf("velocity %.3f %.3f %.3f m/s\n", state.velocity_p_mps[0], state.velocity_p_mps[1], state.velocity_p_mps[2]);
     bl_navigator_free(navigator);
-    bl_model_free(model);
-    bl_geometry_free(geometry);
 }

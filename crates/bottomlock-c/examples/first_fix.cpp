@@ -10,9 +10,8 @@ namespace bl = bottomlock;
 int main() try {
     const std::array<double, 4> beams{0.484, -0.484, -0.484, 0.0}, sd{0.02, 0.02, 0.02, 0.02};
     const std::vector<std::uint8_t> valid{1, 1, 1, 0};
-    const auto geometry = bl::Geometry::preset("x_janus_20");
-    auto model = bl::Model::preset("tactical", 0.78);
-    model.set(R"({"initial": {"velocity_sd_mps": [0.3, 0.3, 0.3]}})");
+    const bl::Geometry geometry(R"({"preset": "x_janus_20"})");
+    const bl::Model model(R"({"preset": "tactical", "latitude_rad": 0.78, "initial": {"velocity_sd_mps": [0.3, 0.3, 0.3]}})");
     auto start = bl::at_rest(0);
     start.velocity_p_mps[0] = 1.9;
     bl::Navigator navigator(geometry, model, start, "tc");

@@ -1,6 +1,7 @@
 """first_fix.c by ctypes, for programs that do not import the package: python first_fix.py libbottomlock.so."""
 
 import ctypes
+import json
 import sys
 from ctypes import POINTER, c_char_p, c_double, c_int, c_int64, c_size_t, c_uint8, c_void_p
 
@@ -26,17 +27,11 @@ def declared(path: str) -> ctypes.CDLL:
     numbers = POINTER(c_double)
     for name, result, arguments in (
         ("last_error", c_char_p, []),
-        ("state_at_rest", State, [c_int64]),
-        ("geometry_preset", c_void_p, [c_char_p]),
-        ("model_preset", c_void_p, [c_char_p, c_double]),
-        ("model_set", c_int, [c_void_p, c_char_p]),
-        ("navigator_new", c_void_p, [c_void_p, c_void_p, c_void_p, c_char_p, POINTER(State), c_int64]),
+        ("navigator_from_json", c_void_p, [c_char_p]),
         ("push_imu", c_int, [c_void_p, c_int64, numbers, numbers]),
         ("push_beams", c_int, [c_void_p, c_int64, c_size_t, numbers, POINTER(c_uint8), numbers]),
         ("navigator_state", c_int, [c_void_p, POINTER(State)]),
         ("navigator_free", None, [c_void_p]),
-        ("model_free", None, [c_void_p]),
-        ("geometry_free", None, [c_void_p]),
     ):
         function = getattr(library, f"bl_{name}")
         function.restype, function.argtypes = result, arguments
@@ -54,12 +49,19 @@ def main(path: str) -> None:
     beams, sd = (c_double * 4)(0.484, -0.484, -0.484, 0.0), (c_double * 4)(*[0.02] * 4)
     valid = (c_uint8 * 4)(1, 1, 1, 0)
     omega, force = (c_double * 3)(), (c_double * 3)(0.0, 0.0, -9.806)
-    geometry = bl.bl_geometry_preset(b"x_janus_20")
-    model = bl.bl_model_preset(b"tactical", 0.78)
-    state = bl.bl_state_at_rest(0)
-    state.velocity_p_mps[0] = 1.9
-    check(bl.bl_model_set(model, b'{"initial": {"velocity_sd_mps": [0.3, 0.3, 0.3]}}'))
-    navigator = bl.bl_navigator_new(geometry, model, None, b"tc", ctypes.byref(state), -1)
+    given = {
+        "geometry": {"preset": "x_janus_20"},
+        "model": {
+            "preset": "tactical",
+            "latitude_rad": 0.78,
+            "initial": {"velocity_sd_mps": [0.3, 0.3, 0.3]},
+        },
+        "start": {"velocity_p_mps": [1.9, 0, 0]},
+    }
+    navigator = bl.bl_navigator_from_json(json.dumps(given).encode())
+    if navigator is None:
+        raise SystemExit(bl.bl_last_error().decode())
+    state = State()
     for step in range(1, 1001):
         time_ns = step * 10_000_000
         check(bl.bl_push_imu(navigator, time_ns, omega, force))
@@ -68,8 +70,6 @@ def main(path: str) -> None:
     check(bl.bl_navigator_state(navigator, ctypes.byref(state)))
     print("velocity {:.3f} {:.3f} {:.3f} m/s".format(*state.velocity_p_mps))
     bl.bl_navigator_free(navigator)
-    bl.bl_model_free(model)
-    bl.bl_geometry_free(geometry)
 
 
 if __name__ == "__main__":

@@ -103,7 +103,7 @@ typedef enum {
     BL_FIX_PRIOR_REQUIRED = 4,
 } bl_fix;
 
-// Directions and places of the beams of a DVL, 1 to 8 beams.
+// Directions and places of the beams of a DVL, 1 to 8 beams; nothing changes them.
 typedef struct bl_geometry bl_geometry;
 
 // Environment and errors of the sensors, SI.
@@ -318,38 +318,16 @@ bl_status bl_navigator_heading_error(const bl_navigator *navigator,
 // The mounting and clock of the DVL after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
 bl_status bl_navigator_calibration(const bl_navigator *navigator, bl_calibration *calibration);
 
-// A packaged geometry by its name, such as "waterlinked_a50"; `bl_geometry_preset_name` lists them. NULL for an error.
-bl_geometry *bl_geometry_preset(const char *name);
+// A geometry from an object of JSON with its beams in one of four ways: "preset", a packaged name such as "waterlinked_a50"
+// (`bl_geometry_preset_name` lists them); "configuration" with "tilt_rad", four beams of equal tilt from the vertical, "x" at
+// azimuths 45, 135, 225, 315 deg, "+" at 0, 90, 180, 270 deg; "tilts_rad" and "azimuths_rad", from the vertical, and from the bow
+// towards starboard; or "directions_d", unit vectors from the transducer, DVL frame. Further keys: "roll_pitch_yaw_rad" (z-y-x) of
+// the mounting, from the DVL frame to the platform frame; "lever_arms_p_m", the place of each transducer, platform frame;
+// "sound_speed_scale", the ratio of the assumed to the true speed of sound. NULL for an error.
+bl_geometry *bl_geometry_from_json(const char *json);
 
 // Name of a packaged geometry by its number from 0, NULL beyond the last.
 const char *bl_geometry_preset_name(size_t number);
-
-// Four beams of equal tilt from the vertical, rad: "x" at azimuths 45, 135, 225, 315 deg, "+" at 0, 90, 180, 270 deg. NULL
-// for an error.
-bl_geometry *bl_geometry_janus(const char *configuration,
-                               double tilt_rad);
-
-// Beams by tilt from the vertical and azimuth from the bow towards starboard, `beams` numbers each, rad. NULL for an error.
-bl_geometry *bl_geometry_from_angles(size_t beams,
-                                     const double *tilts_rad,
-                                     const double *azimuths_rad);
-
-// Beams by unit vectors from the transducer, DVL frame, `beams` rows of 3 numbers. NULL for an error.
-bl_geometry *bl_geometry_from_directions(size_t beams, const double *directions_d);
-
-// A copy. NULL for an error.
-bl_geometry *bl_geometry_copy(const bl_geometry *geometry);
-
-// Turns the beams from the DVL frame to the platform frame: roll, pitch and yaw (z-y-x) of the mounting, 3 numbers, rad. To be
-// called once, before lever arms are set.
-bl_status bl_geometry_mount(bl_geometry *geometry,
-                            const double *roll_pitch_yaw_rad);
-
-// Sets the place of each transducer, platform frame, `beams` rows of 3 numbers, m.
-bl_status bl_geometry_set_lever_arms(bl_geometry *geometry, size_t beams, const double *lever_arms_p_m);
-
-// Sets the ratio of the assumed to the true speed of sound.
-bl_status bl_geometry_set_sound_speed_scale(bl_geometry *geometry, double sound_speed_scale);
 
 // Number of beams; 0 for NULL.
 size_t bl_geometry_beams(const bl_geometry *geometry);
@@ -360,15 +338,12 @@ bl_status bl_geometry_direction(const bl_geometry *geometry, size_t beam, double
 // Frees a geometry; NULL is none. Navigators made with it stay.
 void bl_geometry_free(bl_geometry *geometry);
 
-// A model at a latitude, rad: errors of a packaged grade of IMUs ("tactical"; `bl_model_preset_name` lists them), all else from
-// Table 2 of Tal et al. 2017, as all of "table_2" is. Set what your sensors have. NULL for an error.
-bl_model *bl_model_preset(const char *name,
-                          double latitude_rad);
-
 // Name of a model preset by its number from 0, NULL beyond the last.
 const char *bl_model_preset_name(size_t number);
 
-// A model from an object of JSON with the sections "environment", "imu", "initial" and those of the sensors. NULL for an error.
+// A model from an object of JSON with the sections "environment", "imu", "initial" and those of the sensors; or with "preset" and
+// "latitude_rad", and what differs from it. A preset has the errors of a packaged grade of IMUs ("tactical"; `bl_model_preset_name`
+// lists them), all else from Table 2 of Tal et al. 2017, as all of "table_2" is. Set what your sensors have. NULL for an error.
 bl_model *bl_model_from_json(const char *json);
 
 // Changes what an object of JSON names; all else stays. For example "{\"dvl\": {\"beam_noise_sd_mps\": 0.02}}". An error changes
@@ -390,6 +365,11 @@ const char *bl_stream_name(size_t number);
 
 // Name of a fault of inertial readings by its number from 0, NULL beyond the last.
 const char *bl_imu_fault_name(size_t number);
+
+// A navigator from one object of JSON: "geometry" as `bl_geometry_from_json` and "model" as `bl_model_from_json` take it; and, where they
+// differ from the defaults, "options" as of `bl_options_from_json`, "start" with the fields of `bl_state`, at rest at time 0
+// otherwise, "method" and "horizon_ns" as of `bl_navigator_new`. NULL for an error; `bl_last_error_key` has its key.
+bl_navigator *bl_navigator_from_json(const char *json);
 
 // A navigator at an initial state.
 //

@@ -60,14 +60,53 @@ template <class T, void (*Free)(T *)> struct Deleter {
 };
 template <class T, void (*Free)(T *)> using Owned = std::unique_ptr<T, Deleter<T, Free>>;
 
-template <class T> std::string json(const T *object, bl_status (*write)(const T *, char *, std::size_t, std::size_t *)) {
-    std::size_t size = 0;
-    write(object, nullptr, 0, &size);
-    std::string text(size, '\0');
-    check(write(object, &text[0], size, &size));
-    text.resize(size - 1);
-    return text;
+/// Every name of a list.
+inline std::vector<std::string> names(const char *(*of)(std::size_t)) {
+    std::vector<std::string> names;
+    while (const char *name = of(names.size())) names.emplace_back(name);
+    return names;
 }
+
+/// What `write` puts into a buffer of the size that it states.
+template <class Buffer, class Write> Buffer written(Write write) {
+    std::size_t size = 0;
+    const bl_status first = write(nullptr, std::size_t{0}, &size);
+    if (first != BL_STATUS_BUFFER_TOO_SMALL) check(first);
+    Buffer buffer;
+    buffer.resize(size);
+    check(write(buffer.data(), size, &size));
+    buffer.resize(size);
+    return buffer;
+}
+
+/// Settings from JSON, which can be changed and written.
+template <class T, T *(*FromJson)(const char *), bl_status (*Set)(T *, const char *),
+          bl_status (*ToJson)(const T *, char *, std::size_t, std::size_t *), void (*Free)(T *)>
+class Settings {
+public:
+    explicit Settings(const std::string &json) : owned_(check(FromJson(json.c_str()))) {}
+    Settings(const Settings &other) : Settings(other.json()) {}
+    Settings(Settings &&) noexcept = default;
+    Settings &operator=(Settings other) noexcept {
+        owned_.swap(other.owned_);
+        return *this;
+    }
+
+    /// Changes what an object of JSON names; all else stays.
+    Settings &set(const std::string &json) {
+        check(Set(get(), json.c_str()));
+        return *this;
+    }
+    std::string json() const {
+        auto text = written<std::string>([&](char *at, std::size_t room, std::size_t *size) { return ToJson(get(), at, room, size); });
+        text.pop_back();
+        return text;
+    }
+    T *get() const noexcept { return owned_.get(); }
+
+private:
+    Owned<T, Free> owned_;
+};
 
 } // namespace detail
 
@@ -124,135 +163,53 @@ inline Vec3 euler_from_attitude(Numbers attitude_t_p) {
     return angles;
 }
 
-/// Directions and places of the beams of a DVL.
+/// Directions and places of the beams of a DVL, from an object of JSON. Nothing changes them, so copies share them.
 class Geometry {
 public:
-    static Geometry preset(const std::string &name) { return Geometry(bl_geometry_preset(name.c_str())); }
-    static Geometry janus(const std::string &configuration, double tilt_rad) {
-        return Geometry(bl_geometry_janus(configuration.c_str(), tilt_rad));
-    }
-    static Geometry from_angles(Numbers tilts_rad, Numbers azimuths_rad) {
-        detail::require(azimuths_rad.size(), tilts_rad.size(), "azimuths_rad");
-        return Geometry(bl_geometry_from_angles(tilts_rad.size(), tilts_rad.data(), azimuths_rad.data()));
-    }
-    /// Rows of three numbers.
-    static Geometry from_directions(Numbers directions_d) {
-        detail::require(directions_d.size() % 3, 0, "directions_d, over rows of three");
-        return Geometry(bl_geometry_from_directions(directions_d.size() / 3, directions_d.data()));
-    }
-    static std::vector<std::string> presets() {
-        std::vector<std::string> names;
-        while (const char *name = bl_geometry_preset_name(names.size())) names.emplace_back(name);
-        return names;
-    }
+    explicit Geometry(const std::string &json)
+        : shared_(detail::check(bl_geometry_from_json(json.c_str())), bl_geometry_free) {}
+    static std::vector<std::string> presets() { return detail::names(bl_geometry_preset_name); }
 
-    Geometry(const Geometry &other) : Geometry(bl_geometry_copy(other.get())) {}
-    Geometry(Geometry &&) noexcept = default;
-    Geometry &operator=(Geometry other) noexcept {
-        owned_.swap(other.owned_);
-        return *this;
-    }
-
-    Geometry &mount(Numbers roll_pitch_yaw_rad) {
-        detail::check(bl_geometry_mount(get(), roll_pitch_yaw_rad.of(3, "roll_pitch_yaw_rad")));
-        return *this;
-    }
-    /// Rows of three numbers, one for each beam.
-    Geometry &set_lever_arms(Numbers lever_arms_p_m) {
-        const double *rows = lever_arms_p_m.of(3 * beams(), "lever_arms_p_m");
-        detail::check(bl_geometry_set_lever_arms(get(), beams(), rows));
-        return *this;
-    }
-    Geometry &set_sound_speed_scale(double scale) {
-        detail::check(bl_geometry_set_sound_speed_scale(get(), scale));
-        return *this;
-    }
     std::size_t beams() const { return bl_geometry_beams(get()); }
     Vec3 direction(std::size_t beam) const {
         Vec3 direction_p{};
         detail::check(bl_geometry_direction(get(), beam, direction_p.data()));
         return direction_p;
     }
-    bl_geometry *get() const noexcept { return owned_.get(); }
+    const bl_geometry *get() const noexcept { return shared_.get(); }
 
 private:
-    explicit Geometry(bl_geometry *made) : owned_(detail::check(made)) {}
-    detail::Owned<bl_geometry, bl_geometry_free> owned_;
+    std::shared_ptr<bl_geometry> shared_;
 };
 
-/// Environment and errors of the sensors: from a preset or JSON, whose keys are those of Python's Model.
-class Model {
+/// Environment and errors of the sensors: JSON with the keys of Python's Model, or with "preset" and "latitude_rad".
+class Model : public detail::Settings<bl_model, bl_model_from_json, bl_model_set, bl_model_to_json, bl_model_free> {
 public:
-    static Model preset(const std::string &name, double latitude_rad) {
-        return Model(bl_model_preset(name.c_str(), latitude_rad));
-    }
-    static std::vector<std::string> presets() {
-        std::vector<std::string> names;
-        while (const char *name = bl_model_preset_name(names.size())) names.emplace_back(name);
-        return names;
-    }
-    explicit Model(const std::string &json) : Model(bl_model_from_json(json.c_str())) {}
-    Model(const Model &other) : Model(other.json()) {}
-    Model(Model &&) noexcept = default;
-    Model &operator=(Model other) noexcept {
-        owned_.swap(other.owned_);
-        return *this;
-    }
-
-    /// Changes what an object of JSON names; all else stays.
-    Model &set(const std::string &json) {
-        detail::check(bl_model_set(get(), json.c_str()));
-        return *this;
-    }
-    std::string json() const { return detail::json(get(), bl_model_to_json); }
-    bl_model *get() const noexcept { return owned_.get(); }
-
-private:
-    explicit Model(bl_model *made) : owned_(detail::check(made)) {}
-    detail::Owned<bl_model, bl_model_free> owned_;
+    using Settings::Settings;
+    static std::vector<std::string> presets() { return detail::names(bl_model_preset_name); }
 };
 
 /// Options of the filter: the defaults, or those with what an object of JSON names, whose keys are those of Python's Options.
-class Options {
+class Options
+    : public detail::Settings<bl_options, bl_options_from_json, bl_options_set, bl_options_to_json, bl_options_free> {
 public:
-    explicit Options(const std::string &json = "{}") : owned_(detail::check(bl_options_from_json(json.c_str()))) {}
-    Options(const Options &other) : Options(other.json()) {}
-    Options(Options &&) noexcept = default;
-    Options &operator=(Options other) noexcept {
-        owned_.swap(other.owned_);
-        return *this;
-    }
-
-    /// Changes what an object of JSON names; all else stays.
-    Options &set(const std::string &json) {
-        detail::check(bl_options_set(get(), json.c_str()));
-        return *this;
-    }
-    std::string json() const { return detail::json(get(), bl_options_to_json); }
-    bl_options *get() const noexcept { return owned_.get(); }
-
-private:
-    detail::Owned<bl_options, bl_options_free> owned_;
+    explicit Options(const std::string &json = "{}") : Settings(json) {}
 };
 
 /// An aided inertial navigator for live use. Pushes return the number of reports; `report` reads them.
 class Navigator {
 public:
+    /// From one object of JSON with "geometry", "model", "options", "start", "method" and "horizon_ns".
+    explicit Navigator(const std::string &json) : Navigator(bl_navigator_from_json(json.c_str())) {}
     /// `options` may be left out: Navigator(geometry, model, state, "sway_current").
     Navigator(const Geometry &geometry, const Model &model, const State &initial, const std::string &method = "tc",
               std::int64_t horizon_ns = BL_DEFAULT_HORIZON_NS)
-        : owned_(detail::check(
-              bl_navigator_new(geometry.get(), model.get(), nullptr, method.c_str(), &initial, horizon_ns))) {}
+        : Navigator(bl_navigator_new(geometry.get(), model.get(), nullptr, method.c_str(), &initial, horizon_ns)) {}
     Navigator(const Geometry &geometry, const Model &model, const Options &options, const State &initial,
               const std::string &method = "tc", std::int64_t horizon_ns = BL_DEFAULT_HORIZON_NS)
-        : owned_(detail::check(
-              bl_navigator_new(geometry.get(), model.get(), options.get(), method.c_str(), &initial, horizon_ns))) {}
+        : Navigator(bl_navigator_new(geometry.get(), model.get(), options.get(), method.c_str(), &initial, horizon_ns)) {}
     static Navigator load(View<std::uint8_t> bytes) { return Navigator(bl_navigator_load(bytes.data(), bytes.size())); }
-    static std::vector<std::string> methods() {
-        std::vector<std::string> names;
-        while (const char *name = bl_method_name(names.size())) names.emplace_back(name);
-        return names;
-    }
+    static std::vector<std::string> methods() { return detail::names(bl_method_name); }
 
     Navigator(const Navigator &other) : Navigator(bl_navigator_copy(other.get())) {}
     Navigator(Navigator &&) noexcept = default;
@@ -364,23 +321,14 @@ public:
     std::optional<bl_calibration> calibration() const { return estimate<bl_calibration>(bl_navigator_calibration); }
     /// The current by depth; empty where it is not estimated.
     std::vector<bl_layer> layers() const {
-        std::size_t count = 0;
-        const bl_status first = bl_navigator_layers(get(), nullptr, 0, &count);
-        if (first != BL_STATUS_BUFFER_TOO_SMALL) detail::check(first);
-        std::vector<bl_layer> layers(count);
-        detail::check(bl_navigator_layers(get(), layers.data(), layers.size(), &count));
-        layers.resize(count);
-        return layers;
+        return detail::written<std::vector<bl_layer>>(
+            [&](bl_layer *at, std::size_t room, std::size_t *count) { return bl_navigator_layers(get(), at, room, count); });
     }
 
     /// The whole navigator as bytes, which `load` takes. Nothing may be pushed meanwhile.
     std::vector<std::uint8_t> save() const {
-        std::size_t size = 0;
-        const bl_status first = bl_navigator_save(get(), nullptr, 0, &size);
-        if (first != BL_STATUS_BUFFER_TOO_SMALL) detail::check(first);
-        std::vector<std::uint8_t> bytes(size);
-        detail::check(bl_navigator_save(get(), bytes.data(), bytes.size(), &size));
-        return bytes;
+        return detail::written<std::vector<std::uint8_t>>(
+            [&](std::uint8_t *at, std::size_t room, std::size_t *size) { return bl_navigator_save(get(), at, room, size); });
     }
     bl_navigator *get() const noexcept { return owned_.get(); }
 
@@ -400,11 +348,10 @@ private:
     std::vector<std::pair<std::string, std::uint64_t>>
     counts(bl_status (*of)(const bl_navigator *, std::uint64_t *, std::size_t, std::size_t *),
            const char *(*name)(std::size_t)) const {
-        std::array<std::uint64_t, 32> numbers{};
-        std::size_t count = 0;
-        detail::check(of(get(), numbers.data(), numbers.size(), &count));
+        const auto numbers = detail::written<std::vector<std::uint64_t>>(
+            [&](std::uint64_t *at, std::size_t room, std::size_t *count) { return of(get(), at, room, count); });
         std::vector<std::pair<std::string, std::uint64_t>> named;
-        for (std::size_t k = 0; k < count; ++k) named.emplace_back(name(k), numbers[k]);
+        for (const std::uint64_t number : numbers) named.emplace_back(name(named.size()), number);
         return named;
     }
     detail::Owned<bl_navigator, bl_navigator_free> owned_;

@@ -61,21 +61,23 @@ impl Failure {
         Self::new(Status::InvalidValue, message)
     }
 
-    /// The same of numbers that have no time.
-    pub(crate) fn timeless(error: &NavError) -> Self {
+    /// The same about a key.
+    pub(crate) fn about(self, key: impl Into<String>) -> Self {
         Self {
-            key: error.key().into(),
-            ..Self::new(status_of(error), error.to_string().replace(" at 0 ns", ""))
+            key: key.into(),
+            ..self
         }
+    }
+
+    /// The error of numbers that have no time.
+    pub(crate) fn timeless(error: &NavError) -> Self {
+        Self::new(status_of(error), error.to_string().replace(" at 0 ns", "")).about(error.key())
     }
 }
 
 impl From<NavError> for Failure {
     fn from(error: NavError) -> Self {
-        Self {
-            key: error.key().into(),
-            ..Self::new(status_of(&error), error.to_string())
-        }
+        Self::new(status_of(&error), error.to_string()).about(error.key())
     }
 }
 

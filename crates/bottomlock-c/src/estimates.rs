@@ -2,10 +2,11 @@
 
 use bottomlock::aiding::calibration::CLOCK;
 use bottomlock::aiding::{effort, thrust, water};
+use bottomlock::navigator::NavigatorSet;
 
 use crate::calls::{Failure, Outcome, Status, status};
 use crate::navigator::Navigator;
-use crate::pointers::{at, fill, put};
+use crate::pointers::{at, fill, put, put_all};
 
 /// Estimate of the motion through the water, with options of "water_track" or the method sway_current.
 #[derive(Debug, Clone, Copy)]
@@ -63,27 +64,32 @@ pub struct Calibration {
     pub covariance: [[f64; 4]; 4],
 }
 
-fn not_available(what: &str, where_it_is: &str) -> Failure {
-    Failure::new(Status::NotAvailable, format!("{what} is not estimated: {where_it_is}"))
+/// Writes what `of` takes of a navigator; `what` is missing where it takes nothing, and `remedy` says what gives it.
+unsafe fn estimate<T>(
+    navigator: *const Navigator,
+    [what, remedy]: [&str; 2],
+    of: impl FnOnce(&NavigatorSet) -> Option<T>,
+    write: impl FnOnce(T) -> Outcome<()>,
+) -> Status {
+    status(|| {
+        let held = at("navigator", navigator)?.locked()?;
+        let missing = || Failure::new(Status::NotAvailable, format!("{what} is not estimated: {remedy}"));
+        write(of(held.live.navigators()).ok_or_else(missing)?)
+    })
 }
 
 /// The motion through the water after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_water(navigator: *const Navigator, water: *mut Water) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let held = unsafe { at("navigator", navigator) }?.locked()?;
-        let navigators = held.live.navigators();
-        let found = navigators.water().zip(navigators.selected().filter().current());
-        let (block, (current, covariance)) = found.ok_or_else(|| {
-            not_available(
-                "the motion through the water",
-                "set the option 'water_track', or take the method 'sway_current'",
-            )
-        })?;
+    const MISSING: [&str; 2] = [
+        "the motion through the water",
+        "set the option 'water_track', or take the method 'sway_current'",
+    ];
+    let of = |navigators: &NavigatorSet| {
+        let (block, (current, covariance)) = navigators.water().zip(navigators.selected().filter().current())?;
         let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
-        let [sway_s, heave_s] = block.slip_time_s();
-        let made = Water {
+        let [sway_slip_time_s, heave_slip_time_s] = block.slip_time_s();
+        Some(Water {
             current_t_mps: current.into(),
             current_covariance: covariance.into(),
             sway_gain_m: estimate[water::GAIN],
@@ -92,14 +98,13 @@ pub unsafe extern "C" fn bl_navigator_water(navigator: *const Navigator, water: 
             heave_slip_mps: estimate[water::HEAVE],
             sway_slip_sd_mps: slip_sd_mps[water::SWAY],
             heave_slip_sd_mps: slip_sd_mps[water::HEAVE],
-            sway_slip_time_s: sway_s,
-            heave_slip_time_s: heave_s,
+            sway_slip_time_s,
+            heave_slip_time_s,
             restarts: block.restarts(),
             alarms: block.alarms(),
-        };
-        // SAFETY: as the header asks.
-        unsafe { put("water", water, made) }
-    })
+        })
+    };
+    estimate(navigator, MISSING, of, |made| put("water", water, made))
 }
 
 /// What is known of the propeller, with options of "thrust".
@@ -117,20 +122,16 @@ pub struct Thrust {
 /// Advance and slip of the propeller after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_thrust(navigator: *const Navigator, propeller: *mut Thrust) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let held = unsafe { at("navigator", navigator) }?.locked()?;
-        let found = held.live.navigators().selected().filter().thrust();
-        let (estimate, covariance) =
-            found.ok_or_else(|| not_available("the advance of the propeller", "set the option 'thrust'"))?;
-        let made = Thrust {
+    let of = |navigators: &NavigatorSet| {
+        let (estimate, covariance) = navigators.selected().filter().thrust()?;
+        Some(Thrust {
             advance_m: estimate[thrust::ADVANCE],
             slip_mps: estimate[thrust::SLIP],
             covariance: covariance.into(),
-        };
-        // SAFETY: as the header asks.
-        unsafe { put("propeller", propeller, made) }
-    })
+        })
+    };
+    let missing = ["the advance of the propeller", "set the option 'thrust'"];
+    estimate(navigator, missing, of, |made| put("propeller", propeller, made))
 }
 
 /// What drag and mass are wrong by, with options of "thrust" and a model with "effort"; along surge, sway and heave each.
@@ -150,26 +151,21 @@ pub struct Effort {
 /// What drag and mass are wrong by after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_effort(navigator: *const Navigator, hull: *mut Effort) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let held = unsafe { at("navigator", navigator) }?.locked()?;
-        let found = held.live.navigators().selected().filter().effort();
-        let (estimate, covariance) = found.ok_or_else(|| {
-            not_available(
-                "the error of the drag",
-                "set the option 'thrust' and a drag of the model",
-            )
-        })?;
-        let of = |first: usize| std::array::from_fn(|axis| estimate[first + axis]);
-        let made = Effort {
-            speed_scale: of(effort::SPEED_SCALE),
-            slip_mps: of(effort::SLIP),
-            inertia_error: of(effort::INERTIA),
+    let of = |navigators: &NavigatorSet| {
+        let (estimate, covariance) = navigators.selected().filter().effort()?;
+        let three = |first: usize| std::array::from_fn(|axis| estimate[first + axis]);
+        Some(Effort {
+            speed_scale: three(effort::SPEED_SCALE),
+            slip_mps: three(effort::SLIP),
+            inertia_error: three(effort::INERTIA),
             covariance: covariance.into(),
-        };
-        // SAFETY: as the header asks.
-        unsafe { put("hull", hull, made) }
-    })
+        })
+    };
+    let missing = [
+        "the error of the drag",
+        "set the option 'thrust' and a drag of the model",
+    ];
+    estimate(navigator, missing, of, |made| put("hull", hull, made))
 }
 
 /// The current by depth; `count` is the number of layers, 0 where none is estimated.
@@ -181,8 +177,7 @@ pub unsafe extern "C" fn bl_navigator_layers(
     count: *mut usize,
 ) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let found = unsafe { at("navigator", navigator) }?
+        let found = at("navigator", navigator)?
             .locked()?
             .live
             .navigators()
@@ -198,22 +193,15 @@ pub unsafe extern "C" fn bl_navigator_layers(
                 age_s: layer.age_s,
             })
             .collect();
-        // SAFETY: as the header asks.
-        unsafe {
-            put("count", count, made.len())?;
-            fill("layers", layers, capacity, &made)
-        }
+        put_all(("layers", layers, capacity), ("count", count), &made)
     })
 }
 
 /// Writes errors and their standard deviations.
 unsafe fn put_errors<const N: usize>(errors: [(f64, f64); N], error_rad: *mut f64, sd_rad: *mut f64) -> Outcome<()> {
-    // SAFETY: as the header asks.
-    unsafe {
-        at("sd_rad", sd_rad)?;
-        fill("error_rad", error_rad, N, &errors.map(|(error, _)| error))?;
-        fill("sd_rad", sd_rad, N, &errors.map(|(_, sd)| sd))
-    }
+    at("sd_rad", sd_rad)?;
+    fill("error_rad", error_rad, N, &errors.map(|(error, _)| error))?;
+    fill("sd_rad", sd_rad, N, &errors.map(|(_, sd)| sd))
 }
 
 /// Estimated error of the attitude reference in roll, pitch and yaw with its standard deviation, 3 numbers each, rad;
@@ -224,15 +212,12 @@ pub unsafe extern "C" fn bl_navigator_attitude_error(
     error_rad: *mut f64,
     sd_rad: *mut f64,
 ) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let held = unsafe { at("navigator", navigator) }?.locked()?;
-        let found = held.live.navigators().selected().filter().attitude_error_rad();
-        let where_it_is = "set 'magnetometer.yaw_offset_sd_rad' or another of its slow errors in the model";
-        let errors = found.ok_or_else(|| not_available("the error of the attitude reference", where_it_is))?;
-        // SAFETY: as the header asks.
-        unsafe { put_errors(errors, error_rad, sd_rad) }
-    })
+    const MISSING: [&str; 2] = [
+        "the error of the attitude reference",
+        "set 'magnetometer.yaw_offset_sd_rad' or another of its slow errors in the model",
+    ];
+    let of = |navigators: &NavigatorSet| navigators.selected().filter().attitude_error_rad();
+    estimate(navigator, MISSING, of, |errors| put_errors(errors, error_rad, sd_rad))
 }
 
 /// Estimated error of the heading sensor with its standard deviation, rad; `BL_STATUS_NOT_AVAILABLE` where the model's heading has no
@@ -243,15 +228,12 @@ pub unsafe extern "C" fn bl_navigator_heading_error(
     error_rad: *mut f64,
     sd_rad: *mut f64,
 ) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let held = unsafe { at("navigator", navigator) }?.locked()?;
-        let found = held.live.navigators().selected().filter().heading_error_rad();
-        let where_it_is = "set 'heading.offset_sd_rad' or 'heading.walk_sd_rad' in the model";
-        let error = found.ok_or_else(|| not_available("the error of the heading sensor", where_it_is))?;
-        // SAFETY: as the header asks.
-        unsafe { put_errors([error], error_rad, sd_rad) }
-    })
+    const MISSING: [&str; 2] = [
+        "the error of the heading sensor",
+        "set 'heading.offset_sd_rad' or 'heading.walk_sd_rad' in the model",
+    ];
+    let of = |navigators: &NavigatorSet| navigators.selected().filter().heading_error_rad();
+    estimate(navigator, MISSING, of, |error| put_errors([error], error_rad, sd_rad))
 }
 
 /// The mounting and clock of the DVL after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
@@ -260,19 +242,18 @@ pub unsafe extern "C" fn bl_navigator_calibration(
     navigator: *const Navigator,
     calibration: *mut Calibration,
 ) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let held = unsafe { at("navigator", navigator) }?.locked()?;
-        let found = held.live.navigators().selected().filter().calibration();
-        let where_it_is = "set 'calibration.mounting_sd_rad' or 'calibration.clock_sd_s' among the options";
-        let (estimate, covariance) = found.ok_or_else(|| not_available("the calibration of the DVL", where_it_is))?;
+    const MISSING: [&str; 2] = [
+        "the calibration of the DVL",
+        "set 'calibration.mounting_sd_rad' or 'calibration.clock_sd_s' among the options",
+    ];
+    let of = |navigators: &NavigatorSet| {
+        let (estimate, covariance) = navigators.selected().filter().calibration()?;
         let numbers = estimate.numbers();
-        let made = Calibration {
+        Some(Calibration {
             mounting_rad: [numbers[0], numbers[1], numbers[2]],
             clock_s: numbers[CLOCK],
             covariance: covariance.into(),
-        };
-        // SAFETY: as the header asks.
-        unsafe { put("calibration", calibration, made) }
-    })
+        })
+    };
+    estimate(navigator, MISSING, of, |made| put("calibration", calibration, made))
 }

@@ -4,35 +4,120 @@ use std::f64::consts::TAU;
 use std::ffi::c_char;
 use std::ptr;
 
+use bottomlock::NavError;
 use bottomlock::dvl::geometry::{BeamGeometry, Janus};
-use bottomlock::frames::{Dvl, Platform, Rot, Vec3};
+use bottomlock::frames::{Platform, Rot, Vec3};
+use bottomlock::settings::read;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::calls::{Failure, Outcome, Status, free, made, status, value};
 use crate::names::c_name;
-use crate::pointers::{at, at_mut, fill, numbers, text, values};
+use crate::pointers::{at, fill, text};
 use crate::presets::{GEOMETRIES, named};
+use crate::settings::Settings;
 
-/// Directions and places of the beams of a DVL, 1 to 8 beams.
+/// Directions and places of the beams of a DVL, 1 to 8 beams; nothing changes them.
 #[derive(Debug, Clone)]
-pub struct Geometry {
-    pub(crate) inner: BeamGeometry,
+pub struct Geometry(pub(crate) BeamGeometry);
+
+/// What an object of JSON says of the beams.
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Beams {
+    preset: Option<String>,
+    configuration: Option<String>,
+    tilt_rad: Option<f64>,
+    tilts_rad: Option<Vec<f64>>,
+    azimuths_rad: Option<Vec<f64>>,
+    directions_d: Option<Vec<[f64; 3]>>,
+    roll_pitch_yaw_rad: Option<[f64; 3]>,
+    lever_arms_p_m: Option<Vec<[f64; 3]>>,
+    sound_speed_scale: Option<f64>,
 }
 
-impl From<BeamGeometry> for Geometry {
-    fn from(inner: BeamGeometry) -> Self {
-        Self { inner }
+impl Settings for Beams {
+    const NAME: &'static str = "geometry";
+
+    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
+        read(Self::NAME, source)
     }
 }
 
-/// A packaged geometry by its name, such as "waterlinked_a50"; `bl_geometry_preset_name` lists them. NULL for an error.
+/// Vectors of a frame.
+fn vectors<F>(rows: &[[f64; 3]]) -> Vec<Vec3<F>> {
+    rows.iter().copied().map(Vec3::from_array).collect()
+}
+
+impl Beams {
+    /// The beams in the frame of the DVL.
+    fn directions(&self) -> Outcome<BeamGeometry> {
+        let configuration = self.configuration.as_deref();
+        let angles = (configuration, self.tilt_rad, &self.tilts_rad, &self.azimuths_rad);
+        match (&self.preset, angles, &self.directions_d) {
+            (Some(name), (None, None, None, None), None) => {
+                let preset = named("geometry", name, &GEOMETRIES, |preset| preset.name)?;
+                Ok(preset.geometry()?)
+            }
+            (None, (Some(configuration), Some(tilt_rad), None, None), None) => {
+                let layout = match configuration {
+                    "x" => Janus::X,
+                    "+" => Janus::Plus,
+                    other => {
+                        let message = format!("configuration is '{other}', expected 'x' or '+'");
+                        return Err(Failure::invalid(message).about("geometry.configuration"));
+                    }
+                };
+                Ok(BeamGeometry::janus(layout, tilt_rad)?)
+            }
+            (None, (None, None, Some(tilts), Some(azimuths)), None) => Ok(BeamGeometry::from_angles(tilts, azimuths)?),
+            (None, (None, None, None, None), Some(rows)) => Ok(BeamGeometry::from_directions(&vectors(rows))?),
+            _ => Err(Failure::invalid(
+                "the beams of the geometry are expected once, as 'preset', 'configuration' with 'tilt_rad', 'tilts_rad' with \
+                 'azimuths_rad', or 'directions_d'",
+            )
+            .about("geometry")),
+        }
+    }
+
+    fn geometry(&self) -> Outcome<Geometry> {
+        let mut made = self.directions()?;
+        if let Some([roll, pitch, yaw]) = self.roll_pitch_yaw_rad {
+            if let Some(angle) = [roll, pitch, yaw].into_iter().find(|angle| !(angle.abs() <= TAU)) {
+                return Err(Failure::invalid(format!(
+                    "roll_pitch_yaw_rad has {angle}, expected three angles of -2 pi to 2 pi: is it in degrees?"
+                ))
+                .about("geometry.roll_pitch_yaw_rad"));
+            }
+            made = made.mounted(Rot::from_euler_rad(roll, pitch, yaw));
+        }
+        if let Some(rows) = &self.lever_arms_p_m {
+            let levers = vectors::<Platform>(rows);
+            made = made
+                .with_lever_arms(&levers)
+                .map_err(|error| Failure::timeless(&error))?;
+        }
+        if let Some(scale) = self.sound_speed_scale {
+            made = made.with_sound_speed_scale(scale)?;
+        }
+        Ok(Geometry(made))
+    }
+}
+
+impl Geometry {
+    pub(crate) fn from_json(text: &str) -> Outcome<Self> {
+        Beams::from_json(text)?.geometry()
+    }
+}
+
+/// A geometry from an object of JSON with its beams in one of four ways: "preset", a packaged name such as "waterlinked_a50"
+/// (`bl_geometry_preset_name` lists them); "configuration" with "tilt_rad", four beams of equal tilt from the vertical, "x" at
+/// azimuths 45, 135, 225, 315 deg, "+" at 0, 90, 180, 270 deg; "tilts_rad" and "azimuths_rad", from the vertical, and from the bow
+/// towards starboard; or "directions_d", unit vectors from the transducer, DVL frame. Further keys: "roll_pitch_yaw_rad" (z-y-x) of
+/// the mounting, from the DVL frame to the platform frame; "lever_arms_p_m", the place of each transducer, platform frame;
+/// "sound_speed_scale", the ratio of the assumed to the true speed of sound. NULL for an error.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_preset(name: *const c_char) -> *mut Geometry {
-    made(|| {
-        // SAFETY: as the header asks.
-        let name = unsafe { text("name", name) }?;
-        let preset = named("geometry", name, &GEOMETRIES, |one| one.name)?;
-        Ok(preset.geometry()?.into())
-    })
+pub unsafe extern "C" fn bl_geometry_from_json(json: *const c_char) -> *mut Geometry {
+    made(|| Geometry::from_json(text("json", json)?))
 }
 
 /// Name of a packaged geometry by its number from 0, NULL beyond the last.
@@ -41,133 +126,10 @@ pub extern "C" fn bl_geometry_preset_name(number: usize) -> *const c_char {
     GEOMETRIES.get(number).map_or(ptr::null(), |preset| c_name(preset.name))
 }
 
-/// Four beams of equal tilt from the vertical, rad: "x" at azimuths 45, 135, 225, 315 deg, "+" at 0, 90, 180, 270 deg. NULL
-/// for an error.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_janus(configuration: *const c_char, tilt_rad: f64) -> *mut Geometry {
-    made(|| {
-        // SAFETY: as the header asks.
-        let layout = match unsafe { text("configuration", configuration) }? {
-            "x" => Janus::X,
-            "+" => Janus::Plus,
-            other => {
-                return Err(Failure::invalid(format!(
-                    "configuration is '{other}', expected 'x' or '+'"
-                )));
-            }
-        };
-        Ok(BeamGeometry::janus(layout, tilt_rad)?.into())
-    })
-}
-
-/// Beams by tilt from the vertical and azimuth from the bow towards starboard, `beams` numbers each, rad. NULL for an error.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_from_angles(
-    beams: usize,
-    tilts_rad: *const f64,
-    azimuths_rad: *const f64,
-) -> *mut Geometry {
-    made(|| {
-        // SAFETY: as the header asks.
-        let (tilts, azimuths) = unsafe {
-            (
-                values("tilts_rad", tilts_rad, beams)?,
-                values("azimuths_rad", azimuths_rad, beams)?,
-            )
-        };
-        Ok(BeamGeometry::from_angles(tilts, azimuths)?.into())
-    })
-}
-
-/// Rows of three numbers.
-unsafe fn rows<'a>(name: &str, pointer: *const f64, count: usize) -> Outcome<&'a [[f64; 3]]> {
-    // SAFETY: as the header asks.
-    unsafe { values(name, pointer.cast::<[f64; 3]>(), count) }
-}
-
-/// Beams by unit vectors from the transducer, DVL frame, `beams` rows of 3 numbers. NULL for an error.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_from_directions(beams: usize, directions_d: *const f64) -> *mut Geometry {
-    made(|| {
-        // SAFETY: as the header asks.
-        let rows = unsafe { rows("directions_d", directions_d, beams) }?;
-        let directions: Vec<_> = rows.iter().map(|&row| Vec3::<Dvl>::from_array(row)).collect();
-        Ok(BeamGeometry::from_directions(&directions)?.into())
-    })
-}
-
-/// A copy. NULL for an error.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_copy(geometry: *const Geometry) -> *mut Geometry {
-    // SAFETY: as the header asks.
-    made(|| unsafe { at("geometry", geometry) }.cloned())
-}
-
-/// Turns the beams from the DVL frame to the platform frame: roll, pitch and yaw (z-y-x) of the mounting, 3 numbers, rad. To be
-/// called once, before lever arms are set.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_mount(geometry: *mut Geometry, roll_pitch_yaw_rad: *const f64) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let (geometry, angles) = unsafe {
-            (
-                at_mut("geometry", geometry)?,
-                numbers::<3>("roll_pitch_yaw_rad", roll_pitch_yaw_rad)?,
-            )
-        };
-        if let Some(angle) = angles.into_iter().find(|angle| !(angle.abs() <= TAU)) {
-            return Err(Failure::invalid(format!(
-                "roll_pitch_yaw_rad has {angle}, expected three angles of -2 pi to 2 pi: is it in degrees?"
-            )));
-        }
-        let [roll, pitch, yaw] = angles;
-        let mounting = Rot::<Platform, Dvl>::from_euler_rad(roll, pitch, yaw);
-        geometry.inner = geometry.inner.clone().mounted(mounting);
-        Ok(())
-    })
-}
-
-/// Sets the place of each transducer, platform frame, `beams` rows of 3 numbers, m.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_set_lever_arms(
-    geometry: *mut Geometry,
-    beams: usize,
-    lever_arms_p_m: *const f64,
-) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let (geometry, rows) = unsafe {
-            (
-                at_mut("geometry", geometry)?,
-                rows("lever_arms_p_m", lever_arms_p_m, beams)?,
-            )
-        };
-        let levers: Vec<_> = rows.iter().map(|&row| Vec3::<Platform>::from_array(row)).collect();
-        geometry.inner = geometry
-            .inner
-            .clone()
-            .with_lever_arms(&levers)
-            .map_err(|error| Failure::timeless(&error))?;
-        Ok(())
-    })
-}
-
-/// Sets the ratio of the assumed to the true speed of sound.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_set_sound_speed_scale(geometry: *mut Geometry, sound_speed_scale: f64) -> Status {
-    status(|| {
-        // SAFETY: as the header asks.
-        let geometry = unsafe { at_mut("geometry", geometry) }?;
-        geometry.inner = geometry.inner.clone().with_sound_speed_scale(sound_speed_scale)?;
-        Ok(())
-    })
-}
-
 /// Number of beams; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_geometry_beams(geometry: *const Geometry) -> usize {
-    // SAFETY: as the header asks.
-    value(0, || Ok(unsafe { at("geometry", geometry) }?.inner.beams()))
+    value(0, || Ok(at("geometry", geometry)?.0.beams()))
 }
 
 /// Unit vector of a beam, counted from 0, platform frame, mounting applied: 3 numbers.
@@ -178,20 +140,17 @@ pub unsafe extern "C" fn bl_geometry_direction(
     direction_p: *mut f64,
 ) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let inner = &unsafe { at("geometry", geometry) }?.inner;
+        let inner = &at("geometry", geometry)?.0;
         if beam >= inner.beams() {
             let last = inner.beams() - 1;
             return Err(Failure::invalid(format!("beam is {beam}, expected 0 to {last}")));
         }
-        // SAFETY: as the header asks.
-        unsafe { fill("direction_p", direction_p, 3, inner.direction_p(beam).as_slice()) }
+        fill("direction_p", direction_p, 3, inner.direction_p(beam).as_slice())
     })
 }
 
 /// Frees a geometry; NULL is none. Navigators made with it stay.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_geometry_free(geometry: *mut Geometry) {
-    // SAFETY: as the header asks.
-    unsafe { free(geometry) }
+    free(geometry)
 }

@@ -3,40 +3,53 @@
 use std::ffi::c_char;
 use std::ptr;
 
+use bottomlock::NavError;
 use bottomlock::earth::{EarthModel, Environment};
 use bottomlock::model::Model as Core;
-use serde::Serialize;
+use bottomlock::settings;
+use serde::{Deserializer, Serialize};
 
-use crate::calls::{Status, free, made, status};
+use crate::calls::{Outcome, Status, free, made, status};
 use crate::names::c_name;
 use crate::pointers::{at, at_mut, text};
 use crate::presets::{GRADES, named};
-use crate::settings::Settings;
+use crate::settings::{Settings, parsed};
 
 /// Environment and errors of the sensors, SI.
 #[derive(Debug, Clone, Serialize)]
 pub struct Model(pub(crate) Core);
 
-/// A model at a latitude, rad: errors of a packaged grade of IMUs ("tactical"; `bl_model_preset_name` lists them), all else from
-/// Table 2 of Tal et al. 2017, as all of "table_2" is. Set what your sensors have. NULL for an error.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_model_preset(name: *const c_char, latitude_rad: f64) -> *mut Model {
-    made(|| {
-        // SAFETY: as the header asks.
-        let name = unsafe { text("name", name) }?;
+const TABLE_2: &str = "table_2";
+
+impl Settings for Model {
+    const NAME: &'static str = "model";
+
+    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
+        settings::model(source).map(Self)
+    }
+}
+
+impl Model {
+    /// A model of a text, by its sections alone or as a preset with changes.
+    pub(crate) fn given(json: &str) -> Outcome<Self> {
+        let mut keys = parsed(json)?;
+        let Some(name) = keys.as_object_mut().and_then(|keys| keys.remove("preset")) else {
+            return Self::from_json(json);
+        };
+        let latitude = keys.as_object_mut().and_then(|keys| keys.remove("latitude_rad"));
+        let name: String = settings::read("preset", name)?;
+        let latitude_rad = settings::read("latitude_rad", latitude.unwrap_or_default())?;
         let mut model = Core {
             environment: Environment::normal(latitude_rad, 0.0).on(EarthModel::Ellipsoid),
             ..Core::table_2()
         };
         model.validate()?;
         if name != TABLE_2 {
-            model.imu = named("model", name, &GRADES, |grade| grade.name)?.imu();
+            model.imu = named("model", &name, &GRADES, |grade| grade.name)?.imu();
         }
-        Ok(Model(model))
-    })
+        Self(model).changed(keys)
+    }
 }
-
-const TABLE_2: &str = "table_2";
 
 /// Name of a model preset by its number from 0, NULL beyond the last.
 #[unsafe(no_mangle)]
@@ -45,11 +58,12 @@ pub extern "C" fn bl_model_preset_name(number: usize) -> *const c_char {
     grades.chain([TABLE_2]).nth(number).map_or(ptr::null(), c_name)
 }
 
-/// A model from an object of JSON with the sections "environment", "imu", "initial" and those of the sensors. NULL for an error.
+/// A model from an object of JSON with the sections "environment", "imu", "initial" and those of the sensors; or with "preset" and
+/// "latitude_rad", and what differs from it. A preset has the errors of a packaged grade of IMUs ("tactical"; `bl_model_preset_name`
+/// lists them), all else from Table 2 of Tal et al. 2017, as all of "table_2" is. Set what your sensors have. NULL for an error.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_model_from_json(json: *const c_char) -> *mut Model {
-    // SAFETY: as the header asks.
-    made(|| Model::from_json(unsafe { text("json", json) }?))
+    made(|| Model::given(text("json", json)?))
 }
 
 /// Changes what an object of JSON names; all else stays. For example "{\"dvl\": {\"beam_noise_sd_mps\": 0.02}}". An error changes
@@ -57,9 +71,8 @@ pub unsafe extern "C" fn bl_model_from_json(json: *const c_char) -> *mut Model {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_model_set(model: *mut Model, json: *const c_char) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let (model, json) = unsafe { (at_mut("model", model)?, text("json", json)?) };
-        *model = model.changed(json)?;
+        let (model, json) = (at_mut("model", model)?, text("json", json)?);
+        *model = model.changed(parsed(json)?)?;
         Ok(())
     })
 }
@@ -72,13 +85,11 @@ pub unsafe extern "C" fn bl_model_to_json(
     capacity: usize,
     size: *mut usize,
 ) -> Status {
-    // SAFETY: as the header asks.
-    status(|| unsafe { at("model", model)?.write(json, capacity, size) })
+    status(|| at("model", model)?.write(json, capacity, size))
 }
 
 /// Frees a model; NULL is none. Navigators made with it stay.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_model_free(model: *mut Model) {
-    // SAFETY: as the header asks.
-    unsafe { free(model) }
+    free(model)
 }

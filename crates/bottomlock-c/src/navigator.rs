@@ -5,21 +5,26 @@ use std::sync::{Mutex, MutexGuard};
 
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::layout::DIM;
-use bottomlock::mechanisation::IMU_FAULTS;
-use bottomlock::navigator::events::STREAMS;
 use bottomlock::navigator::{LiveNavigator, Method, Notice, Snapshot};
-use bottomlock::state::Covariance;
+use bottomlock::settings::read;
+use bottomlock::state::{Covariance, NavState};
+use serde::Deserialize;
+use serde_json::value::RawValue;
 
 use crate::calls::{Failure, Outcome, Status, free, made, status};
 use crate::geometry::Geometry;
 use crate::model::Model;
 use crate::names::hint;
 use crate::options::Options;
-use crate::pointers::{at, fill, numbers, put, text, values};
+use crate::pointers::{at, fill, numbers, put, put_all, text, values};
+use crate::settings::{Settings, parsed};
 use crate::state::State;
 
 /// How late a reading may be where `horizon_ns` is negative, ns: 2 s.
 pub const DEFAULT_HORIZON_NS: i64 = 2_000_000_000;
+
+/// The method where none is named.
+const METHOD: &str = "tc";
 
 /// Number of error states: position (tangent), misalignment (tangent), velocity (platform), accelerometer bias, gyro bias, bias
 /// of four beams, scale factor of the DVL.
@@ -44,6 +49,20 @@ pub(crate) struct Held {
 }
 
 impl Navigator {
+    fn new(
+        geometry: &Geometry,
+        model: &Model,
+        options: &Options,
+        method: &str,
+        start: NavState,
+        horizon_ns: i64,
+    ) -> Outcome<Self> {
+        let aiding = self::method(method)?.aiding;
+        let live = LiveNavigator::new(start, &geometry.0, aiding, &model.0, &options.0, horizon_ns)?;
+        let sensors = model.0.sensors;
+        Ok(Self::of(Snapshot { live, sensors }))
+    }
+
     fn of(snapshot: Snapshot) -> Self {
         Self {
             beams: snapshot.live.navigators().selected().geometry().beams(),
@@ -75,7 +94,53 @@ fn method(name: &str) -> Outcome<Method> {
             .iter()
             .map(|method| method.name)
             .collect();
-        Failure::new(Status::UnknownName, format!("{error} ({})", hint(name, &known)))
+        Failure::new(Status::UnknownName, format!("{error} ({})", hint(name, &known))).about("method")
+    })
+}
+
+/// What a navigator is made from in one call; the parts are texts of JSON.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Given {
+    geometry: Box<RawValue>,
+    model: Box<RawValue>,
+    options: Option<Box<RawValue>>,
+    start: Option<Box<RawValue>>,
+    method: Option<String>,
+    horizon_ns: Option<i64>,
+}
+
+impl Given {
+    fn navigator(&self) -> Outcome<Navigator> {
+        let geometry = Geometry::from_json(self.geometry.get())?;
+        let model = Model::given(self.model.get())?;
+        let options = Options::from_json(self.options.as_deref().map_or("{}", RawValue::get))?;
+        let start = State::from_json(self.start.as_deref().map_or("{}", RawValue::get))?;
+        let method = self.method.as_deref().unwrap_or(METHOD);
+        let horizon_ns = self.horizon_ns.unwrap_or(DEFAULT_HORIZON_NS);
+        Navigator::new(
+            &geometry,
+            &model,
+            &options,
+            method,
+            start.to_kernel("start")?,
+            horizon_ns,
+        )
+    }
+}
+
+/// A navigator from one object of JSON: "geometry" as `bl_geometry_from_json` and "model" as `bl_model_from_json` take it; and, where they
+/// differ from the defaults, "options" as of `bl_options_from_json`, "start" with the fields of `bl_state`, at rest at time 0
+/// otherwise, "method" and "horizon_ns" as of `bl_navigator_new`. NULL for an error; `bl_last_error_key` has its key.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn bl_navigator_from_json(json: *const c_char) -> *mut Navigator {
+    made(|| {
+        let json = text("json", json)?;
+        if !parsed(json)?.is_object() {
+            return Err(Failure::invalid("the navigator is no object of JSON"));
+        }
+        let given: Given = read("navigator", &mut serde_json::Deserializer::from_str(json))?;
+        given.navigator()
     })
 }
 
@@ -95,56 +160,42 @@ pub unsafe extern "C" fn bl_navigator_new(
     horizon_ns: i64,
 ) -> *mut Navigator {
     made(|| {
-        // SAFETY: as the header asks.
-        let (geometry, model, options, initial) = unsafe {
-            (
-                at("geometry", geometry)?,
-                at("model", model)?.0,
-                options.as_ref().map(|options| options.0).unwrap_or_default(),
-                at("initial", initial)?.to_kernel()?,
-            )
-        };
+        let (geometry, model, options, initial) = (
+            at("geometry", geometry)?,
+            at("model", model)?,
+            options.as_ref().cloned().unwrap_or_default(),
+            at("initial", initial)?.to_kernel("initial")?,
+        );
         let name = if method.is_null() {
-            "tc"
+            METHOD
         } else {
-            // SAFETY: as the header asks.
-            unsafe { text("method", method) }?
+            text("method", method)?
         };
-        let aiding = self::method(name)?.aiding;
         let horizon_ns = if horizon_ns < 0 { DEFAULT_HORIZON_NS } else { horizon_ns };
-        let live = LiveNavigator::new(initial, &geometry.inner, aiding, &model, &options, horizon_ns)?;
-        Ok(Navigator::of(Snapshot {
-            live,
-            sensors: model.sensors,
-        }))
+        Navigator::new(geometry, model, &options, name, initial, horizon_ns)
     })
 }
 
 /// A copy that goes its own way. NULL for an error.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_copy(navigator: *const Navigator) -> *mut Navigator {
-    // SAFETY: as the header asks.
-    made(|| unsafe { at("navigator", navigator) }?.snapshot().map(Navigator::of))
+    made(|| at("navigator", navigator)?.snapshot().map(Navigator::of))
 }
 
 /// Frees a navigator; NULL is none. No other call with it may be under way.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_free(navigator: *mut Navigator) {
-    // SAFETY: as the header asks.
-    unsafe { free(navigator) }
+    free(navigator)
 }
 
 /// Replaces the covariance of every filter: 20 by 20, 400 numbers. What is older than the estimate is then too late.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_set_covariance(navigator: *mut Navigator, covariance: *const f64) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let (navigator, covariance) = unsafe {
-            (
-                at("navigator", navigator)?,
-                numbers::<{ STATES * STATES }>("covariance", covariance)?,
-            )
-        };
+        let (navigator, covariance) = (
+            at("navigator", navigator)?,
+            numbers::<{ STATES * STATES }>("covariance", covariance)?,
+        );
         navigator
             .locked()?
             .live
@@ -157,14 +208,8 @@ pub unsafe extern "C" fn bl_navigator_set_covariance(navigator: *mut Navigator, 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_state(navigator: *const Navigator, state: *mut State) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let now = unsafe { at("navigator", navigator) }?
-            .locked()?
-            .live
-            .navigators()
-            .state();
-        // SAFETY: as the header asks.
-        unsafe { put("state", state, State::from(&now)) }
+        let now = at("navigator", navigator)?.locked()?.live.navigators().state();
+        put("state", state, State::from(&now))
     })
 }
 
@@ -172,14 +217,8 @@ pub unsafe extern "C" fn bl_navigator_state(navigator: *const Navigator, state: 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_covariance(navigator: *const Navigator, covariance: *mut f64) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let now = unsafe { at("navigator", navigator) }?
-            .locked()?
-            .live
-            .navigators()
-            .covariance();
-        // SAFETY: as the header asks.
-        unsafe { fill("covariance", covariance, STATES * STATES, now.as_slice()) }
+        let now = at("navigator", navigator)?.locked()?.live.navigators().covariance();
+        fill("covariance", covariance, STATES * STATES, now.as_slice())
     })
 }
 
@@ -193,13 +232,8 @@ pub unsafe extern "C" fn bl_navigator_late_events(
     count: *mut usize,
 ) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let late: [u64; STREAMS] = *unsafe { at("navigator", navigator) }?.locked()?.live.late_events();
-        // SAFETY: as the header asks.
-        unsafe {
-            put("count", count, late.len())?;
-            fill("counts", counts, capacity, &late)
-        }
+        let held = at("navigator", navigator)?.locked()?;
+        put_all(("counts", counts, capacity), ("count", count), held.live.late_events())
     })
 }
 
@@ -213,13 +247,8 @@ pub unsafe extern "C" fn bl_navigator_imu_faults(
     count: *mut usize,
 ) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let faults: [u64; IMU_FAULTS.len()] = *unsafe { at("navigator", navigator) }?.locked()?.live.imu_faults();
-        // SAFETY: as the header asks.
-        unsafe {
-            put("count", count, faults.len())?;
-            fill("counts", counts, capacity, &faults)
-        }
+        let held = at("navigator", navigator)?.locked()?;
+        put_all(("counts", counts, capacity), ("count", count), held.live.imu_faults())
     })
 }
 
@@ -227,13 +256,11 @@ pub unsafe extern "C" fn bl_navigator_imu_faults(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_discard_waiting(navigator: *mut Navigator, dropped: *mut usize) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let number = unsafe { at("navigator", navigator) }?.locked()?.live.discard_waiting();
+        let number = at("navigator", navigator)?.locked()?.live.discard_waiting();
         if dropped.is_null() {
             return Ok(());
         }
-        // SAFETY: as the header asks.
-        unsafe { put("dropped", dropped, number) }
+        put("dropped", dropped, number)
     })
 }
 
@@ -247,13 +274,8 @@ pub unsafe extern "C" fn bl_navigator_save(
     size: *mut usize,
 ) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let saved = unsafe { at("navigator", navigator) }?.snapshot()?.to_bytes()?;
-        // SAFETY: as the header asks.
-        unsafe {
-            put("size", size, saved.len())?;
-            fill("bytes", bytes, capacity, &saved)
-        }
+        let saved = at("navigator", navigator)?.snapshot()?.to_bytes()?;
+        put_all(("bytes", bytes, capacity), ("size", size), &saved)
     })
 }
 
@@ -262,8 +284,7 @@ pub unsafe extern "C" fn bl_navigator_save(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_load(bytes: *const u8, size: usize) -> *mut Navigator {
     made(|| {
-        // SAFETY: as the header asks.
-        let saved = unsafe { values("bytes", bytes, size) }?;
+        let saved = values("bytes", bytes, size)?;
         Ok(Navigator::of(Snapshot::from_bytes(saved)?))
     })
 }

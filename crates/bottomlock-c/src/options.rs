@@ -2,32 +2,40 @@
 
 use std::ffi::c_char;
 
+use bottomlock::NavError;
 use bottomlock::filter::options::Options as Core;
-use serde::Serialize;
+use bottomlock::settings::options;
+use serde::{Deserializer, Serialize};
 
 use crate::calls::{Status, free, made, status};
 use crate::pointers::{at, at_mut, text};
-use crate::settings::Settings;
+use crate::settings::{Settings, parsed};
 
 /// Options of the filter, SI.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct Options(pub(crate) Core);
+
+impl Settings for Options {
+    const NAME: &'static str = "options";
+
+    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
+        options(source).map(Self)
+    }
+}
 
 /// Options from an object of JSON, of which every key may be left out: "{}" has the defaults, which suit a vehicle whose inertial
 /// readings are instantaneous. For example "{\"gate\": \"off\", \"water\": {\"slip_time_s\": 30}}". NULL for an error.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_options_from_json(json: *const c_char) -> *mut Options {
-    // SAFETY: as the header asks.
-    made(|| Options::from_json(unsafe { text("json", json) }?))
+    made(|| Options::from_json(text("json", json)?))
 }
 
 /// Changes what an object of JSON names; all else stays. An error changes nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_options_set(options: *mut Options, json: *const c_char) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let (options, json) = unsafe { (at_mut("options", options)?, text("json", json)?) };
-        *options = options.changed(json)?;
+        let (options, json) = (at_mut("options", options)?, text("json", json)?);
+        *options = options.changed(parsed(json)?)?;
         Ok(())
     })
 }
@@ -41,13 +49,11 @@ pub unsafe extern "C" fn bl_options_to_json(
     capacity: usize,
     size: *mut usize,
 ) -> Status {
-    // SAFETY: as the header asks.
-    status(|| unsafe { at("options", options)?.write(json, capacity, size) })
+    status(|| at("options", options)?.write(json, capacity, size))
 }
 
 /// Frees options; NULL is none. Navigators made with them stay.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_options_free(options: *mut Options) {
-    // SAFETY: as the header asks.
-    unsafe { free(options) }
+    free(options)
 }

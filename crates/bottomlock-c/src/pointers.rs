@@ -6,9 +6,8 @@
 use std::ffi::{CStr, c_char};
 use std::slice;
 
-use bottomlock::dvl::geometry::{BeamMask, BeamSample};
+use bottomlock::dvl::geometry::BeamSample;
 use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
-use bottomlock::layout::MAX_BEAMS;
 
 use crate::calls::{Failure, Outcome, Status};
 
@@ -18,31 +17,26 @@ fn null(name: &str) -> Failure {
 
 /// What a pointer points to.
 pub(crate) unsafe fn at<'a, T>(name: &str, pointer: *const T) -> Outcome<&'a T> {
-    // SAFETY: as the header asks.
-    unsafe { pointer.as_ref() }.ok_or_else(|| null(name))
+    pointer.as_ref().ok_or_else(|| null(name))
 }
 
 /// The same, to be changed.
 pub(crate) unsafe fn at_mut<'a, T>(name: &str, pointer: *mut T) -> Outcome<&'a mut T> {
-    // SAFETY: as the header asks.
-    unsafe { pointer.as_mut() }.ok_or_else(|| null(name))
+    pointer.as_mut().ok_or_else(|| null(name))
 }
 
 /// Numbers of a fixed length.
 pub(crate) unsafe fn numbers<const N: usize>(name: &str, pointer: *const f64) -> Outcome<[f64; N]> {
-    // SAFETY: as the header asks.
-    unsafe { at(name, pointer.cast::<[f64; N]>()) }.copied()
+    at(name, pointer.cast::<[f64; N]>()).copied()
 }
 
 /// Numbers of a fixed length, where they are given.
 pub(crate) unsafe fn given<const N: usize>(pointer: *const f64) -> Option<[f64; N]> {
-    // SAFETY: as the header asks.
-    unsafe { pointer.cast::<[f64; N]>().as_ref() }.copied()
+    pointer.cast::<[f64; N]>().as_ref().copied()
 }
 
 pub(crate) unsafe fn vector<F>(name: &str, pointer: *const f64) -> Outcome<Vec3<F>> {
-    // SAFETY: as the header asks.
-    unsafe { numbers(name, pointer) }.map(Vec3::from_array)
+    numbers(name, pointer).map(Vec3::from_array)
 }
 
 /// Values of a length that the caller states; a pointer to none may be NULL.
@@ -67,8 +61,7 @@ pub(crate) unsafe fn text<'a>(name: &str, pointer: *const c_char) -> Outcome<&'a
     if pointer.is_null() {
         return Err(null(name));
     }
-    // SAFETY: as the header asks.
-    let text = unsafe { CStr::from_ptr(pointer) };
+    let text = CStr::from_ptr(pointer);
     text.to_str()
         .map_err(|_| Failure::invalid(format!("{name} is not UTF-8")))
 }
@@ -103,57 +96,43 @@ pub(crate) unsafe fn fill<T: Copy>(name: &str, pointer: *mut T, capacity: usize,
     Ok(())
 }
 
+/// Writes how many results there are, and all of them into a buffer of some capacity.
+pub(crate) unsafe fn put_all<T: Copy>(
+    (name, pointer, capacity): (&str, *mut T, usize),
+    (size_name, size): (&str, *mut usize),
+    results: &[T],
+) -> Outcome<()> {
+    put(size_name, size, results.len())?;
+    fill(name, pointer, capacity, results)
+}
+
 /// A unit quaternion, scalar first.
 pub(crate) fn attitude(name: &str, quaternion: [f64; 4]) -> Outcome<Rot<Tangent, Platform>> {
     let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
     if !((norm - 1.0).abs() < 1e-6) {
-        return Err(Failure::invalid(format!(
-            "{name} has norm {norm}, expected 1 (scalar first)"
-        )));
+        let message = format!("{name} has norm {norm}, expected 1 (scalar first)");
+        return Err(Failure::invalid(message).about(name));
     }
     Ok(Rot::from_quaternion_wxyz(quaternion))
 }
 
-/// The three arrays of a ping.
-#[derive(Clone, Copy)]
-pub(crate) struct BeamPointers {
-    pub(crate) velocity_mps: *const f64,
-    pub(crate) valid: *const u8,
-    pub(crate) sd_mps: *const f64,
-    pub(crate) count: usize,
-}
-
-impl BeamPointers {
-    /// The ping, of an instrument with `beams` beams.
-    pub(crate) unsafe fn ping(self, time_ns: i64, beams: usize) -> Outcome<BeamSample> {
-        let Self {
-            velocity_mps,
-            valid,
-            sd_mps,
-            count,
-        } = self;
-        if count != beams {
-            return Err(Failure::invalid(format!(
-                "beams: got {count}, expected {beams}, those of the geometry"
-            )));
-        }
-        // SAFETY: as the header asks.
-        let (velocity, flags, sd) = unsafe {
-            (
-                values("velocity_mps", velocity_mps, count)?,
-                values("valid", valid, count)?,
-                values("sd_mps", sd_mps, count)?,
-            )
-        };
-        let is_valid = flags.iter().enumerate().filter(|(_, flag)| **flag != 0);
-        let mut ping = BeamSample {
-            time_ns,
-            velocity_mps: [f64::NAN; MAX_BEAMS],
-            sd_mps: [f64::NAN; MAX_BEAMS],
-            valid: is_valid.map(|(beam, _)| beam).collect::<BeamMask>(),
-        };
-        ping.velocity_mps[..beams].copy_from_slice(velocity);
-        ping.sd_mps[..beams].copy_from_slice(sd);
-        Ok(ping)
+/// A ping of an instrument with `beams` beams: velocities, flags and standard deviations, `count` each.
+pub(crate) unsafe fn ping(
+    time_ns: i64,
+    beams: usize,
+    count: usize,
+    (velocity_mps, valid, sd_mps): (*const f64, *const u8, *const f64),
+) -> Outcome<BeamSample> {
+    if count != beams {
+        return Err(Failure::invalid(format!(
+            "beams: got {count}, expected {beams}, those of the geometry"
+        )));
     }
+    let (velocity, flags, sd) = (
+        values("velocity_mps", velocity_mps, count)?,
+        values("valid", valid, count)?,
+        values("sd_mps", sd_mps, count)?,
+    );
+    let valid = (0..beams).filter(|&beam| flags[beam] != 0).collect();
+    Ok(BeamSample::new(time_ns, velocity, sd, valid))
 }

@@ -94,9 +94,7 @@ impl Grade {
 pub(crate) fn named<'a, T>(what: &str, name: &str, all: &'a [T], of: impl Fn(&T) -> &'static str) -> Outcome<&'a T> {
     all.iter().find(|one| of(one) == name).ok_or_else(|| {
         let known: Vec<_> = all.iter().map(of).collect();
-        Failure::new(
-            Status::UnknownName,
-            format!("unknown {what} '{name}' ({})", hint(name, &known)),
-        )
+        let message = format!("unknown {what} '{name}' ({})", hint(name, &known));
+        Failure::new(Status::UnknownName, message).about(format!("{what}.preset"))
     })
 }

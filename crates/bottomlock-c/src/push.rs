@@ -12,7 +12,7 @@ use nalgebra::Matrix3;
 
 use crate::calls::{Outcome, Status, status};
 use crate::navigator::Navigator;
-use crate::pointers::{BeamPointers, at, attitude, given, numbers, values, vector};
+use crate::pointers::{at, attitude, given, numbers, ping, values, vector};
 
 /// Takes events one after another; reports are those of this push, also where it ends with an error.
 fn push(navigator: &Navigator, events: impl Iterator<Item = Event>, taken: &mut usize) -> Outcome<()> {
@@ -30,8 +30,7 @@ fn push(navigator: &Navigator, events: impl Iterator<Item = Event>, taken: &mut 
 /// Takes the event that `of` makes for a navigator.
 unsafe fn push_one(navigator: *mut Navigator, of: impl FnOnce(&Navigator) -> Outcome<Event>) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let navigator = unsafe { at("navigator", navigator.cast_const()) }?;
+        let navigator = at("navigator", navigator.cast_const())?;
         push(navigator, std::iter::once(of(navigator)?), &mut 0)
     })
 }
@@ -45,16 +44,13 @@ pub unsafe extern "C" fn bl_push_imu(
     omega_p_radps: *const f64,
     force_p_mps2: *const f64,
 ) -> Status {
-    // SAFETY: as the header asks.
-    unsafe {
-        push_one(navigator, |_| {
-            Ok(Event::Imu(ImuSample {
-                time_ns,
-                rate_p_radps: vector("omega_p_radps", omega_p_radps)?,
-                force_p_mps2: vector("force_p_mps2", force_p_mps2)?,
-            }))
-        })
-    }
+    push_one(navigator, |_| {
+        Ok(Event::Imu(ImuSample {
+            time_ns,
+            rate_p_radps: vector("omega_p_radps", omega_p_radps)?,
+            force_p_mps2: vector("force_p_mps2", force_p_mps2)?,
+        }))
+    })
 }
 
 /// Many inertial readings: `count` times, and as many rows of 3 numbers each. An error refuses the reading that it names and those
@@ -70,15 +66,12 @@ pub unsafe extern "C" fn bl_push_imu_block(
 ) -> Status {
     let mut number = 0;
     let outcome = status(|| {
-        // SAFETY: as the header asks.
-        let (navigator, times, rates, forces) = unsafe {
-            (
-                at("navigator", navigator.cast_const())?,
-                values("time_ns", time_ns, count)?,
-                values("omega_p_radps", omega_p_radps.cast::<[f64; 3]>(), count)?,
-                values("force_p_mps2", force_p_mps2.cast::<[f64; 3]>(), count)?,
-            )
-        };
+        let (navigator, times, rates, forces) = (
+            at("navigator", navigator.cast_const())?,
+            values("time_ns", time_ns, count)?,
+            values("omega_p_radps", omega_p_radps.cast::<[f64; 3]>(), count)?,
+            values("force_p_mps2", force_p_mps2.cast::<[f64; 3]>(), count)?,
+        );
         let readings = times.iter().zip(rates.iter().zip(forces));
         let events = readings.map(|(&time_ns, (&rate, &force))| {
             Event::Imu(ImuSample {
@@ -90,8 +83,7 @@ pub unsafe extern "C" fn bl_push_imu_block(
         push(navigator, events, &mut number)
     });
     if !taken.is_null() {
-        // SAFETY: as the header asks.
-        unsafe { taken.write(number) };
+        taken.write(number);
     }
     outcome
 }
@@ -107,14 +99,10 @@ pub unsafe extern "C" fn bl_push_beams(
     valid: *const u8,
     sd_mps: *const f64,
 ) -> Status {
-    let pointers = BeamPointers {
-        velocity_mps,
-        valid,
-        sd_mps,
-        count: beams,
-    };
-    // SAFETY: as the header asks.
-    unsafe { push_one(navigator, |to| Ok(Event::Beams(pointers.ping(time_ns, to.beams)?))) }
+    push_one(navigator, |to| {
+        let arrays = (velocity_mps, valid, sd_mps);
+        Ok(Event::Beams(ping(time_ns, to.beams, beams, arrays)?))
+    })
 }
 
 /// Beams that the water returned, as `bl_push_beams` and with its sign. `range_m` leads from the transducer along the beam to the
@@ -129,19 +117,10 @@ pub unsafe extern "C" fn bl_push_water_track(
     sd_mps: *const f64,
     range_m: f64,
 ) -> Status {
-    let pointers = BeamPointers {
-        velocity_mps,
-        valid,
-        sd_mps,
-        count: beams,
-    };
-    // SAFETY: as the header asks.
-    unsafe {
-        push_one(navigator, |to| {
-            let ping = pointers.ping(time_ns, to.beams)?;
-            Ok(Event::WaterTrack(WaterSample { ping, range_m }))
-        })
-    }
+    push_one(navigator, |to| {
+        let ping = ping(time_ns, to.beams, beams, (velocity_mps, valid, sd_mps))?;
+        Ok(Event::WaterTrack(WaterSample { ping, range_m }))
+    })
 }
 
 /// A velocity solved by the instrument: 3 numbers in the platform frame, m/s, with its covariance, 3 by 3, (m/s)^2.
@@ -152,23 +131,19 @@ pub unsafe extern "C" fn bl_push_velocity(
     velocity_p_mps: *const f64,
     cov_m2ps2: *const f64,
 ) -> Status {
-    // SAFETY: as the header asks.
-    unsafe {
-        push_one(navigator, |_| {
-            Ok(Event::from(VelocitySample {
-                time_ns,
-                velocity_p_mps: vector("velocity_p_mps", velocity_p_mps)?,
-                cov_m2ps2: Matrix3::from_row_slice(&numbers::<9>("cov_m2ps2", cov_m2ps2)?),
-            }))
-        })
-    }
+    push_one(navigator, |_| {
+        Ok(Event::from(VelocitySample {
+            time_ns,
+            velocity_p_mps: vector("velocity_p_mps", velocity_p_mps)?,
+            cov_m2ps2: Matrix3::from_row_slice(&numbers::<9>("cov_m2ps2", cov_m2ps2)?),
+        }))
+    })
 }
 
 /// A depth below the origin of the tangent frame, with its standard deviation, m.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_push_depth(navigator: *mut Navigator, time_ns: i64, depth_m: f64, sd_m: f64) -> Status {
-    // SAFETY: as the header asks.
-    unsafe { push_one(navigator, |_| Ok(Event::from(DepthSample { time_ns, depth_m, sd_m }))) }
+    push_one(navigator, |_| Ok(Event::from(DepthSample { time_ns, depth_m, sd_m })))
 }
 
 /// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward, with the white noise of the speed that they say,
@@ -180,16 +155,13 @@ pub unsafe extern "C" fn bl_push_thrust(
     revolutions_hz: f64,
     sd_mps: f64,
 ) -> Status {
-    // SAFETY: as the header asks.
-    unsafe {
-        push_one(navigator, |_| {
-            Ok(Event::from(ThrustSample {
-                time_ns,
-                revolutions_hz,
-                sd_mps,
-            }))
-        })
-    }
+    push_one(navigator, |_| {
+        Ok(Event::from(ThrustSample {
+            time_ns,
+            revolutions_hz,
+            sd_mps,
+        }))
+    })
 }
 
 /// Force of the thrusters along surge, sway and heave, 3 numbers, N, with the white noise of each, 1 sigma. For options of "thrust" and
@@ -201,16 +173,13 @@ pub unsafe extern "C" fn bl_push_effort(
     force_p_n: *const f64,
     sd_n: f64,
 ) -> Status {
-    // SAFETY: as the header asks.
-    unsafe {
-        push_one(navigator, |_| {
-            Ok(Event::from(EffortSample {
-                time_ns,
-                force_p_n: vector("force_p_n", force_p_n)?,
-                sd_n,
-            }))
-        })
-    }
+    push_one(navigator, |_| {
+        Ok(Event::from(EffortSample {
+            time_ns,
+            force_p_n: vector("force_p_n", force_p_n)?,
+            sd_n,
+        }))
+    })
 }
 
 /// An attitude, 4 numbers, scalar first, with the standard deviations of its Euler angles, rad.
@@ -222,17 +191,14 @@ pub unsafe extern "C" fn bl_push_attitude(
     roll_pitch_sd_rad: f64,
     yaw_sd_rad: f64,
 ) -> Status {
-    // SAFETY: as the header asks.
-    unsafe {
-        push_one(navigator, |_| {
-            Ok(Event::from(AttitudeSample {
-                time_ns,
-                attitude_t_p: attitude("attitude_t_p", numbers("attitude_t_p", attitude_t_p)?)?,
-                roll_pitch_sd_rad,
-                yaw_sd_rad,
-            }))
-        })
-    }
+    push_one(navigator, |_| {
+        Ok(Event::from(AttitudeSample {
+            time_ns,
+            attitude_t_p: attitude("attitude_t_p", numbers("attitude_t_p", attitude_t_p)?)?,
+            roll_pitch_sd_rad,
+            yaw_sd_rad,
+        }))
+    })
 }
 
 /// A yaw angle alone, with its standard deviation, rad.
@@ -243,8 +209,7 @@ pub unsafe extern "C" fn bl_push_heading(navigator: *mut Navigator, time_ns: i64
         yaw_rad,
         sd_rad,
     };
-    // SAFETY: as the header asks.
-    unsafe { push_one(navigator, |_| Ok(Event::from(sample))) }
+    push_one(navigator, |_| Ok(Event::from(sample)))
 }
 
 /// A GPS position and velocity in the tangent frame with their standard deviations, 3 numbers each, m and m/s; velocity and its
@@ -258,25 +223,22 @@ pub unsafe extern "C" fn bl_push_gps(
     velocity_t_mps: *const f64,
     velocity_sd_mps: *const f64,
 ) -> Status {
-    // SAFETY: as the header asks.
-    unsafe {
-        push_one(navigator, |_| {
-            let velocity = if velocity_t_mps.is_null() && velocity_sd_mps.is_null() {
-                None
-            } else {
-                Some(GpsVelocity {
-                    velocity_t_mps: vector("velocity_t_mps", velocity_t_mps)?,
-                    sd_mps: numbers("velocity_sd_mps", velocity_sd_mps)?,
-                })
-            };
-            Ok(Event::from(GpsSample {
-                time_ns,
-                position_t_m: vector("position_t_m", position_t_m)?,
-                position_sd_m: numbers("position_sd_m", position_sd_m)?,
-                velocity,
-            }))
-        })
-    }
+    push_one(navigator, |_| {
+        let velocity = if velocity_t_mps.is_null() && velocity_sd_mps.is_null() {
+            None
+        } else {
+            Some(GpsVelocity {
+                velocity_t_mps: vector("velocity_t_mps", velocity_t_mps)?,
+                sd_mps: numbers("velocity_sd_mps", velocity_sd_mps)?,
+            })
+        };
+        Ok(Event::from(GpsSample {
+            time_ns,
+            position_t_m: vector("position_t_m", position_t_m)?,
+            position_sd_m: numbers("position_sd_m", position_sd_m)?,
+            velocity,
+        }))
+    })
 }
 
 /// An acoustic position fix (USBL, LBL) of the transponder in the tangent frame, 3 numbers, m, with its standard deviations, 3
@@ -288,17 +250,14 @@ pub unsafe extern "C" fn bl_push_acoustic_position(
     position_t_m: *const f64,
     sd_m: *const f64,
 ) -> Status {
-    // SAFETY: as the header asks.
-    unsafe {
-        push_one(navigator, |to| {
-            let position_t_m = vector("position_t_m", position_t_m)?;
-            let model = &to.sensors.acoustic_position;
-            Ok(Event::from(AcousticPositionSample::new(
-                time_ns,
-                position_t_m,
-                given(sd_m),
-                model,
-            )))
-        })
-    }
+    push_one(navigator, |to| {
+        let position_t_m = vector("position_t_m", position_t_m)?;
+        let model = &to.sensors.acoustic_position;
+        Ok(Event::from(AcousticPositionSample::new(
+            time_ns,
+            position_t_m,
+            given(sd_m),
+            model,
+        )))
+    })
 }

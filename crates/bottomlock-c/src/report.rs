@@ -4,6 +4,7 @@ use std::ffi::{CString, c_char};
 use std::ptr;
 
 use bottomlock::aiding::MAX_ROWS;
+use bottomlock::dvl::fix_row::source_code;
 use bottomlock::dvl::geometry::MAX_BEAMS;
 use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict as Outcomes};
 use bottomlock::navigator::{Finding, Notice, SELECTOR_METHODS, Standing};
@@ -12,7 +13,6 @@ use crate::calls::{Failure, Status, status, value};
 use crate::names::c_name;
 use crate::navigator::Navigator;
 use crate::pointers::{at, put};
-use crate::velocity::source_code;
 
 /// Most rows of a measurement.
 pub const ROWS: usize = 8;
@@ -144,7 +144,7 @@ impl Report {
         match update.choice {
             None => {}
             Some(Choice::Components(sources)) => {
-                report.component_source = sources.map(|source| source.map_or(0, source_code));
+                report.component_source = sources.map(source_code);
             }
             Some(Choice::Method {
                 method,
@@ -188,16 +188,14 @@ impl Report {
 /// an error.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_report_count(navigator: *const Navigator) -> usize {
-    // SAFETY: as the header asks.
-    value(0, || Ok(unsafe { at("navigator", navigator) }?.locked()?.notices.len()))
+    value(0, || Ok(at("navigator", navigator)?.locked()?.notices.len()))
 }
 
 /// A report of the last push by its number from 0; the order is that in which they were processed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_report_get(navigator: *const Navigator, number: usize, report: *mut Report) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let held = unsafe { at("navigator", navigator) }?.locked()?;
+        let held = at("navigator", navigator)?.locked()?;
         let notice = held.notices.get(number).ok_or_else(|| {
             let count = held.notices.len();
             Failure::new(
@@ -205,7 +203,6 @@ pub unsafe extern "C" fn bl_report_get(navigator: *const Navigator, number: usiz
                 format!("report {number} of {count}: they are counted from 0"),
             )
         })?;
-        // SAFETY: as the header asks.
-        unsafe { put("report", report, Report::of(notice)) }
+        put("report", report, Report::of(notice))
     })
 }

@@ -3,14 +3,11 @@
 use std::ffi::c_char;
 
 use bottomlock::NavError;
-use bottomlock::settings::{model, options};
 use serde::{Deserializer, Serialize};
 use serde_json::Value;
 
 use crate::calls::{Failure, Outcome};
-use crate::model::Model;
-use crate::options::Options;
-use crate::pointers::{fill, put};
+use crate::pointers::put_all;
 
 /// Settings that are read and written as JSON, and always valid.
 pub(crate) trait Settings: Serialize + Sized {
@@ -24,12 +21,11 @@ pub(crate) trait Settings: Serialize + Sized {
         let mut source = serde_json::Deserializer::from_str(text);
         let made = Self::read(&mut source)?;
         source.end().map_err(|error| no_json(&error))?;
-        made.of_tables(&serde_json::from_str(text).map_err(|error| no_json(&error))?)
+        made.of_tables(&parsed(text)?)
     }
 
     /// The same with the values of an object of JSON; what it does not name stays.
-    fn changed(&self, text: &str) -> Outcome<Self> {
-        let change = serde_json::from_str(text).map_err(|error| no_json(&error))?;
+    fn changed(&self, change: Value) -> Outcome<Self> {
         let mut value = serde_json::to_value(self).map_err(|error| no_json(&error))?;
         merge(&mut value, change);
         Self::read(value.clone())?.of_tables(&value)
@@ -55,28 +51,13 @@ pub(crate) trait Settings: Serialize + Sized {
     unsafe fn write(&self, text: *mut c_char, capacity: usize, size: *mut usize) -> Outcome<()> {
         let mut written = serde_json::to_vec(self).map_err(|error| no_json(&error))?;
         written.push(0);
-        // SAFETY: as the header asks.
-        unsafe {
-            put("size", size, written.len())?;
-            fill("text", text.cast::<u8>(), capacity, &written)
-        }
+        put_all(("text", text.cast::<u8>(), capacity), ("size", size), &written)
     }
 }
 
-impl Settings for Model {
-    const NAME: &'static str = "model";
-
-    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
-        model(source).map(Self)
-    }
-}
-
-impl Settings for Options {
-    const NAME: &'static str = "options";
-
-    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
-        options(source).map(Self)
-    }
+/// The value of a text.
+pub(crate) fn parsed(text: &str) -> Outcome<Value> {
+    serde_json::from_str(text).map_err(|error| no_json(&error))
 }
 
 fn no_json(error: &serde_json::Error) -> Failure {

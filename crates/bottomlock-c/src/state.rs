@@ -1,14 +1,19 @@
 //! States as plain numbers, and attitudes as angles.
 
+use bottomlock::NavError;
 use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
+use bottomlock::settings::read;
 use bottomlock::state::NavState;
 use nalgebra::Vector4;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::calls::{Outcome, Status, status};
 use crate::pointers::{attitude, fill, numbers};
+use crate::settings::Settings;
 
 /// A navigation state. SI units; `_t` is the tangent frame north-east-down, `_p` the platform frame forward-right-down.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 #[repr(C)]
 pub struct State {
     /// Time of validity, ns.
@@ -44,12 +49,27 @@ impl From<&NavState> for State {
     }
 }
 
+impl Default for State {
+    fn default() -> Self {
+        bl_state_at_rest(0)
+    }
+}
+
+impl Settings for State {
+    const NAME: &'static str = "start";
+
+    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
+        read(Self::NAME, source)
+    }
+}
+
 impl State {
-    pub(crate) fn to_kernel(self) -> Outcome<NavState> {
+    /// The kernel's; `name` is that of the state in messages.
+    pub(crate) fn to_kernel(self, name: &str) -> Outcome<NavState> {
         Ok(NavState {
             time_ns: self.time_ns,
             position_t_m: Vec3::from_array(self.position_t_m),
-            attitude_t_p: attitude("initial.attitude_t_p", self.attitude_t_p)?,
+            attitude_t_p: attitude(&format!("{name}.attitude_t_p"), self.attitude_t_p)?,
             velocity_p_mps: Vec3::from_array(self.velocity_p_mps),
             accel_bias_p_mps2: Vec3::from_array(self.accel_bias_p_mps2),
             gyro_bias_p_radps: Vec3::from_array(self.gyro_bias_p_radps),
@@ -77,8 +97,7 @@ pub unsafe extern "C" fn bl_attitude_from_euler(
         let turned = Rot::<Tangent, Platform>::from_euler_rad(roll_rad, pitch_rad, yaw_rad).to_quaternion_wxyz();
         // The norm tells angles that are not finite.
         attitude("attitude of roll, pitch and yaw", turned)?;
-        // SAFETY: as the header asks.
-        unsafe { fill("attitude_t_p", attitude_t_p, 4, &turned) }
+        fill("attitude_t_p", attitude_t_p, 4, &turned)
     })
 }
 
@@ -86,10 +105,8 @@ pub unsafe extern "C" fn bl_attitude_from_euler(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_euler_from_attitude(attitude_t_p: *const f64, roll_pitch_yaw_rad: *mut f64) -> Status {
     status(|| {
-        // SAFETY: as the header asks.
-        let given = unsafe { numbers("attitude_t_p", attitude_t_p) }?;
+        let given = numbers("attitude_t_p", attitude_t_p)?;
         let angles = attitude("attitude_t_p", given)?.to_euler_rad();
-        // SAFETY: as the header asks.
-        unsafe { fill("roll_pitch_yaw_rad", roll_pitch_yaw_rad, 3, &angles) }
+        fill("roll_pitch_yaw_rad", roll_pitch_yaw_rad, 3, &angles)
     })
 }

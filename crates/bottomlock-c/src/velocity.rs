@@ -2,8 +2,9 @@
 
 use std::ffi::c_char;
 
-use bottomlock::dvl::fix::{FixOutcome, PingContext, VelocityFix, VelocityPrior, solve};
-use bottomlock::dvl::partial::{Component, PartialMethod, Reason};
+use bottomlock::dvl::fix::{PingContext, VelocityPrior, solve};
+use bottomlock::dvl::fix_row::{FIX_METHODS, FixRow};
+use bottomlock::dvl::partial::PartialMethod;
 use bottomlock::frames::Vec3;
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,7 +12,7 @@ use crate::calls::{Failure, Outcome, Status, status};
 use crate::geometry::Geometry;
 use crate::names::hint;
 use crate::options::Options;
-use crate::pointers::{BeamPointers, at, given, put, text};
+use crate::pointers::{at, given, ping, put, text};
 
 /// How much of a velocity a ping determines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,101 +54,37 @@ pub struct Velocity {
     pub information_s2pm2: [[f64; 3]; 3],
 }
 
-const METHODS: [(&str, PartialMethod); 8] = [
-    ("least_squares", PartialMethod::LeastSquares),
-    ("virtual_beam", PartialMethod::VirtualBeam),
-    ("nullified_sway", PartialMethod::NullifiedSway),
-    ("partial_loose", PartialMethod::PartialLoose),
-    ("virtual_heave", PartialMethod::VirtualHeave),
-    ("selector", PartialMethod::Selector),
-    ("information", PartialMethod::Information),
-    ("weak_sway", PartialMethod::WeakSway),
-];
-
 fn method_of(name: &str) -> Outcome<PartialMethod> {
-    let found = METHODS.iter().find(|(known, _)| *known == name);
+    let found = FIX_METHODS.iter().find(|(known, _)| *known == name);
     found.map(|(_, method)| *method).ok_or_else(|| {
-        let known = METHODS.map(|(known, _)| known);
+        let known = FIX_METHODS.map(|(known, _)| known);
         let all = known.join(", ");
         let message = format!(
             "unknown method '{name}', expected one of {all} ({})",
             hint(name, &known)
         );
-        Failure::new(Status::UnknownName, message)
+        Failure::new(Status::UnknownName, message).about("method")
     })
 }
 
-/// Code of the method that a component comes from.
-pub(crate) fn source_code(method: PartialMethod) -> u8 {
-    match method {
-        PartialMethod::LeastSquares => 1,
-        PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact => 2,
-        PartialMethod::NullifiedSway => 3,
-        PartialMethod::PartialLoose => 4,
-        PartialMethod::VirtualHeave => 5,
-        PartialMethod::Selector => 0,
-        PartialMethod::Information => 6,
-        PartialMethod::WeakSway => 7,
-    }
-}
-
-fn reason_code(component: Component) -> u8 {
-    match component {
-        Component::Solved => 0,
-        Component::Unobservable(Reason::NoBeams) => 1,
-        Component::Unobservable(Reason::OutsideRowSpace) => 2,
-        Component::Unobservable(Reason::ConstraintSingular) => 3,
-        Component::Unobservable(Reason::PriorRequired) => 4,
-        Component::Unobservable(Reason::PriorOnly) => 5,
-    }
-}
-
-impl Velocity {
-    fn none(fix: Fix, reason: Reason) -> Self {
+impl From<FixRow> for Velocity {
+    fn from(row: FixRow) -> Self {
+        const FIXES: [Fix; 5] = [
+            Fix::Complete,
+            Fix::Partial,
+            Fix::Unobservable,
+            Fix::NoBeams,
+            Fix::PriorRequired,
+        ];
         Self {
-            fix,
-            velocity_p_mps: [f64::NAN; 3],
-            cov_m2ps2: [[f64::NAN; 3]; 3],
-            component: [reason_code(Component::Unobservable(reason)); 3],
-            source: [0; 3],
-            rank: 0,
-            observed_velocity_p_mps: [0.0; 3],
-            information_s2pm2: [[0.0; 3]; 3],
-        }
-    }
-
-    fn of_fix(fix: Fix, solved: &VelocityFix) -> Self {
-        let estimator = &solved.estimator;
-        let (axes, variances) = estimator.solution.principal_axes();
-        let weights = variances.map(|variance| if variance > 0.0 { variance.recip() } else { 0.0 });
-        let information: Matrix3<f64> = axes * Matrix3::from_diagonal(&weights) * axes.transpose();
-        let mut made = Self {
-            fix,
-            component: estimator.components.map(reason_code),
-            rank: estimator.solution.rank as u8,
-            observed_velocity_p_mps: solved.velocity_p_mps.to_array(),
-            information_s2pm2: information.into(),
-            ..Self::none(fix, Reason::NoBeams)
-        };
-        for k in (0..3).filter(|&k| estimator.is_solved(k)) {
-            made.velocity_p_mps[k] = solved.velocity_p_mps.0[k];
-            made.source[k] = source_code(estimator.sources[k]);
-            for l in (0..3).filter(|&l| estimator.is_solved(l)) {
-                made.cov_m2ps2[k][l] = estimator.covariance[(k, l)];
-            }
-        }
-        made
-    }
-
-    fn of(outcome: &FixOutcome) -> Self {
-        match outcome {
-            FixOutcome::Fix(fix) => Self::of_fix(Fix::Complete, fix),
-            FixOutcome::Unobservable(fix) => {
-                let any = (0..3).any(|k| fix.estimator.is_solved(k));
-                Self::of_fix(if any { Fix::Partial } else { Fix::Unobservable }, fix)
-            }
-            FixOutcome::TooFewBeams => Self::none(Fix::NoBeams, Reason::NoBeams),
-            FixOutcome::PriorRequired => Self::none(Fix::PriorRequired, Reason::PriorRequired),
+            fix: FIXES[usize::from(row.status)],
+            velocity_p_mps: row.velocity_p_mps,
+            cov_m2ps2: row.cov_m2ps2,
+            component: row.component,
+            source: row.source,
+            rank: row.rank,
+            observed_velocity_p_mps: row.observed_velocity_p_mps,
+            information_s2pm2: row.information_s2pm2,
         }
     }
 }
@@ -172,26 +109,16 @@ pub unsafe extern "C" fn bl_solve_velocity(
     options: *const Options,
     velocity: *mut Velocity,
 ) -> Status {
-    let pointers = BeamPointers {
-        velocity_mps,
-        valid,
-        sd_mps,
-        count: beams,
-    };
     status(|| {
-        // SAFETY: as the header asks.
-        let (geometry, method, prior_velocity, prior_cov, rate, options) = unsafe {
-            (
-                &at("geometry", geometry)?.inner,
-                method_of(text("method", method)?)?,
-                given::<3>(prior_velocity_p_mps),
-                given::<9>(prior_cov_m2ps2),
-                given::<3>(omega_tp_p_radps),
-                options.as_ref().map(|options| options.0).unwrap_or_default(),
-            )
-        };
-        // SAFETY: as the header asks.
-        let ping = unsafe { pointers.ping(0, geometry.beams()) }?;
+        let (geometry, method, prior_velocity, prior_cov, rate, options) = (
+            &at("geometry", geometry)?.0,
+            method_of(text("method", method)?)?,
+            given::<3>(prior_velocity_p_mps),
+            given::<9>(prior_cov_m2ps2),
+            given::<3>(omega_tp_p_radps),
+            options.as_ref().map(|options| options.0).unwrap_or_default(),
+        );
+        let ping = ping(0, geometry.beams(), beams, (velocity_mps, valid, sd_mps))?;
         let prior = match (prior_velocity, prior_cov) {
             (Some(velocity), Some(cov)) => Some(VelocityPrior {
                 velocity_p_mps: Vec3::from_array(velocity),
@@ -210,7 +137,6 @@ pub unsafe extern "C" fn bl_solve_velocity(
         };
         let outcome = solve(method, geometry, &ping, &context, &options.assumptions)
             .map_err(|error| Failure::timeless(&error))?;
-        // SAFETY: as the header asks.
-        unsafe { put("velocity", velocity, Velocity::of(&outcome)) }
+        put("velocity", velocity, FixRow::from(&outcome).into())
     })
 }

@@ -109,21 +109,24 @@ static bl_model *models[POOL];
 static bl_options *options[POOL];
 static bl_navigator *navigators[POOL];
 
+/* Beams in one of the ways of the header, and a mounting. */
+static const char *beams(char *text) {
+    static const char *forms[] = {
+        "{\"configuration\": \"x\", \"tilt_rad\": %.17g, \"roll_pitch_yaw_rad\": [%.17g, 0, 0]}",
+        "{\"tilts_rad\": [%.17g, 0.4, 0.4], \"azimuths_rad\": [0, 2, 4], \"lever_arms_p_m\": [[%.17g, 0, 0], [0, 0, 0], [1, 0, 0]]}",
+        "{\"directions_d\": [[0.3, 0.3, 0.9055385138137417], [0, 0, 1]], \"roll_pitch_yaw_rad\": [%.17g, %.17g, 0]}",
+        "{\"preset\": \"x_janus_20\", \"sound_speed_scale\": %.17g, \"lever_arms_p_m\": [[%.17g]]}",
+    };
+    if (one_in(20)) return word(NULL);
+    if (one_in(4)) snprintf(text, 400, "{\"preset\": \"%s\"}", bl_geometry_preset_name(below(7)));
+    else snprintf(text, 400, forms[below(4)], about(0.4, 0.3), about(0.0, 0.5));
+    return text;
+}
+
 static void geometry_calls(void) {
-    static const double janus[12] = {0.3, 0.3, 0.9055385138137417, -0.3, 0.3, 0.9055385138137417,
-                                     -0.3, -0.3, 0.9055385138137417, 0.0, 0.0, 1.0};
-    bl_geometry *of = geometries[below(POOL)];
-    switch (below(9)) {
-    case 0: MADE(geometries, bl_geometry, bl_geometry_preset, word(bl_geometry_preset_name)); break;
-    case 1: MADE(geometries, bl_geometry, bl_geometry_janus, word(NULL), about(0.4, 0.3)); break;
-    case 2: MADE(geometries, bl_geometry, bl_geometry_from_angles, below(12), some(12, 0.4, 0.2), some(12, 0.0, 6.0)); break;
-    case 3: MADE(geometries, bl_geometry, bl_geometry_from_directions, below(5), one_in(4) ? some(36, 0.0, 1.0) : janus); break;
-    case 4: MADE(geometries, bl_geometry, bl_geometry_copy, of); break;
-    case 5: CALL(bl_geometry_mount, of, some(3, 0.0, 0.1)); break;
-    case 6: CALL(bl_geometry_set_lever_arms, of, one_in(3) ? below(12) : bl_geometry_beams(of), some(36, 0.0, 0.5)); break;
-    case 7: CALL(bl_geometry_set_sound_speed_scale, of, about(1.0, 0.1)); break;
-    default: CALL(bl_geometry_direction, of, below(9), one_in(9) ? NULL : numbers); break;
-    }
+    char text[400];
+    if (one_in(2)) MADE(geometries, bl_geometry, bl_geometry_from_json, beams(text));
+    else CALL(bl_geometry_direction, geometries[below(POOL)], below(9), one_in(9) ? NULL : numbers);
 }
 
 /* A change of one key: a number or three, seldom no JSON. */
@@ -141,7 +144,10 @@ static void settings_calls(void) {
     size_t size;
     char text[6000];
     switch (below(10)) {
-    case 0: MADE(models, bl_model, bl_model_preset, word(bl_model_preset_name), about(0.5, 0.5)); break;
+    case 0:
+        snprintf(text, sizeof text, "{\"preset\": \"%s\", \"latitude_rad\": %.17g}", bl_model_preset_name(below(7)), about(0.5, 0.5));
+        MADE(models, bl_model, bl_model_from_json, one_in(20) ? word(NULL) : text);
+        break;
     case 1: CALL(bl_model_set, model, setting(text, "initial", "velocity_sd_mps")); break;
     case 2: CALL(bl_model_set, model, setting(text, "dvl", "beam_noise_sd_mps")); break;
     case 3: CALL(bl_model_to_json, model, text, one_in(3) ? below(3000) : sizeof text, one_in(9) ? NULL : &size); break;
@@ -230,7 +236,17 @@ static void navigator_calls(void) {
     bl_velocity velocity;
     uint64_t counts[32];
     size_t count = 0;
-    switch (below(16)) {
+    switch (below(17)) {
+    case 15: {
+        char geometry[400], text[1000];
+        const char *given = beams(geometry);
+        snprintf(text, sizeof text,
+                 "{\"geometry\": %s, \"model\": {\"preset\": \"tactical\", \"latitude_rad\": %.17g}, \"start\": {\"dvl_scale_factor\": %.17g}}",
+                 given == NULL ? "null" : given, about(0.5, 0.5), about(0.0, 0.01));
+        if (one_in(9)) text[below(100)] = '"';
+        MADE(navigators, bl_navigator, bl_navigator_from_json, one_in(60) ? NULL : text);
+        break;
+    }
     case 0:
     case 1: {
         bl_state start = bl_state_at_rest(one_in(9) ? (int64_t)draw() : 0);
@@ -289,7 +305,7 @@ static void small_calls(void) {
     case 0: CALL(bl_attitude_from_euler, about(0.0, 3.0), about(0.0, 1.5), about(0.0, 3.0), one_in(9) ? NULL : numbers); break;
     case 1: CALL(bl_euler_from_attitude, quaternion(), one_in(9) ? NULL : numbers); break;
     case 2: CALL(bl_navigator_heading_error, navigators[below(POOL)], numbers, numbers + 1); break;
-    case 3: CALL(bl_geometry_set_lever_arms, geometries[below(POOL)], SIZE_MAX, NULL); break;
+    case 3: CALL(bl_push_beams, navigators[below(POOL)], 0, SIZE_MAX, NULL, NULL, NULL); break;
     case 4: CALL(bl_push_imu_block, navigators[below(POOL)], SIZE_MAX, NULL, NULL, NULL, NULL); break;
     case 5: judged("bl_navigator_load", bl_navigator_load(NULL, SIZE_MAX) == NULL ? bl_last_status() : BL_STATUS_INTERNAL); break;
     case 6: /* back to what works, so that settings do not end all wild */
@@ -297,9 +313,9 @@ static void small_calls(void) {
             bl_options_free(options[k]);
             options[k] = bl_options_from_json("{}");
             bl_model_free(models[k]);
-            models[k] = bl_model_preset("tactical", 0.5);
+            models[k] = bl_model_from_json("{\"preset\": \"tactical\", \"latitude_rad\": 0.5}");
             bl_geometry_free(geometries[k]);
-            geometries[k] = bl_geometry_preset("x_janus_20");
+            geometries[k] = bl_geometry_from_json("{\"preset\": \"x_janus_20\"}");
         }
         break;
     default:

@@ -31,21 +31,22 @@ int main() {
 
     const auto presets = bl::Geometry::presets();
     EXPECT(presets.size() == 7);
-    EXPECT(thrown([] { bl::Geometry::preset("none"); }) == BL_STATUS_UNKNOWN_NAME);
-    auto geometry = bl::Geometry::janus("x", 0.4);
-    const double tilts[] = {0.4, 0.4, 0.4, 0.4}, azimuths[] = {0.7853981633974483, 2.356194490192345, -2.356194490192345, -0.7853981633974483};
-    const auto by_angles = bl::Geometry::from_angles(tilts, azimuths);
+    EXPECT(thrown([] { bl::Geometry(R"({"preset": "none"})"); }) == BL_STATUS_UNKNOWN_NAME);
+    const bl::Geometry geometry(R"({"configuration": "x", "tilt_rad": 0.4})");
+    const bl::Geometry by_angles(R"({"tilts_rad": [0.4, 0.4, 0.4, 0.4],
+        "azimuths_rad": [0.7853981633974483, 2.356194490192345, -2.356194490192345, -0.7853981633974483]})");
     EXPECT(std::abs(by_angles.direction(3)[0] - geometry.direction(3)[0]) < 1e-12);
-    EXPECT(bl::Geometry::from_directions(bl::Vec3{0.0, 0.0, 1.0}).beams() == 1);
-    EXPECT(thrown([] { bl::Geometry::from_directions(std::vector<double>{1.0, 0.0}); }) == BL_STATUS_INVALID_VALUE);
-    bl::Geometry mounted = geometry;
-    mounted.mount(bl::Vec3{0.0, 0.0, 0.5}).set_lever_arms(std::vector<double>(12, 0.1)).set_sound_speed_scale(1.01);
+    EXPECT(bl::Geometry(R"({"directions_d": [[0, 0, 1]]})").beams() == 1);
+    EXPECT(thrown([] { bl::Geometry(R"({"directions_d": [[1, 0]]})"); }) == BL_STATUS_INVALID_VALUE);
+    bl::Geometry mounted(R"({"configuration": "x", "tilt_rad": 0.4, "roll_pitch_yaw_rad": [0, 0, 0.5], "sound_speed_scale": 1.01,
+        "lever_arms_p_m": [[0.1, 0.1, 0.1], [0.1, 0.1, 0.1], [0.1, 0.1, 0.1], [0.1, 0.1, 0.1]]})");
     EXPECT(mounted.direction(0) != geometry.direction(0));
     EXPECT(thrown([&] { mounted.direction(9); }) == BL_STATUS_INVALID_VALUE);
-    mounted = bl::Geometry::preset(presets[0]);
-    EXPECT(mounted.beams() == 4);
+    mounted = bl::Geometry(R"({"preset": "teledyne_20"})");
+    const bl::Geometry shared = mounted;
+    EXPECT(mounted.beams() == 4 && shared.direction(2) == mounted.direction(2));
 
-    auto model = bl::Model::preset("mti", 0.7);
+    bl::Model model(R"({"preset": "mti", "latitude_rad": 0.7})");
     EXPECT(bl::Model::presets().size() == 7 && bl::Navigator::methods().size() == 13);
     model.set(R"({"initial": {"velocity_sd_mps": [0.2, 0.3, 0.4]}, "environment": {"earth": "tangent_plane"}, "depth": {"sd_m": 0.5}})");
     const bl::Model kept = model, again(model.json());
@@ -64,6 +65,8 @@ int main() {
     EXPECT(bl::Options(options).json() == options.json() && bl::Options().json() != options.json());
 
     bl::Navigator plain(geometry, model, bl::at_rest(0));
+    const bl::Navigator of_json(R"({"geometry": {"configuration": "x", "tilt_rad": 0.4}, "model": )" + model.json() + "}");
+    EXPECT(of_json.save() == plain.save());
     bl::Navigator navigator(geometry, model, options, bl::at_rest(0), "tc", 1'000'000'000);
     EXPECT(!plain.water() && !plain.calibration() && plain.layers().empty());
     const std::vector<double> still(4, 0.0), sd(4, 0.02);

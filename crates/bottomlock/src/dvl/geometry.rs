@@ -341,6 +341,18 @@ pub struct BeamSample {
 }
 
 impl BeamSample {
+    /// A ping from the readings of each beam, at most [`MAX_BEAMS`]; the others are not valid.
+    #[must_use]
+    pub fn new(time_ns: i64, velocity_mps: &[f64], sd_mps: &[f64], valid: BeamMask) -> Self {
+        let padded = |values: &[f64]| std::array::from_fn(|beam| values.get(beam).copied().unwrap_or(f64::NAN));
+        Self {
+            time_ns,
+            velocity_mps: padded(velocity_mps),
+            sd_mps: padded(sd_mps),
+            valid,
+        }
+    }
+
     /// Checks that every valid beam exists and carries a finite velocity and a positive standard deviation.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! Doppler velocity log (DVL): beam geometry, velocity from beams, and the methods for partial measurements.
 
 pub mod fix;
+pub mod fix_row;
 pub mod geometry;
 pub mod partial;
 pub mod velocity;
