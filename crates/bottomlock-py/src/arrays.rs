@@ -9,8 +9,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
 use bottomlock::error::require_time;
+use bottomlock::frames::Vec3;
 
 use crate::errors::invalid;
+
+/// An argument from Python.
+pub type Argument<'a, 'py> = &'a Bound<'py, PyAny>;
+/// A dict that a call returns.
+pub type Dict<'py> = PyResult<Bound<'py, PyDict>>;
 
 /// A contiguous copy of an array with its shape.
 pub struct Array<T> {
@@ -74,7 +80,7 @@ impl<'py> Masked<'py> {
 }
 
 /// Rejects an array of which an element is masked, naming it.
-fn refuse_masked(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+fn refuse_masked(name: &str, value: Argument) -> PyResult<()> {
     let Some(mask) = Masked::of(value)?.mask else {
         return Ok(());
     };
@@ -143,7 +149,7 @@ fn checked<'py, T: Element>(
 /// As [`checked`], copied.
 fn convert<T: Element + Copy>(
     name: &str,
-    value: &Bound<'_, PyAny>,
+    value: Argument,
     kinds: &str,
     dtype: &str,
     shape: &[Option<usize>],
@@ -156,13 +162,13 @@ fn convert<T: Element + Copy>(
 }
 
 /// An array of numbers as float64.
-pub fn floats(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Array<f64>> {
+pub fn floats(name: &str, value: Argument, shape: &[Option<usize>]) -> PyResult<Array<f64>> {
     convert(name, value, "fiu", "float64", shape)
 }
 
 /// A vector of times, integer nanoseconds; floats are rejected, since they lose nanoseconds, and so are unsigned numbers that
 /// would become negative.
-pub fn times(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
+pub fn times(name: &str, value: Argument) -> PyResult<Vec<i64>> {
     let empty = value.len().is_ok_and(|count| count == 0);
     if empty {
         return Ok(Vec::new());
@@ -181,7 +187,7 @@ pub fn times(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
 }
 
 /// Rejects unsigned times that int64 cannot hold.
-fn reject_wrapped(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+fn reject_wrapped(name: &str, value: Argument) -> PyResult<()> {
     let Ok(kind) = value.getattr("dtype").and_then(|dtype| dtype.getattr("kind")) else {
         return Ok(());
     };
@@ -195,17 +201,17 @@ fn reject_wrapped(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
 }
 
 /// An array of booleans.
-pub fn booleans(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Array<bool>> {
+pub fn booleans(name: &str, value: Argument, shape: &[Option<usize>]) -> PyResult<Array<bool>> {
     convert(name, value, "b", "bool", shape)
 }
 
 /// Rows of a fixed width, as a copy.
-pub fn rows<const N: usize>(name: &str, value: &Bound<'_, PyAny>, count: Option<usize>) -> PyResult<Vec<[f64; N]>> {
+pub fn rows<const N: usize>(name: &str, value: Argument, count: Option<usize>) -> PyResult<Vec<[f64; N]>> {
     Ok(Rows::<N>::new(name, value, &[count])?.get()?.to_vec())
 }
 
 /// The numbers of an array that already has the right type and shape; calls to numpy dominate the cost of an event.
-fn ready_made<const N: usize>(value: &Bound<'_, PyAny>) -> Option<[f64; N]> {
+fn ready_made<const N: usize>(value: Argument) -> Option<[f64; N]> {
     if !value.is_exact_instance_of::<PyUntypedArray>() {
         return None;
     }
@@ -220,7 +226,7 @@ fn ready_made<const N: usize>(value: &Bound<'_, PyAny>) -> Option<[f64; N]> {
 }
 
 /// A vector of fixed length.
-pub fn vector<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+pub fn vector<const N: usize>(name: &str, value: Argument) -> PyResult<[f64; N]> {
     if let Some(values) = ready_made(value) {
         return Ok(values);
     }
@@ -228,26 +234,20 @@ pub fn vector<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<
     Ok(std::array::from_fn(|k| array.values[k]))
 }
 
+/// A vector in a frame.
+pub fn vec3<F>(name: &str, value: Argument) -> PyResult<Vec3<F>> {
+    vector(name, value).map(Vec3::from_array)
+}
+
 /// A new array of a shape.
 pub fn array<'py, T: Element>(py: Python<'py>, values: Vec<T>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     values.into_pyarray(py).reshape(shape.to_vec())
 }
 
-/// A new array of rows.
-pub fn from_rows<'py, const N: usize>(py: Python<'py>, rows: &[[f64; N]]) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    array(py, rows.iter().flatten().copied().collect(), &[rows.len(), N])
-}
-
 /// Numbers by name.
-pub fn by_name<'py, T: IntoPyObject<'py> + Copy>(
-    py: Python<'py>,
-    names: &[&str],
-    numbers: &[T],
-) -> PyResult<Bound<'py, PyDict>> {
+pub fn by_name<'py, T: IntoPyObject<'py> + Copy>(py: Python<'py>, names: &[&str], numbers: &[T]) -> Dict<'py> {
     let out = PyDict::new(py);
-    names
-        .iter()
-        .zip(numbers)
-        .try_for_each(|(name, &number)| out.set_item(name, number))?;
+    let mut named = names.iter().zip(numbers);
+    named.try_for_each(|(name, &number)| out.set_item(name, number))?;
     Ok(out)
 }

@@ -4,26 +4,24 @@ use bottomlock::aiding::registry::{Measurement, SensorKind};
 use bottomlock::dvl::geometry::BeamSample;
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::filter::options::Options;
-use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial};
 use bottomlock::simulation::batch::{Batch, run_batch_into};
 use bottomlock::simulation::monte_carlo_run::MethodRecord;
 use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams;
-use bottomlock::simulation::sensor_streams::Streams;
 use bottomlock::state::NavState;
-use numpy::Element;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, from_rows, vector};
+use crate::arrays::{Argument, Dict, vec3};
 use crate::batch_arrays::{BatchArrays, RecordSlices, batch_bytes};
 use crate::calls::{detached, interruptible};
 use crate::dvl::BeamGeometry;
 use crate::errors::raise_timeless;
+use crate::results::Results;
 use crate::settings;
-use crate::state::put_state;
+use crate::state::state_dict;
 use crate::truth::Truths;
 
 /// Draws every sensor stream of one run as arrays, with the true errors behind them.
@@ -37,18 +35,17 @@ use crate::truth::Truths;
 pub fn simulate_sensors<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    truth: &Bound<'py, PyAny>,
-    model: &Bound<'py, PyAny>,
-    schedule: &Bound<'py, PyAny>,
+    truth: Argument,
+    model: Argument,
+    schedule: Argument,
     seed: u64,
     trajectory_key: u64,
     run: u64,
     imu_sampling: &str,
-    options: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let truths = Truths::new(truth)?;
+    options: Option<Argument>,
+) -> Dict<'py> {
+    let (truths, model) = (Truths::new(truth)?, settings::model(model)?);
     let truth = truths.of(0)?;
-    let model = settings::model(model)?;
     let beams = geometry.inner.beams();
     let schedule = crate::schedule::schedule(schedule, beams, 1)?;
     let options = Options {
@@ -70,11 +67,27 @@ pub fn simulate_sensors<'py>(
     })?;
 
     let out = PyDict::new(py);
-    let initial = PyDict::new(py);
-    put_state(&initial, &streams.initial)?;
-    out.set_item("initial", initial)?;
-    put_inertial(&out, &streams)?;
-    put_pings(&out, &streams, beams)?;
+    out.set_item("initial", state_dict(py, &streams.initial)?)?;
+    out.column("imu_time_ns", streams.imu.iter().map(|sample| sample.time_ns))?;
+    out.column(
+        "imu_omega_p_radps",
+        streams.imu.iter().map(|sample| sample.rate_p_radps),
+    )?;
+    out.column("imu_force_p_mps2", streams.imu.iter().map(|sample| sample.force_p_mps2))?;
+    out.column("accel_bias_p_mps2", streams.accel_bias_p_mps2)?;
+    out.column("gyro_bias_p_radps", streams.gyro_bias_p_radps)?;
+    put_beams(
+        &out,
+        ["dvl_time_ns", "dvl_velocity_mps", "dvl_valid"],
+        streams.pings.iter(),
+        beams,
+    )?;
+    let bias = streams
+        .beam_bias_mps
+        .iter()
+        .flat_map(|bias| bias[..beams].iter().copied());
+    out.put("dvl_bias_mps", &[streams.pings.len(), beams], bias)?;
+    out.column("dvl_scale_factor", streams.scale_factor)?;
     put_beams(
         &out,
         ["water_track_time_ns", "water_track_velocity_mps", "water_track_valid"],
@@ -87,60 +100,6 @@ pub fn simulate_sensors<'py>(
     Ok(out)
 }
 
-fn put<T: Element>(out: &Bound<'_, PyDict>, name: &str, values: Vec<T>, shape: &[usize]) -> PyResult<()> {
-    out.set_item(name, array(out.py(), values, shape)?)
-}
-
-/// Inertial readings and the true biases behind them.
-fn put_inertial(out: &Bound<'_, PyDict>, streams: &Streams) -> PyResult<()> {
-    let count = streams.imu.len();
-    let threes = |of: fn(&ImuSample) -> [f64; 3]| streams.imu.iter().flat_map(of).collect::<Vec<f64>>();
-    put(
-        out,
-        "imu_time_ns",
-        streams.imu.iter().map(|s| s.time_ns).collect(),
-        &[count],
-    )?;
-    put(
-        out,
-        "imu_omega_p_radps",
-        threes(|s| s.rate_p_radps.to_array()),
-        &[count, 3],
-    )?;
-    put(
-        out,
-        "imu_force_p_mps2",
-        threes(|s| s.force_p_mps2.to_array()),
-        &[count, 3],
-    )?;
-    put(
-        out,
-        "accel_bias_p_mps2",
-        streams.accel_bias_p_mps2.concat(),
-        &[count, 3],
-    )?;
-    put(
-        out,
-        "gyro_bias_p_radps",
-        streams.gyro_bias_p_radps.concat(),
-        &[count, 3],
-    )
-}
-
-/// Pings and the true errors behind them.
-fn put_pings(out: &Bound<'_, PyDict>, streams: &Streams, beams: usize) -> PyResult<()> {
-    let wide = [streams.pings.len(), beams];
-    put_beams(
-        out,
-        ["dvl_time_ns", "dvl_velocity_mps", "dvl_valid"],
-        streams.pings.iter(),
-        beams,
-    )?;
-    let bias = streams.beam_bias_mps.iter().flat_map(|b| b[..beams].to_vec());
-    put(out, "dvl_bias_mps", bias.collect(), &wide)?;
-    put(out, "dvl_scale_factor", streams.scale_factor.clone(), &wide[..1])
-}
-
 /// Times, velocities and validity of beams under their names.
 fn put_beams<'a>(
     out: &Bound<'_, PyDict>,
@@ -149,11 +108,16 @@ fn put_beams<'a>(
     beams: usize,
 ) -> PyResult<()> {
     let wide = [pings.len(), beams];
-    put(out, names[0], pings.clone().map(|p| p.time_ns).collect(), &wide[..1])?;
-    let readings = pings.clone().flat_map(|p| p.velocity_mps[..beams].to_vec());
-    put(out, names[1], readings.collect(), &wide)?;
-    let flags = pings.flat_map(|p| (0..beams).map(|b| p.valid.contains(b)));
-    put(out, names[2], flags.collect(), &wide)
+    out.column(names[0], pings.clone().map(|ping| ping.time_ns))?;
+    let readings = pings
+        .clone()
+        .flat_map(|ping| ping.velocity_mps[..beams].iter().copied());
+    out.put(names[1], &wide, readings)?;
+    out.put(
+        names[2],
+        &wide,
+        pings.flat_map(|ping| (0..beams).map(|beam| ping.valid.contains(beam))),
+    )
 }
 
 /// Times and columns of a simulated sensor.
@@ -161,8 +125,10 @@ fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measureme
     let Some(simulation) = kind.declaration().simulation else {
         return Ok(());
     };
-    let times = readings.iter().map(Measurement::time_ns).collect();
-    put(out, &format!("{}_time_ns", simulation.name), times, &[readings.len()])?;
+    out.column(
+        &format!("{}_time_ns", simulation.name),
+        readings.iter().map(Measurement::time_ns),
+    )?;
     let numbers: Vec<Vec<f64>> = readings.iter().map(Measurement::numbers).collect();
     let mut first = 0;
     for column in simulation.columns {
@@ -170,7 +136,7 @@ fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measureme
         first = part.end;
         let values = numbers.iter().flat_map(|row| row[part.clone()].iter().copied());
         let shape = &[readings.len(), column.width][..if column.width == 1 { 1 } else { 2 }];
-        put::<f64>(out, column.key, values.collect(), shape)?;
+        out.put(column.key, shape, values)?;
     }
     Ok(())
 }
@@ -199,19 +165,19 @@ fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measureme
 pub fn run_batch<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    truth: &Bound<'py, PyAny>,
-    simulated: &Bound<'py, PyAny>,
-    assumed: &Bound<'py, PyAny>,
-    options: &Bound<'py, PyAny>,
-    schedule: &Bound<'py, PyAny>,
+    truth: Argument,
+    simulated: Argument,
+    assumed: Argument,
+    options: Argument,
+    schedule: Argument,
     methods: Vec<String>,
     seed: u64,
     trajectory_key: u64,
     first_run: u64,
     runs: usize,
     threads: usize,
-    stop: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
+    stop: Option<Argument>,
+) -> Dict<'py> {
     let truths = Truths::new(truth)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
@@ -257,21 +223,21 @@ pub fn run_batch<'py>(
 #[pyo3(signature = (model, *, attitude_t_p, velocity_p_mps, omega_p_radps, force_p_mps2))]
 pub fn error_model<'py>(
     py: Python<'py>,
-    model: &Bound<'py, PyAny>,
-    attitude_t_p: &Bound<'py, PyAny>,
-    velocity_p_mps: &Bound<'py, PyAny>,
-    omega_p_radps: &Bound<'py, PyAny>,
-    force_p_mps2: &Bound<'py, PyAny>,
-) -> PyResult<Bound<'py, PyDict>> {
+    model: Argument,
+    attitude_t_p: Argument,
+    velocity_p_mps: Argument,
+    omega_p_radps: Argument,
+    force_p_mps2: Argument,
+) -> Dict<'py> {
     let model = settings::model(model)?;
     let mut state = NavState::at_rest(0);
     state.attitude_t_p = settings::attitude("attitude_t_p", attitude_t_p)?;
-    state.velocity_p_mps = Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?);
+    state.velocity_p_mps = vec3("velocity_p_mps", velocity_p_mps)?;
     state.validate().map_err(raise_timeless)?;
     let sample = ImuSample {
         time_ns: 0,
-        rate_p_radps: Vec3::from_array(vector("omega_p_radps", omega_p_radps)?),
-        force_p_mps2: Vec3::from_array(vector("force_p_mps2", force_p_mps2)?),
+        rate_p_radps: vec3("omega_p_radps", omega_p_radps)?,
+        force_p_mps2: vec3("force_p_mps2", force_p_mps2)?,
     };
     sample.validate().map_err(raise_timeless)?;
     let inertial = Inertial {
@@ -281,10 +247,7 @@ pub fn error_model<'py>(
     let earth = EarthTerms::from(&model.environment);
     let coefficients = Coefficients::at(&state.kinematics(), &inertial, &earth);
     let out = PyDict::new(py);
-    out.set_item("f", from_rows(py, &coefficients.dense(&earth))?)?;
-    out.set_item(
-        "q",
-        from_rows(py, &dense_noise(&coefficients, &model.process_noise(true)))?,
-    )?;
+    out.column("f", coefficients.dense(&earth))?;
+    out.column("q", dense_noise(&coefficients, &model.process_noise(true)))?;
     Ok(out)
 }

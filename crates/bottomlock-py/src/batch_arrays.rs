@@ -1,6 +1,7 @@
 //! Result arrays of a batch, filled while the runs are computed.
 
 use bottomlock::aiding::registry::SENSORS;
+use bottomlock::dvl::fix_row::source_code;
 use bottomlock::filter::report::Choice;
 use bottomlock::simulation::monte_carlo_run::{BiasRecord, MethodRecord};
 use bottomlock::simulation::schedule::Schedule;
@@ -8,9 +9,9 @@ use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::array;
+use crate::arrays::{Dict, array};
 use crate::memory::product;
-use crate::velocity::source_code;
+use crate::results::Results;
 
 /// Code for a method that does not select.
 pub const NO_CHOICE: u8 = u8::MAX;
@@ -18,7 +19,7 @@ pub const NO_CHOICE: u8 = u8::MAX;
 /// Codes of a selection: the sources of surge, sway and heave, or the selected method, the reason, and [`NO_CHOICE`].
 pub fn choice_code(choice: &Choice) -> [u8; 3] {
     match choice {
-        Choice::Components(sources) => sources.map(|source| source.map_or(0, source_code)),
+        Choice::Components(sources) => sources.map(source_code),
         Choice::Method { method, reason, .. } => [*method as u8, *reason as u8, NO_CHOICE],
     }
 }
@@ -42,8 +43,8 @@ pub struct BatchArrays {
     fixes_accepted: Vec<i64>,
     fixes_rejected: Vec<i64>,
     fixes_beyond_linear_range: Vec<i64>,
-    bias_error: Vec<f64>,
-    bias_sd: Vec<f64>,
+    bias_error: Vec<[f64; BIASES]>,
+    bias_sd: Vec<[f64; BIASES]>,
     /// The number of selections is known when the runs are finished.
     choices: Vec<Vec<[u8; 3]>>,
 }
@@ -124,8 +125,8 @@ impl BatchArrays {
             fixes_accepted: vec![0; runs * methods],
             fixes_rejected: vec![0; runs * methods],
             fixes_beyond_linear_range: vec![0; runs * methods],
-            bias_error: zeros(BIASES),
-            bias_sd: zeros(BIASES),
+            bias_error: vec![[0.0; BIASES]; runs * methods],
+            bias_sd: vec![[0.0; BIASES]; runs * methods],
             choices: vec![Vec::new(); runs * methods],
         }
     }
@@ -138,8 +139,7 @@ impl BatchArrays {
         let mut nis_mean = self.nis_mean.iter_mut();
         let (mut accepted, mut rejected) = (self.fixes_accepted.iter_mut(), self.fixes_rejected.iter_mut());
         let mut beyond = self.fixes_beyond_linear_range.iter_mut();
-        let mut bias_error = self.bias_error.as_chunks_mut().0.iter_mut();
-        let mut bias_sd = self.bias_sd.as_chunks_mut().0.iter_mut();
+        let (mut bias_error, mut bias_sd) = (self.bias_error.iter_mut(), self.bias_sd.iter_mut());
         let mut choices = self.choices.iter_mut();
         let mut next = || {
             Some(RecordSlices {
@@ -163,36 +163,34 @@ impl BatchArrays {
     }
 
     /// The arrays as a Python dict.
-    pub fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    pub fn into_dict(self, py: Python<'_>) -> Dict<'_> {
         let (runs, methods, samples) = (self.runs, self.methods, self.samples);
         let pings = self.choices.iter().map(Vec::len).max().unwrap_or(0);
-        let mut codes = vec![NO_CHOICE; runs * methods * pings * 3];
-        for (own, choices) in codes.chunks_mut((3 * pings).max(1)).zip(&self.choices) {
-            own[..3 * choices.len()].copy_from_slice(choices.as_flattened());
+        let mut codes = vec![[NO_CHOICE; 3]; runs * methods * pings];
+        for (padded, choices) in codes.chunks_mut(pings.max(1)).zip(&self.choices) {
+            padded[..choices.len()].copy_from_slice(choices);
         }
         let out = PyDict::new(py);
         for (name, numbers) in [("error", self.error), ("sd", self.sd)] {
             let by_number = array(py, numbers, &[ERRORS, runs, methods, samples])?;
             out.set_item(name, by_number.permute(Some([1_usize, 2, 3, 0].as_slice()))?)?;
         }
-        out.set_item("nees", array(py, self.nees, &[runs, methods, samples])?)?;
+        let (each, by_sample) = ([runs, methods], [runs, methods, samples]);
+        out.set_item("nees", array(py, self.nees, &by_sample)?)?;
         out.set_item(
             "nees_velocity_attitude",
-            array(py, self.nees_velocity_attitude, &[runs, methods, samples])?,
+            array(py, self.nees_velocity_attitude, &by_sample)?,
         )?;
-        out.set_item("nis_mean", array(py, self.nis_mean, &[runs, methods])?)?;
-        out.set_item("fixes_accepted", array(py, self.fixes_accepted, &[runs, methods])?)?;
-        out.set_item("fixes_rejected", array(py, self.fixes_rejected, &[runs, methods])?)?;
+        out.set_item("nis_mean", array(py, self.nis_mean, &each)?)?;
+        out.set_item("fixes_accepted", array(py, self.fixes_accepted, &each)?)?;
+        out.set_item("fixes_rejected", array(py, self.fixes_rejected, &each)?)?;
         out.set_item(
             "fixes_beyond_linear_range",
-            array(py, self.fixes_beyond_linear_range, &[runs, methods])?,
+            array(py, self.fixes_beyond_linear_range, &each)?,
         )?;
-        out.set_item(
-            "final_bias_error",
-            array(py, self.bias_error, &[runs, methods, BIASES])?,
-        )?;
-        out.set_item("final_bias_sd", array(py, self.bias_sd, &[runs, methods, BIASES])?)?;
-        out.set_item("choice", array(py, codes, &[runs, methods, pings, 3])?)?;
+        out.put("final_bias_error", &each, self.bias_error)?;
+        out.put("final_bias_sd", &each, self.bias_sd)?;
+        out.put("choice", &[runs, methods, pings], codes)?;
         Ok(out)
     }
 }

@@ -1,10 +1,10 @@
 //! Velocities, flags and standard deviations of beams, where a masked beam is not valid.
 
 use bottomlock::aiding::water_track::WaterSample;
-use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
+use bottomlock::dvl::geometry::BeamSample;
 use pyo3::prelude::*;
 
-use crate::arrays::{Masked, booleans, floats, times};
+use crate::arrays::{Argument, Masked, booleans, floats, times};
 use crate::keys::Keys;
 use crate::settings;
 
@@ -20,9 +20,9 @@ impl BeamArrays {
     /// Reads the arrays; `names` are those of velocity, flags and standard deviations.
     pub fn new(
         names: [&str; 3],
-        velocity_mps: &Bound<'_, PyAny>,
-        valid: &Bound<'_, PyAny>,
-        sd_mps: Option<&Bound<'_, PyAny>>,
+        velocity_mps: Argument,
+        valid: Argument,
+        sd_mps: Option<Argument>,
         shape: &[Option<usize>],
     ) -> PyResult<Self> {
         let velocity_mps = Masked::of(velocity_mps)?;
@@ -31,17 +31,15 @@ impl BeamArrays {
         let velocities = floats(names[0], &velocity_mps.data, shape)?;
         let shape: Vec<Option<usize>> = velocities.shape.iter().copied().map(Some).collect();
         let mut flags = booleans(names[1], &valid.data, &shape)?.values;
-        for masked in [Some(&velocity_mps), Some(&valid), sd_mps.as_ref()]
+        let masked = [Some(&velocity_mps), Some(&valid), sd_mps.as_ref()]
             .into_iter()
-            .flatten()
-        {
-            if let Some(mask) = &masked.mask {
-                let mask = booleans(names[0], mask, &shape)?.values;
-                flags
-                    .iter_mut()
-                    .zip(mask)
-                    .for_each(|(flag, is_masked)| *flag &= !is_masked);
-            }
+            .flatten();
+        for mask in masked.filter_map(|masked| masked.mask.as_ref()) {
+            let mask = booleans(names[0], mask, &shape)?.values;
+            flags
+                .iter_mut()
+                .zip(mask)
+                .for_each(|(flag, is_masked)| *flag &= !is_masked);
         }
         Ok(Self {
             velocity_mps: velocities.values,
@@ -56,20 +54,13 @@ impl BeamArrays {
     /// A row as a ping.
     fn ping(&self, time_ns: i64, row: usize, beams: usize) -> BeamSample {
         let part = row * beams..(row + 1) * beams;
-        let mut ping = BeamSample {
-            time_ns,
-            velocity_mps: [f64::NAN; MAX_BEAMS],
-            sd_mps: [f64::NAN; MAX_BEAMS],
-            valid: settings::mask(&self.valid[part.clone()]),
-        };
-        ping.velocity_mps[..beams].copy_from_slice(&self.velocity_mps[part.clone()]);
-        ping.sd_mps[..beams].copy_from_slice(&self.sd_mps[part]);
-        ping
+        let valid = settings::mask(&self.valid[part.clone()]);
+        BeamSample::new(time_ns, &self.velocity_mps[part.clone()], &self.sd_mps[part], valid)
     }
 }
 
 /// A ping of velocity_mps, valid and sd_mps, each (beams,).
-pub fn ping(time_ns: i64, [velocity_mps, valid, sd_mps]: [&Bound<'_, PyAny>; 3], beams: usize) -> PyResult<BeamSample> {
+pub fn ping(time_ns: i64, [velocity_mps, valid, sd_mps]: [Argument; 3], beams: usize) -> PyResult<BeamSample> {
     let names = ["velocity_mps", "valid", "sd_mps"];
     let readings = BeamArrays::new(names, velocity_mps, valid, Some(sd_mps), &[Some(beams)])?;
     Ok(readings.ping(time_ns, 0, beams))

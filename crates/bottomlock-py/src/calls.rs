@@ -10,6 +10,7 @@ use std::time::Duration;
 use bottomlock::{NavError, Stop};
 use pyo3::prelude::*;
 
+use crate::arrays::Argument;
 use crate::errors::{invalid, raise};
 
 /// Time between two looks at signals.
@@ -29,7 +30,7 @@ pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T, NavErr
 /// The exception of a signal is raised; a set `stop` ends the work with KernelError.
 pub fn interruptible<T: Send>(
     py: Python<'_>,
-    stop: Option<&Bound<'_, PyAny>>,
+    stop: Option<Argument>,
     work: impl FnOnce(&Stop) -> Result<T, NavError> + Send,
 ) -> PyResult<T> {
     let (request, asked) = (Stop::new(), stop.map(|stop| stop.clone().unbind()));

@@ -8,11 +8,12 @@ use bottomlock::state::NavState;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, from_rows, rows};
+use crate::arrays::{Argument, Dict, rows};
 use crate::batch_arrays::BatchArrays;
 use crate::dvl::BeamGeometry;
 use crate::errors::{invalid, raise};
 use crate::keys::read;
+use crate::results::Results;
 use crate::settings;
 use crate::shared::Shared;
 use crate::truth::Truths;
@@ -55,11 +56,11 @@ impl ClosedLoop {
         threads))]
     fn new(
         geometry: &BeamGeometry,
-        simulated: &Bound<'_, PyAny>,
-        assumed: &Bound<'_, PyAny>,
-        options: &Bound<'_, PyAny>,
+        simulated: Argument,
+        assumed: Argument,
+        options: Argument,
         methods: Vec<String>,
-        start: &Bound<'_, PyAny>,
+        start: Argument,
         vehicle_per_method: bool,
         seed: u64,
         trajectory_key: u64,
@@ -122,7 +123,7 @@ impl ClosedLoop {
     /// KernelError for a truth that does not continue the last one, samples outside it, and other bad input: the loop is then
     /// as before. After an error during a run, named with its method, and after a signal (Ctrl-C), the loop has failed, and
     /// every later call says so.
-    fn advance(&self, py: Python<'_>, truth: &Bound<'_, PyAny>, schedule: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn advance(&self, py: Python<'_>, truth: Argument, schedule: Argument) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
         let segments: Vec<TruthSegment<'_>> = (0..self.vehicles)
@@ -143,7 +144,7 @@ impl ClosedLoop {
     ///
     /// Raises KernelError for an index without a method.
     #[pyo3(signature = (method=0))]
-    fn estimate<'py>(&self, py: Python<'py>, method: usize) -> PyResult<Bound<'py, PyDict>> {
+    fn estimate<'py>(&self, py: Python<'py>, method: usize) -> Dict<'py> {
         if method >= self.methods_per_vehicle {
             return Err(invalid(format!(
                 "method is {method}, expected less than {}",
@@ -155,16 +156,12 @@ impl ClosedLoop {
             Ok(inner.estimates(method))
         })?;
         let out = PyDict::new(py);
-        let threes = |of: fn(&NavState) -> [f64; 3]| from_rows(py, &states.iter().map(of).collect::<Vec<_>>());
-        out.set_item("position_t_m", threes(|state| state.position_t_m.to_array())?)?;
-        out.set_item("velocity_p_mps", threes(|state| state.velocity_p_mps.to_array())?)?;
-        let attitudes: Vec<[f64; 4]> = states.iter().map(|s| s.attitude_t_p.to_quaternion_wxyz()).collect();
-        out.set_item("attitude_t_p", array(py, attitudes.concat(), &[states.len(), 4])?)?;
+        out.motion("", &[states.len()], || states.iter())?;
         Ok(out)
     }
 
     /// Results so far, as `run_batch` returns them.
-    fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    fn results<'py>(&self, py: Python<'py>) -> Dict<'py> {
         let records = self.inner.with(py, |inner| {
             inner.check()?;
             Ok(inner.records())
@@ -181,7 +178,7 @@ impl ClosedLoop {
 }
 
 /// The true states at the start, one per vehicle.
-fn true_starts(start: &Bound<'_, PyAny>) -> PyResult<Vec<NavState>> {
+fn true_starts(start: Argument) -> PyResult<Vec<NavState>> {
     read("start", start, |keys| {
         let time_ns = crate::state::time_ns(keys)?;
         let position = rows::<3>("start.position_t_m", &keys.item("position_t_m")?, None)?;

@@ -11,8 +11,9 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyType};
 
-use crate::arrays::{array, floats, from_rows, rows, vector};
+use crate::arrays::{Argument, array, floats, rows, vector};
 use crate::errors::{invalid, raise, without_time};
+use crate::results::entries;
 
 /// Directions and lever arms of the beams of a DVL, 1 to 8 beams.
 ///
@@ -32,17 +33,24 @@ pub struct BeamGeometry {
     pub inner: core::BeamGeometry,
 }
 
+/// Vectors in a frame, (count, 3).
+fn vectors<F>(name: &str, value: Argument, count: Option<usize>) -> PyResult<Vec<Vec3<F>>> {
+    Ok(rows::<3>(name, value, count)?
+        .into_iter()
+        .map(Vec3::from_array)
+        .collect())
+}
+
 /// Applies mounting, lever arms and sound speed to a geometry.
 fn finish(
     mut geometry: core::BeamGeometry,
-    lever_arms_p_m: Option<&Bound<'_, PyAny>>,
-    mounting_rpy_rad: Option<&Bound<'_, PyAny>>,
+    lever_arms_p_m: Option<Argument>,
+    mounting_rpy_rad: Option<Argument>,
     sound_speed_scale: f64,
 ) -> PyResult<BeamGeometry> {
     if let Some(angles) = mounting_rpy_rad {
         let [roll, pitch, yaw] = vector("mounting_rpy_rad", angles)?;
-        let turned = [roll, pitch, yaw].into_iter().find(|angle| !(angle.abs() <= TAU));
-        if let Some(angle) = turned {
+        if let Some(angle) = [roll, pitch, yaw].into_iter().find(|angle| !(angle.abs() <= TAU)) {
             return Err(invalid(format!(
                 "mounting_rpy_rad has {angle}, expected three angles of -2 pi to 2 pi: is it in degrees?"
             )));
@@ -50,10 +58,7 @@ fn finish(
         geometry = geometry.mounted(Rot::from_euler_rad(roll, pitch, yaw));
     }
     if let Some(levers) = lever_arms_p_m {
-        let levers: Vec<_> = rows::<3>("lever_arms_p_m", levers, Some(geometry.beams()))?
-            .into_iter()
-            .map(Vec3::from_array)
-            .collect();
+        let levers = vectors("lever_arms_p_m", levers, Some(geometry.beams()))?;
         geometry = geometry.with_lever_arms(&levers).map_err(raise)?;
     }
     let inner = geometry.with_sound_speed_scale(sound_speed_scale).map_err(raise)?;
@@ -65,15 +70,12 @@ impl BeamGeometry {
     #[new]
     #[pyo3(signature = (directions_d, *, lever_arms_p_m=None, mounting_rpy_rad=None, sound_speed_scale=1.0))]
     fn new(
-        directions_d: &Bound<'_, PyAny>,
-        lever_arms_p_m: Option<&Bound<'_, PyAny>>,
-        mounting_rpy_rad: Option<&Bound<'_, PyAny>>,
+        directions_d: Argument,
+        lever_arms_p_m: Option<Argument>,
+        mounting_rpy_rad: Option<Argument>,
         sound_speed_scale: f64,
     ) -> PyResult<Self> {
-        let directions: Vec<_> = rows::<3>("directions_d", directions_d, None)?
-            .into_iter()
-            .map(Vec3::from_array)
-            .collect();
+        let directions = vectors("directions_d", directions_d, None)?;
         let geometry = core::BeamGeometry::from_directions(&directions).map_err(raise)?;
         finish(geometry, lever_arms_p_m, mounting_rpy_rad, sound_speed_scale)
     }
@@ -85,8 +87,8 @@ impl BeamGeometry {
     fn janus(
         tilt_rad: f64,
         configuration: &str,
-        lever_arms_p_m: Option<&Bound<'_, PyAny>>,
-        mounting_rpy_rad: Option<&Bound<'_, PyAny>>,
+        lever_arms_p_m: Option<Argument>,
+        mounting_rpy_rad: Option<Argument>,
         sound_speed_scale: f64,
     ) -> PyResult<Self> {
         let layout = match configuration {
@@ -102,10 +104,10 @@ impl BeamGeometry {
     #[staticmethod]
     #[pyo3(signature = (tilt_rad, azimuth_rad, *, lever_arms_p_m=None, mounting_rpy_rad=None, sound_speed_scale=1.0))]
     fn from_angles(
-        tilt_rad: &Bound<'_, PyAny>,
-        azimuth_rad: &Bound<'_, PyAny>,
-        lever_arms_p_m: Option<&Bound<'_, PyAny>>,
-        mounting_rpy_rad: Option<&Bound<'_, PyAny>>,
+        tilt_rad: Argument,
+        azimuth_rad: Argument,
+        lever_arms_p_m: Option<Argument>,
+        mounting_rpy_rad: Option<Argument>,
         sound_speed_scale: f64,
     ) -> PyResult<Self> {
         let tilts = floats("tilt_rad", tilt_rad, &[None])?.values;
@@ -117,19 +119,15 @@ impl BeamGeometry {
     /// (beams, 3) unit vectors in the platform frame, mounting applied.
     #[getter]
     fn directions_p<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let values: Vec<[f64; 3]> = (0..self.inner.beams())
-            .map(|beam| (*self.inner.direction_p(beam)).into())
-            .collect();
-        from_rows(py, &values)
+        let beams = self.inner.beams();
+        entries(py, &[beams], (0..beams).map(|beam| *self.inner.direction_p(beam)))
     }
 
     /// (beams, 3) lever arm of each transducer, platform frame, m.
     #[getter]
     fn lever_arms_p_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let values: Vec<[f64; 3]> = (0..self.inner.beams())
-            .map(|beam| (*self.inner.lever_arm_p_m(beam)).into())
-            .collect();
-        from_rows(py, &values)
+        let beams = self.inner.beams();
+        entries(py, &[beams], (0..beams).map(|beam| *self.inner.lever_arm_p_m(beam)))
     }
 
     /// Number of beams.
@@ -162,9 +160,9 @@ impl BeamGeometry {
     fn beam_velocities<'py>(
         &self,
         py: Python<'py>,
-        velocity_p_mps: &Bound<'py, PyAny>,
-        omega_tp_p_radps: Option<&Bound<'py, PyAny>>,
-        beam_bias_mps: Option<&Bound<'py, PyAny>>,
+        velocity_p_mps: Argument,
+        omega_tp_p_radps: Option<Argument>,
+        beam_bias_mps: Option<Argument>,
         scale_factor: f64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let velocities = rows::<3>("velocity_p_mps", velocity_p_mps, None)?;
@@ -219,7 +217,7 @@ impl BeamGeometry {
         slf
     }
 
-    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+    fn __deepcopy__(slf: Py<Self>, _memo: Argument) -> Py<Self> {
         slf
     }
 

@@ -5,7 +5,8 @@ use bottomlock::frames::Vec3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{Rows, array};
+use crate::arrays::{Argument, Dict, Rows};
+use crate::results::Results;
 use crate::settings;
 
 /// Gravity (m/s²), north, east and down, and depth at positions (n, 3) in the tangent frame of an environment.
@@ -14,30 +15,22 @@ use crate::settings;
 /// `depth_m` (n,), below the level of the origin.
 #[pyfunction]
 #[pyo3(name = "local_earth")]
-pub fn local_earth<'py>(
-    py: Python<'py>,
-    environment: &Bound<'py, PyAny>,
-    position_t_m: &Bound<'py, PyAny>,
-) -> PyResult<Bound<'py, PyDict>> {
+pub fn local_earth<'py>(py: Python<'py>, environment: Argument, position_t_m: Argument<'_, 'py>) -> Dict<'py> {
     let environment = settings::environment(environment)?;
     environment.validate().map_err(crate::errors::raise)?;
     let earth = Earth::from(&environment);
     let rows = Rows::<3>::new("position_t_m", position_t_m, &[None])?;
-    let positions = rows.get()?;
-    let count = positions.len();
-    let mut gravity: Vec<f64> = Vec::with_capacity(3 * count);
-    let mut rotation: Vec<f64> = Vec::with_capacity(9 * count);
-    let mut depth = Vec::with_capacity(count);
-    for position in positions {
-        let position = Vec3::from_array(*position);
-        let level = earth.level(&position);
-        gravity.extend(earth.gravity_t_mps2(&position).iter());
-        rotation.extend(level.rotation_t_n.transpose().iter());
-        depth.push(level.depth_m);
-    }
+    let positions = || rows.get().map(|rows| rows.iter().copied().map(Vec3::from_array));
+    let levels: Vec<_> = positions()?.map(|position| earth.level(&position)).collect();
     let dict = PyDict::new(py);
-    dict.set_item("gravity_t_mps2", array(py, gravity, &[count, 3])?)?;
-    dict.set_item("rotation_t_n", array(py, rotation, &[count, 3, 3])?)?;
-    dict.set_item("depth_m", array(py, depth, &[count])?)?;
+    dict.column(
+        "gravity_t_mps2",
+        positions()?.map(|position| earth.gravity_t_mps2(&position)),
+    )?;
+    dict.column(
+        "rotation_t_n",
+        levels.iter().map(|level| level.rotation_t_n.transpose()),
+    )?;
+    dict.column("depth_m", levels.iter().map(|level| level.depth_m))?;
     Ok(dict)
 }

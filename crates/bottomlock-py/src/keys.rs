@@ -7,7 +7,7 @@ use pyo3::conversion::FromPyObjectOwned;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyString};
 
-use crate::arrays::vector;
+use crate::arrays::{Argument, vector};
 use crate::errors::invalid;
 
 /// Characters of a value beyond which a message names its type alone.
@@ -98,7 +98,7 @@ impl<'py> Keys<'py> {
         if self.has(key)? { self.vector(key) } else { Ok([0.0; N]) }
     }
 
-    fn not(&self, key: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
+    fn not(&self, key: &str, value: Argument, expected: &str) -> PyErr {
         let of_type = || value.get_type().name().map_or("value".into(), |name| name.to_string());
         let text = value.repr().map_or_else(|_| of_type(), |text| text.to_string());
         let given = if text.len() > LINE || text.contains('\n') {

@@ -21,6 +21,7 @@ mod own_method;
 mod replay;
 mod replay_records;
 mod report;
+mod results;
 mod schedule;
 mod segments;
 mod settings;

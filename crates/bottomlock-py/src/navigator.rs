@@ -4,33 +4,35 @@
 mod lock;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
-use bottomlock::aiding::calibration::{CALIBRATION, CLOCK};
-use bottomlock::aiding::current_layers::Layer;
+use bottomlock::aiding::calibration::CLOCK;
 use bottomlock::aiding::registry::SensorModels;
-use bottomlock::aiding::water::WATER;
 use bottomlock::aiding::{effort, thrust, water};
-use bottomlock::filter::current::CurrentEstimate;
-use bottomlock::frames::Vec3;
-use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES,
     ThrustSample, VelocitySample, WaterSample,
 };
-use bottomlock::navigator::{LiveNavigator, Snapshot};
+use bottomlock::navigator::{LiveNavigator, NavigatorSet, Snapshot};
 use nalgebra::Matrix3;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyList, PyType};
+use pyo3::types::{PyBytes, PyDict, PyType};
 
-use crate::arrays::{array, by_name, floats, rows, times, vector};
+use crate::arrays::{Argument, Dict, by_name, floats, vec3, vector};
 use crate::beam_arrays::ping;
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::imu_faults::samples;
+use crate::report::Report;
+use crate::results::{Results, entries};
 use crate::settings;
 use crate::shared::Shared;
-use crate::state::{put_state, state};
+use crate::state::{state, state_dict};
+
+/// What a push returns.
+type Reports = PyResult<Vec<Report>>;
+/// What is estimated beside the state, none where it is not.
+type Estimate<'py> = PyResult<Option<Bound<'py, PyDict>>>;
 
 /// An aided inertial navigator for live use, one sample at a time. Its estimates are those of a campaign, bit for bit.
 ///
@@ -80,13 +82,13 @@ impl Navigator {
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
-        geometry: &Bound<'_, PyAny>,
-        model: &Bound<'_, PyAny>,
-        options: &Bound<'_, PyAny>,
-        initial: &Bound<'_, PyAny>,
-        method: Option<&Bound<'_, PyAny>>,
-        covariance: Option<&Bound<'_, PyAny>>,
-        horizon_ns: Option<&Bound<'_, PyAny>>,
+        geometry: Argument,
+        model: Argument,
+        options: Argument,
+        initial: Argument,
+        method: Option<Argument>,
+        covariance: Option<Argument>,
+        horizon_ns: Option<Argument>,
     ) -> PyResult<Self> {
         let horizon_ns = lock::horizon(horizon_ns)?;
         // Names, files and classes are Python's.
@@ -148,17 +150,11 @@ impl Navigator {
     /// Raises KernelError, and takes nothing, for numbers that are not finite or a time that does not come after the last, and
     /// after the first second for a mean specific force far from gravity: in g, or swapped with the rate.
     #[pyo3(signature = (time_ns, *, omega_p_radps, force_p_mps2))]
-    fn push_imu<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        omega_p_radps: &Bound<'py, PyAny>,
-        force_p_mps2: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyList>> {
+    fn push_imu(&self, py: Python<'_>, time_ns: i64, omega_p_radps: Argument, force_p_mps2: Argument) -> Reports {
         let sample = ImuSample {
             time_ns,
-            rate_p_radps: Vec3::from_array(vector("omega_p_radps", omega_p_radps)?),
-            force_p_mps2: Vec3::from_array(vector("force_p_mps2", force_p_mps2)?),
+            rate_p_radps: vec3("omega_p_radps", omega_p_radps)?,
+            force_p_mps2: vec3("force_p_mps2", force_p_mps2)?,
         };
         self.push(py, [Event::Imu(sample)])
     }
@@ -168,108 +164,68 @@ impl Navigator {
     /// An error refuses the reading that it names and those after it; the readings before it are taken, and the error's `taken`
     /// is their number and `reports` their reports.
     #[pyo3(signature = (time_ns, *, omega_p_radps, force_p_mps2))]
-    fn push_imu_block<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: &Bound<'py, PyAny>,
-        omega_p_radps: &Bound<'py, PyAny>,
-        force_p_mps2: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyList>> {
-        let stamps = times("time_ns", time_ns)?;
-        let rates = rows::<3>("omega_p_radps", omega_p_radps, Some(stamps.len()))?;
-        let forces = rows::<3>("force_p_mps2", force_p_mps2, Some(stamps.len()))?;
-        self.push(py, samples(&stamps, &rates, &forces).map(Event::Imu))
+    fn push_imu_block(&self, time_ns: Argument, omega_p_radps: Argument, force_p_mps2: Argument) -> Reports {
+        let readings = samples(time_ns, omega_p_radps, force_p_mps2)?;
+        self.push(time_ns.py(), readings.into_iter().map(Event::Imu))
     }
 
     /// A ping: velocity_mps, valid and sd_mps, each (beams,); entries of invalid beams may be NaN. A beam that is masked (numpy.ma)
     /// is not valid.
     #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps))]
-    fn push_beams<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        velocity_mps: &Bound<'py, PyAny>,
-        valid: &Bound<'py, PyAny>,
-        sd_mps: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyList>> {
-        self.push(
-            py,
-            [Event::Beams(ping(time_ns, [velocity_mps, valid, sd_mps], self.beams)?)],
-        )
+    fn push_beams(&self, time_ns: i64, velocity_mps: Argument, valid: Argument, sd_mps: Argument) -> Reports {
+        let ping = ping(time_ns, [velocity_mps, valid, sd_mps], self.beams)?;
+        self.push(valid.py(), [Event::Beams(ping)])
     }
 
     /// Beams that the water returned, as `push_beams` and with its sign: a beam reads positive when the vehicle moves along it through
     /// the water. `range_m` leads from the transducer along the beam to the middle of the cell, m. For options with
     /// `water_track`.
     #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps, range_m=0.0))]
-    fn push_water_track<'py>(
+    fn push_water_track(
         &self,
-        py: Python<'py>,
         time_ns: i64,
-        velocity_mps: &Bound<'py, PyAny>,
-        valid: &Bound<'py, PyAny>,
-        sd_mps: &Bound<'py, PyAny>,
+        velocity_mps: Argument,
+        valid: Argument,
+        sd_mps: Argument,
         range_m: f64,
-    ) -> PyResult<Bound<'py, PyList>> {
+    ) -> Reports {
         let ping = ping(time_ns, [velocity_mps, valid, sd_mps], self.beams)?;
-        self.push(py, [Event::WaterTrack(WaterSample { ping, range_m })])
+        self.push(valid.py(), [Event::WaterTrack(WaterSample { ping, range_m })])
     }
 
     /// A velocity solved by the instrument: (3,) in the platform frame, with its (3, 3) covariance.
     #[pyo3(signature = (time_ns, velocity_p_mps, *, cov_m2ps2))]
-    fn push_velocity<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        velocity_p_mps: &Bound<'py, PyAny>,
-        cov_m2ps2: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyList>> {
+    fn push_velocity(&self, time_ns: i64, velocity_p_mps: Argument, cov_m2ps2: Argument) -> Reports {
         let cov = floats("cov_m2ps2", cov_m2ps2, &[Some(3), Some(3)])?.values;
         let sample = VelocitySample {
             time_ns,
-            velocity_p_mps: Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?),
+            velocity_p_mps: vec3("velocity_p_mps", velocity_p_mps)?,
             cov_m2ps2: Matrix3::from_row_slice(&cov),
         };
-        self.push(py, [Event::from(sample)])
+        self.push(cov_m2ps2.py(), [Event::from(sample)])
     }
 
     /// A depth below the tangent plane's origin, m.
     #[pyo3(signature = (time_ns, depth_m, *, sd_m))]
-    fn push_depth<'py>(&self, py: Python<'py>, time_ns: i64, depth_m: f64, sd_m: f64) -> PyResult<Bound<'py, PyList>> {
+    fn push_depth(&self, py: Python<'_>, time_ns: i64, depth_m: f64, sd_m: f64) -> Reports {
         self.push(py, [Event::from(DepthSample { time_ns, depth_m, sd_m })])
     }
 
     /// An attitude (4,), scalar first, with the standard deviations of its Euler angles.
     #[pyo3(signature = (time_ns, attitude_t_p, *, roll_pitch_sd_rad, yaw_sd_rad))]
-    fn push_attitude<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        attitude_t_p: &Bound<'py, PyAny>,
-        roll_pitch_sd_rad: f64,
-        yaw_sd_rad: f64,
-    ) -> PyResult<Bound<'py, PyList>> {
-        let attitude_t_p = settings::attitude("attitude_t_p", attitude_t_p)?;
-        self.push(
-            py,
-            [Event::from(AttitudeSample {
-                time_ns,
-                attitude_t_p,
-                roll_pitch_sd_rad,
-                yaw_sd_rad,
-            })],
-        )
+    fn push_attitude(&self, time_ns: i64, attitude_t_p: Argument, roll_pitch_sd_rad: f64, yaw_sd_rad: f64) -> Reports {
+        let sample = AttitudeSample {
+            time_ns,
+            attitude_t_p: settings::attitude("attitude_t_p", attitude_t_p)?,
+            roll_pitch_sd_rad,
+            yaw_sd_rad,
+        };
+        self.push(attitude_t_p.py(), [Event::from(sample)])
     }
 
     /// A yaw angle alone, rad.
     #[pyo3(signature = (time_ns, yaw_rad, *, sd_rad))]
-    fn push_heading<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        yaw_rad: f64,
-        sd_rad: f64,
-    ) -> PyResult<Bound<'py, PyList>> {
+    fn push_heading(&self, py: Python<'_>, time_ns: i64, yaw_rad: f64, sd_rad: f64) -> Reports {
         let sample = HeadingSample {
             time_ns,
             yaw_rad,
@@ -281,13 +237,7 @@ impl Navigator {
     /// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward; `sd_mps` is the white noise of the speed
     /// that they say. For options with `thrust`.
     #[pyo3(signature = (time_ns, revolutions_hz, *, sd_mps))]
-    fn push_thrust<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        revolutions_hz: f64,
-        sd_mps: f64,
-    ) -> PyResult<Bound<'py, PyList>> {
+    fn push_thrust(&self, py: Python<'_>, time_ns: i64, revolutions_hz: f64, sd_mps: f64) -> Reports {
         let sample = ThrustSample {
             time_ns,
             revolutions_hz,
@@ -299,76 +249,60 @@ impl Navigator {
     /// Force of the thrusters along surge, sway and heave, (3,), N, with the white noise of each, 1 sigma. For options with `thrust`
     /// and a model with `effort`.
     #[pyo3(signature = (time_ns, force_p_n, *, sd_n))]
-    fn push_effort<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        force_p_n: &Bound<'py, PyAny>,
-        sd_n: f64,
-    ) -> PyResult<Bound<'py, PyList>> {
-        let sample = EffortSample {
-            time_ns,
-            force_p_n: Vec3::from_array(vector("force_p_n", force_p_n)?),
-            sd_n,
-        };
-        self.push(py, [Event::from(sample)])
+    fn push_effort(&self, py: Python<'_>, time_ns: i64, force_p_n: Argument, sd_n: f64) -> Reports {
+        let force_p_n = vec3("force_p_n", force_p_n)?;
+        self.push(
+            py,
+            [Event::from(EffortSample {
+                time_ns,
+                force_p_n,
+                sd_n,
+            })],
+        )
     }
 
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, velocity_t_mps, *, position_sd_m, velocity_sd_mps))]
-    fn push_gps<'py>(
+    fn push_gps(
         &self,
-        py: Python<'py>,
         time_ns: i64,
-        position_t_m: &Bound<'py, PyAny>,
-        velocity_t_mps: &Bound<'py, PyAny>,
-        position_sd_m: &Bound<'py, PyAny>,
-        velocity_sd_mps: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyList>> {
+        position_t_m: Argument,
+        velocity_t_mps: Argument,
+        position_sd_m: Argument,
+        velocity_sd_mps: Argument,
+    ) -> Reports {
         let sample = GpsSample {
             time_ns,
-            position_t_m: Vec3::from_array(vector("position_t_m", position_t_m)?),
+            position_t_m: vec3("position_t_m", position_t_m)?,
             position_sd_m: vector("position_sd_m", position_sd_m)?,
             velocity: Some(GpsVelocity {
-                velocity_t_mps: Vec3::from_array(vector("velocity_t_mps", velocity_t_mps)?),
+                velocity_t_mps: vec3("velocity_t_mps", velocity_t_mps)?,
                 sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
             }),
         };
-        self.push(py, [Event::from(sample)])
+        self.push(position_t_m.py(), [Event::from(sample)])
     }
 
     /// A position alone of the GPS antenna in the tangent frame (3,), with its standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, *, position_sd_m))]
-    fn push_position<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        position_t_m: &Bound<'py, PyAny>,
-        position_sd_m: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyList>> {
+    fn push_position(&self, time_ns: i64, position_t_m: Argument, position_sd_m: Argument) -> Reports {
         let sample = GpsSample {
             time_ns,
-            position_t_m: Vec3::from_array(vector("position_t_m", position_t_m)?),
+            position_t_m: vec3("position_t_m", position_t_m)?,
             position_sd_m: vector("position_sd_m", position_sd_m)?,
             velocity: None,
         };
-        self.push(py, [Event::from(sample)])
+        self.push(position_t_m.py(), [Event::from(sample)])
     }
 
     /// An acoustic position fix (USBL, LBL) of the transponder in the tangent frame (3,), with its standard deviations (3,); without
     /// them, with those of the model at the fix's slant range from the transceiver.
     #[pyo3(signature = (*, time_ns, position_t_m, sd_m=None))]
-    fn push_acoustic_position<'py>(
-        &self,
-        py: Python<'py>,
-        time_ns: i64,
-        position_t_m: &Bound<'py, PyAny>,
-        sd_m: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyList>> {
-        let position_t_m = Vec3::from_array(vector("position_t_m", position_t_m)?);
+    fn push_acoustic_position(&self, time_ns: i64, position_t_m: Argument, sd_m: Option<Argument>) -> Reports {
+        let position = vec3("position_t_m", position_t_m)?;
         let sd_m = sd_m.map(|sd_m| vector("sd_m", sd_m)).transpose()?;
-        let sample = AcousticPositionSample::new(time_ns, position_t_m, sd_m, &self.sensors.acoustic_position);
-        self.push(py, [Event::from(sample)])
+        let sample = AcousticPositionSample::new(time_ns, position, sd_m, &self.sensors.acoustic_position);
+        self.push(position_t_m.py(), [Event::from(sample)])
     }
 
     /// The whole navigator as bytes, with a format number and a digest: filters, counts of late samples, and the samples within
@@ -403,14 +337,13 @@ impl Navigator {
     ///
     /// A sample is too late if its time of validity lies before the start, or behind the last good IMU sample by more than
     /// `horizon_ns`. Of two samples of one stream at one time one is used, always the same one; the other is counted here too.
-    fn late_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let counts = self.with(py, |inner| *inner.late_events())?;
-        by_name(py, &STREAM_NAMES, &counts)
+    fn late_events<'py>(&self, py: Python<'py>) -> Dict<'py> {
+        by_name(py, &STREAM_NAMES, &self.with(py, |inner| *inner.late_events())?)
     }
 
     /// Number of inertial readings that were rejected, by reason (out_of_range, clipped, stuck), and of gaps longer than
     /// `max_gap_s` that were bridged with inflation (inflated_gaps).
-    fn imu_faults<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    fn imu_faults<'py>(&self, py: Python<'py>) -> Dict<'py> {
         by_name(py, &IMU_FAULTS, &self.with(py, |inner| *inner.imu_faults())?)
     }
 
@@ -420,16 +353,13 @@ impl Navigator {
     }
 
     /// The estimate at the time of the last IMU sample.
-    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let out = PyDict::new(py);
-        put_state(&out, &self.with(py, |inner| inner.navigators().state())?)?;
-        Ok(out)
+    fn state<'py>(&self, py: Python<'py>) -> Dict<'py> {
+        state_dict(py, &self.with(py, |inner| inner.navigators().state())?)
     }
 
     /// The (20, 20) covariance at that time; the call changes nothing.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let covariance = self.with(py, |inner| inner.navigators().covariance())?;
-        array(py, covariance.as_slice().to_vec(), &[DIM, DIM])
+        entries(py, &[], [self.with(py, |inner| inner.navigators().covariance())?])
     }
 
     /// Estimate of the motion through the water after the last update, by every method with `options.water_track` or `thrust`, else by
@@ -443,137 +373,112 @@ impl Navigator {
     /// With layers (`options.current_layers`) the current in the (6, 6) covariance is what all depths have in common, and
     /// `layers` has depth_m (L,), current_t_mps (L, 2), current_covariance (L, 2, 2) and age_s (L,), the time since a layer was
     /// measured last, infinite for one that was not; without layers L is 0.
-    fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let estimated = self.with(py, |inner| {
-            let navigators = inner.navigators();
+    fn water<'py>(&self, py: Python<'py>) -> Estimate<'py> {
+        let of = |navigators: &NavigatorSet| {
             let filter = navigators.selected().filter();
-            let numbers = filter.current().zip(filter.water_covariance());
-            navigators
-                .water()
-                .cloned()
-                .zip(numbers)
-                .map(|found| (found, filter.layers()))
-        })?;
-        let Some(((block, ((current, current_covariance), covariance)), layers)) = estimated else {
-            return Ok(None);
+            let (current, covariance) = filter.current().zip(filter.water_covariance())?;
+            Some((navigators.water().cloned()?, current, covariance, filter.layers()))
         };
-        let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
-        let out = PyDict::new(py);
-        out.set_item("current_t_mps", array::<f64>(py, current.as_slice().to_vec(), &[2])?)?;
-        let current_covariance = current_covariance.as_slice().to_vec();
-        out.set_item("current_covariance", array(py, current_covariance, &[2, 2])?)?;
-        out.set_item("sway_gain_m", estimate[water::GAIN])?;
-        out.set_item("trim_heave_mps", estimate[water::TRIM])?;
-        out.set_item("sway_slip_mps", estimate[water::SWAY])?;
-        out.set_item("heave_slip_mps", estimate[water::HEAVE])?;
-        out.set_item("sway_slip_sd_mps", slip_sd_mps[water::SWAY])?;
-        out.set_item("heave_slip_sd_mps", slip_sd_mps[water::HEAVE])?;
-        let [sway_s, heave_s] = block.slip_time_s();
-        out.set_item("sway_slip_time_s", sway_s)?;
-        out.set_item("heave_slip_time_s", heave_s)?;
-        out.set_item("restarts", block.restarts())?;
-        out.set_item("alarms", block.alarms())?;
-        let covariance = covariance.as_slice().to_vec();
-        out.set_item("covariance", array(py, covariance, &[WATER, WATER])?)?;
-        out.set_item("layers", layers_dict(py, &layers)?)?;
-        Ok(Some(out))
+        self.estimate(
+            py,
+            of,
+            |out, (block, (current, current_covariance), covariance, layers)| {
+                let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
+                out.entry("current_t_mps", current)?;
+                out.entry("current_covariance", current_covariance)?;
+                let [sway_s, heave_s] = block.slip_time_s();
+                for (key, number) in [
+                    ("sway_gain_m", estimate[water::GAIN]),
+                    ("trim_heave_mps", estimate[water::TRIM]),
+                    ("sway_slip_mps", estimate[water::SWAY]),
+                    ("heave_slip_mps", estimate[water::HEAVE]),
+                    ("sway_slip_sd_mps", slip_sd_mps[water::SWAY]),
+                    ("heave_slip_sd_mps", slip_sd_mps[water::HEAVE]),
+                    ("sway_slip_time_s", sway_s),
+                    ("heave_slip_time_s", heave_s),
+                ] {
+                    out.set_item(key, number)?;
+                }
+                out.set_item("restarts", block.restarts())?;
+                out.set_item("alarms", block.alarms())?;
+                out.entry("covariance", covariance)?;
+                let by_depth = PyDict::new(py);
+                by_depth.column("depth_m", layers.iter().map(|(layer, _)| layer.depth_m))?;
+                by_depth.column("current_t_mps", layers.iter().map(|(_, (current, _))| *current))?;
+                by_depth.column(
+                    "current_covariance",
+                    layers.iter().map(|(_, (_, covariance))| *covariance),
+                )?;
+                by_depth.column("age_s", layers.iter().map(|(layer, _)| layer.age_s))?;
+                out.set_item("layers", by_depth)
+            },
+        )
     }
 
     /// Estimate of what the propeller makes of its revolutions after the last update; None where `options.thrust` is off.
     ///
     /// advance_m per revolution; slip_mps, what the vehicle is faster through the water; and the (2, 2) covariance of both.
-    fn thrust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let estimated = self.with(py, |inner| inner.navigators().selected().filter().thrust())?;
-        let Some((estimate, covariance)) = estimated else {
-            return Ok(None);
-        };
-        let out = PyDict::new(py);
-        out.set_item("advance_m", estimate[thrust::ADVANCE])?;
-        out.set_item("slip_mps", estimate[thrust::SLIP])?;
-        let covariance = covariance.as_slice().to_vec();
-        out.set_item("covariance", array(py, covariance, &[thrust::THRUST, thrust::THRUST])?)?;
-        Ok(Some(out))
+    fn thrust<'py>(&self, py: Python<'py>) -> Estimate<'py> {
+        let of = |navigators: &NavigatorSet| navigators.selected().filter().thrust();
+        self.estimate(py, of, |out, (estimate, covariance)| {
+            out.set_item("advance_m", estimate[thrust::ADVANCE])?;
+            out.set_item("slip_mps", estimate[thrust::SLIP])?;
+            out.entry("covariance", covariance)
+        })
     }
 
     /// Estimate of what drag and mass are wrong by after the last update; None where no forces are used.
     ///
     /// Along surge, sway and heave each: speed_scale, the speed over that by the drag law; slip_mps, what the vehicle is faster
     /// through the water; inertia_error, relative; and the (9, 9) covariance of all, in this order. Zero for an axis without drag.
-    fn effort<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let estimated = self.with(py, |inner| inner.navigators().selected().filter().effort())?;
-        let Some((estimate, covariance)) = estimated else {
-            return Ok(None);
-        };
-        let out = PyDict::new(py);
-        for (key, first) in [
-            ("speed_scale", effort::SPEED_SCALE),
-            ("slip_mps", effort::SLIP),
-            ("inertia_error", effort::INERTIA),
-        ] {
-            out.set_item(key, array(py, estimate.as_slice()[first..first + 3].to_vec(), &[3])?)?;
-        }
-        let covariance = covariance.as_slice().to_vec();
-        out.set_item("covariance", array(py, covariance, &[effort::EFFORT, effort::EFFORT])?)?;
-        Ok(Some(out))
+    fn effort<'py>(&self, py: Python<'py>) -> Estimate<'py> {
+        let of = |navigators: &NavigatorSet| navigators.selected().filter().effort();
+        self.estimate(py, of, |out, (estimate, covariance)| {
+            out.entry(
+                "speed_scale",
+                estimate.fixed_rows::<3>(effort::SPEED_SCALE).into_owned(),
+            )?;
+            out.entry("slip_mps", estimate.fixed_rows::<3>(effort::SLIP).into_owned())?;
+            out.entry("inertia_error", estimate.fixed_rows::<3>(effort::INERTIA).into_owned())?;
+            out.entry("covariance", covariance)
+        })
     }
 
     /// Estimated error of the attitude reference in roll, pitch and yaw, offset and walk together, after the last update; None
     /// where `model.magnetometer` has no slow errors.
     ///
     /// error_rad (3,) and its 1 sigma, sd_rad (3,).
-    fn attitude_error<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let estimated = self.with(py, |inner| inner.navigators().selected().filter().attitude_error_rad())?;
-        estimated.map(|errors| slow_error(py, &errors)).transpose()
+    fn attitude_error<'py>(&self, py: Python<'py>) -> Estimate<'py> {
+        let of = |navigators: &NavigatorSet| navigators.selected().filter().attitude_error_rad();
+        self.estimate(py, of, |out, errors| slow_error(out, errors))
     }
 
     /// Estimated error of the heading sensor, offset and walk together, after the last update; None where `model.heading` has
     /// no slow errors.
     ///
     /// error_rad (1,) and its 1 sigma, sd_rad (1,).
-    fn heading_error<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let estimated = self.with(py, |inner| inner.navigators().selected().filter().heading_error_rad())?;
-        estimated.map(|error| slow_error(py, &[error])).transpose()
+    fn heading_error<'py>(&self, py: Python<'py>) -> Estimate<'py> {
+        let of = |navigators: &NavigatorSet| navigators.selected().filter().heading_error_rad();
+        self.estimate(py, of, |out, error| slow_error(out, [error]))
     }
 
     /// Estimate of the DVL's mounting and clock after the last update; None where `options.calibration` is off.
     ///
     /// mounting_rad (3,), the rotation from the stated mounting about forward, right and down; clock_s, the time to add to the
     /// stamps; the (4, 4) covariance of both.
-    fn calibration<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let estimated = self.with(py, |inner| inner.navigators().selected().filter().calibration())?;
-        let Some((estimate, covariance)) = estimated else {
-            return Ok(None);
-        };
-        let (numbers, out) = (estimate.numbers(), PyDict::new(py));
-        out.set_item(
-            "mounting_rad",
-            array(py, numbers.as_slice()[..CLOCK].to_vec(), &[CLOCK])?,
-        )?;
-        out.set_item("clock_s", numbers[CLOCK])?;
-        let covariance = covariance.as_slice().to_vec();
-        out.set_item("covariance", array(py, covariance, &[CALIBRATION, CALIBRATION])?)?;
-        Ok(Some(out))
+    fn calibration<'py>(&self, py: Python<'py>) -> Estimate<'py> {
+        let of = |navigators: &NavigatorSet| navigators.selected().filter().calibration();
+        self.estimate(py, of, |out, (estimate, covariance)| {
+            let numbers = estimate.numbers();
+            out.entry("mounting_rad", numbers.fixed_rows::<CLOCK>(0).into_owned())?;
+            out.set_item("clock_s", numbers[CLOCK])?;
+            out.entry("covariance", covariance)
+        })
     }
 }
 
 /// Estimates with their standard deviations, rad.
-fn slow_error<'py>(py: Python<'py>, errors: &[(f64, f64)]) -> PyResult<Bound<'py, PyDict>> {
-    let (error_rad, sd_rad): (Vec<f64>, Vec<f64>) = errors.iter().copied().unzip();
-    let out = PyDict::new(py);
-    out.set_item("error_rad", array(py, error_rad, &[errors.len()])?)?;
-    out.set_item("sd_rad", array(py, sd_rad, &[errors.len()])?)?;
-    Ok(out)
-}
-
-/// The layers of the current as arrays.
-fn layers_dict<'py>(py: Python<'py>, layers: &[(Layer, CurrentEstimate)]) -> PyResult<Bound<'py, PyDict>> {
-    let (out, n) = (PyDict::new(py), layers.len());
-    let each = |of: &dyn Fn(&(Layer, CurrentEstimate)) -> Vec<f64>| layers.iter().flat_map(of).collect::<Vec<f64>>();
-    out.set_item("depth_m", array(py, each(&|(layer, _)| vec![layer.depth_m]), &[n])?)?;
-    let current = each(&|(_, (current, _))| current.as_slice().to_vec());
-    out.set_item("current_t_mps", array(py, current, &[n, 2])?)?;
-    let covariance = each(&|(_, (_, covariance))| covariance.as_slice().to_vec());
-    out.set_item("current_covariance", array(py, covariance, &[n, 2, 2])?)?;
-    out.set_item("age_s", array(py, each(&|(layer, _)| vec![layer.age_s]), &[n])?)?;
-    Ok(out)
+fn slow_error<const N: usize>(out: &Bound<'_, PyDict>, errors: [(f64, f64); N]) -> PyResult<()> {
+    out.entry("error_rad", errors.map(|(error, _)| error))?;
+    out.entry("sd_rad", errors.map(|(_, sd)| sd))
 }

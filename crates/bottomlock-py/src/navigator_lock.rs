@@ -1,11 +1,12 @@
 //! The whole state of a navigator, and what is pushed into it.
 
 use bottomlock::navigator::events::Event;
-use bottomlock::navigator::{LiveNavigator, Snapshot};
+use bottomlock::navigator::{LiveNavigator, NavigatorSet, Snapshot};
 use pyo3::prelude::*;
-use pyo3::types::PyList;
+use pyo3::types::PyDict;
 
 use super::Navigator;
+use crate::arrays::Argument;
 use crate::errors::{invalid, raise};
 use crate::report::Report;
 use crate::shared::Shared;
@@ -16,7 +17,7 @@ const BROKEN: &str = "this navigator has met an internal error before: start a n
 const HORIZON_NS: i64 = 2_000_000_000;
 
 /// The horizon of an argument, ns; the default for `None`.
-pub(super) fn horizon(value: Option<&Bound<'_, PyAny>>) -> PyResult<i64> {
+pub(super) fn horizon(value: Option<Argument>) -> PyResult<i64> {
     let Some(value) = value else {
         return Ok(HORIZON_NS);
     };
@@ -56,11 +57,7 @@ impl Navigator {
     }
 
     /// Takes events one after another, and returns what they completed; an error has the reports of those before it.
-    pub(super) fn push<'py>(
-        &self,
-        py: Python<'py>,
-        events: impl IntoIterator<Item = Event> + Send,
-    ) -> PyResult<Bound<'py, PyList>> {
+    pub(super) fn push(&self, py: Python<'_>, events: impl IntoIterator<Item = Event> + Send) -> PyResult<Vec<Report>> {
         let (mut pushed, mut taken) = (Vec::new(), 0);
         let outcome = self.with(py, |inner| {
             events.into_iter().try_for_each(|event| {
@@ -69,21 +66,29 @@ impl Navigator {
                 Ok(())
             })
         })?;
-        let reports = PyList::new(
-            py,
-            pushed
-                .iter()
-                .map(|notice| Report::of(py, notice, self.beams))
-                .collect::<PyResult<Vec<_>>>()?,
-        )?;
-        match outcome {
-            Ok(()) => Ok(reports),
-            Err(error) => {
-                let error = raise(error);
-                error.value(py).setattr("taken", taken)?;
-                error.value(py).setattr("reports", reports)?;
-                Err(error)
-            }
-        }
+        let reports = pushed.iter().map(|notice| Report::of(py, notice, self.beams));
+        let reports = reports.collect::<PyResult<Vec<_>>>()?;
+        let Err(error) = outcome else {
+            return Ok(reports);
+        };
+        let error = raise(error);
+        error.value(py).setattr("taken", taken)?;
+        error.value(py).setattr("reports", reports)?;
+        Err(error)
+    }
+
+    /// A dict that `fill` makes of what `of` takes of the navigators.
+    pub(super) fn estimate<'py, T: Send>(
+        &self,
+        py: Python<'py>,
+        of: impl FnOnce(&NavigatorSet) -> Option<T> + Send,
+        fill: impl FnOnce(&Bound<'py, PyDict>, T) -> PyResult<()>,
+    ) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(estimated) = self.with(py, |inner| of(inner.navigators()))? else {
+            return Ok(None);
+        };
+        let out = PyDict::new(py);
+        fill(&out, estimated)?;
+        Ok(Some(out))
     }
 }

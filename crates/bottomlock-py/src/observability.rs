@@ -11,16 +11,16 @@ use bottomlock::observability::rank::{Observability, WindowRank};
 use bottomlock::observability::{Aiding, Epochs, System, full};
 use bottomlock::simulation::truth::Truth;
 use nalgebra::DMatrix;
-use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
 
-use crate::arrays::{array, booleans, floats, times};
+use crate::arrays::{Argument, Dict, booleans, floats, times};
 use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
 use crate::errors::invalid;
 use crate::keys::{Keys, read};
 use crate::memory::product;
+use crate::results::{Results, matrix};
 use crate::settings;
 use crate::truth::Truths;
 
@@ -46,7 +46,7 @@ impl Kind {
 
 /// An aiding set from beams, a flag for each of `SENSORS`, and lever arms; sensors that are not named are not in the
 /// set.
-fn aiding(value: &Bound<'_, PyAny>, beams: usize) -> PyResult<Aiding> {
+fn aiding(value: Argument, beams: usize) -> PyResult<Aiding> {
     read("aiding", value, |keys| aiding_of(keys, beams))
 }
 
@@ -95,7 +95,7 @@ fn scheduled_sets(keys: &Keys<'_>, beams: usize) -> PyResult<Vec<(i64, Aiding)>>
 }
 
 /// The epochs of a schedule, if one is given; the 2015 model has periodic epochs only.
-fn schedule(given: Option<&Bound<'_, PyAny>>, beams: usize, kind: &Kind) -> PyResult<Option<Vec<(i64, Aiding)>>> {
+fn schedule(given: Option<Argument>, beams: usize, kind: &Kind) -> PyResult<Option<Vec<(i64, Aiding)>>> {
     if given.is_some() && matches!(kind, Kind::Paper(_)) {
         return Err(invalid(
             "schedule: the 2015 model has periodic epochs only, expected period_ns in its place",
@@ -123,16 +123,9 @@ fn require_memory(truth: &Truth<'_>, sets: usize, epochs: Epochs<'_>) -> PyResul
 
 /// The sensors of the 2015 model, which has a DVL and a depth sensor only.
 fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
-    let (velocity, depth) = (
-        aiding.sensors.contains(Sensor::Velocity),
-        aiding.sensors.contains(Sensor::Depth),
-    );
-    let named = [(Sensor::Velocity, velocity), (Sensor::Depth, depth)];
+    let has = |sensor: &Sensor| aiding.sensors.contains(*sensor);
     let known = Aiding {
-        sensors: named
-            .into_iter()
-            .filter_map(|(sensor, there)| there.then_some(sensor))
-            .collect(),
+        sensors: [Sensor::Velocity, Sensor::Depth].into_iter().filter(has).collect(),
         ..Aiding::default()
     };
     if *aiding != known {
@@ -141,13 +134,9 @@ fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
         ));
     }
     Ok(Sensors {
-        velocity: velocity.then_some(sign),
-        depth,
+        velocity: has(&Sensor::Velocity).then_some(sign),
+        depth: has(&Sensor::Depth),
     })
-}
-
-fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    array(py, m.transpose().as_slice().to_vec(), &[m.nrows(), m.ncols()])
 }
 
 /// Rank, gap and unobservable subspace of a window for each aiding set.
@@ -169,15 +158,15 @@ fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray
 pub fn observe<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    truth: &Bound<'py, PyAny>,
-    model: &Bound<'py, PyAny>,
+    truth: Argument,
+    model: Argument,
     aidings: Vec<Bound<'py, PyAny>>,
     kind: &str,
     period_ns: i64,
-    schedule: Option<&Bound<'py, PyAny>>,
-    scale: Option<&Bound<'py, PyAny>>,
+    schedule: Option<Argument>,
+    scale: Option<Argument>,
     per_epoch: bool,
-) -> PyResult<Bound<'py, PyList>> {
+) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;
     let scheduled = self::schedule(schedule, geometry.inner.beams(), &kind)?;
@@ -222,49 +211,38 @@ pub fn observe<'py>(
             })
             .collect::<Result<Vec<_>, _>>()
     })?;
-    let out = PyList::empty(py);
-    for (system, whole, parts) in &analysed {
-        out.append(result(py, system, whole, parts)?)?;
-    }
-    Ok(out)
+    let results = analysed
+        .iter()
+        .map(|(system, whole, parts)| result(py, system, whole, parts));
+    results.collect()
 }
 
-fn result<'py>(
-    py: Python<'py>,
-    system: &System,
-    whole: &Observability,
-    parts: &[WindowRank],
-) -> PyResult<Bound<'py, PyDict>> {
+fn result<'py>(py: Python<'py>, system: &System, whole: &Observability, parts: &[WindowRank]) -> Dict<'py> {
     let out = PyDict::new(py);
-    let vector = |values: &[f64]| array(py, values.to_vec(), &[values.len()]);
-    let counts = |values: Vec<i64>| {
-        let count = values.len();
-        array(py, values, &[count])
-    };
     out.set_item("states", &system.names)?;
     out.set_item("rank", whole.rank)?;
     out.set_item("decided", whole.decided)?;
     out.set_item("gap", whole.gap)?;
     out.set_item("widest_step", whole.widest_step)?;
-    out.set_item("singular_values", vector(whole.singular_values.as_slice())?)?;
+    out.column("singular_values", whole.singular_values.as_slice().iter().copied())?;
     out.set_item("noise_floor", whole.noise_floor)?;
     out.set_item("basis", matrix(py, &whole.basis)?)?;
-    out.set_item("pivots", counts(whole.pivots.iter().map(|&k| k as i64).collect())?)?;
-    out.set_item("unobservable_fraction", vector(whole.unobservable_fraction.as_slice())?)?;
-    out.set_item("scales", vector(whole.scales.as_slice())?)?;
+    out.column("pivots", whole.pivots.iter().map(|&k| k as i64))?;
+    out.column(
+        "unobservable_fraction",
+        whole.unobservable_fraction.as_slice().iter().copied(),
+    )?;
+    out.column("scales", whole.scales.as_slice().iter().copied())?;
     out.set_item("gramian", matrix(py, &rank::gramian(system))?)?;
     out.set_item("rows", matrix(py, &rank::rows(system))?)?;
-    let times = system.epochs.iter().map(|epoch| epoch.time_ns).collect();
-    out.set_item("epoch_time_ns", counts(times)?)?;
+    out.column("epoch_time_ns", system.epochs.iter().map(|epoch| epoch.time_ns))?;
     if !parts.is_empty() {
         // The first epoch alone is no window and has no rank.
-        let padded =
-            std::iter::once((-1, f64::NAN, false)).chain(parts.iter().map(|p| (p.rank as i64, p.gap, p.decided)));
-        let padded: Vec<_> = padded.collect();
-        out.set_item("epoch_rank", counts(padded.iter().map(|p| p.0).collect())?)?;
-        out.set_item("epoch_gap", vector(&padded.iter().map(|p| p.1).collect::<Vec<_>>())?)?;
-        let decided: Vec<bool> = padded.iter().map(|p| p.2).collect();
-        out.set_item("epoch_decided", array(py, decided, &[padded.len()])?)?;
+        let windows = parts.iter().map(|part| (part.rank as i64, part.gap, part.decided));
+        let padded: Vec<_> = std::iter::once((-1, f64::NAN, false)).chain(windows).collect();
+        out.column("epoch_rank", padded.iter().map(|window| window.0))?;
+        out.column("epoch_gap", padded.iter().map(|window| window.1))?;
+        out.column("epoch_decided", padded.iter().map(|window| window.2))?;
     }
     Ok(out)
 }
@@ -279,13 +257,13 @@ fn result<'py>(
 pub fn covariance_history<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    truth: &Bound<'py, PyAny>,
-    model: &Bound<'py, PyAny>,
-    aiding: &Bound<'py, PyAny>,
+    truth: Argument,
+    model: Argument,
+    aiding: Argument,
     kind: &str,
     period_ns: i64,
-    schedule: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
+    schedule: Option<Argument>,
+) -> Dict<'py> {
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;
     let scheduled = self::schedule(schedule, geometry.inner.beams(), &kind)?;
@@ -307,11 +285,14 @@ pub fn covariance_history<'py>(
         None => full::NAMES.to_vec(),
     };
     let out = PyDict::new(py);
-    let epochs = history.time_ns.len();
+    let shape = [history.time_ns.len(), states, states];
     out.set_item("states", names)?;
-    out.set_item("time_ns", array(py, history.time_ns, &[epochs])?)?;
+    out.column("time_ns", history.time_ns)?;
     // A symmetric matrix is the same by rows and by columns.
-    let values = history.covariance.iter().flat_map(|p| p.as_slice().to_vec()).collect();
-    out.set_item("covariance", array::<f64>(py, values, &[epochs, states, states])?)?;
+    let values = history
+        .covariance
+        .iter()
+        .flat_map(|covariance| covariance.iter().copied());
+    out.put("covariance", &shape, values)?;
     Ok(out)
 }

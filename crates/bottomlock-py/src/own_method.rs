@@ -7,8 +7,9 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use crate::arrays::{array, floats, vector};
+use crate::arrays::{Argument, Dict, floats, vector};
 use crate::errors::{invalid, raise_timeless};
+use crate::results::Results;
 
 /// Registers a method: a name of its own for scenarios, replays and navigators.
 ///
@@ -58,45 +59,29 @@ fn one_line(py: Python<'_>, error: &PyErr) -> String {
 }
 
 /// What a method is told.
-fn ping_dict<'py>(py: Python<'py>, beams: &PingBeams<'_>, prior: &PingPrior<'_>) -> PyResult<Bound<'py, PyDict>> {
+fn ping_dict<'py>(py: Python<'py>, beams: &PingBeams<'_>, prior: &PingPrior<'_>) -> Dict<'py> {
     let valid: Vec<usize> = beams.ping.valid.iter().collect();
-    let count = valid.len();
-    let (terms, state) = (beams.terms, prior.state);
-    let pick = |of: &dyn Fn(usize) -> Vec<f64>| valid.iter().flat_map(|&beam| of(beam)).collect::<Vec<f64>>();
+    let each = || valid.iter().copied();
+    let (terms, count) = (beams.terms, valid.len());
     let out = PyDict::new(py);
-    let put = |name: &str, values: Vec<f64>, shape: &[usize]| out.set_item(name, array(py, values, shape)?);
-    let numbers: Vec<i64> = valid.iter().map(|&beam| beam as i64).collect();
     out.set_item("time_ns", beams.ping.time_ns)?;
-    out.set_item("number", array(py, numbers, &[count])?)?;
-    put(
-        "reading_mps",
-        pick(&|beam| vec![beams.ping.velocity_mps[beam]]),
-        &[count],
-    )?;
-    let directions = pick(&|beam| beams.geometry.direction_p(beam).as_slice().to_vec());
-    put("directions_p", directions, &[count, 3])?;
-    put("residual_mps", pick(&|beam| vec![terms.residual[beam]]), &[count])?;
-    let jacobian = pick(&|beam| terms.jacobian.row(beam).iter().copied().collect());
-    put("jacobian", jacobian, &[count, DIM])?;
-    let noise = pick(&|beam| valid.iter().map(|&other| terms.noise[(beam, other)]).collect());
-    put("noise_m2ps2", noise, &[count, count])?;
-    put("velocity_p_mps", state.velocity_p_mps.to_array().to_vec(), &[3])?;
-    put("position_t_m", state.position_t_m.to_array().to_vec(), &[3])?;
-    put("attitude_t_p", state.attitude_t_p.to_quaternion_wxyz().to_vec(), &[4])?;
-    put(
-        "dvl_bias_mps",
-        state.dvl_bias_mps.as_slice().to_vec(),
-        &[state.dvl_bias_mps.len()],
-    )?;
-    out.set_item("dvl_scale_factor", state.dvl_scale_factor)?;
-    put("omega_tp_p_radps", prior.omega_tp_p_radps.as_slice().to_vec(), &[3])?;
-    // A covariance is symmetric, so its columns are its rows.
-    put("covariance", prior.covariance.as_slice().to_vec(), &[DIM, DIM])?;
+    out.column("number", each().map(|beam| beam as i64))?;
+    out.column("reading_mps", each().map(|beam| beams.ping.velocity_mps[beam]))?;
+    out.column("directions_p", each().map(|beam| *beams.geometry.direction_p(beam)))?;
+    out.column("residual_mps", each().map(|beam| terms.residual[beam]))?;
+    out.column("jacobian", each().map(|beam| terms.jacobian.row(beam).transpose()))?;
+    let noise = each().flat_map(|beam| each().map(move |other| terms.noise[(beam, other)]));
+    out.put("noise_m2ps2", &[count, count], noise)?;
+    out.motion("", &[], || std::iter::once(prior.state))?;
+    out.entry("dvl_bias_mps", prior.state.dvl_bias_mps)?;
+    out.set_item("dvl_scale_factor", prior.state.dvl_scale_factor)?;
+    out.entry("omega_tp_p_radps", prior.omega_tp_p_radps)?;
+    out.entry("covariance", *prior.covariance)?;
     Ok(out)
 }
 
 /// What a method returned.
-fn measured(returned: &Bound<'_, PyAny>) -> PyResult<Measured> {
+fn measured(returned: Argument) -> PyResult<Measured> {
     if returned.is_none() {
         return Ok(Measured::Nothing);
     }

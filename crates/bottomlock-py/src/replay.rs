@@ -1,6 +1,6 @@
 //! A recorded log through the event loop.
 
-use bottomlock::aiding::calibration::CALIBRATION;
+use bottomlock::aiding::calibration::{CALIBRATION, CalibrationCovariance};
 use bottomlock::aiding::current_layers::LAYER_STATES;
 use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
 use bottomlock::aiding::water::WATER;
@@ -17,14 +17,15 @@ use nalgebra::{Matrix2, Vector2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, booleans, by_name, floats, rows, times};
+use crate::arrays::{Argument, Dict, booleans, by_name, floats, rows, times};
 use crate::beam_arrays::{pings, water_samples};
 use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
-use crate::imu_faults::{put_faults, samples};
+use crate::imu_faults::{put_faults, zipped};
 use crate::keys::{Keys, read};
 use crate::memory::product;
 use crate::replay_records::{put_innovations, put_pings};
+use crate::results::Results;
 use crate::settings;
 use crate::state::state;
 
@@ -37,12 +38,11 @@ struct OwnedLog {
 }
 
 impl OwnedLog {
-    fn read(value: &Bound<'_, PyAny>, beams: usize, model: &Model) -> PyResult<Self> {
+    fn read(value: Argument, beams: usize, model: &Model) -> PyResult<Self> {
         read("log", value, |keys| Self::of(keys, beams, model))
     }
 
     fn of(keys: &Keys<'_>, beams: usize, model: &Model) -> PyResult<Self> {
-        let stamps = |key: &str| times(&keys.path(key), &keys.item(key)?);
         let three = |key: &str, count: usize| -> PyResult<Vec<[f64; 3]>> {
             let value = keys.item(key)?;
             if count == 0 && value.len()? == 0 {
@@ -51,20 +51,16 @@ impl OwnedLog {
             rows::<3>(&keys.path(key), &value, Some(count))
         };
 
-        let imu_ns = stamps("imu_time_ns")?;
-        let (rates, forces) = (
-            three("omega_p_radps", imu_ns.len())?,
-            three("force_p_mps2", imu_ns.len())?,
-        );
-        let imu = samples(&imu_ns, &rates, &forces).collect();
-
+        let imu_ns = times(&keys.path("imu_time_ns"), &keys.item("imu_time_ns")?)?;
+        let rates = three("omega_p_radps", imu_ns.len())?;
+        let forces = three("force_p_mps2", imu_ns.len())?;
         let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
         for kind in SensorKind::ALL {
             sensors[kind as usize] = Self::measurements(keys, kind, model)?;
         }
         let sd_mps = model.sensors.dvl.beam_noise_sd_mps;
         let mut log = Self {
-            imu,
+            imu: zipped(&imu_ns, &rates, &forces),
             pings: pings(keys, "dvl_time_ns", "beam", beams, sd_mps)?,
             sensors,
             water_track: water_samples(keys, beams, sd_mps)?,
@@ -107,15 +103,11 @@ impl OwnedLog {
             columns.push(Some((values, column.width)));
         }
         let of_row = |(row, &time_ns): (usize, &i64)| {
-            let numbers: Vec<Option<&[f64]>> = columns
-                .iter()
-                .map(|column| {
-                    column
-                        .as_ref()
-                        .map(|(values, width)| &values[row * width..(row + 1) * width])
-                })
-                .collect();
-            declaration.of_row(time_ns, &numbers, &model.sensors)
+            let numbers = columns.iter().map(|column: &Option<(Vec<f64>, usize)>| {
+                let (values, width) = column.as_ref()?;
+                Some(&values[row * width..(row + 1) * width])
+            });
+            declaration.of_row(time_ns, &numbers.collect::<Vec<_>>(), &model.sensors)
         };
         Ok(time_ns.iter().enumerate().filter_map(of_row).collect())
     }
@@ -193,18 +185,18 @@ impl OwnedLog {
 pub fn replay_log<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    model: &Bound<'py, PyAny>,
-    options: &Bound<'py, PyAny>,
+    model: Argument,
+    options: Argument,
     methods: Vec<String>,
-    log: &Bound<'py, PyAny>,
-    start: &Bound<'py, PyAny>,
-    sample_time_ns: &Bound<'py, PyAny>,
-    covariance: Option<&Bound<'py, PyAny>>,
+    log: Argument,
+    start: Argument,
+    sample_time_ns: Argument,
+    covariance: Option<Argument>,
     smooth: bool,
     covariances: bool,
     innovations: bool,
     threads: usize,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> Dict<'py> {
     let (model, options) = (settings::model(model)?, settings::options(options)?);
     let beams = geometry.inner.beams();
     let log = OwnedLog::read(log, beams, &model)?;
@@ -233,15 +225,16 @@ pub fn replay_log<'py>(
 
     let out = PyDict::new(py);
     let reached = replayed.tracks.first().map_or(&[][..], |track| &track.filtered.states);
-    let reached_ns: Vec<i64> = reached.iter().map(|state| state.time_ns).collect();
-    out.set_item("sample_time_ns", array(py, reached_ns, &[reached.len()])?)?;
+    out.column("sample_time_ns", reached.iter().map(|state| state.time_ns))?;
     put_series(&out, "", &replayed.tracks, covariances, |track| &track.filtered)?;
     if smooth {
         put_series(&out, "smoothed_", &replayed.tracks, covariances, |track| {
             &track.smoothed
         })?;
-        let bytes: Vec<i64> = replayed.tracks.iter().map(|track| track.tape_bytes as i64).collect();
-        out.set_item("smoother_bytes", array(py, bytes, &[methods.len()])?)?;
+        out.column(
+            "smoother_bytes",
+            replayed.tracks.iter().map(|track| track.tape_bytes as i64),
+        )?;
     }
     put_calibrations(&out, &replayed.tracks, covariances)?;
     put_attitude_errors(&out, &replayed.tracks)?;
@@ -290,50 +283,19 @@ fn put_series(
     covariances: bool,
     of: impl Fn(&Track) -> &Series,
 ) -> PyResult<()> {
-    let samples = tracks.first().map_or(0, |track| of(track).states.len());
-    let put = |key: &str, width: &[usize], values: Vec<f64>| {
-        let shape: Vec<usize> = [tracks.len(), samples]
-            .into_iter()
-            .chain(width.iter().copied())
-            .collect();
-        out.set_item(format!("{prefix}{key}"), array(out.py(), values, &shape)?)
-    };
-    let states = |value: &dyn Fn(&NavState) -> Vec<f64>| -> Vec<f64> {
-        tracks
-            .iter()
-            .flat_map(|track| of(track).states.iter().flat_map(value))
-            .collect()
-    };
-    put("position_t_m", &[3], states(&|s| s.position_t_m.to_array().to_vec()))?;
-    put(
-        "attitude_t_p",
-        &[4],
-        states(&|s| s.attitude_t_p.to_quaternion_wxyz().to_vec()),
-    )?;
-    put(
-        "velocity_p_mps",
-        &[3],
-        states(&|s| s.velocity_p_mps.to_array().to_vec()),
-    )?;
-    put(
-        "accel_bias_p_mps2",
-        &[3],
-        states(&|s| s.accel_bias_p_mps2.to_array().to_vec()),
-    )?;
-    put(
-        "gyro_bias_p_radps",
-        &[3],
-        states(&|s| s.gyro_bias_p_radps.to_array().to_vec()),
-    )?;
-    put("dvl_bias_mps", &[4], states(&|s| s.dvl_bias_mps.as_slice().to_vec()))?;
-    put("dvl_scale", &[], states(&|s| vec![s.dvl_scale_factor]))?;
-    let sd = tracks.iter().flat_map(|track| of(track).sd.iter().flatten().copied());
-    put("sd", &[DIM], sd.collect())?;
+    let each = || tracks.iter().map(&of);
+    let shape = [tracks.len(), each().next().map_or(0, |series| series.states.len())];
+    let states = || each().flat_map(|series| &series.states);
+    let key = |name: &str| format!("{prefix}{name}");
+    out.states(prefix, &shape, states)?;
+    out.put(&key("dvl_scale"), &shape, states().map(|state| state.dvl_scale_factor))?;
+    out.put(&key("sd"), &shape, each().flat_map(|series| series.sd.iter().copied()))?;
     if covariances {
-        let entries = tracks
-            .iter()
-            .flat_map(|track| of(track).covariances.iter().flat_map(|p| p.iter().copied()));
-        put("covariance", &[DIM, DIM], entries.collect())?;
+        out.put(
+            &key("covariance"),
+            &shape,
+            each().flat_map(|series| series.covariances.iter().copied()),
+        )?;
     }
     Ok(())
 }
@@ -344,17 +306,13 @@ fn put_currents(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
     if each().all(Option::is_none) {
         return Ok(());
     }
-    let (methods, samples) = (tracks.len(), tracks.first().map_or(0, |track| track.currents.len()));
-    let (mut estimates, mut covariances) = (Vec::new(), Vec::new());
-    for current in each() {
-        let (estimate, covariance) = current.unwrap_or((Vector2::repeat(f64::NAN), Matrix2::repeat(f64::NAN)));
-        estimates.extend_from_slice(estimate.as_slice());
-        covariances.extend_from_slice(covariance.as_slice());
-    }
-    out.set_item("current_t_mps", array(out.py(), estimates, &[methods, samples, 2])?)?;
-    out.set_item(
+    let shape = [tracks.len(), tracks[0].currents.len()];
+    let none = (Vector2::repeat(f64::NAN), Matrix2::repeat(f64::NAN));
+    out.put("current_t_mps", &shape, each().map(|current| current.unwrap_or(none).0))?;
+    out.put(
         "current_covariance",
-        array(out.py(), covariances, &[methods, samples, 2, 2])?,
+        &shape,
+        each().map(|current| current.unwrap_or(none).1),
     )
 }
 
@@ -364,15 +322,17 @@ fn put_attitude_errors(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()
     if samples == 0 || tracks.iter().any(|track| track.attitude_errors.len() != samples) {
         return Ok(());
     }
-    let each = || tracks.iter().flat_map(|track| track.attitude_errors.iter().flatten());
-    let shape = [tracks.len(), samples, 3];
-    out.set_item(
+    let each = || tracks.iter().flat_map(|track| &track.attitude_errors);
+    let shape = [tracks.len(), samples];
+    out.put(
         "attitude_error",
-        array(out.py(), each().map(|one| one.0).collect(), &shape)?,
+        &shape,
+        each().map(|errors| errors.map(|(error, _)| error)),
     )?;
-    out.set_item(
+    out.put(
         "attitude_error_sd",
-        array(out.py(), each().map(|one| one.1).collect(), &shape)?,
+        &shape,
+        each().map(|errors| errors.map(|(_, sd)| sd)),
     )
 }
 
@@ -382,18 +342,17 @@ fn put_calibrations(out: &Bound<'_, PyDict>, tracks: &[Track], covariances: bool
     if samples == 0 {
         return Ok(());
     }
-    let shape = [tracks.len(), samples, CALIBRATION, CALIBRATION];
+    let shape = [tracks.len(), samples];
     let each = || tracks.iter().flat_map(|track| &track.calibrations);
-    let numbers: Vec<f64> = each().flat_map(|(numbers, _)| numbers.iter().copied()).collect();
-    let sd = each().flat_map(|(_, covariance)| (0..CALIBRATION).map(|k| covariance[(k, k)].max(0.0).sqrt()));
-    out.set_item("calibration", array(out.py(), numbers, &shape[..3])?)?;
-    out.set_item(
-        "calibration_sd",
-        array(out.py(), sd.collect::<Vec<f64>>(), &shape[..3])?,
-    )?;
+    let sd = |covariance: &CalibrationCovariance| covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
+    out.put("calibration", &shape, each().map(|(numbers, _)| *numbers))?;
+    out.put("calibration_sd", &shape, each().map(|(_, covariance)| sd(covariance)))?;
     if covariances {
-        let entries: Vec<f64> = each().flat_map(|(_, covariance)| covariance.iter().copied()).collect();
-        out.set_item("calibration_covariance", array(out.py(), entries, &shape)?)?;
+        out.put(
+            "calibration_covariance",
+            &shape,
+            each().map(|(_, covariance)| *covariance),
+        )?;
     }
     Ok(())
 }

@@ -1,13 +1,14 @@
 //! What a replay records of each ping and of the innovation of each measurement, as arrays.
 
+use bottomlock::dvl::geometry::MAX_BEAMS;
 use bottomlock::filter::report::Sensor;
 use bottomlock::replay::{InnovationRecord, PingRecord, Track};
-use numpy::Element;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::array;
+use crate::arrays::Dict;
 use crate::batch_arrays::{NO_CHOICE, choice_code};
+use crate::results::Results;
 
 /// For each method a dict of sensors: times, flags, rows, and innovations with their covariances, padded with NaN.
 pub fn put_innovations(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
@@ -26,7 +27,7 @@ pub fn put_innovations(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()
     out.set_item("innovations", of_methods.collect::<PyResult<Vec<_>>>()?)
 }
 
-fn of_sensor<'py>(py: Python<'py>, records: &[&InnovationRecord]) -> PyResult<Bound<'py, PyDict>> {
+fn of_sensor<'py>(py: Python<'py>, records: &[&InnovationRecord]) -> Dict<'py> {
     let count = records.len();
     let width = records.iter().map(|record| record.rows).max().unwrap_or(0);
     let mut residuals = vec![f64::NAN; count * width];
@@ -40,45 +41,31 @@ fn of_sensor<'py>(py: Python<'py>, records: &[&InnovationRecord]) -> PyResult<Bo
         }
     }
     let out = PyDict::new(py);
-    let times = records.iter().map(|record| record.time_ns).collect();
-    out.set_item("time_ns", array::<i64>(py, times, &[count])?)?;
-    let flags = records.iter().map(|record| record.is_withheld).collect();
-    out.set_item("withheld", array::<bool>(py, flags, &[count])?)?;
-    let rows = records.iter().map(|record| record.rows as u8).collect();
-    out.set_item("rows", array::<u8>(py, rows, &[count])?)?;
-    out.set_item("residual", array(py, residuals, &[count, width])?)?;
-    out.set_item("covariance", array(py, covariances, &[count, width, width])?)?;
+    out.column("time_ns", records.iter().map(|record| record.time_ns))?;
+    out.column("withheld", records.iter().map(|record| record.is_withheld))?;
+    out.column("rows", records.iter().map(|record| record.rows as u8))?;
+    out.put("residual", &[count, width], residuals)?;
+    out.put("covariance", &[count, width, width], covariances)?;
     Ok(out)
 }
 
 /// Fix status, NIS, innovations and weights of each ping, methods × pings.
-pub fn put_pings<'py>(out: &Bound<'py, PyDict>, tracks: &[Track], pings: usize, beams: usize) -> PyResult<()> {
-    fn put<'py, T: Element>(
-        out: &Bound<'py, PyDict>,
-        key: &str,
-        tracks: &[Track],
-        shape: &[usize],
-        of: impl Fn(&PingRecord) -> Vec<T>,
-    ) -> PyResult<()> {
-        let values = tracks
-            .iter()
-            .flat_map(|track| track.pings.iter().flat_map(&of))
-            .collect();
-        out.set_item(key, array(out.py(), values, shape)?)
-    }
-    let (flat, wide) = ([tracks.len(), pings], [tracks.len(), pings, beams]);
-    put(out, "nis", tracks, &flat, |ping| vec![ping.nis])?;
-    put(out, "nis_dof", tracks, &flat, |ping| vec![ping.degrees as u8])?;
-    put(out, "fix_status", tracks, &flat, |ping| vec![ping.status as u8])?;
-    put(out, "innovation_mps", tracks, &wide, |ping| {
-        ping.innovation_mps[..beams].to_vec()
-    })?;
-    put(out, "innovation_sd_mps", tracks, &wide, |ping| {
-        ping.innovation_sd_mps[..beams].to_vec()
-    })?;
-    put(out, "beam_weight", tracks, &wide, |ping| {
-        ping.beam_weight[..beams].to_vec()
-    })?;
-    let choice = |ping: &PingRecord| ping.choice.as_ref().map_or([NO_CHOICE; 3], choice_code).to_vec();
-    put(out, "choice", tracks, &[tracks.len(), pings, 3], choice)
+pub fn put_pings(out: &Bound<'_, PyDict>, tracks: &[Track], pings: usize, beams: usize) -> PyResult<()> {
+    let each = || tracks.iter().flat_map(|track| &track.pings);
+    let flat = [tracks.len(), pings];
+    out.put("nis", &flat, each().map(|ping| ping.nis))?;
+    out.put("nis_dof", &flat, each().map(|ping| ping.degrees as u8))?;
+    out.put("fix_status", &flat, each().map(|ping| ping.status as u8))?;
+    let by_beam = |key: &str, of: fn(&PingRecord) -> &[f64; MAX_BEAMS]| {
+        out.put(
+            key,
+            &[tracks.len(), pings, beams],
+            each().flat_map(|ping| of(ping)[..beams].iter().copied()),
+        )
+    };
+    by_beam("innovation_mps", |ping| &ping.innovation_mps)?;
+    by_beam("innovation_sd_mps", |ping| &ping.innovation_sd_mps)?;
+    by_beam("beam_weight", |ping| &ping.beam_weight)?;
+    let choice = |ping: &PingRecord| ping.choice.as_ref().map_or([NO_CHOICE; 3], choice_code);
+    out.put("choice", &flat, each().map(choice))
 }

@@ -1,13 +1,13 @@
 //! What a push tells, as Python sees it.
 
+use bottomlock::dvl::fix_row::source_code;
 use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict};
-use bottomlock::mechanisation::ImuFault;
 use bottomlock::navigator::{Finding, Notice, SELECTOR_METHODS, Standing};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::array;
-use crate::velocity::source_code;
+use crate::arrays::{Dict, array};
+use crate::results::entries;
 
 /// What became of a measurement, or of an inertial reading that was rejected.
 ///
@@ -65,7 +65,10 @@ impl Report {
     pub fn of(py: Python<'_>, notice: &Notice, beams: usize) -> PyResult<Self> {
         let mut out = match &notice.finding {
             Finding::Update(report) => Self::of_update(py, report, beams)?,
-            Finding::Rejected { time_ns, fault } => Self::of_reading(py, *time_ns, fault)?,
+            Finding::Rejected { time_ns, fault } => Self {
+                reason: Some(fault.to_string()),
+                ..Self::without_rows(py, "imu", *time_ns, "rejected")?
+            },
         };
         out.revised = notice.standing != Standing::New;
         Ok(out)
@@ -80,47 +83,40 @@ impl Report {
             Verdict::Withheld => ("withheld", 0),
         };
         let rows = report.rows;
-        let covariance = (0..rows * rows)
-            .map(|k| report.covariance[(k / rows, k % rows)])
-            .collect();
-        let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
+        let entry = |k: usize| report.covariance[(k / rows, k % rows)];
+        let flags = (0..rows).map(|k| rejected & (1 << k) != 0);
         let weight = report
             .beam_weight
-            .map(|weight| array::<f64>(py, weight[..beams].to_vec(), &[beams]))
-            .transpose()?;
-        let choice = report.choice.map(|choice| choice_dict(py, &choice)).transpose()?;
+            .map(|weight| entries(py, &[beams], weight.into_iter().take(beams)));
+        let choice = report.choice.map(|choice| choice_dict(py, &choice));
         Ok(Self {
-            sensor: report.sensor.name(),
-            time_ns: report.time_ns,
-            residual: array::<f64>(py, report.residual.as_slice()[..rows].to_vec(), &[rows])?.into(),
-            covariance: array::<f64>(py, covariance, &[rows, rows])?.into(),
+            residual: entries(py, &[rows], report.residual.iter().copied().take(rows))?.into(),
+            covariance: entries(py, &[rows, rows], (0..rows * rows).map(entry))?.into(),
             degrees: report.degrees,
             nis: report.nis,
             threshold: report.threshold,
-            verdict,
-            revised: false,
-            reason: None,
             inflation: report.inflation,
             beyond_linear_range: report.is_beyond_linear_range,
-            rejected_rows: array::<bool>(py, flags, &[rows])?.into(),
-            beam_weight: weight.map(Into::into),
-            choice: choice.map(Into::into),
+            rejected_rows: entries(py, &[rows], flags)?.into(),
+            beam_weight: weight.transpose()?.map(Into::into),
+            choice: choice.transpose()?.map(Into::into),
+            ..Self::without_rows(py, report.sensor.name(), report.time_ns, verdict)?
         })
     }
 
-    /// The report of an inertial reading that was rejected; it has no rows.
-    fn of_reading(py: Python<'_>, time_ns: i64, fault: &ImuFault) -> PyResult<Self> {
+    fn without_rows(py: Python<'_>, sensor: &'static str, time_ns: i64, verdict: &'static str) -> PyResult<Self> {
+        let none = |shape: &[usize]| array::<f64>(py, vec![], shape);
         Ok(Self {
-            sensor: "imu",
+            sensor,
             time_ns,
-            residual: array::<f64>(py, vec![], &[0])?.into(),
-            covariance: array::<f64>(py, vec![], &[0, 0])?.into(),
+            residual: none(&[0])?.into(),
+            covariance: none(&[0, 0])?.into(),
             degrees: 0,
             nis: 0.0,
             threshold: f64::INFINITY,
-            verdict: "rejected",
+            verdict,
             revised: false,
-            reason: Some(fault.to_string()),
+            reason: None,
             inflation: None,
             beyond_linear_range: false,
             rejected_rows: array::<bool>(py, vec![], &[0])?.into(),
@@ -131,12 +127,12 @@ impl Report {
 }
 
 /// The dict of a selection: source codes of surge, sway and heave, or the selected method with its reason.
-fn choice_dict<'py>(py: Python<'py>, choice: &Choice) -> PyResult<Bound<'py, PyDict>> {
+fn choice_dict<'py>(py: Python<'py>, choice: &Choice) -> Dict<'py> {
     let out = PyDict::new(py);
     match choice {
         Choice::Components(sources) => {
             for (axis, source) in ["surge", "sway", "heave"].into_iter().zip(sources) {
-                out.set_item(axis, source.map_or(0, source_code))?;
+                out.set_item(axis, source_code(*source))?;
             }
         }
         Choice::Method {

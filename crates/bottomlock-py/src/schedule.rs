@@ -6,7 +6,7 @@ use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::simulation::schedule::{Schedule, SensorEpochs, WaterEpochs};
 use pyo3::prelude::*;
 
-use crate::arrays::{Array, booleans, floats, rows, times};
+use crate::arrays::{Argument, Array, booleans, floats, rows, times};
 use crate::errors::invalid;
 use crate::keys::{Keys, read};
 use crate::settings::mask;
@@ -79,7 +79,7 @@ impl<T> PerRun<T> {
 }
 
 /// The shape (epochs, ..) or (runs, epochs, ..) of values that may differ by run.
-fn per_run_shape(value: &Bound<'_, PyAny>, runs: usize, of_one: &[Option<usize>]) -> (bool, Vec<Option<usize>>) {
+fn per_run_shape(value: Argument, runs: usize, of_one: &[Option<usize>]) -> (bool, Vec<Option<usize>>) {
     let dimensions: usize = value.getattr("ndim").and_then(|n| n.extract()).unwrap_or(of_one.len());
     let by_run = dimensions == of_one.len() + 1;
     let leading = by_run.then_some(Some(runs));
@@ -87,7 +87,7 @@ fn per_run_shape(value: &Bound<'_, PyAny>, runs: usize, of_one: &[Option<usize>]
 }
 
 /// What an array converter gives: numbers or truth values.
-type Convert<T> = fn(&str, &Bound<'_, PyAny>, &[Option<usize>]) -> PyResult<Array<T>>;
+type Convert<T> = fn(&str, Argument, &[Option<usize>]) -> PyResult<Array<T>>;
 
 /// Values at each epoch of a sensor, shared by all runs or one set per run; none without the key.
 fn at_epochs<T>(
@@ -146,7 +146,7 @@ fn kept<T: Copy>(values: &[T], is_kept: impl Fn(usize) -> bool) -> Vec<T> {
 }
 
 /// Number of samples of a schedule, before it is read; none where it cannot be, which its reading then says.
-pub fn sample_count(value: &Bound<'_, PyAny>) -> usize {
+pub fn sample_count(value: Argument) -> usize {
     value
         .get_item("sample_time_ns")
         .and_then(|times| times.len())
@@ -154,7 +154,7 @@ pub fn sample_count(value: &Bound<'_, PyAny>) -> usize {
 }
 
 /// A schedule for a number of runs.
-pub fn schedule(value: &Bound<'_, PyAny>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
+pub fn schedule(value: Argument, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
     read("schedule", value, |keys| schedule_of(keys, beams, runs))
 }
 

@@ -4,8 +4,9 @@ use bottomlock::mechanisation::integrate_segment;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{Rows, array, times};
+use crate::arrays::{Argument, Dict, Rows, times};
 use crate::errors::{invalid, raise};
+use crate::results::Results;
 
 /// Strapdown integrals of inertial readings along segments of `readings` each, every one from its own beginning.
 ///
@@ -17,11 +18,11 @@ use crate::errors::{invalid, raise};
 #[pyfunction]
 pub fn integrate_segments<'py>(
     py: Python<'py>,
-    time_ns: &Bound<'py, PyAny>,
-    force_p_mps2: &Bound<'py, PyAny>,
-    omega_p_radps: &Bound<'py, PyAny>,
+    time_ns: Argument<'_, 'py>,
+    force_p_mps2: Argument<'_, 'py>,
+    omega_p_radps: Argument<'_, 'py>,
     readings: usize,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> Dict<'py> {
     let stamps = times("time_ns", time_ns)?;
     let forces = Rows::<3>::new("force_p_mps2", force_p_mps2, &[Some(stamps.len())])?;
     let rates = Rows::<3>::new("omega_p_radps", omega_p_radps, &[Some(stamps.len())])?;
@@ -31,26 +32,23 @@ pub fn integrate_segments<'py>(
             stamps.len()
         )));
     }
-    let count = stamps.len();
-    let (mut rotation, mut force) = (Vec::with_capacity(9 * count), Vec::with_capacity(3 * count));
-    let (mut swept, mut bias) = (Vec::with_capacity(9 * count), Vec::with_capacity(9 * count));
+    let mut integrals = Vec::with_capacity(stamps.len());
     let segments = stamps
         .chunks(readings)
         .zip(forces.get()?.chunks(readings))
         .zip(rates.get()?.chunks(readings));
     for ((stamps, forces), rates) in segments {
-        for at in integrate_segment(stamps, forces, rates).map_err(raise)? {
-            rotation.extend(at.rotation.transpose().iter());
-            force.extend(at.force_mps.iter());
-            swept.extend(at.rotation_s.transpose().iter());
-            bias.extend(at.bias.transpose().iter());
-        }
+        integrals.extend(integrate_segment(stamps, forces, rates).map_err(raise)?);
     }
-    let shape = [count / readings, readings, 3, 3];
+    let shape = [stamps.len() / readings, readings];
     let dict = PyDict::new(py);
-    dict.set_item("rotation", array::<f64>(py, rotation, &shape)?)?;
-    dict.set_item("force_integral_mps", array::<f64>(py, force, &shape[..3])?)?;
-    dict.set_item("rotation_integral_s", array::<f64>(py, swept, &shape)?)?;
-    dict.set_item("bias_integral", array::<f64>(py, bias, &shape)?)?;
+    dict.put("rotation", &shape, integrals.iter().map(|at| at.rotation.transpose()))?;
+    dict.put("force_integral_mps", &shape, integrals.iter().map(|at| at.force_mps))?;
+    dict.put(
+        "rotation_integral_s",
+        &shape,
+        integrals.iter().map(|at| at.rotation_s.transpose()),
+    )?;
+    dict.put("bias_integral", &shape, integrals.iter().map(|at| at.bias.transpose()))?;
     Ok(dict)
 }

@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use serde::de::IntoDeserializer;
 use serde::de::value::{Error, StrDeserializer};
 
-use crate::arrays::vector;
+use crate::arrays::{Argument, vector};
 use crate::errors::{invalid, raise};
 use crate::given::Given;
 use crate::state;
@@ -33,7 +33,7 @@ pub fn methods(names: &[String]) -> PyResult<Vec<Method>> {
 }
 
 /// A unit quaternion, scalar first.
-pub fn attitude(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Rot<Tangent, Platform>> {
+pub fn attitude(name: &str, value: Argument) -> PyResult<Rot<Tangent, Platform>> {
     let quaternion: [f64; 4] = vector(name, value)?;
     let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
     if !((norm - 1.0).abs() < 1e-6) {
@@ -43,27 +43,27 @@ pub fn attitude(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Rot<Tangent, P
 }
 
 /// A whole model, checked also where a call has nothing to do with it.
-pub fn model(value: &Bound<'_, PyAny>) -> PyResult<Model> {
+pub fn model(value: Argument) -> PyResult<Model> {
     core::model(Given(value.clone())).map_err(raise)
 }
 
 /// Filter options, checked as [`model`].
-pub fn options(value: &Bound<'_, PyAny>) -> PyResult<Options> {
+pub fn options(value: Argument) -> PyResult<Options> {
     core::options(Given(value.clone())).map_err(raise)
 }
 
 /// Errors of the inertial sensors.
-pub fn imu(value: &Bound<'_, PyAny>) -> PyResult<ImuModel> {
+pub fn imu(value: Argument) -> PyResult<ImuModel> {
     core::read("imu", Given(value.clone())).map_err(raise)
 }
 
 /// The environment of a model.
-pub fn environment(value: &Bound<'_, PyAny>) -> PyResult<Environment> {
+pub fn environment(value: Argument) -> PyResult<Environment> {
     core::read("environment", Given(value.clone())).map_err(raise)
 }
 
 /// The lever arms of the sensors; zero where none is named.
-pub fn levers(place: &str, value: &Bound<'_, PyAny>) -> PyResult<Levers> {
+pub fn levers(place: &str, value: Argument) -> PyResult<Levers> {
     core::read(place, Given(value.clone())).map_err(raise)
 }
 
@@ -78,7 +78,7 @@ pub fn sampling(name: &str) -> PyResult<Sampling> {
 ///
 /// Raises KernelError, which names the key and what was expected.
 #[pyfunction]
-pub fn check_settings(place: &str, values: &Bound<'_, PyAny>) -> PyResult<()> {
+pub fn check_settings(place: &str, values: Argument) -> PyResult<()> {
     if place == "initial_state" {
         return state::state(place, values)?.validate().map_err(raise);
     }
@@ -93,12 +93,7 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 
 /// A mask from its flags.
 pub fn mask(flags: &[bool]) -> BeamMask {
-    flags
-        .iter()
-        .enumerate()
-        .filter(|(_, flag)| **flag)
-        .map(|(beam, _)| beam)
-        .collect()
+    (0..flags.len()).filter(|&beam| flags[beam]).collect()
 }
 
 /// Deeper than any sea, m; the gradient of gravity holds as far.

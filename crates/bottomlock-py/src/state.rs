@@ -7,8 +7,9 @@ use nalgebra::Vector4;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, floats};
+use crate::arrays::{Argument, Dict, floats};
 use crate::keys::{Keys, read};
+use crate::results::Results;
 use crate::settings;
 
 /// A time among the keys, integer nanoseconds.
@@ -20,7 +21,7 @@ pub fn time_ns(keys: &Keys<'_>) -> PyResult<i64> {
 }
 
 /// The state at the start of a navigator or a replay; biases and scale factor are zero where they are not given.
-pub fn state(owner: &str, value: &Bound<'_, PyAny>) -> PyResult<NavState> {
+pub fn state(owner: &str, value: Argument) -> PyResult<NavState> {
     read(owner, value, |keys| {
         let mut state = NavState::at_rest(time_ns(keys)?);
         state.position_t_m = Vec3::from_array(keys.vector("position_t_m")?);
@@ -34,25 +35,17 @@ pub fn state(owner: &str, value: &Bound<'_, PyAny>) -> PyResult<NavState> {
     })
 }
 
-/// Puts the fields of a state into a dict, SI units.
-pub fn put_state(out: &Bound<'_, PyDict>, state: &NavState) -> PyResult<()> {
-    let py = out.py();
-    let three = |value: [f64; 3]| array(py, value.to_vec(), &[3]);
+/// The fields of a state as a dict, SI units.
+pub fn state_dict<'py>(py: Python<'py>, state: &NavState) -> Dict<'py> {
+    let out = PyDict::new(py);
     out.set_item("time_ns", state.time_ns)?;
-    out.set_item("position_t_m", three(state.position_t_m.to_array())?)?;
-    out.set_item(
-        "attitude_t_p",
-        array(py, state.attitude_t_p.to_quaternion_wxyz().to_vec(), &[4])?,
-    )?;
-    out.set_item("velocity_p_mps", three(state.velocity_p_mps.to_array())?)?;
-    out.set_item("accel_bias_p_mps2", three(state.accel_bias_p_mps2.to_array())?)?;
-    out.set_item("gyro_bias_p_radps", three(state.gyro_bias_p_radps.to_array())?)?;
-    out.set_item("dvl_bias_mps", array(py, state.dvl_bias_mps.as_slice().to_vec(), &[4])?)?;
-    out.set_item("dvl_scale_factor", state.dvl_scale_factor)
+    out.states("", &[], || std::iter::once(state))?;
+    out.set_item("dvl_scale_factor", state.dvl_scale_factor)?;
+    Ok(out)
 }
 
 /// A (20, 20) covariance, where one is given.
-pub fn covariance(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Covariance>> {
+pub fn covariance(value: Option<Argument>) -> PyResult<Option<Covariance>> {
     value
         .map(|value| {
             let values = floats("covariance", value, &[Some(DIM), Some(DIM)])?.values;

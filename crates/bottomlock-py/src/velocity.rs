@@ -1,148 +1,30 @@
 //! Velocity from beams.
 
-use bottomlock::dvl::fix::{FixOutcome, PingContext, VelocityFix, VelocityPrior, solve};
+use bottomlock::dvl::fix::{PingContext, VelocityPrior, solve};
+use bottomlock::dvl::fix_row::{FIX_METHODS, FixRow};
 use bottomlock::dvl::geometry as core;
-use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::dvl::partial::{Assumptions, Component, PartialMethod, Reason};
+use bottomlock::dvl::geometry::BeamSample;
+use bottomlock::dvl::partial::{Assumptions, PartialMethod};
 use bottomlock::frames::Vec3;
 use nalgebra::{Matrix3, Vector3};
-use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, floats, rows};
+use crate::arrays::{Argument, Dict, floats, rows};
 use crate::beam_arrays::BeamArrays;
 use crate::calls::detached;
 use crate::dvl::BeamGeometry;
 use crate::errors::{invalid, without_time};
+use crate::results::Results;
 use crate::settings::mask;
 
 /// The method of a name.
 fn method_of(name: &str) -> PyResult<PartialMethod> {
-    Ok(match name {
-        "least_squares" => PartialMethod::LeastSquares,
-        "virtual_beam" => PartialMethod::VirtualBeam,
-        "nullified_sway" => PartialMethod::NullifiedSway,
-        "partial_loose" => PartialMethod::PartialLoose,
-        "virtual_heave" => PartialMethod::VirtualHeave,
-        "selector" => PartialMethod::Selector,
-        "information" => PartialMethod::Information,
-        "weak_sway" => PartialMethod::WeakSway,
-        other => {
-            return Err(invalid(format!(
-                "unknown method '{other}', expected one of least_squares, virtual_beam, nullified_sway, partial_loose, \
-                 virtual_heave, selector, information, weak_sway"
-            )));
-        }
+    let found = FIX_METHODS.iter().find(|(known, _)| *known == name);
+    found.map(|(_, method)| *method).ok_or_else(|| {
+        let known = FIX_METHODS.map(|(known, _)| known).join(", ");
+        invalid(format!("unknown method '{name}', expected one of {known}"))
     })
-}
-
-/// Code of a component's status.
-fn reason_code(component: Component) -> u8 {
-    match component {
-        Component::Solved => 0,
-        Component::Unobservable(Reason::NoBeams) => 1,
-        Component::Unobservable(Reason::OutsideRowSpace) => 2,
-        Component::Unobservable(Reason::ConstraintSingular) => 3,
-        Component::Unobservable(Reason::PriorRequired) => 4,
-        Component::Unobservable(Reason::PriorOnly) => 5,
-    }
-}
-
-/// Code of the method that a component comes from.
-pub fn source_code(method: PartialMethod) -> u8 {
-    match method {
-        PartialMethod::LeastSquares => 1,
-        PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact => 2,
-        PartialMethod::NullifiedSway => 3,
-        PartialMethod::PartialLoose => 4,
-        PartialMethod::VirtualHeave => 5,
-        PartialMethod::Selector => 0,
-        PartialMethod::Information => 6,
-        PartialMethod::WeakSway => 7,
-    }
-}
-
-/// Result columns, one entry per ping.
-#[derive(Default)]
-struct Columns {
-    velocity: Vec<f64>,
-    cov: Vec<f64>,
-    observed_velocity: Vec<f64>,
-    information: Vec<f64>,
-    component: Vec<u8>,
-    status: Vec<u8>,
-    rank: Vec<u8>,
-    source: Vec<u8>,
-}
-
-impl Columns {
-    fn push(&mut self, outcome: &FixOutcome) {
-        match outcome {
-            FixOutcome::Fix(fix) => self.fix(0, fix),
-            FixOutcome::Unobservable(fix) => {
-                let any = (0..3).any(|k| fix.estimator.is_solved(k));
-                self.fix(if any { 1 } else { 2 }, fix);
-            }
-            FixOutcome::TooFewBeams => self.none(3, Reason::NoBeams),
-            FixOutcome::PriorRequired => self.none(4, Reason::PriorRequired),
-        }
-    }
-
-    fn fix(&mut self, status: u8, fix: &VelocityFix) {
-        let estimator = &fix.estimator;
-        for k in 0..3 {
-            let solved = estimator.is_solved(k);
-            self.velocity
-                .push(if solved { fix.velocity_p_mps.0[k] } else { f64::NAN });
-            self.component.push(reason_code(estimator.components[k]));
-            self.source
-                .push(if solved { source_code(estimator.sources[k]) } else { 0 });
-            for l in 0..3 {
-                let both = solved && estimator.is_solved(l);
-                self.cov
-                    .push(if both { estimator.covariance[(k, l)] } else { f64::NAN });
-            }
-        }
-        let (axes, variances) = estimator.solution.principal_axes();
-        let weights = variances.map(|variance| if variance > 0.0 { variance.recip() } else { 0.0 });
-        let information: Matrix3<f64> = axes * Matrix3::from_diagonal(&weights) * axes.transpose();
-        // Row by row; a symmetric matrix reads the same by columns.
-        self.information.extend(information.iter());
-        self.observed_velocity.extend(fix.velocity_p_mps.0.iter());
-        self.status.push(status);
-        self.rank.push(estimator.solution.rank as u8);
-    }
-
-    fn none(&mut self, status: u8, reason: Reason) {
-        self.velocity.extend([f64::NAN; 3]);
-        self.cov.extend([f64::NAN; 9]);
-        self.information.extend([0.0; 9]);
-        self.observed_velocity.extend([0.0; 3]);
-        self.component.extend([reason_code(Component::Unobservable(reason)); 3]);
-        self.source.extend([0; 3]);
-        self.status.push(status);
-        self.rank.push(0);
-    }
-
-    /// The columns as a Python dict; `beams_used` (n, beams) is passed on.
-    fn into_dict<'py>(self, py: Python<'py>, beams_used: Bound<'py, PyArrayDyn<bool>>) -> PyResult<Bound<'py, PyDict>> {
-        let count = self.status.len();
-        let out = PyDict::new(py);
-        out.set_item("velocity_p_mps", array(py, self.velocity, &[count, 3])?)?;
-        out.set_item("cov_m2ps2", array(py, self.cov, &[count, 3, 3])?)?;
-        out.set_item(
-            "observed_velocity_p_mps",
-            array(py, self.observed_velocity, &[count, 3])?,
-        )?;
-        out.set_item("information_s2pm2", array(py, self.information, &[count, 3, 3])?)?;
-        out.set_item("component", array(py, self.component, &[count, 3])?)?;
-        out.set_item("status", array(py, self.status, &[count])?)?;
-        out.set_item("beams_used", beams_used)?;
-        out.set_item("rank", array(py, self.rank, &[count])?)?;
-        out.set_item("source", array(py, self.source, &[count, 3])?)?;
-        Ok(out)
-    }
 }
 
 /// Solves pings for the platform velocity, one row per ping.
@@ -169,17 +51,17 @@ impl Columns {
 pub fn solve_velocity<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    velocity_mps: &Bound<'py, PyAny>,
-    valid: &Bound<'py, PyAny>,
+    velocity_mps: Argument,
+    valid: Argument,
     method: &str,
-    beam_sd_mps: &Bound<'py, PyAny>,
-    prior_velocity_p_mps: Option<&Bound<'py, PyAny>>,
-    prior_cov_m2ps2: Option<&Bound<'py, PyAny>>,
-    omega_tp_p_radps: Option<&Bound<'py, PyAny>>,
+    beam_sd_mps: Argument,
+    prior_velocity_p_mps: Option<Argument>,
+    prior_cov_m2ps2: Option<Argument>,
+    omega_tp_p_radps: Option<Argument>,
     virtual_beam_factor: f64,
     nullified_sway_var_m2ps2: f64,
     weak_sway_var_m2ps2: f64,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> Dict<'py> {
     let beams = geometry.inner.beams();
     let readings = BeamArrays::new(
         ["velocity_mps", "valid", ""],
@@ -204,17 +86,26 @@ pub fn solve_velocity<'py>(
             weak_sway_var_m2ps2,
         },
     };
-    let columns = detached(py, || Ok(pings.solve(&geometry.inner, count)))?;
-    let columns = columns.map_err(|(row, error)| invalid(format!("row {row}: {}", without_time(&error))))?;
-    columns.into_dict(py, array(py, pings.valid, &[count, beams])?)
+    let rows = detached(py, || Ok(pings.solve(&geometry.inner, count)))?;
+    let rows = rows.map_err(|(row, error)| invalid(format!("row {row}: {}", without_time(&error))))?;
+    let out = PyDict::new(py);
+    out.column("velocity_p_mps", rows.iter().map(|row| row.velocity_p_mps))?;
+    out.column("cov_m2ps2", rows.iter().map(|row| row.cov_m2ps2))?;
+    out.column(
+        "observed_velocity_p_mps",
+        rows.iter().map(|row| row.observed_velocity_p_mps),
+    )?;
+    out.column("information_s2pm2", rows.iter().map(|row| row.information_s2pm2))?;
+    out.column("component", rows.iter().map(|row| row.component))?;
+    out.column("status", rows.iter().map(|row| row.status))?;
+    out.put("beams_used", &[count, beams], pings.valid)?;
+    out.column("rank", rows.iter().map(|row| row.rank))?;
+    out.column("source", rows.iter().map(|row| row.source))?;
+    Ok(out)
 }
 
 /// Prior velocities and covariances, one per ping, if they are given.
-fn priors(
-    velocity: Option<&Bound<'_, PyAny>>,
-    cov: Option<&Bound<'_, PyAny>>,
-    count: usize,
-) -> PyResult<Option<Vec<VelocityPrior>>> {
+fn priors(velocity: Option<Argument>, cov: Option<Argument>, count: usize) -> PyResult<Option<Vec<VelocityPrior>>> {
     match (velocity, cov) {
         (Some(velocity), Some(cov)) => {
             let velocity = rows::<3>("prior_velocity_p_mps", velocity, Some(count))?;
@@ -245,28 +136,22 @@ struct Pings {
 
 impl Pings {
     /// Solves `count` pings; an error comes with its row.
-    fn solve(&self, geometry: &core::BeamGeometry, count: usize) -> Result<Columns, (usize, bottomlock::NavError)> {
+    fn solve(&self, geometry: &core::BeamGeometry, count: usize) -> Result<Vec<FixRow>, (usize, bottomlock::NavError)> {
         let beams = geometry.beams();
-        let mut columns = Columns::default();
-        for row in 0..count {
-            let own = row * beams..(row + 1) * beams;
-            let mut ping = BeamSample {
-                time_ns: 0,
-                velocity_mps: [f64::NAN; MAX_BEAMS],
-                sd_mps: [f64::NAN; MAX_BEAMS],
-                valid: mask(&self.valid[own.clone()]),
-            };
-            ping.velocity_mps[..beams].copy_from_slice(&self.velocity_mps[own]);
-            ping.sd_mps[..beams].copy_from_slice(&self.sd_mps);
+        let solve = |row: usize| {
+            let part = row * beams..(row + 1) * beams;
+            let valid = mask(&self.valid[part.clone()]);
+            let ping = BeamSample::new(0, &self.velocity_mps[part], &self.sd_mps, valid);
             let rate = self.omega_tp_p_radps.as_ref().map(|rates| rates[row]);
             let context = PingContext {
                 omega_tp_p_radps: rate.map_or(Vector3::zeros(), Vector3::from),
                 prior: self.priors.as_ref().map(|priors| priors[row]),
             };
-            let outcome =
-                solve(self.method, geometry, &ping, &context, &self.assumptions).map_err(|error| (row, error))?;
-            columns.push(&outcome);
-        }
-        Ok(columns)
+            let outcome = solve(self.method, geometry, &ping, &context, &self.assumptions);
+            outcome
+                .map(|outcome| FixRow::from(&outcome))
+                .map_err(|error| (row, error))
+        };
+        (0..count).map(solve).collect()
     }
 }
