@@ -15,7 +15,7 @@ import numpy as np
 
 from bottomlock.live.config import parse_config
 from bottomlock.live.engine import TICK_NS, Engine
-from bottomlock.live.garbage import collected_between_readings
+from bottomlock.live.runner import collected_between_readings
 from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML, World
 
 LIMIT_99_MS, LIMIT_999_MS = 1.0, 5.0

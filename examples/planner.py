@@ -12,7 +12,7 @@ import polars as pl
 
 import bottomlock
 from bottomlock.observability.analysis import Aiding
-from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
+from bottomlock.observability.report import manoeuvre_ranking
 from bottomlock.truth.manoeuvres import MANOEUVRES
 
 for manoeuvre in MANOEUVRES.values():

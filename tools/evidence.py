@@ -25,9 +25,9 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.pages.numbers import number
-from bottomlock.report import published
-from bottomlock.report.published import standing
+from bottomlock.pages.pieces import number
+from bottomlock.report import advice
+from bottomlock.report.advice import standing
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 from bottomlock.tables.check import check
 from bottomlock.tables.studies import PUBLISHED, STUDY
@@ -199,7 +199,7 @@ def publish() -> None:
     """Writes the verdicts into the package."""
     origins = [read(DATA / f"{name}.parquet")[1] for name in WORLDS]
     about = {name: "; ".join(dict.fromkeys(origin[name] for origin in origins)) for name in ORIGIN}
-    write(Path(published.__file__).with_name(published.FILE), published_table(), about)
+    write(Path(advice.__file__).with_name(advice.FILE), published_table(), about)
 
 
 def fly(name: str) -> None:

@@ -8,7 +8,7 @@ import matplotlib as mpl
 
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import STYLE, new_figure, svg_text
-from bottomlock.pages.render import share_svg
+from bottomlock.pages.page import share_svg
 
 
 def _figure_svg(name: str) -> str:

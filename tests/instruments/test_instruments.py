@@ -16,8 +16,7 @@ from bottomlock.instruments.faults import KINDS, NONE, FaultDraws, Faults
 from bottomlock.instruments.from_log import readings_of_log
 from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.readings import SOUND_SPEED_MPS, Readings, pings
-from bottomlock.instruments.schedule import Record, imu_lines, records
-from bottomlock.instruments.sent_table import sent_table
+from bottomlock.instruments.schedule import Record, imu_lines, records, sent_table
 from bottomlock.io import waterlinked_json
 from bottomlock.io.rows import Options
 from bottomlock.simulation.build import build_simulation

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from bottomlock import kernel, run_campaign
-from bottomlock.campaign.selector_counts import choice_counts, merged
+from bottomlock.campaign.chunk import choice_counts, merged
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import Method
 from bottomlock.tables.campaign import CHOICES

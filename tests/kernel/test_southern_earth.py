@@ -17,7 +17,7 @@ from bottomlock.config.scenario import EARTH_RATE_RADPS, load_scenario
 from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
 from bottomlock.dead_reckoning.track import Velocities
 from bottomlock.kernel.attitude_motion import inertial_readings
-from bottomlock.plant.ideal_sensors import inertial_measurements
+from bottomlock.plant.truth import inertial_measurements
 from bottomlock.replay.init.moved import turns
 from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings
 from tests.oracle import beams, truth

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bottomlock.io.beams import read_geometry
-from bottomlock.live.beam_jumps import REOPENED, BeamJumps
 from bottomlock.live.engine import Engine
+from bottomlock.live.estimator import REOPENED, BeamJumps
 from tests.live.world import BEAM_SD, VELOCITY, Sent, World, config
 
 SECOND = 1_000_000_000

@@ -2,7 +2,7 @@
 
 import weakref
 
-from bottomlock.live.garbage import YOUNG, collected_between_readings
+from bottomlock.live.runner import YOUNG, collected_between_readings
 
 
 class Cycle:

@@ -14,8 +14,7 @@ import pytest
 
 from bottomlock.live.address import sink_address
 from bottomlock.live.connections import cancel
-from bottomlock.live.sink import Sink
-from bottomlock.live.sinks import WAITING_S, open_sink
+from bottomlock.live.sinks import WAITING_S, Sink, open_sink
 
 SIZE = 800
 """Bytes of a report, about those of Water Linked's JSON."""

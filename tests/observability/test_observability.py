@@ -17,8 +17,12 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator
 from bottomlock.kernel.models import DepthModel, DvlModel, InitialState, Model
 from bottomlock.observability.analysis import Aiding, Finding, deviations, observe
-from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
-from bottomlock.observability.report import deviation_figure, deviation_panels, observe_scenario
+from bottomlock.observability.report import (
+    deviation_figure,
+    deviation_panels,
+    manoeuvre_ranking,
+    observe_scenario,
+)
 from bottomlock.observability.tables import PAPER_CASES, paper_table
 from bottomlock.tables.check import check
 from bottomlock.tables.observability import OBSERVABILITY

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bottomlock.pages.explained import EXPLANATIONS, explained
 from bottomlock.pages.page import Folded, Page, Part, Table, Terms
+from bottomlock.pages.pieces import EXPLANATIONS, explained
 
 
 def told(page: Page) -> list[list[str]]:

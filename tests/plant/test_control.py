@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from bottomlock.plant import Vehicle, model, straight, swim
-from bottomlock.plant.actuators import fin_servo, thruster
-from bottomlock.plant.autopilot import Mixer, attitude_pid, fin_commands, speed_pid
+from bottomlock.plant.autopilot import Mixer, attitude_pid, fin_commands, fin_servo, speed_pid, thruster
 from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.mission import DepthProfile, Mission
 from bottomlock.plant.path import PathBuilder

@@ -29,11 +29,11 @@ from bottomlock.plant import (
     swim,
     telemetry,
 )
+from bottomlock.plant.autopilot import Motion, Wanted
 from bottomlock.plant.equations import acceleration
-from bottomlock.plant.hovering import thruster_steering
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
 from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix
-from bottomlock.plant.steering import Motion, Wanted
+from bottomlock.plant.model import thruster_steering
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import check_stability, start_state
 from bottomlock.plant.vehicle_file import parse_vehicle

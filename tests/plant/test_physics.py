@@ -9,12 +9,17 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from bottomlock.plant import Vehicle
-from bottomlock.plant.equations import acceleration, to_platform, to_tangent
-from bottomlock.plant.fins import fin_wrench, lift_and_drag
+from bottomlock.plant.equations import (
+    acceleration,
+    fin_wrench,
+    lift_and_drag,
+    propeller_wrench,
+    to_platform,
+    to_tangent,
+)
 from bottomlock.plant.hull import hull_wrench
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
 from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix, rotation_t_p
-from bottomlock.plant.propeller import propeller_wrench
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned
 from tests.plant.matrices import (
     added_mass_coriolis_matrix,

@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("rosbags", reason="bags need the extra .[ros]")
 
 from bottomlock.replay.case import load_case
-from bottomlock.replay.init.bag import bag_tables
 from bottomlock.replay.init.make import make_case
+from bottomlock.replay.init.sources import bag_tables
 from tests.dive import Dive, drawn_dive
 from tests.io.test_ros_waterlinked import registered
 from tests.replay.undiagnosed import replay_undiagnosed

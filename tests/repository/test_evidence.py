@@ -10,8 +10,7 @@ import polars as pl
 import pytest
 
 from bottomlock.config.scenario import load_scenario
-from bottomlock.report.advice import REFERENCES
-from bottomlock.report.published import load_published, standing
+from bottomlock.report.advice import REFERENCES, load_published, standing
 from bottomlock.studies.cases import in_world
 from bottomlock.studies.study import AS_CONFIGURED, Cell, study
 from bottomlock.tables.studies import STUDY

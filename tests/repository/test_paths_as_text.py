@@ -16,11 +16,9 @@ from tests.analytic import batch_along
 from tests.campaign.small_campaign import same_bits, short
 
 ENTRY_POINTS = {
-    "bottomlock.studies.reproduce": ["reproduce"],
+    "bottomlock.studies.reproduce": ["reproduce", "run_sweep", "run_without_causes"],
     "bottomlock.studies.study": ["study"],
-    "bottomlock.studies.sweep": ["run_sweep"],
     "bottomlock.campaign.variants": ["run_variants"],
-    "bottomlock.studies.without_cause": ["run_without_causes"],
     "bottomlock.report.compare": ["compare"],
     "bottomlock.report.page": ["make_report"],
     "bottomlock.replay.case": ["load_case"],

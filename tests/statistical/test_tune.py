@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from bottomlock.kernel.models import Options
-from bottomlock.replay.tune.criterion import Criterion
+from bottomlock.replay.tune.criterion import Criterion, Found, search, uncertainty
 from bottomlock.replay.tune.passes import Inputs, horizons_of, passes_of
-from bottomlock.replay.tune.search import Found, search, uncertainty
 from tests.statistical.tune_logs import (
     KINDS,
     Dive,

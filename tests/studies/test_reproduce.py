@@ -8,9 +8,9 @@ import pytest
 
 from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import load_scenario
+from bottomlock.studies import reproduce as study_of_2017
 from bottomlock.studies import reproduce as whole
-from bottomlock.studies import sweep
-from bottomlock.studies.sweep import SETTINGS, Setting
+from bottomlock.studies.reproduce import SETTINGS, Setting
 from bottomlock.tables.check import check
 from bottomlock.tables.studies import SWEEP
 from tests.undrawn import figures_undrawn
@@ -25,7 +25,7 @@ def small() -> Iterator[None]:
     few = tuple(Setting(s.parameter, s.values[-1:], s.methods[:1], s.change) for s in SETTINGS)
     with figures_undrawn(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(whole, "PAPER_TRAJECTORIES", ("straight",))
-        patch.setattr(sweep, "SETTINGS", few)
+        patch.setattr(study_of_2017, "SETTINGS", few)
         yield
 
 

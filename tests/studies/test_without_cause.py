@@ -7,7 +7,7 @@ import numpy as np
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import load_scenario
 from bottomlock.statistics.run_errors import read_run_errors
-from bottomlock.studies.without_cause import run_without_causes, variants
+from bottomlock.studies.reproduce import run_without_causes, variants
 from bottomlock.tables.results import read_campaign_tables
 
 

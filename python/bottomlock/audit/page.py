@@ -15,10 +15,8 @@ from bottomlock.figures.images import images_of
 from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
-from bottomlock.pages.explained import explained
-from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Table, html
-from bottomlock.pages.pieces import findings_part, json_part
+from bottomlock.pages.pieces import explained, findings_part, json_part, number
 from bottomlock.pages.plots import Plots
 
 CAPTIONS = {

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Self
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Table
-from bottomlock.pages.pieces import notebook_table
+from bottomlock.pages.pieces import notebook_table, number
 from bottomlock.statistics.campaign import summary_table
 from bottomlock.statistics.compare import QUANTITIES, comparison_table
 from bottomlock.support.nearest import did_you_mean

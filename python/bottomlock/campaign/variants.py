@@ -18,7 +18,7 @@ from bottomlock.config.toml_value import toml_value
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.files.output_folder import is_occupied, locked
 from bottomlock.files.records import read_record, write_record
-from bottomlock.tables.variants import KIND, VARIANTS
+from bottomlock.tables.studies import KIND, VARIANTS
 
 MOST_VARIANTS = 200
 """More of them are taken for a mistake."""

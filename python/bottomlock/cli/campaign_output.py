@@ -21,7 +21,7 @@ from bottomlock import own_method
 from bottomlock.campaign.run import CampaignProgress, Results
 from bottomlock.cli.console import bars_are_off, console, errors, narrow_table
 from bottomlock.files.atomic_write import json_text
-from bottomlock.pages.numbers import plain
+from bottomlock.pages.pieces import plain
 
 
 class _Rate(ProgressColumn):

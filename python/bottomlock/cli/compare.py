@@ -6,7 +6,7 @@ import polars as pl
 from rich.table import Table
 
 from bottomlock.cli.console import console, narrow_table
-from bottomlock.pages.numbers import plain
+from bottomlock.pages.pieces import plain
 from bottomlock.report.compare import Comparison
 
 SHOWN = (("velocity at the end", ", m/s RMS", 3), ("position at the end", ", m RMS", 1), ("NEES", "", 1))

@@ -11,16 +11,15 @@ from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
+from numpy.typing import NDArray
 
 from bottomlock.cli.console import console
 from bottomlock.cli.live import serve_page
-from bottomlock.cli.live_demo_listener import Listener
-from bottomlock.config.scenario import Scenario
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.instruments.demo import DVL_HZ, GEOMETRY, demo_scenario
 from bottomlock.instruments.faults import NONE
-from bottomlock.instruments.from_scenario import readings_of_scenario
+from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.play import Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record, depth_lines, imu_lines, records
@@ -30,6 +29,76 @@ from bottomlock.live.engine import Engine
 from bottomlock.live.health import status
 from bottomlock.live.runner import Live, host_clock
 from bottomlock.ports.mavlink import dialect
+
+SCENARIO, GEOMETRY = "survey_table2", "waterlinked_a50"
+TWO_FROM, NONE_FROM, BACK_FROM = 0.3, 0.55, 0.75
+"""Parts of the duration: from here on two beams return, none, and all again."""
+LOST_FIRST = (3, 4)
+DVL_HZ = 5.0
+SEABED_M = 60.0
+SENT_AFTER_S = 5.0
+"""The instruments send so much longer: what listens ends first."""
+
+
+def demo_scenario(seconds: float) -> Scenario:
+    """The scenario of a demonstration that lasts so many seconds.
+
+    It is the packaged one at constant depth, so that the vehicle is calm while it aligns, over a seabed that is near
+    enough for all beams; they are lost by outages alone.
+    """
+    scenario = load_scenario(SCENARIO).with_trajectory(duration_s=seconds + SENT_AFTER_S)
+    two_s, none_s, back_s = (part * seconds for part in (TWO_FROM, NONE_FROM, BACK_FROM))
+    outages = [
+        {"beams": LOST_FIRST, "from_s": two_s, "to_s": none_s},
+        {"beams": (1, 2, 3, 4), "from_s": none_s, "to_s": back_s},
+    ]
+    changes = {
+        "mission.dive_rate_mps": 0.0,
+        "seabed.depth_m": SEABED_M,
+        "dvl.rate_hz": DVL_HZ,
+        "dvl.outages": outages,
+    }
+    return with_geometry(scenario.replace(changes), GEOMETRY)
+
+
+_DIAGONAL = (0, 6, 11)
+"""Places of the first three variances in the upper triangle of a 6 by 6 covariance."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A message: its time, velocity (3,) and 1 sigma (3,) in m/s, platform axes, and the state when it came."""
+
+    time_ns: int
+    velocity_mps: NDArray[np.float64]
+    sd_mps: NDArray[np.float64]
+    state: str
+
+
+class Listener(asyncio.DatagramProtocol):
+    """Parses datagrams and keeps what it has heard.
+
+    Args:
+        state: gives the state now.
+
+    Raises:
+        ScenarioError: where the MAVLink library is not installed.
+    """
+
+    def __init__(self, state: Callable[[], str]) -> None:
+        self._link = dialect().MAVLink(None)
+        self._state = state
+        self.heard: list[Heard] = []
+
+    def datagram_received(self, data: bytes, addr: object) -> None:  # noqa: ARG002 - asyncio's
+        """Takes the messages of a datagram."""
+        for message in self._link.parse_buffer(data) or ():
+            if message.get_type() != "ODOMETRY":
+                continue
+            velocity = np.array([message.vx, message.vy, message.vz])
+            sd = np.array([math.sqrt(message.velocity_covariance[place]) for place in _DIAGONAL])
+            self.heard.append(Heard(message.time_usec * 1000, velocity, sd, self._state()))
+
 
 SHORTEST_S, LONGEST_S = 15.0, 600.0
 FASTEST = 20.0

@@ -16,7 +16,7 @@ from bottomlock.replay.report import is_replay, make_replay_report
 from bottomlock.report.compare import compare
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies import reproduce as whole_study
-from bottomlock.tables.variants import VARIANTS
+from bottomlock.tables.studies import VARIANTS
 
 
 def reproduce(

@@ -27,8 +27,7 @@ from bottomlock.instruments.from_log import readings_of_case, readings_of_log
 from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.play import EXPECTED, Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
-from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records
-from bottomlock.instruments.sent_table import sent_table
+from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records, sent_table
 from bottomlock.replay.case import load_case
 
 DEFAULT_START = "2026-01-01T00:00:00"

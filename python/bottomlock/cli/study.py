@@ -25,8 +25,8 @@ from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Result
 from bottomlock.kernel import kernel_version
-from bottomlock.pages.numbers import plain
 from bottomlock.pages.page import Table, html
+from bottomlock.pages.pieces import plain
 from bottomlock.statistics.chi_squared import FALSE_ALARM
 from bottomlock.studies import cases
 from bottomlock.studies.study import cells

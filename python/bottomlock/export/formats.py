@@ -1,14 +1,198 @@
 """The formats by name: what each needs, its files, and how they are written beside one another."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+import polars as pl
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.export.geographic import NO_ORIGIN, geojson, kml
 from bottomlock.export.mcap_file import mcap, writer_library
-from bottomlock.export.text import comma_separated, tum
 from bottomlock.export.tracks import Export, ExportTrack
 from bottomlock.files.overwriting import Files, Result
+from bottomlock.recordings.streams import Floats
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def comma_separated(track: ExportTrack, pings: pl.DataFrame | None) -> str:
+    """The columns of the track's rows after `utc`; with the beams of the last ping up to each time.
+
+    Args:
+        track: the track.
+        pings: of its group; None for none.
+
+    `utc` is empty where the clock is not UTC.
+    """
+    rows = track.rows
+    times = [utc(time_ns) for time_ns in track.time_ns] if track.is_utc else [None] * rows.height
+    rows = rows.select(pl.Series("utc", times, dtype=pl.String()), pl.all())
+    if pings is not None:
+        rows = rows.join_asof(_beams(pings), on="time_ns")
+    return rows.write_csv()
+
+
+def _beams(pings: pl.DataFrame) -> pl.DataFrame:
+    """A row a ping: its time, the number of its valid beams, and which."""
+    valid = [name for name in pings.columns if name.endswith("_valid")]
+    return pings.select(
+        "time_ns",
+        pl.col("time_ns").alias("ping_time_ns"),
+        pl.sum_horizontal(valid).cast(pl.Int64).alias("beams_valid"),
+        *valid,
+    )
+
+
+def tum(track: ExportTrack) -> str:
+    """A trajectory, m, after a line with frames and description that begins with #.
+
+    Of a track without an attitude the orientation is the identity, not to be compared.
+
+    Raises:
+        DataError: for a track without positions.
+    """
+    orientation = track.orientation_enu_flu
+    if orientation is None:
+        orientation = np.tile(IDENTITY, (len(track.time_ns), 1))
+    position = track.position_enu_m
+    if position is None:
+        raise DataError(
+            "has velocities and no positions, which TUM needs", place=track.name, hint="export csv or mcap"
+        )
+    rows = np.hstack([position, orientation])
+    lines = (
+        " ".join([seconds(time_ns), *map(decimal, row)])
+        for time_ns, row in zip(track.time_ns, rows, strict=True)
+    )
+    described = track.description.replace("\n", " ")
+    frames = f"east north up from the origin, orientation of forward left up; {described}"
+    return "\n".join([f"# {frames}", *lines]) + "\n"
+
+
+def decimal(value: float) -> str:
+    """The shortest decimal number that reads back as the same double, without an exponent.
+
+    >>> decimal(54.1), decimal(-1e-7), decimal(12.0)
+    ('54.1', '-0.0000001', '12')
+    """
+    return np.format_float_positional(value, trim="-")
+
+
+def seconds(time_ns: int) -> str:
+    """A time in seconds, exact to the nanosecond.
+
+    >>> seconds(1_767_225_610_250_000_001), seconds(-1)
+    ('1767225610.250000001', '-0.000000001')
+    """
+    whole, rest = divmod(abs(int(time_ns)), 10**9)
+    return f"{'-' if time_ns < 0 else ''}{whole}.{rest:09d}"
+
+
+def utc(time_ns: int) -> str:
+    """Unix time in ISO 8601, exact to the nanosecond; the fraction is left out where it is zero.
+
+    >>> utc(1_767_225_610_250_000_001), utc(1_767_225_610 * 10**9)
+    ('2026-01-01T00:00:10.250000001Z', '2026-01-01T00:00:10Z')
+    """
+    whole, rest = divmod(int(time_ns), 10**9)
+    fraction = f".{rest:09d}".rstrip("0").rstrip(".")
+    return f"{np.datetime64(whole, 's')}{fraction}Z"
+
+
+NO_ORIGIN = (
+    "kml and geojson need a place on the Earth, and there is none; give origin.latitude_deg and "
+    "origin.longitude_deg, or export csv, tum or mcap"
+)
+_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
+<Document>"""
+
+
+def _coordinates(track: ExportTrack) -> Floats:
+    """(n, 3) longitude, latitude, deg, and height, m; (n, 2) where heights were not recorded.
+
+    Raises:
+        DataError: without an origin on the Earth.
+    """
+    if track.geodetic is None:
+        raise DataError(NO_ORIGIN)
+    return track.geodetic[:, [1, 0, 2] if track.has_height else [1, 0]]
+
+
+def kml(title: str, tracks: Sequence[ExportTrack]) -> str:
+    """A document with a placemark a track, on the surface; heights above the ellipsoid, m, where they were recorded.
+
+    A track with times is a `gx:Track`, one without a `LineString`.
+
+    Raises:
+        DataError: without an origin on the Earth.
+    """
+    marks = map(_placemark, tracks)
+    return "\n".join([_HEAD, f"<name>{escape(title)}</name>", *marks, "</Document>", "</kml>", ""])
+
+
+def _placemark(track: ExportTrack) -> str:
+    places = [list(map(decimal, place)) for place in _coordinates(track)]
+    if track.is_utc:
+        shape = "gx:Track"
+        lines = [f"<when>{utc(time_ns)}</when>" for time_ns in track.time_ns]
+        lines += [f"<gx:coord>{' '.join([*place, '0'][:3])}</gx:coord>" for place in places]
+    else:
+        shape = "LineString"
+        lines = ["<coordinates>", *(",".join(place) for place in places), "</coordinates>"]
+    # Alpha, blue, green, red, two hex digits each.
+    colour = "ff" + "".join(track.colour[k : k + 2] for k in (5, 3, 1))
+    return "\n".join(
+        [
+            "<Placemark>",
+            f"<name>{escape(track.name)}</name>",
+            f"<description>{escape(track.description)}</description>",
+            f"<Style><LineStyle><color>{colour}</color><width>3</width></LineStyle></Style>",
+            f"<{shape}>",
+            "<altitudeMode>clampToGround</altitudeMode>",
+            *lines,
+            f"</{shape}>",
+            "</Placemark>",
+        ]
+    )
+
+
+def geojson(title: str, tracks: Sequence[ExportTrack]) -> str:
+    """A feature a track, a `LineString`; `coordinateProperties.times` has a UTC time a point, where the clock is UTC.
+
+    Raises:
+        DataError: without an origin on the Earth, for a single point and across 180 degrees of longitude.
+    """
+    features = [_feature(title, track) for track in tracks]
+    return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False) + "\n"
+
+
+def _feature(title: str, track: ExportTrack) -> dict[str, Any]:
+    if len(track.time_ns) < 2:
+        raise DataError("has one point", place=track.name, expected="two or more for a line of GeoJSON")
+    coordinates = _coordinates(track)
+    if (np.abs(np.diff(coordinates[:, 0])) > 180.0).any():
+        raise DataError(
+            "crosses 180° of longitude, where GeoJSON wants lines cut",
+            place=track.name,
+            hint="export another format",
+        )
+    properties: dict[str, Any] = {
+        "name": track.name,
+        "description": track.description,
+        "case": title,
+        "group": track.group,
+        "method": track.method,
+    }
+    if track.is_utc:
+        properties["coordinateProperties"] = {"times": [utc(time_ns) for time_ns in track.time_ns]}
+    # RFC 7946, section 3.1.1: longitude, latitude, height above the ellipsoid.
+    geometry = {"type": "LineString", "coordinates": coordinates.tolist()}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
 
 EARTH: Mapping[str, Callable[[str, Sequence[ExportTrack]], str]] = {"kml": kml, "geojson": geojson}
 """Formats that need a place on the Earth; one file has every track."""

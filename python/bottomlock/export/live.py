@@ -24,7 +24,7 @@ from bottomlock.ports.estimate import Beams, Estimate
 from bottomlock.recordings.axes import from_quaternions, to_angles
 from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.streams import Floats
-from bottomlock.replay.level import level_axes
+from bottomlock.replay.vehicle_motion import level_axes
 
 NAME = "live"
 """Of the track, and of the group of its pings."""

@@ -22,8 +22,8 @@ from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.dive_plots import taken
-from bottomlock.replay.level import level_axes
 from bottomlock.replay.report import read_replay
+from bottomlock.replay.vehicle_motion import level_axes
 from bottomlock.tables.replay import FORWARD, ReplayTables
 
 REFERENCE = "reference"

@@ -1,10 +1,11 @@
 """Figures as images, by two processes: matplotlib takes one core, and images are most of a report's time."""
 
+import contextlib
 import gc
 import pickle
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +16,33 @@ from matplotlib.figure import Figure
 
 from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.files.overwriting import Files
-from bottomlock.support.other_process import other_process
+
+
+@contextmanager
+def other_process(serve: Callable[[], None]) -> Iterator[subprocess.Popen[bytes]]:
+    """Starts a process of this Python that calls a function of a module; it ends with the context at the latest.
+
+    What it prints to the standard error is lost: the caller does without it where it fails. It is not a process of
+    `multiprocessing`, which would run the caller's main module again.
+
+    Args:
+        serve: called without arguments; it reads the standard input and writes to the standard output.
+    """
+    call = f"import sys; sys.path = {sys.path!r}; from {serve.__module__} import {serve.__name__} as serve; serve()"
+    with subprocess.Popen(  # noqa: S603 - our own code
+        [sys.executable, "-c", call],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        assert process.stdin is not None
+        try:
+            yield process
+        finally:
+            process.kill()
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.close()
+
 
 PREPARING = 0.25
 """Time to prepare a figure, by the time to draw it."""

@@ -31,8 +31,8 @@ from bottomlock.io.binary_records import (
     numbered,
     words_at,
 )
-from bottomlock.io.civil_time import minute_ns
 from bottomlock.io.framing import Stream, pd0
+from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.pd0_axes import beams_of_axes
 from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, make_water, raise_if_empty, running_sums
 from bottomlock.io.water_table import WaterTable

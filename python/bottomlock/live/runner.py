@@ -2,9 +2,11 @@
 
 import asyncio
 import contextlib
+import gc
 import time
 import traceback
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from bottomlock.errors import BottomlockError
@@ -15,13 +17,43 @@ from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.connections import Answers, Connection, cancel, no_answer
 from bottomlock.live.engine import TICK_NS, Engine, Message
-from bottomlock.live.garbage import collected_between_readings
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.readings import MavlinkReader
-from bottomlock.live.sink import Sink
-from bottomlock.live.sinks import open_sink
+from bottomlock.live.sinks import Sink, open_sink
 from bottomlock.ports.mavlink import MavlinkPort, Timesync
 from bottomlock.ports.message_intervals import MessageIntervals
+
+YOUNG = 1000
+"""Container objects since the last collection from which the young ones are looked at; a ping makes some tens."""
+WHOLE_EVERY = 200
+"""Collections of young objects from one of all objects to the next."""
+
+
+@contextmanager
+def collected_between_readings() -> Iterator[Callable[[], None]]:
+    """Ends automatic collection, and gives the function that collects, to be called where nothing waits.
+
+    What exists at the beginning is never looked at again. At the end all is as before.
+    """
+    automatic = gc.isenabled()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    collections = 0
+
+    def collect() -> None:
+        nonlocal collections
+        if gc.get_count()[0] >= YOUNG:
+            collections += 1
+            gc.collect(2 if collections % WHOLE_EVERY == 0 else 1)
+
+    try:
+        yield collect
+    finally:
+        gc.unfreeze()
+        if automatic:
+            gc.enable()
+
 
 SILENT_CONNECTION_PERIODS = 10.0
 

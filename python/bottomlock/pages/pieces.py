@@ -1,12 +1,111 @@
 """Pieces that several pages have: titles, methods with their lines, findings, JSON behind a summary, differences."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from bottomlock.figures.palette import stroke
-from bottomlock.pages.page import Block, Coloured, Folded, Part, Table, Terms, plain_text
+from bottomlock.pages.page import (
+    Block,
+    Coloured,
+    Folded,
+    Looked,
+    Page,
+    Part,
+    Picture,
+    Table,
+    Terms,
+    plain_text,
+)
 from bottomlock.support.notebook import html_table
+
+_CLOSURE = (
+    "the one combination of a ping's beams that no velocity can cause: noise, outliers, a wrong geometry"
+)
+_NIS = (
+    "normalised innovation squared: measured less predicted beams, squared, over the variance that the filter claims "
+    "of them; its mean in a consistent filter is its degrees of freedom, the number of beams used"
+)
+EXPLANATIONS = {
+    "Closure": (r"\b[Cc]losures?\b", _CLOSURE),
+    "NIS": (r"\bNIS\b", _NIS),
+    "% DT": (r"% DT\b", "position error in percent of the distance travelled"),
+}
+"""By term: how it stands in a text, and what it means."""
+
+
+def explained(page: Page) -> Page:
+    """The page with each of `EXPLANATIONS` at the end of the part in which its term first stands."""
+    left = dict(EXPLANATIONS)
+    parts = []
+    for part in page.parts:
+        text = "\n".join(words for block in part.blocks for words in _texts(block))
+        found = [term for term, (pattern, _) in left.items() if re.search(pattern, text)]
+        if found:
+            terms = Terms([(term, left.pop(term)[1]) for term in found])
+            parts.append(replace(part, blocks=[*part.blocks, terms]))
+        else:
+            parts.append(part)
+    return replace(page, parts=parts)
+
+
+def _texts(block: Block) -> Iterator[str]:
+    """What a reader reads of a block without unfolding it."""
+    match block:
+        case str():
+            if not block.startswith("```"):
+                yield block
+        case Picture():
+            yield block.caption
+        case Table():
+            yield from (block.caption, *block.columns, *(cell for row in block.rows for cell in row))
+        case Terms():
+            yield from (words for row in block.rows for words in row)
+        case Looked():
+            yield from (picture.caption for picture in block.still)
+        case Folded():
+            yield block.summary
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number for a page: some significant digits, no needless zeros or exponents; a dash for None, NaN and infinity.
+
+    >>> number(35.7344), number(0.04686), number(1532.3), number(2.3e6), number(None)
+    ('35.7', '0.0469', '1530', '2.3×10⁶', '–')
+    """
+    if value is None or not np.isfinite(value):
+        return "–"
+    if value != 0.0 and not 1e-4 <= abs(value) < 1e5:
+        mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
+        return f"{mantissa}×10{str(int(exponent)).translate(_RAISED)}".replace("-", "−")
+    rounded = float(f"{value:.{digits}g}")
+    places = max(0, digits - 1 - int(np.floor(np.log10(abs(rounded))))) if rounded else 0
+    return f"{rounded:.{places}f}".replace("-", "−")
+
+
+def plain(value: float | None, digits: int = 3, decimals: int = 3) -> str:
+    """A number for a column of text: `decimals` places, fewer where more than `digits` digits would show; ASCII.
+
+    Integer digits are never rounded away below 10,000; from there on the power of ten stands.
+
+    >>> plain(0.0517), plain(13.04), plain(258.4), plain(52_900.0), plain(None)
+    ('0.052', '13.0', '258', '5e4', '-')
+    >>> plain(6.0, decimals=1), plain(13.04, digits=4), plain(258.4, digits=9)
+    ('6.0', '13.04', '258.400')
+    """
+    if value is None or not np.isfinite(value):
+        return "-"
+    if abs(value) >= 1e4:
+        return f"{value:.0e}".replace("e+0", "e").replace("e+", "e")
+    before = 0 if abs(value) < 1.0 else 1 + int(np.log10(abs(value)))
+    return f"{value:.{max(0, min(decimals, digits - before))}f}"
 
 
 def title_of(name: str) -> str:

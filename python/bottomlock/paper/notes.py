@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from bottomlock.pages.numbers import number
+from bottomlock.pages.pieces import number
 from bottomlock.paper.claims import CauseClaim, Claim, ImprovementClaim, ValueClaim
 from bottomlock.paper.estimates import Estimate, TrajectoryErrors
 from bottomlock.statistics.campaign import runs_mostly_rejected

@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.pages.numbers import number
+from bottomlock.pages.pieces import number
 from bottomlock.paper.claims import (
     BiasClaim,
     CauseClaim,

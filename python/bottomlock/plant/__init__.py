@@ -4,7 +4,7 @@ Frames: tangent NED fixed to the Earth, platform FRD at the centre of buoyancy. 
 notation for coefficients. From file to truth: `load_vehicle` -> a `Mission` -> `fly` -> `Flight.truth`.
 """
 
-from bottomlock.plant.actuators import StuckFin
+from bottomlock.plant.autopilot import StuckFin
 from bottomlock.plant.current import Current
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.mission import (

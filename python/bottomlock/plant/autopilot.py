@@ -1,4 +1,4 @@
-"""Four PID controllers (roll, pitch, yaw, speed) as differential equations, and the mixing to the four fins.
+"""Four PID controllers (roll, pitch, yaw, speed) as differential equations, the mixing to the fins, and their servos.
 
 The integrators and derivative filters are states of the vehicle's equations, so that the commands are continuous in
 time and the truth is smooth between the IMU's samples.
@@ -6,13 +6,132 @@ time and the truth is smooth between the IMU's samples.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Self, TypeAlias
+from itertools import chain
+from typing import Generic, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
 from bottomlock.plant.equations import Four, Three
+from bottomlock.plant.guidance import depth_by_pitch
 from bottomlock.plant.maths import FloatArray, Maths, Number
 from bottomlock.plant.vehicle import AttitudePid, SpeedPid, Vehicle
+
+
+@dataclass(frozen=True)
+class StuckFin:
+    """Fin `fin` (1 to 4) stays at `angle_rad` throughout, whatever its command."""
+
+    fin: int
+    angle_rad: float
+
+
+def fin_servo(vehicle: Vehicle, maths: Maths[Number]) -> Callable[[Number, Number], Number]:
+    """Build the rate of a fin (rad/s) from its command and its angle (rad).
+
+    The command is clipped, then lagged, then rate-limited.
+    """
+    servo = vehicle.fin_actuator
+    limit, rate, corner = servo.max_deflection, servo.max_rate, 1.0 / servo.time_constant
+    clip = maths.clip
+
+    def motion(command: Number, angle: Number) -> Number:
+        return clip(corner * (clip(command, -limit, limit) - angle), -rate, rate)
+
+    return motion
+
+
+def thruster(vehicle: Vehicle, maths: Maths[Number]) -> Callable[[Number, Number], Number]:
+    """Build the shaft's acceleration (rev/s²) from the commanded and the actual shaft speed (rev/s)."""
+    prop = vehicle.propeller
+    limit, rate, corner = prop.max_speed, prop.max_acceleration, 1.0 / prop.time_constant
+    clip = maths.clip
+
+    def motion(command: Number, shaft: Number) -> Number:
+        return clip(corner * (clip(command, -limit, limit) - shaft), -rate, rate)
+
+    return motion
+
+
+def actuator_rates(
+    vehicle: Vehicle, maths: Maths[Number], stuck: StuckFin | None
+) -> Callable[[Four[Number], Four[Number], Number, Number], tuple[list[Number], Number]]:
+    """Build the rates of all actuators.
+
+    The function takes the fin commands and fin angles (rad) and the commanded and actual shaft speed (rev/s), and
+    returns the fin rates (rad/s) and the shaft's acceleration (rev/s²). A stuck fin is held at its angle by a fast lag.
+    """
+    servo, motor = fin_servo(vehicle, maths), thruster(vehicle, maths)
+    index = stuck.fin - 1 if stuck is not None else -1
+    angle_rad = stuck.angle_rad if stuck is not None else 0.0
+
+    def rates(
+        commands: Four[Number], angles: Four[Number], shaft_command: Number, shaft: Number
+    ) -> tuple[list[Number], Number]:
+        fin_rates = [servo(command, angle) for command, angle in zip(commands, angles, strict=True)]
+        if index >= 0:
+            fin_rates[index] = 50.0 * (angle_rad - angles[index])
+        return fin_rates, motor(shaft_command, shaft)
+
+    return rates
+
+
+class Motion(NamedTuple, Generic[Number]):
+    """The motion that control uses, estimated but for the last two.
+
+    Angles (rad), speeds in the level heading frame and over all (m/s), depth (m), sink rate (m/s), body rates (rad/s)
+    and the acceleration ahead (m/s²).
+    """
+
+    roll: Number
+    pitch: Number
+    yaw: Number
+    ahead: Number
+    starboard: Number
+    speed: Number
+    depth: Number
+    sink: Number
+    rates: tuple[Number, Number, Number]
+    surge_rate: Number
+
+
+class Wanted(NamedTuple, Generic[Number]):
+    """What guidance wants: course (rad), its rate (rad/s), speed over ground (m/s), depth (m) and sink rate (m/s)."""
+
+    course: Number
+    course_rate: Number
+    speed: Number
+    depth: Number
+    sink: Number
+
+
+Steer: TypeAlias = Callable[[Sequence[Number], Motion[Number], Wanted[Number]], list[Number]]
+"""The rates of actuators and controllers from their state, the motion and what is wanted."""
+
+
+def fin_steering(vehicle: Vehicle, maths: Maths[Number], stuck: StuckFin | None) -> Steer[Number]:
+    """Build the rates of fins, shaft, autopilot and guidance, in the layout of `model`."""
+    control, actuators = autopilot(vehicle, maths), actuator_rates(vehicle, maths, stuck)
+    depth_law = depth_by_pitch(vehicle, maths)
+    crab_corner = 1.0 / vehicle.guidance.crab_time_constant
+    atan2, wrap = maths.atan2, maths.wrap
+
+    def steer(own: Sequence[Number], motion: Motion[Number], wanted: Wanted[Number]) -> list[Number]:
+        fin1, fin2, fin3, fin4, shaft = own[:5]
+        memory, crab, depth_i = own[5:13], own[13], own[14]
+        p, q, r = motion.rates
+        pitch_wanted, depth_i_dot = depth_law(wanted.depth, wanted.sink, motion.depth, motion.speed, depth_i)
+        fin_commands, shaft_command, memory_dot = control(
+            (-motion.roll, pitch_wanted - motion.pitch, wrap(wanted.course - crab - motion.yaw)),
+            (-p, -q, wanted.course_rate - r),
+            (wanted.speed, wanted.speed - motion.speed, -motion.surge_rate),
+            motion.ahead,
+            memory,
+        )
+        fin_rates, shaft_rate = actuators(fin_commands, (fin1, fin2, fin3, fin4), shaft_command, shaft)
+        crab_dot = crab_corner * (atan2(motion.starboard, motion.ahead) - crab)
+        return list(chain(fin_rates, (shaft_rate,), memory_dot, (crab_dot, depth_i_dot)))
+
+    return steer
 
 
 def attitude_pid(

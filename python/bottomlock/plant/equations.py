@@ -2,22 +2,143 @@
 
 M nu_r' + C_RB(nu_r) nu_r + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau (Fossen 2021, for an irrotational current),
 in the platform frame with its origin at the centre of buoyancy. The Earth's rotation is neglected in the forces; it
-enters the ideal sensors (`ideal_sensors`).
+enters the ideal sensors (`truth.inertial_measurements`).
+
+Fin i stands at r_i = (x, R cos a, R sin a), a from starboard towards down; its normal is n_i = (0, -sin a, cos a). A
+positive deflection turns the leading edge towards n_i and pushes the fin along n_i, so equal deflections roll the
+vehicle to starboard.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
 
-from bottomlock.plant.fins import fin_wrench
-from bottomlock.plant.hovering_vehicle import AnyVehicle
-from bottomlock.plant.hull import hull_wrench
+from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
+from bottomlock.plant.hull import Wrench, hull_wrench
 from bottomlock.plant.maths import Maths, Number
 from bottomlock.plant.matrices import added_mass_matrix, centre_of_gravity_p_m, rigid_body_mass_matrix
-from bottomlock.plant.propeller import propeller_wrench
-from bottomlock.plant.thrusters import thruster_wrench
 from bottomlock.plant.vehicle import Vehicle
+
+
+def lift_and_drag(vehicle: Vehicle, maths: Maths[Number]) -> Callable[[Number], tuple[Number, Number]]:
+    """Build C_L and C_D of one fin as functions of its angle of attack, rad.
+
+    Below stall the lift is linear and the drag the usual polar; past it the fin is a flat plate (C_L = 2
+    |sin a| sin a cos a, C_D = 2 sin² a). The two blend smoothly over the stall width: Beard and McLain 2012
+    as in MSS coeffLiftDrag.m, here with the plate's drag and a tanh for the blend.
+    """
+    fins = vehicle.fins
+    slope, base, stall = fins.lift_slope, fins.zero_lift_drag, fins.stall_angle
+    induced = 1.0 / (math.pi * fins.oswald_efficiency * fins.aspect_ratio)
+    sharpness = 1.0 / fins.stall_width
+    sin, cos, tanh = maths.sin, maths.cos, maths.tanh
+
+    def coefficients(angle: Number) -> tuple[Number, Number]:
+        stalled = 0.5 + 0.5 * tanh(sharpness * (abs(angle) - stall))
+        attached = 1.0 - stalled
+        sine = sin(angle)
+        plate = 2.0 * abs(sine) * stalled
+        linear = slope * angle
+        lift = attached * linear + plate * sine * cos(angle)
+        drag = base + attached * induced * linear * linear + plate * abs(sine)
+        return lift, drag
+
+    return coefficients
+
+
+def fin_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[..., Wrench[Number]]:
+    """Build the wrench of all fins.
+
+    The function takes (u, v, w, p, q, r) relative to the water in the platform frame (m/s, rad/s) and the
+    tuple of deflections (rad), and returns (X, Y, Z, K, M, N) in N, N m. Each fin sees the inflow at its
+    own centre (Prestero 2001, Eq. 4.40, all terms kept), so fins damp yaw, pitch and roll by themselves.
+    """
+    fins = vehicle.fins
+    x, radius = fins.position_x, fins.centre_radius
+    pressure_area = 0.5 * vehicle.water.density * fins.area
+    normals = [(math.cos(a), math.sin(a)) for a in fins.azimuth]
+    coefficients = lift_and_drag(vehicle, maths)
+    sqrt, atan2 = maths.sqrt, maths.atan2
+
+    def wrench(
+        u: Number,
+        v: Number,
+        w: Number,
+        p: Number,
+        q: Number,
+        r: Number,
+        deflections: tuple[Number, Number, Number, Number],
+    ) -> Wrench[Number]:
+        sway = v + x * r
+        heave = w - x * q
+        spin = radius * p
+        total_x = total_y = total_z = total_k = total_m = total_n = 0.0 * u
+        for (c, s), deflection in zip(normals, deflections, strict=True):
+            axial = u + radius * (s * q - c * r)
+            normal = c * heave - s * sway + spin
+            speed = sqrt(axial * axial + normal * normal)
+            lift, drag = coefficients(atan2(normal, axial) - deflection)
+            scale = pressure_area * speed
+            thrust = scale * (lift * normal - drag * axial)
+            push = -scale * (lift * axial + drag * normal)
+            total_x = total_x + thrust
+            total_y = total_y - s * push
+            total_z = total_z + c * push
+            total_k = total_k + radius * push
+            total_m = total_m + radius * s * thrust - x * c * push
+            total_n = total_n - radius * c * thrust - x * s * push
+        return total_x, total_y, total_z, total_k, total_m, total_n
+
+    return wrench
+
+
+def propeller_wrench(
+    vehicle: Vehicle,
+) -> Callable[[Number, Number], tuple[Number, Number]]:
+    """Build net thrust X (N) and roll moment K (N m) from speed u (m/s) and shaft n (rev/s).
+
+    T = rho D⁴ (K_T0 n|n| + K_T1 |n| V_a / D), V_a = (1 - w) u, and the hull gets (1 - t) T. The torque has the same
+    form with D⁵, opposite to the rotation (linear in the advance number, as MSS remus100.m). A stopped shaft gives
+    neither.
+    """
+    prop = vehicle.propeller
+    density, diameter = vehicle.water.density, prop.diameter
+    advance = (1.0 - prop.wake_fraction) / diameter
+    thrust = density * diameter**4 * (1.0 - prop.thrust_deduction)
+    thrust_0, thrust_1 = thrust * prop.thrust_at_rest, thrust * prop.thrust_slope * advance
+    torque = -prop.rotation * density * diameter**5
+    torque_0, torque_1 = torque * prop.torque_at_rest, torque * prop.torque_slope * advance
+
+    def wrench(u: Number, shaft: Number) -> tuple[Number, Number]:
+        size = abs(shaft)
+        return size * (thrust_0 * shaft + thrust_1 * u), size * (torque_0 * shaft + torque_1 * u)
+
+    return wrench
+
+
+def thruster_wrench(vehicle: HoveringVehicle) -> Callable[..., tuple[Number, ...]]:
+    """Build damping and thrust: (u, v, w, p, q, r, thrusts) relative to the water -> (X, Y, Z, K, M, N), N and N m.
+
+    Each axis is damped by itself, linear and quadratic (von Benzon et al. 2022); the thrust is that at rest.
+    """
+    drag = vehicle.damping.axes()
+    rows = vehicle.thrusters.wrenches().tolist()
+    count = len(rows[0])
+
+    def wrench(
+        u: Number, v: Number, w: Number, p: Number, q: Number, r: Number, actuators: Sequence[Number]
+    ) -> tuple[Number, ...]:
+        thrusts = actuators[:count]
+        return tuple(
+            sum(k * thrust for k, thrust in zip(row, thrusts, strict=True))
+            - (linear + quadratic * abs(x)) * x
+            for row, (linear, quadratic), x in zip(rows, drag, (u, v, w, p, q, r), strict=True)
+        )
+
+    return wrench
+
 
 Six: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
 Three: TypeAlias = tuple[Number, Number, Number]

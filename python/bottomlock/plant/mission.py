@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.actuators import StuckFin
+from bottomlock.plant.autopilot import StuckFin
 from bottomlock.plant.current import Current
 from bottomlock.plant.guidance import Law
 from bottomlock.plant.maths import FloatArray

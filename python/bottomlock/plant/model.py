@@ -2,7 +2,8 @@
 
 State: position_t 0:3, attitude_t_p 3:7, nu 7:13, then actuators and controllers. With fins (28 in all): fins 13:17,
 shaft 17, the autopilot's memory: roll 18:20, pitch 20:22, yaw 22:24, speed 24:26 (each integral, filtered rate error),
-crab angle 26, depth integral 27. With thrusters: see `hovering`.
+crab angle 26, depth integral 27. With thrusters: thrust of each (N), then
+the integrals of the surge, sway and heave controllers (m) and of roll, pitch and yaw (rad s).
 """
 
 from collections.abc import Callable, Sequence
@@ -11,14 +12,77 @@ from typing import TypeAlias
 
 import numpy as np
 
+from bottomlock.plant.autopilot import Motion, Steer, Wanted, fin_steering
 from bottomlock.plant.equations import Four, Six, Three, acceleration, to_platform, to_tangent
 from bottomlock.plant.guidance import Segment, constant_bearing, line_of_sight
-from bottomlock.plant.hovering import thruster_steering
-from bottomlock.plant.hovering_vehicle import AnyVehicle
+from bottomlock.plant.hovering_vehicle import AnglePid, AnyVehicle, HoveringVehicle, VelocityPi
 from bottomlock.plant.maths import ARRAY, FloatArray, Maths, Number
 from bottomlock.plant.mission import Mission
-from bottomlock.plant.steering import Motion, Steer, Wanted, fin_steering
 from bottomlock.plant.vehicle import Vehicle
+
+
+def _controller(
+    gains: VelocityPi | AnglePid, maths: Maths[Number]
+) -> Callable[[Number, Number, Number], tuple[Number, Number]]:
+    """Build (error, its rate, integral) -> (force or moment, the integral's rate); anti-windup as for the fins."""
+    proportional, integral_gain, limit = gains.proportional, gains.integral, gains.limit
+    derivative = gains.derivative if isinstance(gains, AnglePid) else 0.0
+    bleed, clip = 1.0 / (gains.tracking_time * gains.integral), maths.clip
+
+    def control(error: Number, rate: Number, integral: Number) -> tuple[Number, Number]:
+        wanted = proportional * error + derivative * rate + integral_gain * integral
+        given = clip(wanted, -limit, limit)
+        return given, error + bleed * (given - wanted)
+
+    return control
+
+
+def thruster_steering(
+    vehicle: HoveringVehicle, maths: Maths[Number], heading_rad: float | None
+) -> Steer[Number]:
+    """Build the rates of thrusts and integrals; without a heading the vehicle points along its path.
+
+    The velocity along the course is controlled ahead and to starboard; depth by heave; roll and pitch to level. The six
+    forces and moments are allocated to the thrusters by least squares (Fossen 2011, section 12.3).
+    """
+    drives = vehicle.thrusters
+    laws: list[Callable[[Number, Number, Number], tuple[Number, Number]]] = [
+        _controller(gains, maths) for gains in vehicle.autopilot.axes()
+    ]
+    allocation = np.linalg.pinv(drives.wrenches()).tolist()
+    count, greatest, corner = len(allocation), drives.max_thrust, 1.0 / drives.time_constant
+    depth_gain = vehicle.guidance.depth_gain
+    sin, cos, clip, wrap = maths.sin, maths.cos, maths.clip, maths.wrap
+
+    def steer(own: Sequence[Number], motion: Motion[Number], wanted: Wanted[Number]) -> list[Number]:
+        thrusts, integrals = own[:count], own[count:]
+        p, q, r = motion.rates
+        off_course = wanted.course - motion.yaw
+        ahead = wanted.speed * cos(off_course) - motion.ahead
+        beside = wanted.speed * sin(off_course) - motion.starboard
+        heave = wanted.sink + depth_gain * (wanted.depth - motion.depth) - motion.sink
+        if heading_rad is None:
+            turn, turn_rate = wrap(off_course), wanted.course_rate - r
+        else:
+            turn, turn_rate = wrap(heading_rad - motion.yaw), -r
+        errors = (ahead, beside, heave, -motion.roll, -motion.pitch, turn)
+        zero = 0.0 * ahead
+        error_rates = (zero, zero, zero, -p, -q, turn_rate)
+        given: list[tuple[Number, Number]] = [
+            law(error, rate, integral)
+            for law, error, rate, integral in zip(laws, errors, error_rates, integrals, strict=True)
+        ]
+        commands: list[Number] = [
+            sum(k * force for k, (force, _) in zip(row, given, strict=True)) for row in allocation
+        ]
+        thrust_rates: list[Number] = [
+            corner * (clip(command, -greatest, greatest) - thrust)
+            for command, thrust in zip(commands, thrusts, strict=True)
+        ]
+        return thrust_rates + [rate for _, rate in given]
+
+    return steer
+
 
 ATTITUDE = slice(3, 7)
 NU = slice(7, 13)

@@ -17,7 +17,7 @@ from bottomlock.config.mission_sections import (
     WaypointsTable,
     checked_table,
 )
-from bottomlock.plant.actuators import StuckFin
+from bottomlock.plant.autopilot import StuckFin
 from bottomlock.plant.current import Current
 from bottomlock.plant.mission import (
     DepthProfile,

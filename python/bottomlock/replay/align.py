@@ -13,9 +13,9 @@ from bottomlock.recordings.axes import from_angles, to_angles
 from bottomlock.recordings.levelling import level_from_force
 from bottomlock.recordings.streams import Floats, Inertial, Times
 from bottomlock.replay.case import FROM_REFERENCE, Case
-from bottomlock.replay.level import level_axes
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
+from bottomlock.replay.vehicle_motion import level_axes
 from bottomlock.replay.window_mean import mean_over
 
 NEEDS_WINDOW = {"levelling", "magnetometer", "gps_course", "gyrocompass"}

@@ -10,14 +10,14 @@ from scipy.stats import chi2
 
 from bottomlock.kernel import FIX_STATUS
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.pages.numbers import number
+from bottomlock.pages.pieces import number
 from bottomlock.recordings.axes import from_quaternions, to_angles
 from bottomlock.recordings.geodesy import geodetic_from_tangent
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.case import Case
-from bottomlock.replay.level import level_axes
 from bottomlock.replay.rerun import PreparedRun, Rerun
 from bottomlock.replay.streams import Streams
+from bottomlock.replay.vehicle_motion import level_axes
 from bottomlock.tables.replay import (
     CURRENTS,
     FORWARD,

@@ -31,8 +31,7 @@ from bottomlock.recordings.streams import (
 from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
-from bottomlock.replay.read_tables import read_stream
-from bottomlock.replay.read_water import read_water
+from bottomlock.replay.read_tables import read_stream, read_water
 from bottomlock.replay.stream_sections import (
     ANGLE_SI,
     ImuFromAttitude,

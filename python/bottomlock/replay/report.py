@@ -17,8 +17,8 @@ from bottomlock.files.overwriting import Files, Result, digests_of, remove_outda
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.pages.explained import explained
 from bottomlock.pages.page import Picture, html
+from bottomlock.pages.pieces import explained
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.case import Case
 from bottomlock.replay.dive_plots import (

@@ -1,12 +1,25 @@
 """How a vehicle's velocity changes along its own axes, measured on complete pings by its structure function."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
 
 from bottomlock.dead_reckoning.track_sd import structure_function
 from bottomlock.errors import DataError
+from bottomlock.kernel import local_earth
+from bottomlock.kernel.models import Environment
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.streams import VehicleMotion
+
+
+def level_axes(environment: Environment, position_t_m: ArrayLike) -> Rotation:
+    """(n,) rotations from north, east and down at positions (n, 3), m, to the tangent frame."""
+    position = np.nan_to_num(np.asarray(position_t_m, dtype=np.float64))
+    if environment.earth == "tangent_plane":
+        return Rotation.identity(len(position))
+    return Rotation.from_matrix(local_earth(environment, position)["rotation_t_n"])
+
 
 LONGEST_LAG_S = 300.0
 """Times over which a vehicle that has lost the bottom has to be predicted."""

@@ -10,13 +10,12 @@ import polars as pl
 from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
-from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Page, Part, Table, html
-from bottomlock.pages.pieces import difference, interval, title_of
+from bottomlock.pages.pieces import difference, interval, number, title_of
 from bottomlock.statistics.compare import comparison_table, differing_settings, why_unpaired
 from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
-from bottomlock.tables.variants import campaign_folders
+from bottomlock.tables.studies import campaign_folders
 
 NAME = "compare"
 """Of the written files: `compare.html` and `.parquet`."""

@@ -9,14 +9,12 @@ from typing import Any
 import polars as pl
 
 from bottomlock.pages.featured import featured
-from bottomlock.pages.numbers import number
 from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
-from bottomlock.pages.pieces import glossaries, interval, json_part, title_of
+from bottomlock.pages.pieces import glossaries, interval, json_part, number, title_of
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.report.advice import REFERENCES, Advice, Choice, swept_current, untested_in_current
-from bottomlock.report.drawings import Drawing
-from bottomlock.report.swept import virtual_beams
+from bottomlock.report.drawings import Drawing, virtual_beams
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
 from bottomlock.tables.results import CampaignTables
 from bottomlock.tables.studies import VIRTUAL_BEAM_FACTOR

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bottomlock.statistics.rms import INTERVAL_PERCENT, bootstrap_weights, combined_rms
 from bottomlock.tables.results import CampaignResults
-from bottomlock.tables.variants import COMPARISON
+from bottomlock.tables.studies import COMPARISON
 
 Array = NDArray[np.float64]
 

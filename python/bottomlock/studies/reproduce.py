@@ -1,17 +1,195 @@
-"""The whole of the 2017 study: campaign, the same runs without the causes that the paper gives, sweep, report."""
+"""The whole of the 2017 study: campaign, the same runs without the causes that the paper gives, sweep, report.
 
-from collections.abc import Callable, Sequence
+Runs without a cause have the same sensor errors and last as long as the drift, so they cost a small part of the
+campaign.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import polars as pl
+
+from bottomlock.campaign.engine import halves
 from bottomlock.campaign.run import CampaignProgress, check_campaign, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.files.output_folder import locked
 from bottomlock.files.records import write_recorded_table
+from bottomlock.paper.claims import CauseClaim, load_paper
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
-from bottomlock.studies.sweep import run_sweep, sweep_cells
-from bottomlock.studies.without_cause import run_without_causes, variants
+from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting with its values and the methods that depend on it."""
+
+    parameter: str
+    values: tuple[float | str, ...]
+    methods: tuple[str, ...]
+    change: Callable[[Scenario, Any], Scenario]
+
+
+def _filter(key: str) -> Callable[[Scenario, Any], Scenario]:
+    def change(scenario: Scenario, value: float | str) -> Scenario:
+        return scenario.model_copy(update={"filter": scenario.filter.model_copy(update={key: value})})
+
+    return change
+
+
+def _initial_attitude(scenario: Scenario, factor: float) -> Scenario:
+    initial = scenario.initial
+    scaled = {key: factor * getattr(initial, key) for key in ("roll_deg", "pitch_deg", "yaw_deg")}
+    return scenario.model_copy(update={"initial": initial.model_copy(update=scaled)})
+
+
+def _cross_current(scenario: Scenario, speed_mps: float) -> Scenario:
+    current = {"speed_mps": speed_mps, "towards_deg": 90.0}
+    return scenario.model_copy(update={"mission": scenario.mission | {"current": current}})
+
+
+SETTINGS = (
+    Setting(VIRTUAL_BEAM_FACTOR, (1.0, 3.0, 6.0, 10.0, 30.0), ("vb",), _filter("virtual_beam_factor")),
+    Setting(
+        "ε of NSV, m²/s²",
+        (1e-6, 1e-4, 1e-3, 1e-2, 1.0),
+        ("nsv", "elc"),
+        _filter("nullified_sway_var_m2ps2"),
+    ),
+    Setting("gate", ("joint", "per_row", "off"), ("tc", "vb", "nsv", "vhv", "elc"), _filter("gate")),
+    Setting(
+        "inflate after rejections",
+        (0, 5),
+        ("lc", "tc", "vb", "nsv", "vhv", "elc", "consistent"),
+        _filter("inflate_after_rejections"),
+    ),
+    Setting(
+        "initial attitude, times Table 2", (0.5, 1.0, 2.0), ("ins", "tc", "nsv", "plcf"), _initial_attitude
+    ),
+    Setting(CURRENT, (0.0, 0.1, 0.3), ("tc", "nsv", "elc", "weak_sway"), _cross_current),
+)
+"""n_f, ε, gate, initial covariance and, by a current, sway."""
+
+
+def run_sweep(
+    scenarios: Sequence[Scenario],
+    *,
+    runs: int,
+    threads: int = 0,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
+) -> pl.DataFrame:
+    """Runs every value of every setting on scenarios with a vehicle, with the same sensor errors for all.
+
+    Returns:
+        `tables.studies.SWEEP`: RMS over runs at the end, mean NEES, rejected fraction of the fixes.
+
+    Raises:
+        As `run_campaign`.
+    """
+    # A value of one chunk a trajectory leaves cores idle while its tables are made.
+    at_once, threads_each = halves(threads)
+
+    def part(name: str, setting: Setting, value: float | str) -> pl.DataFrame:
+        changed = [setting.change(scenario, value) for scenario in scenarios]
+        results = run_campaign(
+            changed,
+            runs=runs,
+            methods=setting.methods,
+            threads=threads_each,
+            progress=lambda state: progress(replace(state, trajectory=f"sweep {name} {state.trajectory}")),
+        )
+        return _rows(setting.parameter, value, results.summary)
+
+    pool = ThreadPoolExecutor(max_workers=at_once)
+    try:
+        parts = [pool.submit(part, *cell) for cell in _cells()]
+        return pl.concat([part.result() for part in parts])
+    finally:
+        # After a failure or an interruption the parts under way, of a second or two, end first.
+        pool.shutdown(cancel_futures=True)
+
+
+def _rows(parameter: str, value: float | str, summary: pl.DataFrame) -> pl.DataFrame:
+    label = value if isinstance(value, str) else f"{value:g}"
+    return summary.with_columns(
+        pl.lit(parameter).alias("parameter"),
+        pl.lit(label).alias("value"),
+        pl.col("rejected_fraction").fill_nan(None),
+    ).select(list(SWEEP))
+
+
+def sweep_cells() -> int:
+    """Number of values of a sweep."""
+    return sum(1 for _ in _cells())
+
+
+def _cells() -> Iterator[tuple[str, Setting, float | str]]:
+    for number, setting in enumerate(SETTINGS, start=1):
+        for value in setting.values:
+            yield f"{number}-{value}", setting, value
+
+
+CHANGES = {"dive": {"dive_rate_mps": 0.0}}
+"""Keys of `[mission]` without each cause."""
+
+
+def variants(scenarios: Sequence[Scenario]) -> dict[str, list[Scenario]]:
+    """For each cause in the paper's claims the scenarios without it, with the methods of the claims alone.
+
+    A scenario without a claim on a cause, or without its methods, has no variant.
+
+    >>> from bottomlock.config.scenario import load_scenario
+    >>> (one,) = variants([load_scenario("straight"), load_scenario("lawn_mower")])["dive"]
+    >>> one.name, one.trajectory.duration_s, one.mission["dive_rate_mps"], one.campaign.methods
+    ('lawn_mower', 30.0, 0.0, ('vb', 'plcf'))
+    """
+    claims = [claim for claim in load_paper().claim if isinstance(claim, CauseClaim)]
+    found: dict[str, list[Scenario]] = {}
+    for cause, change in CHANGES.items():
+        for scenario in scenarios:
+            here = [
+                claim
+                for claim in claims
+                if (claim.without, claim.trajectory) == (cause, scenario.name)
+                and claim.method in scenario.campaign.methods
+            ]
+            if here:
+                end_s = max(claim.window_s[1] for claim in here)
+                short = scenario.with_trajectory(duration_s=end_s)
+                short = short.with_overrides(methods=[claim.method for claim in here])
+                level = short.model_copy(update={"mission": short.mission | change})
+                found.setdefault(cause, []).append(level)
+    return found
+
+
+def run_without_causes(
+    scenarios: Sequence[Scenario],
+    out: str | Path,
+    *,
+    threads: int = 0,
+    force: bool = False,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
+) -> None:
+    """Runs the variants, a campaign `without_CAUSE` in `out` for each cause; finished ones are kept.
+
+    Raises:
+        As `run_campaign`.
+    """
+    out = Path(out)
+    for cause, changed in variants(scenarios).items():
+        run_campaign(
+            changed,
+            out / f"without_{cause}",
+            threads=threads,
+            force=force,
+            progress=lambda state, cause=cause: progress(  # type: ignore[misc]
+                replace(state, trajectory=f"{state.trajectory} without {cause}")
+            ),
+        )
+
 
 RUNS = 500
 

@@ -27,7 +27,7 @@ from bottomlock.live.engine import TICK_NS
 from bottomlock.live.ros_diagnostics import ROS_TYPE, diagnostics
 from bottomlock.live.runner import Live, begin
 from bottomlock.live.sections import ROS_TYPES
-from bottomlock.live.sink import Sink
+from bottomlock.live.sinks import Sink
 
 INPUTS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Of sensors: takes what reliable and best-effort publishers send; a second of an IMU may wait."""

@@ -13,7 +13,7 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.own_method import known_names
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay.case import Case, load_case
-from bottomlock.replay.tune.criterion import Criterion
+from bottomlock.replay.tune.criterion import DETERMINED, Criterion, Found, search, uncertainty
 from bottomlock.replay.tune.judge import Judged, gain_of, judged
 from bottomlock.replay.tune.parameters import PRIOR_SD, Parameter, coordinates_of
 from bottomlock.replay.tune.passes import (
@@ -25,7 +25,6 @@ from bottomlock.replay.tune.passes import (
     passes_of,
 )
 from bottomlock.replay.tune.recording import Recording, cut, read_recording, without_outliers
-from bottomlock.replay.tune.search import DETERMINED, Found, search, uncertainty
 from bottomlock.support.nearest import did_you_mean
 
 START_FACTORS = (1.0, 5.0, 25.0, 0.2)
