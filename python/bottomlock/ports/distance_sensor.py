@@ -1,22 +1,21 @@
 """DISTANCE_SENSOR: the distance to the bottom, for an autopilot's rangefinder (surface tracking, terrain)."""
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.ports.estimate import Beams, Estimate
-from bottomlock.ports.mavlink import MAX_RATE_HZ, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.ros_dvl import altitude_m
-
-Floats = NDArray[np.float64]
 
 _ULTRASOUND, _DOWN, _UNKNOWN = 1, 25, 255
 """MAV_DISTANCE_SENSOR_ULTRASOUND, MAV_SENSOR_ROTATION_PITCH_270, and a covariance that is not known."""
 
 
+@dataclass(kw_only=True, eq=False)
 class DistanceSensor(MavlinkPort):
     """DISTANCE_SENSOR (132), downwards: the mean of a ping's ranges along the vehicle's z axis, one message a ping.
 
@@ -34,20 +33,14 @@ class DistanceSensor(MavlinkPort):
 
     name = "distance_sensor"
 
-    def __init__(
-        self,
-        *,
-        geometry: BeamGeometry,
-        min_distance_m: float = 0.05,
-        max_distance_m: float = 50.0,
-        max_rate_hz: float = MAX_RATE_HZ,
-        system_id: int = 1,
-        component_id: int = VISUAL_INERTIAL_ODOMETRY,
-    ) -> None:
-        super().__init__(
-            max_rate_hz=max_rate_hz, variance_factor=1.0, system_id=system_id, component_id=component_id
-        )
-        self._directions = np.asarray(geometry.directions_p)
+    geometry: BeamGeometry
+    min_distance_m: float = 0.05
+    max_distance_m: float = 50.0
+    variance_factor: float = field(default=1.0, init=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._directions = np.asarray(self.geometry.directions_p)
         if bool((self._directions[:, 2] < math.cos(math.radians(60.0))).any()):
             raise ScenarioError(
                 (
@@ -56,14 +49,14 @@ class DistanceSensor(MavlinkPort):
                 ),
                 place=f"port {self.name}",
             )
-        self._least_m = self._positive("min_distance_m", min_distance_m)
-        self._most_m = self._positive("max_distance_m", max_distance_m)
+        self._least_m = self._positive("min_distance_m", self.min_distance_m)
+        self._most_m = self._positive("max_distance_m", self.max_distance_m)
         if not self._least_m < self._most_m <= 655.0:
             raise ScenarioError(
-                f"is {max_distance_m}",
+                f"is {self.max_distance_m}",
                 place=f"port {self.name}",
                 key="max_distance_m",
-                expected=f"more than min_distance_m, {min_distance_m}, and at most 655",
+                expected=f"more than min_distance_m, {self.min_distance_m}, and at most 655",
             )
         self._sent: Beams | None = None
 

@@ -7,19 +7,15 @@ Sources: message definitions of MAVLink (common.xml, ardupilotmega.xml). What th
 NavEKF3_core::writeBodyFrameOdom, and PX4's ekf2 (docs/ports.md).
 """
 
+from dataclasses import dataclass
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bottomlock.errors import ScenarioError, note
-from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import Port
 from bottomlock.support.extras import install
-
-Floats = NDArray[np.float64]
 
 MAX_RATE_HZ: float = 10.0
 VARIANCE_FACTOR: float = 2.0
@@ -80,6 +76,7 @@ def dialect() -> Any:  # noqa: ANN401 - the library is not typed
     return ardupilotmega
 
 
+@dataclass(kw_only=True, eq=False)
 class MavlinkPort(Port):
     """Base of the MAVLink ports.
 
@@ -92,20 +89,26 @@ class MavlinkPort(Port):
         component_id: of the sender.
     """
 
-    def __init__(
-        self, *, max_rate_hz: float, variance_factor: float, system_id: int, component_id: int
-    ) -> None:
-        super().__init__(max_rate_hz=max_rate_hz)
-        self._factor = self._positive("variance_factor", variance_factor)
+    max_rate_hz: float = MAX_RATE_HZ
+    variance_factor: float = VARIANCE_FACTOR
+    system_id: int = 1
+    component_id: int = VISUAL_INERTIAL_ODOMETRY
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._factor = self._positive("variance_factor", self.variance_factor)
         if self._factor < 1.0:
             raise ScenarioError(
-                f"is {variance_factor}", place=f"port {self.name}", key="variance_factor", expected=">= 1"
+                f"is {self.variance_factor}",
+                place=f"port {self.name}",
+                key="variance_factor",
+                expected=">= 1",
             )
         self._dialect = dialect()
         self._link = self._dialect.MAVLink(
             None,
-            srcSystem=self._whole("system_id", system_id, 1, 255),
-            srcComponent=self._whole("component_id", component_id, 1, 255),
+            srcSystem=self._whole("system_id", self.system_id, 1, 255),
+            srcComponent=self._whole("component_id", self.component_id, 1, 255),
         )
 
     @property

@@ -9,17 +9,16 @@ comes before; numbers are big-endian. Source: MicroStrain's MIP SDK, commands_ai
 
 import math
 import struct
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
-from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import diagonal_bound, single_at_least
 from bottomlock.ports.port import Port
 from bottomlock.units import ns_from_s
-
-Floats = NDArray[np.float64]
 
 _SYNC, _AIDING, _VELOCITY = b"\x75\x65", 0x13, 0x2A
 _TIMEBASE = {"internal": 1, "external": 2, "arrival": 3}
@@ -29,6 +28,7 @@ _FIELD = struct.Struct(">BBQB3f3fH")
 _IN_ROW_SPACE = 1.0 - 1e-9
 
 
+@dataclass(kw_only=True, eq=False)
 class MicroStrain(Port):
     """VelBodyFrame of the CV7 and GQ7.
 
@@ -45,29 +45,26 @@ class MicroStrain(Port):
 
     name = "microstrain"
 
-    def __init__(
-        self,
-        *,
-        frame_id: int = 1,
-        timebase: str = "external",
-        time_offset_s: float = 0.0,
-        latency_s: float | None = None,
-        unseen: str = "omit",
-        max_rate_hz: float | None = None,
-    ) -> None:
-        super().__init__(max_rate_hz=max_rate_hz)
-        self._frame = self._whole("frame_id", frame_id, 1, 255)
-        self._timebase = self._one_of("timebase", timebase, ("external", "arrival"))
-        if (self._timebase == "arrival") != (latency_s is not None):
+    frame_id: int = 1
+    timebase: str = "external"
+    time_offset_s: float = 0.0
+    latency_s: float | None = None
+    unseen: str = "omit"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._frame = self._whole("frame_id", self.frame_id, 1, 255)
+        self._timebase = self._one_of("timebase", self.timebase, ("external", "arrival"))
+        if (self._timebase == "arrival") != (self.latency_s is not None):
             raise ScenarioError(
-                f"is {latency_s!r} with timebase '{timebase}'",
+                f"is {self.latency_s!r} with timebase '{self.timebase}'",
                 place=f"port {self.name}",
                 key="latency_s",
                 expected="seconds with 'arrival' and nothing with 'external'",
             )
-        self._latency_ns = 0 if latency_s is None else ns_from_s(self._positive("latency_s", latency_s))
-        self._offset_ns = ns_from_s(self._finite("time_offset_s", time_offset_s))
-        self._estimated = self._one_of("unseen", unseen, ("omit", "estimate")) == "estimate"
+        self._latency_ns = ns_from_s(self._positive_or_none("latency_s", self.latency_s) or 0.0)
+        self._offset_ns = ns_from_s(self._finite("time_offset_s", self.time_offset_s))
+        self._estimated = self._one_of("unseen", self.unseen, ("omit", "estimate")) == "estimate"
 
     def _axes(self, estimate: Estimate) -> NDArray[np.bool_]:
         """(3,) the platform axes that are sent."""

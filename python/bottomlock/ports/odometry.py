@@ -1,17 +1,13 @@
 """ODOMETRY: PX4's external vision, and ArduPilot's external navigation."""
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
 
 from bottomlock.errors import ScenarioError
-from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.estimate import Estimate, Floats
+from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.over_bound import diagonal_bound, scalar_bound, single_at_least
 from bottomlock.ports.port import incomplete
-
-Floats = NDArray[np.float64]
 
 _LOCAL_NED, _BODY_FRD, _LOCAL_FRD = 1, 12, 20
 _ESTIMATOR_VIO = 3
@@ -19,6 +15,7 @@ _ESTIMATOR_VIO = 3
 _DIAGONAL = (0, 6, 11, 15, 18, 20)
 
 
+@dataclass(kw_only=True, eq=False)
 class Odometry(MavlinkPort):
     """ODOMETRY (331): velocity in body axes with three variances, for PX4, or one σ, for ArduPilot.
 
@@ -41,35 +38,22 @@ class Odometry(MavlinkPort):
 
     name = "odometry"
 
-    def __init__(
-        self,
-        *,
-        receiver: str = "px4",
-        receiver_noise_mps: float | None = None,
-        pose: bool = False,
-        max_rate_hz: float = MAX_RATE_HZ,
-        variance_factor: float = VARIANCE_FACTOR,
-        system_id: int = 1,
-        component_id: int = VISUAL_INERTIAL_ODOMETRY,
-    ) -> None:
-        super().__init__(
-            max_rate_hz=max_rate_hz,
-            variance_factor=variance_factor,
-            system_id=system_id,
-            component_id=component_id,
-        )
-        self._ardupilot = self._one_of("receiver", receiver, ("px4", "ardupilot")) == "ardupilot"
-        if self._ardupilot != (receiver_noise_mps is not None):
+    receiver: str = "px4"
+    receiver_noise_mps: float | None = None
+    pose: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._ardupilot = self._one_of("receiver", self.receiver, ("px4", "ardupilot")) == "ardupilot"
+        if self._ardupilot != (self.receiver_noise_mps is not None):
             raise ScenarioError(
-                f"is {receiver_noise_mps!r} with receiver '{receiver}'",
+                f"is {self.receiver_noise_mps!r} with receiver '{self.receiver}'",
                 place=f"port {self.name}",
                 key="receiver_noise_mps",
                 expected="VISO_VEL_M_NSE with 'ardupilot' and nothing with 'px4'",
             )
-        self._noise = (
-            None if receiver_noise_mps is None else self._positive("receiver_noise_mps", receiver_noise_mps)
-        )
-        self._pose = pose or self._ardupilot
+        self._noise = self._positive_or_none("receiver_noise_mps", self.receiver_noise_mps)
+        self._pose = self.pose or self._ardupilot
 
     def _refuses(self, estimate: Estimate) -> str | None:
         reason = incomplete(estimate)

@@ -1,25 +1,23 @@
 """What the ports share: order of the estimates, the rate, and the sequence of checks before a message."""
 
 import math
+from dataclasses import dataclass
 from typing import ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.ports.estimate import SILENT, Estimate
 from bottomlock.support.nearest import did_you_mean
 from bottomlock.units import ns_from_s
 
-Floats = NDArray[np.float64]
 
-
+@dataclass(kw_only=True, eq=False)
 class Port:
     """One kind of message to one receiver, at most `max_rate_hz` a second; None for one an estimate.
 
     A port that sends increments or a limited rate keeps state: make one for each receiver.
 
     Attributes:
+        max_rate_hz: most messages a second; None for one an estimate.
         name: in the registry.
         ros_type: type of a message of ROS 2; "" of another.
         reason: why `encode` gave nothing the last time; None if it gave bytes.
@@ -29,8 +27,10 @@ class Port:
     name: ClassVar[str]
     ros_type: ClassVar[str] = ""
 
-    def __init__(self, *, max_rate_hz: float | None) -> None:
-        rate = None if max_rate_hz is None else self._positive("max_rate_hz", max_rate_hz)
+    max_rate_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        rate = self._positive_or_none("max_rate_hz", self.max_rate_hz)
         self._period_ns = 0 if rate is None else ns_from_s(1.0 / rate)
         self._last_ns: int | None = None
         self._sent_ns: int | None = None
@@ -99,6 +99,10 @@ class Port:
         if number <= 0.0:
             raise ScenarioError(f"{key} is {value}", place=f"port {self.name}", expected="> 0")
         return number
+
+    def _positive_or_none(self, key: str, value: float | None) -> float | None:
+        """A setting that is a positive number where it is given, as `_positive`."""
+        return None if value is None else self._positive(key, value)
 
     def _finite(self, key: str, value: object) -> float:
         """A setting that is a number.

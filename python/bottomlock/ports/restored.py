@@ -5,38 +5,38 @@ inertial estimate of the rest.
 """
 
 import math
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import encoder
 from bottomlock.kernel import BeamGeometry
-from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import scalar_bound
 from bottomlock.ports.port import Port, incomplete
 from bottomlock.ports.ros_dvl import altitude_m
-
-Floats = NDArray[np.float64]
 
 MAX_RATE_HZ = 10.0
 """What readers of a DVL take: the instruments send 4 to 15 reports a second, and a client may read one in 0.1 s."""
 
 
+@dataclass(kw_only=True, eq=False)
 class _Restored(Port):
     """Base: the ping of an estimate."""
 
     format: ClassVar[str]
+    limit_key: ClassVar[str]
+    """The setting that holds the largest σ that is sent."""
+    geometry: BeamGeometry
+    max_rate_hz: float | None = MAX_RATE_HZ
 
-    def __init__(
-        self, *, geometry: BeamGeometry, limit: tuple[str, float], max_rate_hz: float | None
-    ) -> None:
-        super().__init__(max_rate_hz=max_rate_hz)
-        self._geometry = geometry
-        self._directions = np.asarray(geometry.directions_p)
-        self._encoder = encoder(self.format, geometry)
-        self._limit_key, self._limit = limit[0], self._positive(*limit)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._directions = np.asarray(self.geometry.directions_p)
+        self._encoder = encoder(self.format, self.geometry)
+        self._limit = self._positive(self.limit_key, getattr(self, self.limit_key))
         self._number = 0
         self._since_ns: int | None = None
         """Time of the report before; of the first estimate where there is none."""
@@ -45,13 +45,13 @@ class _Restored(Port):
         reason = incomplete(estimate)
         if reason:
             return reason
-        if estimate.beams is not None and len(estimate.beams.velocity_mps) != self._geometry.beams:
+        if estimate.beams is not None and len(estimate.beams.velocity_mps) != self.geometry.beams:
             return (
-                f"the ping has {len(estimate.beams.velocity_mps)} beams, the geometry {self._geometry.beams}"
+                f"the ping has {len(estimate.beams.velocity_mps)} beams, the geometry {self.geometry.beams}"
             )
         sd = math.sqrt(scalar_bound(estimate.covariance_m2ps2))
         if sd > self._limit:
-            return f"σ is {sd:.3f} m/s, above {self._limit_key}, {self._limit}"
+            return f"σ is {sd:.3f} m/s, above {self.limit_key}, {self._limit}"
         return None
 
     def _observe(self, estimate: Estimate, *, sent: bool) -> None:
@@ -64,7 +64,7 @@ class _Restored(Port):
     def _message(self, estimate: Estimate) -> bytes:
         beams, time_ns = estimate.beams, estimate.time_ns
         self._number += 1
-        ranges = np.full(self._geometry.beams, np.nan) if beams is None else beams.range_m
+        ranges = np.full(self.geometry.beams, np.nan) if beams is None else beams.range_m
         altitude = math.nan if beams is None else altitude_m(beams, self._directions)
         sent_ns = (
             beams.transmission_ns if beams is not None and beams.transmission_ns is not None else time_ns
@@ -85,6 +85,7 @@ class _Restored(Port):
         return self._encoder.encode(ping)
 
 
+@dataclass(kw_only=True, eq=False)
 class WaterLinkedJson(_Restored):
     """Water Linked's report with `velocity_valid` true, our velocity, its covariance and its figure of merit.
 
@@ -101,11 +102,8 @@ class WaterLinkedJson(_Restored):
 
     name = "waterlinked_json"
     format = "waterlinked-json"
-
-    def __init__(
-        self, *, geometry: BeamGeometry, max_fom_mps: float = 0.4, max_rate_hz: float | None = MAX_RATE_HZ
-    ) -> None:
-        super().__init__(geometry=geometry, limit=("max_fom_mps", max_fom_mps), max_rate_hz=max_rate_hz)
+    limit_key = "max_fom_mps"
+    max_fom_mps: float = 0.4
 
     def _waits(self, estimate: Estimate) -> str | None:
         return (
@@ -113,10 +111,11 @@ class WaterLinkedJson(_Restored):
         )
 
     def _beam_velocities(self, estimate: Estimate) -> Floats:
-        lost = np.full(self._geometry.beams, np.nan)
+        lost = np.full(self.geometry.beams, np.nan)
         return lost if estimate.beams is None else estimate.beams.velocity_mps
 
 
+@dataclass(kw_only=True, eq=False)
 class Pd0(_Restored):
     """Teledyne's PD0 in beam coordinates, with four beams whichever returned.
 
@@ -132,17 +131,12 @@ class Pd0(_Restored):
 
     name = "pd0"
     format = "pd0"
-
-    def __init__(
-        self, *, geometry: BeamGeometry, receiver_sd_mps: float, max_rate_hz: float | None = MAX_RATE_HZ
-    ) -> None:
-        super().__init__(
-            geometry=geometry, limit=("receiver_sd_mps", receiver_sd_mps), max_rate_hz=max_rate_hz
-        )
+    limit_key = "receiver_sd_mps"
+    receiver_sd_mps: float
 
     def _beam_velocities(self, estimate: Estimate) -> Floats:
         if estimate.beams is not None and bool(estimate.beams.valid.all()):
             return estimate.beams.velocity_mps
         rates = None if estimate.omega_p_radps is None else [estimate.omega_p_radps]
-        found: Floats = self._geometry.beam_velocities([estimate.velocity_p_mps], omega_tp_p_radps=rates)
+        found: Floats = self.geometry.beam_velocities([estimate.velocity_p_mps], omega_tp_p_radps=rates)
         return np.asarray(found[0])

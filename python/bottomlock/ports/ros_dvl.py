@@ -6,21 +6,20 @@ are the instrument's measurements also in mode navigation, where the velocity is
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.ports.cdr import CdrWriter
-from bottomlock.ports.estimate import Beams, Estimate
+from bottomlock.ports.estimate import Beams, Estimate, Floats
 from bottomlock.ports.port import Port
-
-Floats = NDArray[np.float64]
 
 _BOTTOM, _BEAMS, _UNKNOWN = 1, 4, -1.0
 
 
+@dataclass(kw_only=True, eq=False)
 class RosDvl(Port):
     """`marine_acoustic_msgs/Dvl`.
 
@@ -34,22 +33,20 @@ class RosDvl(Port):
     name = "ros_dvl"
     ros_type = "marine_acoustic_msgs/msg/Dvl"
 
-    def __init__(
-        self,
-        *,
-        geometry: BeamGeometry,
-        frame_id: str = "base_link_frd",
-        sound_speed_mps: float = 1500.0,
-        max_rate_hz: float | None = None,
-    ) -> None:
-        super().__init__(max_rate_hz=max_rate_hz)
-        if geometry.beams != _BEAMS:
+    geometry: BeamGeometry
+    frame_id: str = "base_link_frd"
+    sound_speed_mps: float = 1500.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.geometry.beams != _BEAMS:
             raise ScenarioError(
-                f"the geometry has {geometry.beams} beams, the message {_BEAMS}", place=f"port {self.name}"
+                f"the geometry has {self.geometry.beams} beams, the message {_BEAMS}",
+                place=f"port {self.name}",
             )
-        self._directions = np.asarray(geometry.directions_p)
-        self._frame_id = self._word("frame_id", frame_id)
-        self._sound = self._positive("sound_speed_mps", sound_speed_mps)
+        self._directions = np.asarray(self.geometry.directions_p)
+        self._frame_id = self._word("frame_id", self.frame_id)
+        self._sound = self._positive("sound_speed_mps", self.sound_speed_mps)
 
     def _refuses(self, estimate: Estimate) -> str | None:
         if estimate.beams is None:

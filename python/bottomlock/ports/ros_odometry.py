@@ -8,16 +8,15 @@ fixed axes of the world, as the message has it. The twist is in body axes, with 
 Source: ros2/common_interfaces, nav_msgs and geometry_msgs; ros2/geometry2, tf2_msgs; REP 103 and 105.
 """
 
+from dataclasses import dataclass, field
+
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.ports.cdr import CdrWriter
-from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import Port
 from bottomlock.ports.ros_velocity import RosTwist, later_than_a_ros_time
 from bottomlock.recordings.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product
-
-Floats = NDArray[np.float64]
 
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -43,6 +42,7 @@ def _put_orientation(writer: CdrWriter, attitude: Floats) -> None:
     writer.float64(x, y, z, w)
 
 
+@dataclass(kw_only=True, eq=False)
 class RosOdometry(RosTwist):
     """`nav_msgs/Odometry`: pose in `frame_id`, twist in `child_frame_id`, each with its covariance (mode navigation).
 
@@ -56,16 +56,14 @@ class RosOdometry(RosTwist):
     name = "ros_odometry"
     ros_type = "nav_msgs/msg/Odometry"
 
-    def __init__(
-        self,
-        *,
-        frame_id: str = "odom",
-        child_frame_id: str = "base_link",
-        angular_sd_radps: float = 10.0,
-        max_rate_hz: float | None = None,
-    ) -> None:
-        super().__init__(frame_id=frame_id, angular_sd_radps=angular_sd_radps, max_rate_hz=max_rate_hz)
-        self._child = self._word("child_frame_id", child_frame_id)
+    frame: str = field(default="flu", init=False)
+    frame_id: str = "odom"
+    unseen_sd_mps: float | None = field(default=None, init=False)
+    child_frame_id: str = "base_link"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._child = self._word("child_frame_id", self.child_frame_id)
 
     def _refuses(self, estimate: Estimate) -> str | None:
         return _no_pose(estimate)
@@ -85,6 +83,7 @@ class RosOdometry(RosTwist):
         return bytes(writer)
 
 
+@dataclass(kw_only=True, eq=False)
 class RosTransform(Port):
     """`tf2_msgs/TFMessage` for `/tf`: where the body is in the world's frame (mode navigation).
 
@@ -97,16 +96,13 @@ class RosTransform(Port):
     name = "ros_tf"
     ros_type = "tf2_msgs/msg/TFMessage"
 
-    def __init__(
-        self,
-        *,
-        frame_id: str = "odom",
-        child_frame_id: str = "base_link",
-        max_rate_hz: float | None = None,
-    ) -> None:
-        super().__init__(max_rate_hz=max_rate_hz)
-        self._frame_id = self._word("frame_id", frame_id)
-        self._child = self._word("child_frame_id", child_frame_id)
+    frame_id: str = "odom"
+    child_frame_id: str = "base_link"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._frame_id = self._word("frame_id", self.frame_id)
+        self._child = self._word("child_frame_id", self.child_frame_id)
 
     def _refuses(self, estimate: Estimate) -> str | None:
         return _no_pose(estimate)

@@ -11,15 +11,14 @@ the beams with a weak prior, and equals it as far as that σ is large against th
 Source: ros2/common_interfaces, geometry_msgs; REP 103.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.ports.cdr import CdrWriter
-from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import Port
 from bottomlock.recordings.rotation import FLU_FROM_FRD
-
-Floats = NDArray[np.float64]
 
 # Latest second of a ROS time, a signed 32-bit number.
 _LATEST_S = 2**31 - 1
@@ -32,6 +31,7 @@ def later_than_a_ros_time(estimate: Estimate) -> str | None:
     return None
 
 
+@dataclass(kw_only=True, eq=False)
 class RosTwist(Port):
     """`geometry_msgs/TwistWithCovarianceStamped`, for robot_localization and others.
 
@@ -47,20 +47,18 @@ class RosTwist(Port):
     name = "ros_twist"
     ros_type = "geometry_msgs/msg/TwistWithCovarianceStamped"
 
-    def __init__(
-        self,
-        *,
-        frame: str = "flu",
-        frame_id: str = "base_link",
-        unseen_sd_mps: float | None = None,
-        angular_sd_radps: float = 10.0,
-        max_rate_hz: float | None = None,
-    ) -> None:
-        super().__init__(max_rate_hz=max_rate_hz)
-        self._signs = FLU_FROM_FRD if self._one_of("frame", frame, ("flu", "frd")) == "flu" else np.ones(3)
-        self._frame_id = self._word("frame_id", frame_id)
-        self._unseen = None if unseen_sd_mps is None else self._positive("unseen_sd_mps", unseen_sd_mps)
-        self._angular = self._positive("angular_sd_radps", angular_sd_radps)
+    frame: str = "flu"
+    frame_id: str = "base_link"
+    unseen_sd_mps: float | None = None
+    angular_sd_radps: float = 10.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        flu = self._one_of("frame", self.frame, ("flu", "frd")) == "flu"
+        self._signs = FLU_FROM_FRD if flu else np.ones(3)
+        self._frame_id = self._word("frame_id", self.frame_id)
+        self._unseen = self._positive_or_none("unseen_sd_mps", self.unseen_sd_mps)
+        self._angular = self._positive("angular_sd_radps", self.angular_sd_radps)
 
     def _refuses(self, estimate: Estimate) -> str | None:
         late = later_than_a_ros_time(estimate)
@@ -98,6 +96,7 @@ class RosTwist(Port):
         writer.float64(*(whole + 0.0).ravel().tolist())
 
 
+@dataclass(kw_only=True, eq=False)
 class RosVelocity(RosTwist):
     """`geometry_msgs/VelocityWithCovarianceStamped`: velocity of a body in a reference frame, in stated axes.
 
@@ -113,24 +112,11 @@ class RosVelocity(RosTwist):
     name = "ros_velocity"
     ros_type = "geometry_msgs/msg/VelocityWithCovarianceStamped"
 
-    def __init__(
-        self,
-        *,
-        reference_frame_id: str = "odom",
-        frame: str = "flu",
-        frame_id: str = "base_link",
-        unseen_sd_mps: float | None = None,
-        angular_sd_radps: float = 10.0,
-        max_rate_hz: float | None = None,
-    ) -> None:
-        super().__init__(
-            frame=frame,
-            frame_id=frame_id,
-            unseen_sd_mps=unseen_sd_mps,
-            angular_sd_radps=angular_sd_radps,
-            max_rate_hz=max_rate_hz,
-        )
-        self._reference = self._word("reference_frame_id", reference_frame_id)
+    reference_frame_id: str = "odom"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._reference = self._word("reference_frame_id", self.reference_frame_id)
 
     def _message(self, estimate: Estimate) -> bytes:
         writer = CdrWriter()

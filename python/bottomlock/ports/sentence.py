@@ -11,13 +11,9 @@ of the layout. Lines are longer than the 82 characters of NMEA 0183.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bottomlock.io.sentences import xor_of
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.port import Port
-
-Floats = NDArray[np.float64]
 
 _VERSION = "1"
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -31,9 +27,6 @@ class Sentence(Port):
     """
 
     name = "sentence"
-
-    def __init__(self, *, max_rate_hz: float | None = None) -> None:
-        super().__init__(max_rate_hz=max_rate_hz)
 
     def _refuses(self, estimate: Estimate) -> str | None:
         if estimate.complete or estimate.rank > 0:
@@ -67,7 +60,4 @@ def sentence(*fields: str) -> bytes:
     b'$GPGLL,5300.97914,N,00259.98174,E,125926,A*28\r\n'
     """
     body = ",".join(fields).encode("ascii")
-    checksum = 0
-    for byte in body:
-        checksum ^= byte
-    return b"$" + body + f"*{checksum:02X}\r\n".encode()
+    return b"$" + body + f"*{xor_of(body):02X}\r\n".encode()

@@ -1,24 +1,23 @@
 """VISION_POSITION_DELTA: ArduPilot's body-frame odometry."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
-from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.estimate import Estimate, Floats
+from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.over_bound import scalar_bound
 from bottomlock.ports.port import incomplete
 from bottomlock.recordings.rotation import rotation_vector
 from bottomlock.units import ns_from_s
 
-Floats = NDArray[np.float64]
-
 # Above the rounding of the confidence and of the autopilot's arithmetic, both in 32-bit floats.
 _GUARD = 1e-6
 
 
+@dataclass(kw_only=True, eq=False)
 class VisionPositionDelta(MavlinkPort):
     """VISION_POSITION_DELTA (11011), body axes: ArduPilot's body-frame odometry, as the makers of DVLs feed it.
 
@@ -42,33 +41,22 @@ class VisionPositionDelta(MavlinkPort):
 
     name = "vision_position_delta"
 
-    def __init__(
-        self,
-        *,
-        min_noise_mps: float = 0.1,
-        max_noise_mps: float = 0.9,
-        max_interval_s: float = 2.0,
-        max_rate_hz: float = MAX_RATE_HZ,
-        variance_factor: float = VARIANCE_FACTOR,
-        system_id: int = 1,
-        component_id: int = VISUAL_INERTIAL_ODOMETRY,
-    ) -> None:
-        super().__init__(
-            max_rate_hz=max_rate_hz,
-            variance_factor=variance_factor,
-            system_id=system_id,
-            component_id=component_id,
-        )
-        self._min = self._positive("min_noise_mps", min_noise_mps)
-        self._max = self._positive("max_noise_mps", max_noise_mps)
+    min_noise_mps: float = 0.1
+    max_noise_mps: float = 0.9
+    max_interval_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._min = self._positive("min_noise_mps", self.min_noise_mps)
+        self._max = self._positive("max_noise_mps", self.max_noise_mps)
         if self._max <= self._min:
             raise ScenarioError(
-                f"is {max_noise_mps}",
+                f"is {self.max_noise_mps}",
                 place=f"port {self.name}",
                 key="max_noise_mps",
-                expected=f"> min_noise_mps, {min_noise_mps}",
+                expected=f"> min_noise_mps, {self.min_noise_mps}",
             )
-        self._gap_ns = ns_from_s(self._positive("max_interval_s", max_interval_s))
+        self._gap_ns = ns_from_s(self._positive("max_interval_s", self.max_interval_s))
         self._start: Estimate | None = None
         self._previous: Estimate | None = None
         self._delta_m = np.zeros(3)

@@ -1,18 +1,17 @@
 """VISION_SPEED_ESTIMATE: ArduPilot's external navigation."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.mavlink import MAX_RATE_HZ, VARIANCE_FACTOR, VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.estimate import Estimate, Floats
+from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.over_bound import scalar_bound, single_at_least
 from bottomlock.recordings.rotation import matrix, skew
 
-Floats = NDArray[np.float64]
 
-
+@dataclass(kw_only=True, eq=False)
 class VisionSpeedEstimate(MavlinkPort):
     """VISION_SPEED_ESTIMATE (103), north-east-down: ArduPilot's external navigation.
 
@@ -31,24 +30,11 @@ class VisionSpeedEstimate(MavlinkPort):
 
     name = "vision_speed_estimate"
 
-    def __init__(
-        self,
-        *,
-        receiver_noise_mps: float | None = None,
-        max_rate_hz: float = MAX_RATE_HZ,
-        variance_factor: float = VARIANCE_FACTOR,
-        system_id: int = 1,
-        component_id: int = VISUAL_INERTIAL_ODOMETRY,
-    ) -> None:
-        super().__init__(
-            max_rate_hz=max_rate_hz,
-            variance_factor=variance_factor,
-            system_id=system_id,
-            component_id=component_id,
-        )
-        self._noise = (
-            None if receiver_noise_mps is None else self._positive("receiver_noise_mps", receiver_noise_mps)
-        )
+    receiver_noise_mps: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._noise = self._positive_or_none("receiver_noise_mps", self.receiver_noise_mps)
 
     def _tangent(self, estimate: Estimate) -> tuple[Floats, float]:
         """Velocity (3,) in tangent axes, and the bound of its covariance.
