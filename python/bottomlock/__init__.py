@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     __version__: str
 
     from bottomlock import own_method
-    from bottomlock.array_functions import replay_log, run_batch, simulate_sensors, solve_velocity
     from bottomlock.campaign.run import Results, read_results, run_campaign
     from bottomlock.config.instrument_grades import imu, vehicle_water
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
@@ -35,6 +34,10 @@ if TYPE_CHECKING:
         Report,
         VelocityFixes,
         normal_gravity_mps2,
+        replay_log,
+        run_batch,
+        simulate_sensors,
+        solve_velocity,
     )
     from bottomlock.kernel.attitude_motion import MotionFromAttitude
     from bottomlock.kernel.models import (
@@ -235,13 +238,13 @@ _LAZY = {
     "read_geometry": "bottomlock.io.beams",
     "read_recording": "bottomlock.io.formats",
     "read_results": "bottomlock.campaign.run",
-    "replay_log": "bottomlock.array_functions",
-    "run_batch": "bottomlock.array_functions",
+    "replay_log": "bottomlock.kernel",
+    "run_batch": "bottomlock.kernel",
     "run_campaign": "bottomlock.campaign.run",
     "run_replay": "bottomlock.replay.shown_replay",
     "sensor_streams": "bottomlock.simulation.sensor_streams",
-    "simulate_sensors": "bottomlock.array_functions",
-    "solve_velocity": "bottomlock.array_functions",
+    "simulate_sensors": "bottomlock.kernel",
+    "solve_velocity": "bottomlock.kernel",
     "truth_from_path": "bottomlock.truth.path",
     "vehicle_water": "bottomlock.config.instrument_grades",
 }

@@ -14,7 +14,7 @@ from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_chec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bottomlock.array_functions import AnyGeometry
+from bottomlock.arguments import AnyGeometry
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import FixMethod, JanusConfiguration, Method
 from bottomlock.kernel.models import Environment, ImuModel, InitialState, Model, Options
@@ -554,11 +554,11 @@ class ClosedLoop:
 
     def __new__(
         cls,
-        geometry: BeamGeometry,
+        geometry: AnyGeometry,
         simulated: Model,
         assumed: Model,
         options: Options,
-        methods: Sequence[str],
+        methods: Sequence[AnyMethod],
         start: StartDict,
         *,
         vehicle_per_method: bool,
@@ -572,7 +572,7 @@ class ClosedLoop:
     def results(self) -> BatchDict: ...
 
 def solve_velocity(
-    geometry: BeamGeometry,
+    geometry: AnyGeometry,
     velocity_mps: ArrayLike,
     valid: ArrayLike,
     *,
@@ -586,7 +586,7 @@ def solve_velocity(
     weak_sway_var_m2ps2: float,
 ) -> SolutionDict: ...
 def simulate_sensors(
-    geometry: BeamGeometry,
+    geometry: AnyGeometry,
     truth: TruthDict,
     model: Model,
     schedule: ScheduleDict,
@@ -598,10 +598,10 @@ def simulate_sensors(
     options: Options | None = None,
 ) -> dict[str, Any]: ...
 def replay_log(
-    geometry: BeamGeometry,
+    geometry: AnyGeometry,
     model: Model,
     options: Options,
-    methods: Sequence[str],
+    methods: Sequence[AnyMethod],
     log: LogDict,
     start: InitialState | StateDict,
     *,
@@ -613,13 +613,13 @@ def replay_log(
     threads: int = 1,
 ) -> ReplayDict: ...
 def run_batch(
-    geometry: BeamGeometry,
+    geometry: AnyGeometry,
     truth: TruthDict,
     simulated: Model,
     assumed: Model,
     options: Options,
     schedule: ScheduleDict,
-    methods: Sequence[str],
+    methods: Sequence[AnyMethod],
     *,
     seed: int,
     trajectory_key: int,
@@ -646,7 +646,7 @@ def integrate_segments(
 def local_earth(environment: Environment, position_t_m: ArrayLike) -> LocalEarthDict: ...
 def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...
 def observe(
-    geometry: BeamGeometry,
+    geometry: AnyGeometry,
     truth: TruthDict | dict[str, Any],
     model: Model,
     aidings: list[AidingDict] | list[dict[str, Any]],
@@ -665,7 +665,7 @@ def rejected_imu(
     force_p_mps2: ArrayLike,
 ) -> RejectedImuDict: ...
 def covariance_history(
-    geometry: BeamGeometry,
+    geometry: AnyGeometry,
     truth: TruthDict | dict[str, Any],
     model: Model,
     aiding: AidingDict | dict[str, Any],

@@ -95,6 +95,12 @@ def test_a_dvl_by_name_and_by_file(root: Path, tmp_path: Path) -> None:
     theirs = kernel.run_batch(**(batch | {"geometry": read.geometry}), methods=["tc"], runs=1, threads=1)
     ours = bottomlock.run_batch(**(batch | {"geometry": own}), methods=["tc"], runs=1, threads=1)
     assert np.array_equal(ours["error"], theirs["error"])
+    aiding = {"beams": np.ones(4, dtype=bool), "depth": True}
+    analysed = [
+        kernel.covariance_history(dvl, batch["truth"], batch["assumed"], aiding)
+        for dvl in (own, read.geometry)
+    ]
+    assert np.array_equal(analysed[0]["covariance"], analysed[1]["covariance"])
     log = tmp_path / "log.csv"
     log.write_text("t,beam1_mps,beam2_mps,beam3_mps,beam4_mps\n1,0.1,0.2,0.3,\n2,0.1,0.2,0.3,0.4\n", "utf-8")
     mapped = tmp_path / "mapped.toml"

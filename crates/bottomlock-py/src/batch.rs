@@ -17,7 +17,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{Argument, Dict, vec3};
 use crate::batch_arrays::{BatchArrays, RecordSlices, batch_bytes};
 use crate::calls::{detached, interruptible};
-use crate::dvl::BeamGeometry;
+use crate::dvl;
 use crate::errors::raise_timeless;
 use crate::results::Results;
 use crate::settings;
@@ -34,7 +34,7 @@ use crate::truth::Truths;
     options=None))]
 pub fn simulate_sensors<'py>(
     py: Python<'py>,
-    geometry: &BeamGeometry,
+    geometry: Argument,
     truth: Argument,
     model: Argument,
     schedule: Argument,
@@ -44,9 +44,10 @@ pub fn simulate_sensors<'py>(
     imu_sampling: &str,
     options: Option<Argument>,
 ) -> Dict<'py> {
+    let geometry = dvl::geometry(geometry)?;
     let (truths, model) = (Truths::new(truth)?, settings::model(model)?);
     let truth = truths.of(0)?;
-    let beams = geometry.inner.beams();
+    let beams = geometry.beams();
     let schedule = crate::schedule::schedule(schedule, beams, 1)?;
     let options = Options {
         imu_sampling: settings::sampling(imu_sampling)?,
@@ -63,7 +64,7 @@ pub fn simulate_sensors<'py>(
     };
     let streams = detached(py, || {
         truth.validate()?;
-        sensor_streams::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), &options, &key)
+        sensor_streams::simulate(&truth, &geometry, &model, &model, &schedule.of(0), &options, &key)
     })?;
 
     let out = PyDict::new(py);
@@ -164,13 +165,13 @@ fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measureme
     threads, stop=None))]
 pub fn run_batch<'py>(
     py: Python<'py>,
-    geometry: &BeamGeometry,
+    geometry: Argument,
     truth: Argument,
     simulated: Argument,
     assumed: Argument,
     options: Argument,
     schedule: Argument,
-    methods: Vec<String>,
+    methods: Argument,
     seed: u64,
     trajectory_key: u64,
     first_run: u64,
@@ -178,19 +179,20 @@ pub fn run_batch<'py>(
     threads: usize,
     stop: Option<Argument>,
 ) -> Dict<'py> {
+    let geometry = dvl::geometry(geometry)?;
     let truths = Truths::new(truth)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
-    let methods = settings::methods(&methods)?;
+    let methods = settings::methods(methods)?;
     let samples = crate::schedule::sample_count(schedule);
     crate::memory::require(batch_bytes(runs, methods.len(), samples), || {
         format!("{runs} runs of {} methods with {samples} samples", methods.len())
     })?;
-    let schedule = crate::schedule::schedule(schedule, geometry.inner.beams(), runs)?;
+    let schedule = crate::schedule::schedule(schedule, geometry.beams(), runs)?;
     let schedules: Vec<Schedule<'_>> = (0..runs).map(|run| schedule.of(run)).collect();
     let batch = Batch {
         truth: truths.of(0)?,
-        geometry: &geometry.inner,
+        geometry: &geometry,
         simulated: &simulated,
         assumed: &assumed,
         options: &options,

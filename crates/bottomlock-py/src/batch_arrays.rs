@@ -39,12 +39,8 @@ pub struct BatchArrays {
     sd: Vec<f64>,
     nees: Vec<f64>,
     nees_velocity_attitude: Vec<f64>,
-    nis_mean: Vec<f64>,
-    fixes_accepted: Vec<i64>,
-    fixes_rejected: Vec<i64>,
-    fixes_beyond_linear_range: Vec<i64>,
-    bias_error: Vec<[f64; BIASES]>,
-    bias_sd: Vec<[f64; BIASES]>,
+    /// What is stated once for each run and method.
+    totals: Vec<MethodRecord>,
     /// The number of selections is known when the runs are finished.
     choices: Vec<Vec<[u8; 3]>>,
 }
@@ -55,12 +51,7 @@ pub struct RecordSlices<'a> {
     sd: [&'a mut [f64]; ERRORS],
     nees: &'a mut [f64],
     nees_velocity_attitude: &'a mut [f64],
-    nis_mean: &'a mut f64,
-    fixes_accepted: &'a mut i64,
-    fixes_rejected: &'a mut i64,
-    fixes_beyond_linear_range: &'a mut i64,
-    bias_error: &'a mut [f64; BIASES],
-    bias_sd: &'a mut [f64; BIASES],
+    totals: &'a mut MethodRecord,
     choices: &'a mut Vec<[u8; 3]>,
 }
 
@@ -74,13 +65,14 @@ impl RecordSlices<'_> {
         self.nees.copy_from_slice(&record.nees);
         self.nees_velocity_attitude
             .copy_from_slice(&record.nees_velocity_attitude);
-        *self.nis_mean = record.nis_mean;
-        *self.fixes_accepted = record.fixes_accepted as i64;
-        *self.fixes_rejected = record.fixes_rejected as i64;
-        *self.fixes_beyond_linear_range = record.fixes_beyond_linear_range as i64;
-        let biases = |field: fn(&BiasRecord) -> [f64; BIASES]| record.biases.as_ref().map_or([f64::NAN; BIASES], field);
-        *self.bias_error = biases(|biases| biases.error);
-        *self.bias_sd = biases(|biases| biases.sd);
+        *self.totals = MethodRecord {
+            error: Vec::new(),
+            sd: Vec::new(),
+            nees: Vec::new(),
+            nees_velocity_attitude: Vec::new(),
+            choices: Vec::new(),
+            ..*record
+        };
         self.choices.extend(record.choices.iter().map(choice_code));
     }
 }
@@ -102,7 +94,7 @@ pub fn batch_bytes(runs: usize, methods: usize, samples: usize) -> u128 {
     const NUMBER: usize = size_of::<f64>();
     // Of the arrays and of the records: errors, their standard deviations and two NEES a sample.
     let of_samples = product(&[runs, methods, samples, 2 * (2 * ERRORS + 2), NUMBER]);
-    let of_method = (4 + 2 * BIASES) * NUMBER + size_of::<Vec<[u8; 3]>>() + size_of::<RecordSlices<'_>>();
+    let of_method = size_of::<MethodRecord>() + size_of::<Vec<[u8; 3]>>() + size_of::<RecordSlices<'_>>();
     let of_run = size_of::<Vec<RecordSlices<'_>>>() + size_of::<Schedule<'_>>() + 2 * SENSORS * size_of::<Vec<i64>>();
     of_samples
         .saturating_add(product(&[runs, methods, of_method]))
@@ -121,12 +113,7 @@ impl BatchArrays {
             sd: zeros(samples * ERRORS),
             nees: zeros(samples),
             nees_velocity_attitude: zeros(samples),
-            nis_mean: zeros(1),
-            fixes_accepted: vec![0; runs * methods],
-            fixes_rejected: vec![0; runs * methods],
-            fixes_beyond_linear_range: vec![0; runs * methods],
-            bias_error: vec![[0.0; BIASES]; runs * methods],
-            bias_sd: vec![[0.0; BIASES]; runs * methods],
+            totals: vec![MethodRecord::default(); runs * methods],
             choices: vec![Vec::new(); runs * methods],
         }
     }
@@ -136,23 +123,14 @@ impl BatchArrays {
         let samples = self.samples;
         let (mut error, mut sd) = (columns(&mut self.error), columns(&mut self.sd));
         let (mut nees, mut nees_velocity_attitude) = (&mut self.nees[..], &mut self.nees_velocity_attitude[..]);
-        let mut nis_mean = self.nis_mean.iter_mut();
-        let (mut accepted, mut rejected) = (self.fixes_accepted.iter_mut(), self.fixes_rejected.iter_mut());
-        let mut beyond = self.fixes_beyond_linear_range.iter_mut();
-        let (mut bias_error, mut bias_sd) = (self.bias_error.iter_mut(), self.bias_sd.iter_mut());
-        let mut choices = self.choices.iter_mut();
+        let (mut totals, mut choices) = (self.totals.iter_mut(), self.choices.iter_mut());
         let mut next = || {
             Some(RecordSlices {
                 error: std::array::from_fn(|k| error[k].split_off_mut(..samples).unwrap_or_default()),
                 sd: std::array::from_fn(|k| sd[k].split_off_mut(..samples).unwrap_or_default()),
                 nees: nees.split_off_mut(..samples)?,
                 nees_velocity_attitude: nees_velocity_attitude.split_off_mut(..samples)?,
-                nis_mean: nis_mean.next()?,
-                fixes_accepted: accepted.next()?,
-                fixes_rejected: rejected.next()?,
-                fixes_beyond_linear_range: beyond.next()?,
-                bias_error: bias_error.next()?,
-                bias_sd: bias_sd.next()?,
+                totals: totals.next()?,
                 choices: choices.next()?,
             })
         };
@@ -181,15 +159,25 @@ impl BatchArrays {
             "nees_velocity_attitude",
             array(py, self.nees_velocity_attitude, &by_sample)?,
         )?;
-        out.set_item("nis_mean", array(py, self.nis_mean, &each)?)?;
-        out.set_item("fixes_accepted", array(py, self.fixes_accepted, &each)?)?;
-        out.set_item("fixes_rejected", array(py, self.fixes_rejected, &each)?)?;
-        out.set_item(
-            "fixes_beyond_linear_range",
-            array(py, self.fixes_beyond_linear_range, &each)?,
+        let totals = || self.totals.iter();
+        out.put("nis_mean", &each, totals().map(|record| record.nis_mean))?;
+        out.put(
+            "fixes_accepted",
+            &each,
+            totals().map(|record| record.fixes_accepted as i64),
         )?;
-        out.put("final_bias_error", &each, self.bias_error)?;
-        out.put("final_bias_sd", &each, self.bias_sd)?;
+        out.put(
+            "fixes_rejected",
+            &each,
+            totals().map(|record| record.fixes_rejected as i64),
+        )?;
+        let beyond = totals().map(|record| record.fixes_beyond_linear_range as i64);
+        out.put("fixes_beyond_linear_range", &each, beyond)?;
+        let biases = |of: fn(&BiasRecord) -> [f64; BIASES]| {
+            totals().map(move |record| record.biases.as_ref().map_or([f64::NAN; BIASES], of))
+        };
+        out.put("final_bias_error", &each, biases(|biases| biases.error))?;
+        out.put("final_bias_sd", &each, biases(|biases| biases.sd))?;
         out.put("choice", &[runs, methods, pings], codes)?;
         Ok(out)
     }

@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{Argument, Dict, rows};
 use crate::batch_arrays::BatchArrays;
-use crate::dvl::BeamGeometry;
+use crate::dvl;
 use crate::errors::{invalid, raise};
 use crate::keys::read;
 use crate::results::Results;
@@ -55,11 +55,11 @@ impl ClosedLoop {
     #[pyo3(signature = (geometry, simulated, assumed, options, methods, start, *, vehicle_per_method, seed, trajectory_key, first_run,
         threads))]
     fn new(
-        geometry: &BeamGeometry,
+        geometry: Argument,
         simulated: Argument,
         assumed: Argument,
         options: Argument,
-        methods: Vec<String>,
+        methods: Argument,
         start: Argument,
         vehicle_per_method: bool,
         seed: u64,
@@ -67,15 +67,16 @@ impl ClosedLoop {
         first_run: u64,
         threads: usize,
     ) -> PyResult<Self> {
+        let geometry = dvl::geometry(geometry)?;
         let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
         let options = settings::options(options)?;
-        let methods = settings::methods(&methods)?;
+        let methods = settings::methods(methods)?;
         if methods.is_empty() {
             return Err(invalid("methods is empty, expected at least one"));
         }
         let starts = true_starts(start)?;
         let common = ClosedLoopSetup {
-            geometry: &geometry.inner,
+            geometry: &geometry,
             simulated: &simulated,
             assumed: &assumed,
             options: &options,
@@ -108,7 +109,7 @@ impl ClosedLoop {
                 core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?,
                 BROKEN,
             ),
-            beams: geometry.inner.beams(),
+            beams: geometry.beams(),
             vehicles: starts.len(),
             methods: methods.len(),
             methods_per_vehicle: vehicle_methods[0].len(),

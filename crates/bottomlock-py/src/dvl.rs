@@ -33,6 +33,16 @@ pub struct BeamGeometry {
     pub inner: core::BeamGeometry,
 }
 
+/// The beams of a DVL as users name it: of themselves, of what `read_geometry` returns, or by packaged name or file.
+pub fn geometry(value: Argument) -> PyResult<core::BeamGeometry> {
+    if let Ok(given) = value.cast::<BeamGeometry>() {
+        return Ok(given.get().inner.clone());
+    }
+    let arguments = value.py().import("bottomlock.arguments")?;
+    let named = arguments.call_method1("beam_geometry", (value,))?;
+    Ok(named.cast::<BeamGeometry>()?.get().inner.clone())
+}
+
 /// Vectors in a frame, (count, 3).
 fn vectors<F>(name: &str, value: Argument, count: Option<usize>) -> PyResult<Vec<Vec3<F>>> {
     Ok(rows::<3>(name, value, count)?

@@ -1,6 +1,6 @@
 //! Gravity, level and depth at places on the Earth.
 
-use bottomlock::earth::Earth;
+use bottomlock::earth::{Earth, Environment};
 use bottomlock::frames::Vec3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -16,7 +16,7 @@ use crate::settings;
 #[pyfunction]
 #[pyo3(name = "local_earth")]
 pub fn local_earth<'py>(py: Python<'py>, environment: Argument, position_t_m: Argument<'_, 'py>) -> Dict<'py> {
-    let environment = settings::environment(environment)?;
+    let environment: Environment = settings::part("environment", environment)?;
     environment.validate().map_err(crate::errors::raise)?;
     let earth = Earth::from(&environment);
     let rows = Rows::<3>::new("position_t_m", position_t_m, &[None])?;

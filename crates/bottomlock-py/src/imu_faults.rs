@@ -41,7 +41,7 @@ pub fn rejected_imu<'py>(
     omega_p_radps: Argument,
     force_p_mps2: Argument,
 ) -> Dict<'py> {
-    let (model, limits) = (settings::imu(imu)?, settings::options(options)?.imu_limits);
+    let (model, limits) = (settings::part("imu", imu)?, settings::options(options)?.imu_limits);
     let readings = samples(time_ns, omega_p_radps, force_p_mps2)?;
     rejected_dict(py, &core::rejected_readings(&readings, &model, &limits))
 }

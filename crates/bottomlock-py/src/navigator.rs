@@ -20,7 +20,6 @@ use pyo3::types::{PyBytes, PyDict, PyType};
 
 use crate::arrays::{Argument, Dict, by_name, floats, vec3, vector};
 use crate::beam_arrays::ping;
-use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::imu_faults::samples;
 use crate::report::Report;
@@ -91,11 +90,7 @@ impl Navigator {
         horizon_ns: Option<Argument>,
     ) -> PyResult<Self> {
         let horizon_ns = lock::horizon(horizon_ns)?;
-        // Names, files and classes are Python's.
-        let geometry = py
-            .import("bottomlock.array_functions")?
-            .call_method1("beam_geometry", (geometry,))?;
-        let geometry = geometry.cast::<BeamGeometry>()?.get();
+        let geometry = crate::dvl::geometry(geometry)?;
         let aiding = match method {
             None => settings::method("tc")?.aiding,
             Some(method) => {
@@ -105,8 +100,7 @@ impl Navigator {
         };
         let (model, options) = (settings::model(model)?, settings::options(options)?);
         let initial = state("initial", initial)?;
-        let mut inner =
-            LiveNavigator::new(initial, &geometry.inner, aiding, &model, &options, horizon_ns).map_err(raise)?;
+        let mut inner = LiveNavigator::new(initial, &geometry, aiding, &model, &options, horizon_ns).map_err(raise)?;
         if let Some(covariance) = crate::state::covariance(covariance)? {
             inner.set_covariance(&covariance).map_err(raise)?;
         }

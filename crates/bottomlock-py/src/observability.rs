@@ -16,7 +16,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{Argument, Dict, booleans, floats, times};
 use crate::calls::interruptible;
-use crate::dvl::BeamGeometry;
+use crate::dvl;
 use crate::errors::invalid;
 use crate::keys::{Keys, read};
 use crate::memory::product;
@@ -64,7 +64,7 @@ fn aiding_of(keys: &Keys<'_>, beams: usize) -> PyResult<Aiding> {
         beams: settings::mask(&mask.values),
         sensors: sensors.into_iter().collect(),
         levers: match keys.get("levers")? {
-            Some(levers) => settings::levers("aiding.levers", &levers)?,
+            Some(levers) => settings::part("aiding.levers", &levers)?,
             None => Default::default(),
         },
     })
@@ -157,7 +157,7 @@ fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
 ))]
 pub fn observe<'py>(
     py: Python<'py>,
-    geometry: &BeamGeometry,
+    geometry: Argument,
     truth: Argument,
     model: Argument,
     aidings: Vec<Bound<'py, PyAny>>,
@@ -167,13 +167,14 @@ pub fn observe<'py>(
     scale: Option<Argument>,
     per_epoch: bool,
 ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let geometry = dvl::geometry(geometry)?;
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;
-    let scheduled = self::schedule(schedule, geometry.inner.beams(), &kind)?;
+    let scheduled = self::schedule(schedule, geometry.beams(), &kind)?;
     let epochs = scheduled.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
     let sets = aidings
         .iter()
-        .map(|dict| aiding(dict, geometry.inner.beams()))
+        .map(|dict| aiding(dict, geometry.beams()))
         .collect::<PyResult<Vec<_>>>()?;
     let scale = scale
         .map(|value| floats("scale", value, &[None]))
@@ -189,9 +190,7 @@ pub fn observe<'py>(
     require_memory(&truth, sets.len(), epochs)?;
     let analysed = interruptible(py, None, |stop| {
         let systems = match kind {
-            Kind::Filter { estimate_dvl } => {
-                full::systems(&truth, &geometry.inner, &model, &sets, estimate_dvl, epochs)?
-            }
+            Kind::Filter { estimate_dvl } => full::systems(&truth, &geometry, &model, &sets, estimate_dvl, epochs)?,
             Kind::Paper(_) => sensors
                 .iter()
                 .map(|set| paper::system(&truth, &model, set, period_ns))
@@ -256,7 +255,7 @@ fn result<'py>(py: Python<'py>, system: &System, whole: &Observability, parts: &
 #[pyo3(signature = (geometry, truth, model, aiding, *, kind="full", period_ns=1_000_000_000, schedule=None))]
 pub fn covariance_history<'py>(
     py: Python<'py>,
-    geometry: &BeamGeometry,
+    geometry: Argument,
     truth: Argument,
     model: Argument,
     aiding: Argument,
@@ -264,11 +263,12 @@ pub fn covariance_history<'py>(
     period_ns: i64,
     schedule: Option<Argument>,
 ) -> Dict<'py> {
+    let geometry = dvl::geometry(geometry)?;
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;
-    let scheduled = self::schedule(schedule, geometry.inner.beams(), &kind)?;
+    let scheduled = self::schedule(schedule, geometry.beams(), &kind)?;
     let epochs = scheduled.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
-    let set = self::aiding(aiding, geometry.inner.beams())?;
+    let set = self::aiding(aiding, geometry.beams())?;
     let sensors = match kind {
         Kind::Paper(sign) => Some(paper_sensors(&set, sign)?),
         Kind::Filter { .. } => None,
@@ -277,7 +277,7 @@ pub fn covariance_history<'py>(
     require_memory(&truth, 1, epochs)?;
     let history: History = interruptible(py, None, |stop| match sensors {
         Some(sensors) => history::of_paper(&truth, &model, &sensors, period_ns, stop),
-        None => history::of_filter(&truth, &geometry.inner, &model, &set, estimate_dvl, epochs, stop),
+        None => history::of_filter(&truth, &geometry, &model, &set, estimate_dvl, epochs, stop),
     })?;
     let states = history.covariance.first().map_or(0, DMatrix::nrows);
     let names: Vec<&str> = match sensors {

@@ -17,10 +17,10 @@ use nalgebra::{Matrix2, Vector2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{Argument, Dict, booleans, by_name, floats, rows, times};
+use crate::arrays::{Argument, Dict, booleans, by_name, floats, times};
 use crate::beam_arrays::{pings, water_samples};
 use crate::calls::interruptible;
-use crate::dvl::BeamGeometry;
+use crate::dvl;
 use crate::imu_faults::{put_faults, zipped};
 use crate::keys::{Keys, read};
 use crate::memory::product;
@@ -43,24 +43,16 @@ impl OwnedLog {
     }
 
     fn of(keys: &Keys<'_>, beams: usize, model: &Model) -> PyResult<Self> {
-        let three = |key: &str, count: usize| -> PyResult<Vec<[f64; 3]>> {
-            let value = keys.item(key)?;
-            if count == 0 && value.len()? == 0 {
-                return Ok(Vec::new());
-            }
-            rows::<3>(&keys.path(key), &value, Some(count))
-        };
-
         let imu_ns = times(&keys.path("imu_time_ns"), &keys.item("imu_time_ns")?)?;
-        let rates = three("omega_p_radps", imu_ns.len())?;
-        let forces = three("force_p_mps2", imu_ns.len())?;
+        let rates = numbers(keys, "omega_p_radps", imu_ns.len(), 3)?;
+        let forces = numbers(keys, "force_p_mps2", imu_ns.len(), 3)?;
         let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
         for kind in SensorKind::ALL {
             sensors[kind as usize] = Self::measurements(keys, kind, model)?;
         }
         let sd_mps = model.sensors.dvl.beam_noise_sd_mps;
         let mut log = Self {
-            imu: zipped(&imu_ns, &rates, &forces),
+            imu: zipped(&imu_ns, rates.as_chunks().0, forces.as_chunks().0),
             pings: pings(keys, "dvl_time_ns", "beam", beams, sd_mps)?,
             sensors,
             water_track: water_samples(keys, beams, sd_mps)?,
@@ -93,13 +85,7 @@ impl OwnedLog {
                 columns.push(None);
                 continue;
             }
-            let value = keys.item(column.key)?;
-            let shape = &[Some(time_ns.len()), Some(column.width)][..if column.width == 1 { 1 } else { 2 }];
-            let values = if time_ns.is_empty() && value.len()? == 0 {
-                Vec::new()
-            } else {
-                floats(&keys.path(column.key), &value, shape)?.values
-            };
+            let values = numbers(keys, column.key, time_ns.len(), column.width)?;
             columns.push(Some((values, column.width)));
         }
         let of_row = |(row, &time_ns): (usize, &i64)| {
@@ -120,6 +106,16 @@ impl OwnedLog {
             water_track: &self.water_track,
         }
     }
+}
+
+/// Numbers of a key, `count` rows of a width; without rows any empty list.
+fn numbers(keys: &Keys<'_>, key: &str, count: usize, width: usize) -> PyResult<Vec<f64>> {
+    let value = keys.item(key)?;
+    if count == 0 && value.len()? == 0 {
+        return Ok(Vec::new());
+    }
+    let shape = &[Some(count), Some(width)][..if width == 1 { 1 } else { 2 }];
+    Ok(floats(&keys.path(key), &value, shape)?.values)
 }
 
 /// Runs methods side by side along a recorded log. The filters are those of a campaign and of `Navigator`, bit for bit.
@@ -184,10 +180,10 @@ impl OwnedLog {
     covariances=false, innovations=false, threads=1))]
 pub fn replay_log<'py>(
     py: Python<'py>,
-    geometry: &BeamGeometry,
+    geometry: Argument,
     model: Argument,
     options: Argument,
-    methods: Vec<String>,
+    methods: Argument,
     log: Argument,
     start: Argument,
     sample_time_ns: Argument,
@@ -197,15 +193,16 @@ pub fn replay_log<'py>(
     innovations: bool,
     threads: usize,
 ) -> Dict<'py> {
+    let geometry = dvl::geometry(geometry)?;
     let (model, options) = (settings::model(model)?, settings::options(options)?);
-    let beams = geometry.inner.beams();
+    let beams = geometry.beams();
     let log = OwnedLog::read(log, beams, &model)?;
     let (state, covariance) = (state("start", start)?, crate::state::covariance(covariance)?);
     let sample_time_ns = times("sample_time_ns", sample_time_ns)?;
-    let methods = settings::methods(&methods)?;
+    let methods = settings::methods(methods)?;
     let request = Replay {
         log: log.log(),
-        geometry: &geometry.inner,
+        geometry: &geometry,
         model: &model,
         options: &options,
         start: state,

@@ -100,7 +100,10 @@ pub trait Results {
         &self,
         key: &str,
         values: impl IntoIterator<Item = T, IntoIter: ExactSizeIterator>,
-    ) -> PyResult<()>;
+    ) -> PyResult<()> {
+        let values = values.into_iter();
+        self.put(key, &[values.len()], values)
+    }
 
     /// The numbers of one entry.
     fn entry<T: Entry>(&self, key: &str, value: T) -> PyResult<()> {
@@ -151,14 +154,5 @@ pub trait Results {
 impl Results for Bound<'_, PyDict> {
     fn put<T: Entry>(&self, key: &str, leading: &[usize], values: impl IntoIterator<Item = T>) -> PyResult<()> {
         self.set_item(key, entries(self.py(), leading, values)?)
-    }
-
-    fn column<T: Entry>(
-        &self,
-        key: &str,
-        values: impl IntoIterator<Item = T, IntoIter: ExactSizeIterator>,
-    ) -> PyResult<()> {
-        let values = values.into_iter();
-        self.put(key, &[values.len()], values)
     }
 }

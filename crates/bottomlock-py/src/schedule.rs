@@ -11,6 +11,22 @@ use crate::errors::invalid;
 use crate::keys::{Keys, read};
 use crate::settings::mask;
 
+/// Values at each epoch, shared by all runs or one set for each.
+struct PerRun<T>(Vec<Vec<T>>);
+
+impl<T> Default for PerRun<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T> PerRun<T> {
+    /// The values of one run.
+    fn of(&self, run: usize) -> &[T] {
+        self.0.get(run).or(self.0.last()).map_or(&[], Vec::as_slice)
+    }
+}
+
 /// Epochs of all sensors, owned.
 pub struct OwnedSchedule {
     dvl_time_ns: Vec<i64>,
@@ -20,11 +36,11 @@ pub struct OwnedSchedule {
     pub sample_time_ns: Vec<i64>,
 }
 
-/// Epochs of a sensor and the offsets that the environment adds to its readings, for each run or shared by all.
+/// Epochs of a sensor and the offsets that the environment adds to its readings.
 #[derive(Default)]
 struct OwnedEpochs {
-    time_ns: Vec<Vec<i64>>,
-    offset: Vec<Vec<f64>>,
+    time_ns: PerRun<i64>,
+    offset: PerRun<f64>,
 }
 
 /// Epochs of the beams that the water returns, and the current at each.
@@ -39,15 +55,12 @@ struct OwnedWater {
 impl OwnedSchedule {
     /// The epochs of one run.
     pub fn of(&self, run: usize) -> Schedule<'_> {
-        fn pick<T>(runs: &[Vec<T>], run: usize) -> &[T] {
-            runs.get(run).or(runs.last()).map_or(&[], Vec::as_slice)
-        }
         Schedule {
             dvl_time_ns: &self.dvl_time_ns,
             beam_valid: self.beam_valid.of(run),
             sensors: self.sensors.each_ref().map(|epochs| SensorEpochs {
-                time_ns: pick(&epochs.time_ns, run),
-                offset: pick(&epochs.offset, run),
+                time_ns: epochs.time_ns.of(run),
+                offset: epochs.offset.of(run),
             }),
             water: WaterEpochs {
                 time_ns: &self.water.time_ns,
@@ -59,50 +72,29 @@ impl OwnedSchedule {
     }
 }
 
-/// Values at each epoch, shared by all runs or one set per run.
-#[derive(Default)]
-struct PerRun<T> {
-    values: Vec<T>,
-    epochs: usize,
-    by_run: bool,
-}
-
-impl<T> PerRun<T> {
-    /// The values of one run.
-    fn of(&self, run: usize) -> &[T] {
-        if self.by_run {
-            &self.values[run * self.epochs..(run + 1) * self.epochs]
-        } else {
-            &self.values
-        }
-    }
-}
-
-/// The shape (epochs, ..) or (runs, epochs, ..) of values that may differ by run.
-fn per_run_shape(value: Argument, runs: usize, of_one: &[Option<usize>]) -> (bool, Vec<Option<usize>>) {
-    let dimensions: usize = value.getattr("ndim").and_then(|n| n.extract()).unwrap_or(of_one.len());
-    let by_run = dimensions == of_one.len() + 1;
-    let leading = by_run.then_some(Some(runs));
-    (by_run, leading.into_iter().chain(of_one.iter().copied()).collect())
-}
-
 /// What an array converter gives: numbers or truth values.
 type Convert<T> = fn(&str, Argument, &[Option<usize>]) -> PyResult<Array<T>>;
 
-/// Values at each epoch of a sensor, shared by all runs or one set per run; none without the key.
-fn at_epochs<T>(
+/// Values of the shape `of_one`, or (runs, ..) with one set for each run; none without the key.
+fn per_run<T: Clone>(
     keys: &Keys<'_>,
     key: &str,
     runs: usize,
-    epochs: usize,
+    of_one: &[usize],
     convert: Convert<T>,
 ) -> PyResult<Option<PerRun<T>>> {
     let Some(value) = keys.get(key)? else {
         return Ok(None);
     };
-    let (by_run, shape) = per_run_shape(&value, runs, &[Some(epochs)]);
+    let dimensions: usize = value.getattr("ndim").and_then(|n| n.extract()).unwrap_or(of_one.len());
+    let by_run = (dimensions == of_one.len() + 1).then_some(runs);
+    let shape: Vec<_> = by_run.iter().chain(of_one).copied().map(Some).collect();
     let values = convert(&keys.path(key), &value, &shape)?.values;
-    Ok(Some(PerRun { values, epochs, by_run }))
+    let each: usize = of_one.iter().product();
+    Ok(Some(PerRun(match by_run {
+        Some(runs) => (0..runs).map(|run| values[run * each..][..each].to_vec()).collect(),
+        None => vec![values],
+    })))
 }
 
 /// The epochs of a sensor that each run receives: `<name>_time_ns`, and where given `<name>_received` and the sensor's offset. A
@@ -120,29 +112,31 @@ fn epochs(keys: &Keys<'_>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs
         return Ok(OwnedEpochs::default());
     };
     let time_ns = times(&keys.path(&times_key), &given)?;
-    let received = at_epochs::<bool>(keys, &received_key, runs, time_ns.len(), booleans)?;
-    let offset_of = |key| at_epochs::<f64>(keys, key, runs, time_ns.len(), floats);
-    let offset = of.offset.map_or(Ok(None), offset_of)?;
-    let is_received = |run: usize, k: usize| received.as_ref().is_none_or(|received| received.of(run)[k]);
-    let received_by_run = received.as_ref().is_some_and(|received| received.by_run);
-    let offset_by_run = received_by_run || offset.as_ref().is_some_and(|offset| offset.by_run);
-    let each = |by_run: bool| 0..if by_run { runs } else { 1 };
+    let count = [time_ns.len()];
+    let received = per_run::<bool>(keys, &received_key, runs, &count, booleans)?;
+    let offset_of = |key| per_run::<f64>(keys, key, runs, &count, floats);
+    let offset = of.offset.map_or(Ok(None), offset_of)?.unwrap_or_default();
+    let Some(received) = received else {
+        let time_ns = PerRun(vec![time_ns]);
+        return Ok(OwnedEpochs { time_ns, offset });
+    };
+    let offsets = if offset.0.is_empty() {
+        0
+    } else {
+        received.0.len().max(offset.0.len())
+    };
+    let kept_offset = |run: usize| kept(offset.of(run), received.of(run));
     Ok(OwnedEpochs {
-        time_ns: each(received_by_run)
-            .map(|run| kept(&time_ns, |k| is_received(run, k)))
-            .collect(),
-        offset: offset.map_or_else(Vec::new, |offset| {
-            each(offset_by_run)
-                .map(|run| kept(offset.of(run), |k| is_received(run, k)))
-                .collect()
-        }),
+        time_ns: PerRun(received.0.iter().map(|received| kept(&time_ns, received)).collect()),
+        offset: PerRun((0..offsets).map(kept_offset).collect()),
     })
 }
 
-/// The values whose place is kept.
-fn kept<T: Copy>(values: &[T], is_kept: impl Fn(usize) -> bool) -> Vec<T> {
-    let places = (0..values.len()).filter(|&k| is_kept(k));
-    places.map(|k| values[k]).collect()
+/// The values that are received.
+fn kept<T: Copy>(values: &[T], received: &[bool]) -> Vec<T> {
+    let both = values.iter().zip(received);
+    both.filter_map(|(&value, &is_received)| is_received.then_some(value))
+        .collect()
 }
 
 /// Number of samples of a schedule, before it is read; none where it cannot be, which its reading then says.
@@ -160,14 +154,10 @@ pub fn schedule(value: Argument, beams: usize, runs: usize) -> PyResult<OwnedSch
 
 /// The valid beams at each of a number of epochs.
 fn masks(keys: &Keys<'_>, key: &str, epochs: usize, beams: usize, runs: usize) -> PyResult<PerRun<BeamMask>> {
-    let valid = keys.item(key)?;
-    let (by_run, shape) = per_run_shape(&valid, runs, &[Some(epochs), Some(beams)]);
-    let flags = booleans(&keys.path(key), &valid, &shape)?;
-    Ok(PerRun {
-        values: flags.values.chunks_exact(beams.max(1)).map(mask).collect(),
-        epochs,
-        by_run,
-    })
+    keys.item(key)?;
+    let flags = per_run::<bool>(keys, key, runs, &[epochs, beams], booleans)?.unwrap_or_default();
+    let masks = |flags: &Vec<bool>| flags.chunks_exact(beams.max(1)).map(mask).collect();
+    Ok(PerRun(flags.0.iter().map(masks).collect()))
 }
 
 /// The epochs of the water, none without `water_track_time_ns`.

@@ -1,17 +1,16 @@
 //! Models and options; their keys are the kernel's.
 
-use bottomlock::aiding::registry::Levers;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::earth::{EarthModel, Environment};
 use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent};
 use bottomlock::mechanisation::Sampling;
-use bottomlock::model::{ImuModel, Model};
+use bottomlock::model::Model;
 use bottomlock::navigator::{METHODS, Method};
 use bottomlock::settings::{self as core, nearest};
 use pyo3::prelude::*;
-use serde::de::IntoDeserializer;
 use serde::de::value::{Error, StrDeserializer};
+use serde::de::{DeserializeOwned, IntoDeserializer};
 
 use crate::arrays::{Argument, vector};
 use crate::errors::{invalid, raise};
@@ -27,8 +26,10 @@ pub fn method(name: &str) -> PyResult<Method> {
     })
 }
 
-/// Aiding methods of their short names.
-pub fn methods(names: &[String]) -> PyResult<Vec<Method>> {
+/// Aiding methods by their short names, or as classes of one's own.
+pub fn methods(values: Argument) -> PyResult<Vec<Method>> {
+    let arguments = values.py().import("bottomlock.arguments")?;
+    let names: Vec<String> = arguments.call_method1("method_names", (values,))?.extract()?;
     names.iter().map(|name| method(name)).collect()
 }
 
@@ -52,18 +53,8 @@ pub fn options(value: Argument) -> PyResult<Options> {
     core::options(Given(value.clone())).map_err(raise)
 }
 
-/// Errors of the inertial sensors.
-pub fn imu(value: Argument) -> PyResult<ImuModel> {
-    core::read("imu", Given(value.clone())).map_err(raise)
-}
-
-/// The environment of a model.
-pub fn environment(value: Argument) -> PyResult<Environment> {
-    core::read("environment", Given(value.clone())).map_err(raise)
-}
-
-/// The lever arms of the sensors; zero where none is named.
-pub fn levers(place: &str, value: Argument) -> PyResult<Levers> {
+/// A part of the settings, such as the section "imu" of a model; its numbers are not checked yet.
+pub fn part<T: DeserializeOwned>(place: &str, value: Argument) -> PyResult<T> {
     core::read(place, Given(value.clone())).map_err(raise)
 }
 

@@ -13,7 +13,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{Argument, Dict, floats, rows};
 use crate::beam_arrays::BeamArrays;
 use crate::calls::detached;
-use crate::dvl::BeamGeometry;
+use crate::dvl;
 use crate::errors::{invalid, without_time};
 use crate::results::Results;
 use crate::settings::mask;
@@ -34,7 +34,7 @@ fn method_of(name: &str) -> PyResult<PartialMethod> {
 ///     velocity_mps: (n, beams) beam velocities, m/s.
 ///     valid: (n, beams) true for a valid beam.
 ///     method: name of the method.
-///     beam_sd_mps: (beams,) standard deviation of each beam, m/s.
+///     beam_sd_mps: (beams,) standard deviation of each beam, m/s, or one number for all.
 ///     prior_velocity_p_mps, prior_cov_m2ps2: (n, 3) and (n, 3, 3) prior velocity, platform frame, and its covariance.
 ///     omega_tp_p_radps: (n, 3) angular rate relative to the tangent frame, platform frame, rad/s, for the lever arms.
 ///     virtual_beam_factor: n_f of Eq. 28.
@@ -50,7 +50,7 @@ fn method_of(name: &str) -> PyResult<PartialMethod> {
     weak_sway_var_m2ps2))]
 pub fn solve_velocity<'py>(
     py: Python<'py>,
-    geometry: &BeamGeometry,
+    geometry: Argument,
     velocity_mps: Argument,
     valid: Argument,
     method: &str,
@@ -62,7 +62,8 @@ pub fn solve_velocity<'py>(
     nullified_sway_var_m2ps2: f64,
     weak_sway_var_m2ps2: f64,
 ) -> Dict<'py> {
-    let beams = geometry.inner.beams();
+    let geometry = dvl::geometry(geometry)?;
+    let beams = geometry.beams();
     let readings = BeamArrays::new(
         ["velocity_mps", "valid", ""],
         velocity_mps,
@@ -74,7 +75,11 @@ pub fn solve_velocity<'py>(
     let pings = Pings {
         velocity_mps: readings.velocity_mps,
         valid: readings.valid,
-        sd_mps: floats("beam_sd_mps", beam_sd_mps, &[Some(beams)])?.values,
+        sd_mps: if beam_sd_mps.len().is_ok() {
+            floats("beam_sd_mps", beam_sd_mps, &[Some(beams)])?.values
+        } else {
+            floats("beam_sd_mps", beam_sd_mps, &[])?.values.repeat(beams)
+        },
         method: method_of(method)?,
         priors: priors(prior_velocity_p_mps, prior_cov_m2ps2, count)?,
         omega_tp_p_radps: omega_tp_p_radps
@@ -86,7 +91,7 @@ pub fn solve_velocity<'py>(
             weak_sway_var_m2ps2,
         },
     };
-    let rows = detached(py, || Ok(pings.solve(&geometry.inner, count)))?;
+    let rows = detached(py, || Ok(pings.solve(&geometry, count)))?;
     let rows = rows.map_err(|(row, error)| invalid(format!("row {row}: {}", without_time(&error))))?;
     let out = PyDict::new(py);
     out.column("velocity_p_mps", rows.iter().map(|row| row.velocity_p_mps))?;

@@ -23,7 +23,7 @@ Examples:
     ('accepted', True)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NewType
 
@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from bottomlock._kernel import ScheduleDict as ScheduleDict
     from bottomlock._kernel import StateDict as StateDict
     from bottomlock._kernel import TruthDict as TruthDict
+    from bottomlock.arguments import AnyGeometry
 
 __all__ = [
     "COMPONENT_STATUS",
@@ -307,7 +308,7 @@ def make_geometry(
 
 
 def solve_velocity(
-    geometry: BeamGeometry,
+    geometry: "AnyGeometry",
     velocity_mps: ArrayLike,
     valid: ArrayLike,
     *,
@@ -320,17 +321,41 @@ def solve_velocity(
     nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["assumptions"]["nullified_sway_var_m2ps2"],
     weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["assumptions"]["weak_sway_var_m2ps2"],
 ) -> VelocityFixes:
-    """Solves pings for the platform velocity; arguments and result as `array_functions.solve_velocity` explains them.
+    """Solves pings for the platform velocity from any set of valid beams (Tal et al. 2017, Eqs 17-49).
+
+    Args:
+        geometry: the beams, or the name or file of a DVL.
+        velocity_mps: (n, beams) beam velocities; entries of invalid beams are ignored and may be NaN.
+        valid: (n, beams) bool.
+        method: a key of `FIX_METHODS`, or the long name that it stands for.
+        beam_sd_mps: (beams,) noise of the beams, 1 sigma, or one number for all.
+        prior_velocity_p_mps: (n, 3) velocity that the INS expects, for vb, vhv and elc.
+        prior_cov_m2ps2: (n, 3, 3) its covariance.
+        omega_tp_p_radps: (n, 3) angular rate against the tangent frame, for lever arms.
+        virtual_beam_factor: n_f of Eq. 28.
+        nullified_sway_var_m2ps2: epsilon of Eq. 36.
+        weak_sway_var_m2ps2: variance of the weak sway row.
+
+    Returns:
+        One row per ping. Lost beams and unobservable components are values, not errors.
 
     Raises:
         TypeError: for a geometry that is none.
-        KernelError: naming row and beam.
+        ScenarioError: for a name or a file that `read_geometry` rejects.
+        KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity; the
+            message names row and beam.
+
+    Examples:
+        >>> import numpy as np
+        >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
+        >>> beams = janus.beam_velocities([[2.0, 0.1, 0.0]])
+        >>> fixes = solve_velocity(janus, beams, [[True, True, False, False]], method="plcf", beam_sd_mps=0.042)
+        >>> float(fixes.velocity_p_mps[0, 0].round(6)), COMPONENT_STATUS[fixes.component[0, 1]]
+        (2.0, 'outside_row_space')
+        >>> same = solve_velocity("x_janus_20", beams, [[True, True, False, False]], method="plcf", beam_sd_mps=0.042)
+        >>> bool((same.velocity_p_mps[0, 0] == fixes.velocity_p_mps[0, 0]).all())
+        True
     """
-    if not isinstance(geometry, BeamGeometry):
-        raise TypeError(f"geometry is of type {type(geometry).__name__}, expected a BeamGeometry")
-    # Not np.ndim: it raises an error of its own for rows of unequal length.
-    if getattr(beam_sd_mps, "ndim", int(isinstance(beam_sd_mps, Sequence))) == 0:
-        beam_sd_mps = np.full(geometry.beams, beam_sd_mps, dtype=np.float64)
     solution = _kernel.solve_velocity(
         geometry,
         velocity_mps,
