@@ -1,11 +1,7 @@
-"""Binary records behind false starts: headers are found, tested and read for the whole file at once.
-
-A run of sync bytes, or headers that overlap, cost some vector operations a byte, and no record is looked at singly.
-"""
+"""Binary records behind false starts: headers are found, tested and read for the whole file at once."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -86,60 +82,24 @@ class Headers:
             account: for the counts; whole records are counted as read.
             what: a record's name.
         """
-        chosen = _one_after_another(self.start, self.end, np.flatnonzero(self.fits & ~self.empty))
-        whole = np.zeros(len(self.start), dtype=bool)
-        whole[chosen] = True
-        after = np.cumsum(whole)  # how many are whole, up to each
-        ends = np.concatenate(([0], self.end[chosen]))
-        # Of the others those count that do not begin within a whole record.
-        counts = whole | (self.start >= ends[after])
-        seen, segment = np.flatnonzero(counts), after[counts]
-        self._lost_bytes(seen, segment, ends, length, account, what)
-        account.read += len(seen)
-        cut = self.end > length
-        for reason, those in (("truncated", cut), ("bad checksum", ~cut & ~self.fits), (EMPTY, self.fits)):
-            account.skip_where(
-                reason, those & counts & ~whole, self.start, partial(self._size, length=length, reason=reason)
-            )
-        return chosen
-
-    def _size(self, k: int, *, length: int, reason: str) -> str:
-        size = int(self.end[k] - self.start[k])
-        return f"{length - int(self.start[k])} of {size} bytes" if reason == "truncated" else f"{size} bytes"
-
-    def _lost_bytes(
-        self, seen: Places, segment: Places, ends: Places, length: int, account: Account, what: str
-    ) -> None:
-        """Counts the runs of bytes before, between and after the records, whole and damaged.
-
-        Args:
-            seen: (n,) indices of the records, rising.
-            segment: (n,) how many of them are whole, up to each.
-            ends: where each segment begins: 0, and the end of every whole record.
-            length: of the file, bytes.
-            account: for the count.
-            what: a record's name.
-        """
-        # The byte up to which all is counted, after each record: a damaged one reaches no further than the next whole.
-        reach = np.maximum(ends[segment], np.minimum(self.end[seen], length))
-        reach = np.maximum.accumulate(reach + segment * (length + 1)) - segment * (length + 1)
-        before, start = np.concatenate(([0], reach)), np.append(self.start[seen], length)
-        account.skip_where(
-            f"bytes that belong to no {what}",
-            start > before,
-            before,
-            lambda k: f"{start[k] - before[k]} bytes",
-        )
-
-
-def _one_after_another(start: Places, end: Places, index: Places) -> Places:
-    """Of whole records those that do not begin within the one before, as a reader would meet them."""
-    begins, stops = start[index], end[index]
-    if (begins[1:] >= stops[:-1]).all():
-        return index
-    chosen, at = [], 0
-    for k, begin, stop in zip(index.tolist(), begins.tolist(), stops.tolist(), strict=True):
-        if begin >= at:
-            chosen.append(k)
-            at = stop
-    return np.array(chosen, dtype=np.int64)
+        chosen = []
+        behind = reach = 0  # the last whole record, and all that is counted
+        columns = (self.start, self.end, self.fits, self.empty)
+        for k, (start, end, fits, empty) in enumerate(zip(*(each.tolist() for each in columns), strict=True)):
+            if start < behind:
+                continue
+            if start > reach:
+                account.skip(f"bytes that belong to no {what}", reach, f"{start - reach} bytes")
+            account.read += 1
+            if fits and not empty:
+                chosen.append(k)
+                behind = reach = end
+                continue
+            if end > length:
+                account.skip("truncated", start, f"{length - start} of {end - start} bytes")
+            else:
+                account.skip(EMPTY if fits else "bad checksum", start, f"{end - start} bytes")
+            reach = max(reach, min(end, length))
+        if reach < length:
+            account.skip(f"bytes that belong to no {what}", reach, f"{length - reach} bytes")
+        return np.array(chosen, dtype=np.int64)
