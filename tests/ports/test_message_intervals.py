@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v10 import ardupilotmega as version_1
 from pymavlink.dialects.v20 import ardupilotmega
 
-from bottomlock.ports.message_intervals import AGAIN_S, MessageIntervals
+from bottomlock.ports.mavlink import AGAIN_S, MessageIntervals
 
 SECOND = 1_000_000_000
 

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from bottomlock.replay.findings.claims import claims_findings
-from bottomlock.statistics.correlation import correlation_rows
+from bottomlock.statistics.robust import correlation_rows
 
 ENDS = {
     "position": ("north_m", "east_m", "down_m"),

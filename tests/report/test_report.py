@@ -22,7 +22,7 @@ from bottomlock.figures.labels import spread
 from bottomlock.files.records import write_recorded_table
 from bottomlock.kernel import METHODS as KERNEL_METHODS
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.pages.featured import MOST, featured
+from bottomlock.pages.pieces import MOST, featured
 from bottomlock.report.page import make_report
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors

@@ -8,9 +8,8 @@ from scipy.stats import norm
 
 from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit
-from bottomlock.figures.beams import valid_panel
 from bottomlock.figures.palette import FAINT, INK, STYLE
-from bottomlock.figures.series import Curve, Panel, View
+from bottomlock.figures.series import Curve, Panel, View, valid_panel
 from bottomlock.pages.plots import Plots
 
 BLUE, ORANGE, GREEN, GREY = "#5394ec", "#fa632e", "#129e64", "#999194"

@@ -135,7 +135,7 @@ class Results(CampaignResults):
     def _plot(self, quantity: str, trajectory: str | None, axes: "Axes | None") -> "Axes":
         # Campaigns on a cluster draw nothing.
         from bottomlock.figures import curves  # noqa: PLC0415
-        from bottomlock.figures.notebook import shown_axes  # noqa: PLC0415
+        from bottomlock.figures.palette import shown_axes  # noqa: PLC0415
 
         name = self._known(trajectory)
         axes = shown_axes(curves.PLACE) if axes is None else axes

@@ -9,8 +9,8 @@ from bottomlock.audit.geometry_file import geometry_text
 from bottomlock.audit.logs import read_depths, read_inertial, read_reference
 from bottomlock.audit.page import audit_files, page_of
 from bottomlock.audit.run import audit_file, numbers_of
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import console
-from bottomlock.cli.force import Force
 from bottomlock.cli.page_output import print_part
 from bottomlock.cli.parameters import beside, geometry_of
 from bottomlock.files.atomic_write import write_text

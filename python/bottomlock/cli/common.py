@@ -3,6 +3,9 @@
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
+
+from cyclopts import Parameter
 
 _FLAGS = {
     "-q": "quiet", "--quiet": "quiet", "-v": "verbose", "--verbose": "verbose", "--no-progress": "no_progress",
@@ -44,3 +47,17 @@ def peak_memory_mb() -> float:
         return float("nan")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (1e6 if sys.platform == "darwin" else 1e3)
+
+
+Force = Annotated[
+    bool,
+    Parameter(
+        negative="", help="Replace a file that is there, or a result of other inputs in the directory."
+    ),
+]
+ForceCampaign = Annotated[
+    bool, Parameter(negative="", help="Start over in a directory that holds another campaign.")
+]
+ForceStudy = Annotated[
+    bool, Parameter(negative="", help="Start over in a directory that holds another study.")
+]

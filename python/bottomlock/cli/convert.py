@@ -18,8 +18,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, errors
-from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import beside
 from bottomlock.errors import OutputError
 from bottomlock.files.overwriting import check_free

@@ -11,8 +11,8 @@ from rich.table import Table
 
 from bottomlock.audit.defects import ADVICE, why_never_locked
 from bottomlock.audit.logs import BeamLog
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, narrow_table
-from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Robust, beside, geometry_of
 from bottomlock.errors import DataError, OutputError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet

@@ -8,8 +8,8 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 from rich.table import Table
 
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import console
-from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Json
 from bottomlock.config.instrument_grades import KINDS, grades, listing
 from bottomlock.config.scenario import copy_packaged, packaged_scenarios

@@ -11,8 +11,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
-from bottomlock.cli.force import Force
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free

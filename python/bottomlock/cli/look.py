@@ -6,8 +6,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import console
-from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Threads, beside
 from bottomlock.cli.replay import first_of, init_case, replay
 from bottomlock.replay.report import PAGE

@@ -7,9 +7,9 @@ from cyclopts import Parameter
 
 from bottomlock.campaign.run import check_campaign
 from bottomlock.cli.campaign_output import progress_bar
+from bottomlock.cli.common import Force, ForceStudy
 from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
-from bottomlock.cli.force import Force, ForceStudy
 from bottomlock.cli.parameters import Seed, StudyOut, Threads, check_threads
 from bottomlock.errors import DataError
 from bottomlock.replay.report import is_replay, make_replay_report

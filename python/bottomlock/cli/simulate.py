@@ -9,8 +9,8 @@ import polars as pl
 from cyclopts import Parameter
 
 from bottomlock.campaign.folder import identity_of
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import console
-from bottomlock.cli.force import Force
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError

@@ -14,8 +14,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import console
-from bottomlock.cli.force import Force
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.toml_file import kinds_of
 from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named

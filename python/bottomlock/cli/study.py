@@ -7,8 +7,8 @@ import polars as pl
 from cyclopts import Parameter
 
 from bottomlock.cli.campaign_output import progress_bar
+from bottomlock.cli.common import ForceStudy
 from bottomlock.cli.console import console, interrupted
-from bottomlock.cli.force import ForceStudy
 from bottomlock.cli.page_output import print_table
 from bottomlock.cli.parameters import (
     Json,

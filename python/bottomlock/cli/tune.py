@@ -7,8 +7,8 @@ from cyclopts import Parameter
 from rich import progress as bars
 from rich.text import Text
 
+from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, errors, late_bar, narrow_table
-from bottomlock.cli.force import Force
 from bottomlock.cli.parameters import Threads, check_threads
 from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import load_case

@@ -4,9 +4,8 @@ import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
 
-from bottomlock.figures.beams import BEAM_COLOURS, valid_panel
 from bottomlock.figures.palette import FAINT
-from bottomlock.figures.series import Curve, Panel
+from bottomlock.figures.series import BEAM_COLOURS, Curve, Panel, valid_panel
 from bottomlock.figures.timeline import timeline_figure
 
 _FIRST, _SECOND = BEAM_COLOURS[:2]

@@ -4,12 +4,16 @@ import io
 import re
 import zlib
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -257,3 +261,20 @@ def svg_text(figure: Figure) -> str:
 def _shorter(path: str) -> str:
     """Path data with one decimal of a point, invisible on paper and screen."""
     return re.sub(r"-?\d+\.\d{2,}", lambda number: f"{float(number[0]):.1f}", path)
+
+
+def shown_axes(
+    place: tuple[float, float, float, float], *, size_in: tuple[float, float] = (WIDTH_IN, HEIGHT_IN)
+) -> Axes:
+    """Axes at a place of a new figure (left, bottom, width, height, as parts of it), in the style of every figure."""
+    figure = shown_figure(size_in)
+    with mpl.rc_context(STYLE):
+        return figure.add_axes(place)
+
+
+def shown_figure(size_in: tuple[float, float]) -> "Figure":
+    """A new figure without axes, width and height in inches."""
+    import matplotlib.pyplot as plt  # noqa: PLC0415 - it chooses a backend; only who plots needs one
+
+    with mpl.rc_context(STYLE):
+        return plt.figure(figsize=size_in)

@@ -21,8 +21,7 @@ from bottomlock.files.atomic_write import read_json, write_parquet
 from bottomlock.files.records import DIGESTS, read_record, sha256_of, write_record
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Account, Flags, Floats, Integers, Reason
-from bottomlock.io.columns import check_valid
-from bottomlock.io.converted import check_converted
+from bottomlock.io.columns import check_converted, check_valid
 from bottomlock.io.table_columns import TableColumns
 from bottomlock.io.water_table import WaterTable, water_file
 from bottomlock.support.later import pl

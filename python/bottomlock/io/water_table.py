@@ -16,7 +16,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Flags, Floats, Integers
-from bottomlock.io.converted import WATER_ENDING, check_converted
+from bottomlock.io.columns import WATER_ENDING, check_converted
 from bottomlock.io.table_columns import TableColumns
 from bottomlock.support.later import pl
 

@@ -12,7 +12,7 @@ import socket
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from bottomlock.live.listening import accept, listen
+from bottomlock.live.connections import accept, listen
 
 HTML, JSON, TEXT = "text/html; charset=utf-8", "application/json", "text/plain"
 REQUEST_S = 5.0

@@ -8,9 +8,8 @@ import numpy as np
 
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.live.aligned import AlignedNavigator
-from bottomlock.live.closure import Closure
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.estimator import LastPing, beams_of, solve_ping
+from bottomlock.live.estimator import Closure, LastPing, beams_of, solve_ping
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.live.reasons import Reasons
 from bottomlock.ports.estimate import Beams, Estimate, State

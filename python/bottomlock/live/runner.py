@@ -20,8 +20,7 @@ from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.readings import MavlinkReader
 from bottomlock.live.sinks import Sink, open_sink
-from bottomlock.ports.mavlink import MavlinkPort, Timesync
-from bottomlock.ports.message_intervals import MessageIntervals
+from bottomlock.ports.mavlink import MavlinkPort, MessageIntervals, Timesync
 
 YOUNG = 1000
 """Container objects since the last collection from which the young ones are looked at; a ping makes some tens."""

@@ -21,10 +21,11 @@ from bottomlock.live.connections import (
     Answers,
     Connection,
     Datagrams,
+    accept,
+    listen,
     no_answer,
     words_of,
 )
-from bottomlock.live.listening import accept, listen
 from bottomlock.ports.address import Address
 
 T = TypeVar("T")

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.figures.beams import valid_panel
 from bottomlock.figures.palette import STROKES, stroke
-from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of
+from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of, valid_panel
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
 from bottomlock.recordings.geodesy import radii_m

@@ -10,9 +10,8 @@ import polars as pl
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from bottomlock.figures.beams import BEAM_COLOURS
 from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, draw_order, stroke
-from bottomlock.figures.series import Curve, Panel, scattered_rows, thinned_rows
+from bottomlock.figures.series import BEAM_COLOURS, Curve, Panel, scattered_rows, thinned_rows
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.statistics.replay import error_norms
 from bottomlock.tables.replay import FORWARD

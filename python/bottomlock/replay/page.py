@@ -5,9 +5,8 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.pages.featured import featured
 from bottomlock.pages.page import Block, Coloured, Folded, Looked, Page, Part, Picture, Table, Terms, listed
-from bottomlock.pages.pieces import findings_part, glossaries, json_part, number, title_of
+from bottomlock.pages.pieces import featured, findings_part, glossaries, json_part, number, title_of
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.figures import Drawing
 from bottomlock.replay.findings.trust import NOTHING

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.figures.notebook import shown_axes, shown_figure
-from bottomlock.figures.palette import WIDTH_IN
+from bottomlock.figures.palette import WIDTH_IN, shown_axes, shown_figure
 from bottomlock.figures.series import Panel
 from bottomlock.figures.timeline import draw_panels, stacked_axes, timeline_size_in
 from bottomlock.pages.page import Table

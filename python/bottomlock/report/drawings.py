@@ -12,7 +12,7 @@ from bottomlock.figures.curves import nees_figure, rms_figure, velocity_multiple
 from bottomlock.figures.paths import paths_figure
 from bottomlock.figures.selector import choices_figure, shares_table
 from bottomlock.figures.sweep import sweep_figure
-from bottomlock.pages.featured import featured
+from bottomlock.pages.pieces import featured
 from bottomlock.paper.claims import Paper, ValueClaim
 from bottomlock.paper.verdicts import flown
 from bottomlock.statistics.run_errors import RunErrors, velocity_calibration

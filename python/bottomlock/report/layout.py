@@ -8,9 +8,8 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.pages.featured import featured
 from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
-from bottomlock.pages.pieces import glossaries, interval, json_part, number, title_of
+from bottomlock.pages.pieces import featured, glossaries, interval, json_part, number, title_of
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.report.advice import REFERENCES, Advice, Choice, swept_current, untested_in_current

@@ -7,9 +7,8 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.figures.by_category import category_figure
-from bottomlock.pages.featured import featured
 from bottomlock.pages.page import Block, Page, Part, Picture, Table, folded, listed
-from bottomlock.pages.pieces import plain
+from bottomlock.pages.pieces import featured, plain
 from bottomlock.statistics.chi_squared import (
     CONSERVATIVE,
     CONSISTENT,

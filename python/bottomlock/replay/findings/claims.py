@@ -11,7 +11,7 @@ from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.findings.verdict import HIGH_RATIO, PREFERRED, PROBABILITY
-from bottomlock.statistics.correlation import correlation_rows
+from bottomlock.statistics.robust import correlation_rows
 from bottomlock.tables.replay import FORWARD
 
 _COMPONENTS = {

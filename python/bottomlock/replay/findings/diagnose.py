@@ -14,9 +14,8 @@ from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.answers import closure_words
-from bottomlock.replay.findings.attitude_checks import attitude_findings
+from bottomlock.replay.findings.attitude_checks import attitude_findings, heading_findings
 from bottomlock.replay.findings.claims import claims_findings, earth_findings
-from bottomlock.replay.findings.heading_findings import heading_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
 from bottomlock.replay.findings.sway import measured_sway

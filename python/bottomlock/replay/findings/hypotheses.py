@@ -6,8 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.streams import Floats
-from bottomlock.replay.motion.fit import Match, Recorded, fit
-from bottomlock.replay.motion.search import LOOSE
+from bottomlock.replay.motion.fit import LOOSE, Match, Recorded, fit
 
 LEAST_DROP = 36.0
 """Least fall of the cost that a cause must explain: chi-squared of three parameters by chance is below 26 (1e-5)."""

@@ -9,10 +9,9 @@ from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.moved import Turns, recorded
 from bottomlock.replay.init.other_parts import AttitudePart
 from bottomlock.replay.init.positions import PositionPart
-from bottomlock.replay.motion.fit import fit
+from bottomlock.replay.motion.fit import LOOSE, fit
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, attitude_at
 from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerations, yaw_by_positions
-from bottomlock.replay.motion.search import LOOSE
 
 CLEAR = 40.0
 """Difference of two costs from which axes are told apart: a likelihood ratio beyond any doubt."""

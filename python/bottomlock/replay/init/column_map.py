@@ -9,8 +9,8 @@ from bottomlock.io.columns import column_names
 from bottomlock.replay.init.any_table import read_any_table
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.dvl_part import SPEED_SI, dvl_of_velocity
+from bottomlock.replay.init.files import Section
 from bottomlock.replay.init.found import Found, find_streams, table_times
-from bottomlock.replay.init.text import Section
 
 
 def write_map(file: Path, to: Path, *, force: bool = False) -> None:

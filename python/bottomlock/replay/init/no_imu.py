@@ -7,10 +7,10 @@ from bottomlock.errors import DataError
 from bottomlock.kernel.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles
 from bottomlock.replay.init.dvl_part import DvlPart
+from bottomlock.replay.init.files import Section
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, angle_unit, round_up
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.init.text import Section
 from bottomlock.replay.motion.ping_noise import PingNoise
 from bottomlock.replay.vehicle_motion import vehicle_motion
 

@@ -9,11 +9,10 @@ from bottomlock.config.instrument_grades import Grade, grades
 from bottomlock.errors import DataError
 from bottomlock.io.water_table import water_file
 from bottomlock.replay.init.dvl_part import DvlPart
-from bottomlock.replay.init.files import Files
+from bottomlock.replay.init.files import Files, Section
 from bottomlock.replay.init.guess import round_up, white_noise
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.sources import Sources
-from bottomlock.replay.init.text import Section
 from bottomlock.replay.motion.gyros import GyroMatch
 from bottomlock.replay.motion.ping_noise import PingNoise
 from bottomlock.replay.vehicle_motion import vehicle_motion

@@ -6,7 +6,7 @@ import numpy as np
 
 from bottomlock.io.beams import geometry_text
 from bottomlock.replay.init.dvl_part import DvlPart
-from bottomlock.replay.init.files import Files
+from bottomlock.replay.init.files import Files, Section, joined
 from bottomlock.replay.init.guess import round_up
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.no_imu import put_source
@@ -20,7 +20,6 @@ from bottomlock.replay.init.other_sections import (
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.init.sources import Sources
-from bottomlock.replay.init.text import Section, joined
 
 HEAD = (
     "A first case, written from the files below. It runs as it is: bottomlock replay {case} --out DIR",
