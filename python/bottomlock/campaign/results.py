@@ -76,7 +76,7 @@ class Results(CampaignResults):
             labels: names of these and of the others in the table.
 
         Returns:
-            `tables.variants.COMPARISON`: a row per campaign, trajectory, method and quantity.
+            `tables.studies.COMPARISON`: a row per campaign, trajectory, method and quantity.
 
         Raises:
             DataError: for what is no results, without a common trajectory, and for labels that are the same.

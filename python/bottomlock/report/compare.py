@@ -29,7 +29,7 @@ _INTERVALS = (
 
 @dataclass(frozen=True)
 class Comparison:
-    """The table (`tables.variants.COMPARISON`), why pairs are none by trajectory and campaign, and the written page."""
+    """The table (`tables.studies.COMPARISON`), why pairs are none by trajectory and campaign, and the written page."""
 
     table: pl.DataFrame
     reference: str

@@ -30,7 +30,7 @@ INDEPENDENT_KEY = 1
 
 
 def comparison_table(campaigns: Mapping[str, CampaignResults], reference: str) -> pl.DataFrame:
-    """A row per campaign, trajectory, method and quantity (`tables.variants.COMPARISON`)."""
+    """A row per campaign, trajectory, method and quantity (`tables.studies.COMPARISON`)."""
     rows: list[tuple[Any, ...]] = []
     base = campaigns[reference]
     for label, campaign in campaigns.items():
