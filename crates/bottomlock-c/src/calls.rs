@@ -9,10 +9,11 @@ use std::ptr;
 use bottomlock::NavError;
 
 /// What a call returns: 0 for success. `bl_last_error()` says what was wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(C)]
 pub enum Status {
     /// The call did what it says.
+    #[default]
     Ok = 0,
     /// A pointer is NULL that must not be.
     NullPointer = 1,
@@ -97,20 +98,11 @@ fn status_of(error: &NavError) -> Status {
 pub(crate) type Outcome<T> = Result<T, Failure>;
 
 /// What is kept of an error.
+#[derive(Default)]
 struct Last {
     status: Status,
     message: CString,
     key: CString,
-}
-
-impl Default for Last {
-    fn default() -> Self {
-        Self {
-            status: Status::Ok,
-            message: CString::default(),
-            key: CString::default(),
-        }
-    }
 }
 
 thread_local! {

@@ -60,6 +60,10 @@ mod _kernel {
     #[pymodule_export]
     use super::velocity::solve_velocity;
 
+    use bottomlock::aiding::registry::reports;
+    use bottomlock::navigator::{METHODS, SELECTOR_METHODS};
+    use pyo3::types::PyTuple;
+
     use super::*;
 
     #[pymodule_init]
@@ -69,23 +73,10 @@ mod _kernel {
         module.add("STATES", bottomlock::layout::DIM)?;
         module.add("INERTIAL_STATES", bottomlock::layout::DVL_BIAS)?;
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
-        let selector_methods = bottomlock::navigator::SELECTOR_METHODS.map(|(name, _)| name);
-        module.add(
-            "SELECTOR_METHODS",
-            pyo3::types::PyTuple::new(module.py(), selector_methods)?,
-        )?;
-        module.add(
-            "FIX_STATUS",
-            pyo3::types::PyTuple::new(module.py(), bottomlock::replay::FIX_STATUS)?,
-        )?;
-        let sensors: Vec<&str> = bottomlock::aiding::registry::reports()
-            .map(|(_, report)| report.sensor.name())
-            .collect();
-        module.add("SENSORS", pyo3::types::PyTuple::new(module.py(), sensors)?)?;
-        let methods: Vec<&str> = bottomlock::navigator::METHODS
-            .iter()
-            .map(|method| method.name)
-            .collect();
-        module.add("METHODS", pyo3::types::PyTuple::new(module.py(), methods)?)
+        let add = |key: &str, names: Vec<&str>| module.add(key, PyTuple::new(module.py(), names)?);
+        add("SELECTOR_METHODS", SELECTOR_METHODS.map(|(name, _)| name).to_vec())?;
+        add("FIX_STATUS", bottomlock::replay::FIX_STATUS.to_vec())?;
+        add("SENSORS", reports().map(|(_, report)| report.sensor.name()).collect())?;
+        add("METHODS", METHODS.iter().map(|method| method.name).collect())
     }
 }

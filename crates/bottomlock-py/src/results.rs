@@ -80,9 +80,10 @@ pub fn entries<'py, T: Entry>(
     leading: &[usize],
     entries: impl IntoIterator<Item = T>,
 ) -> PyResult<Bound<'py, PyArrayDyn<T::Number>>> {
-    let mut numbers = Vec::new();
+    let shape = [leading, &T::axes()].concat();
+    let mut numbers = Vec::with_capacity(shape.iter().product());
     entries.into_iter().for_each(|entry| entry.write(&mut numbers));
-    array(py, numbers, &[leading, &T::axes()].concat())
+    array(py, numbers, &shape)
 }
 
 /// A matrix of any size, by rows.
