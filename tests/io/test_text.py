@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from bottomlock.errors import DataError
 from bottomlock.io import cerulean, linkquest, nortek_ascii, waterlinked_json, waterlinked_serial
 from bottomlock.io.formats import read_recording
 from bottomlock.io.rows import Options
+from tests.dive import drawn_dive, dvl_bytes, tables
 from tools import reader_seeds as seeds
 
 
@@ -226,3 +228,19 @@ def test_no_infinity_gets_into_a_table() -> None:
     assert table.valid.tolist() == [[True, True, False, True]]
     for array in (table.velocity_mps, table.range_m, table.quality, table.sd_mps, table.instrument_mps):
         assert not np.isinf(array).any()
+
+
+@pytest.mark.parametrize("form", ["array", "UTF-16"])
+def test_an_array_of_json_and_utf16_hold_the_same_pings(form: str, tmp_path: Path) -> None:
+    """As exports write them: one array with an object over many lines, and text with a byte order mark."""
+    lines = dvl_bytes(tables(drawn_dive(3, seconds=20.0))["beams"], "waterlinked-json", "waterlinked_a50")
+    records = [json.loads(one) for one in lines.splitlines()]
+    other = lines.decode().encode("utf-16") if form == "UTF-16" else json.dumps(records, indent=1).encode()
+    read = []
+    for name, data in (("lines.json", lines), ("other.json", other)):
+        (tmp_path / name).write_bytes(data)
+        read.append(read_recording(tmp_path / name))
+    assert read[0].format == read[1].format == "waterlinked-json"
+    assert len(read[0].table.time_ns) > 50
+    assert np.array_equal(read[0].table.time_ns, read[1].table.time_ns)
+    assert np.array_equal(read[0].table.velocity_mps, read[1].table.velocity_mps, equal_nan=True)

@@ -20,9 +20,9 @@ from bottomlock.dead_reckoning.track_sd import (
     structure_function,
 )
 from bottomlock.own_method import DEAD_RECKONING as METHOD
-from bottomlock.recordings.streams import Attitudes, Depths
+from bottomlock.recordings.streams import Attitudes, Depths, Inertial
 from bottomlock.replay.case import load_case
-from bottomlock.replay.reckon import attitude_errors
+from bottomlock.replay.reckon import attitude_errors, carried
 from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_case
@@ -188,6 +188,30 @@ def test_without_an_attitude_it_is_left_out(dive: Dive, tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     path.write_text(text[: text.index("[attitude]")] + text[text.index("[reference]") :], encoding="utf-8")
     assert replay_undiagnosed(load_case(path)).manifest["methods"] == ["lc", "tc"]
+
+
+def test_the_gyros_carry_the_attitude_over_a_hole() -> None:
+    """Turns about all axes for a minute without attitudes; gyros off by 0.1 deg/s end at the reading after the hole."""
+    seconds, fine_s = np.arange(0.0, 100.0, 0.5), np.arange(0.0, 100.0, 0.01)
+    omega = np.deg2rad(
+        np.stack([5.0 * np.sin(fine_s / 4.0), 3.0 * np.cos(fine_s / 3.0), 8.0 + 0.0 * fine_s], axis=1)
+    )
+    path = [Rotation.identity()]
+    for rate in omega[:-1]:
+        path.append(path[-1] * Rotation.from_rotvec(0.01 * rate))
+    true = Rotation.concatenate(path)
+    there = (seconds < 20.0) | (seconds > 80.0)
+    held = Attitudes((seconds[there] * 1e9).astype(np.int64), true[::50][there])
+    off = omega + np.deg2rad([0.0, 0.0, 0.1])
+    found = carried(held, Inertial((fine_s * 1e9).astype(np.int64), np.zeros_like(off), off))
+    assert (np.diff(found.time_ns) > 0).all()
+    assert np.diff(found.time_ns).max() <= 0.5e9
+    errors = (true[np.round(found.time_ns * 1e-7).astype(int)].inv() * found.attitude).magnitude()
+    assert np.rad2deg(errors.max()) < 1.5
+    assert len(found.time_ns) > len(held.time_ns) + 250
+    # Nothing is added where nothing is missing.
+    whole = Attitudes((seconds * 1e9).astype(np.int64), true[::50])
+    assert carried(whole, Inertial((fine_s * 1e9).astype(np.int64), np.zeros_like(off), off)) is whole
 
 
 def test_the_claims_of_the_attitude_are_taken_apart(dive: Dive, tmp_path: Path) -> None:

@@ -27,6 +27,15 @@ ROWS = {row.name: row for row in rows()}
         ("mistake: DVL turned by 30 deg", "no"),
         ("mistake: beams 2 and 3 exchanged", "no"),
         ("mistake: pressure named depth", "no"),
+        ("case: 07 frozen depth", "yes"),
+        ("case: 08 compass jumps", "partly"),
+        ("case: 22 clock set after 40 s", "partly"),
+        pytest.param("case: 07 depth jumps", "partly", marks=pytest.mark.long),
+        pytest.param("case: 01 one table with blanks", "yes", marks=pytest.mark.long),
+        pytest.param("case: 01 one table with blanks, beams", "partly", marks=pytest.mark.long),
+        pytest.param("case: 17 True and False", "yes", marks=pytest.mark.long),
+        pytest.param("case: 23 topics as columns", "partly", marks=pytest.mark.long),
+        pytest.param("right: velocity, gps, dive 4", "partly", marks=pytest.mark.long),
     ],
 )
 def test_answers(name: str, verdict: str) -> None:
@@ -35,6 +44,14 @@ def test_answers(name: str, verdict: str) -> None:
     assert (found["verdict"], found["outcome"]) == (verdict, "right")
     if verdict == "yes":
         assert found["error_m"] < 0.01 * found["distance_m"]
+
+
+@pytest.mark.parametrize("name", ["case: 02 a column of intervals", "case: 15 stamps of 0"])
+def test_times_that_are_none_are_refused(name: str) -> None:
+    """Neither a traceback nor a case of one ping: the refusal says that the times do not rise."""
+    found = run(ROWS[name])
+    assert (found["verdict"], found["outcome"]) == ("refused", "right")
+    assert "clock of the DVL has a time that rises in" in found["said"]
 
 
 def test_rows_are_all_there() -> None:

@@ -15,7 +15,7 @@ from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
 from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
 from bottomlock.replay.findings.sway import Sway, _own
-from bottomlock.replay.findings.trust import Evidence, answer_of
+from bottomlock.replay.findings.trust import Evidence, Reference, against_reference, answer_of
 from bottomlock.replay.findings.verdict import Innovations, least_ratio, verdict_finding, weight
 from bottomlock.replay.run import replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT
@@ -25,6 +25,7 @@ from tests.dive_logs import write_case
 
 SEEN = Innovations("tc", 500, 0.0, 3.0, 3.5, 2.0, 4.0)
 NEAR = Agreement("tc", 0.5, 0.4, 0.6, 1.0, 1.0, None, None)
+AGREES, DISAGREES = Reference("tc", 2.0, 1.0, 0.9), Reference("tc", 9.0, 2.6, 1.5)
 FAR = Agreement("tc", 912.0, 38.0, 90.0, 20.0, 5.0, None, None)
 
 
@@ -108,7 +109,7 @@ def evidence(**changes: object) -> Evidence:
     verdict, state = verdict_finding(SEEN, None, NEAR)
     whole: dict[str, object] = {
         "verdict": verdict, "state": state, "causes": (), "further": (), "seen": SEEN, "closure": "",
-        "agreements": (NEAR,), "reckoned": True, "aided": False, "reference": "", "sway": None,
+        "agreements": (NEAR,), "reckoned": True, "aided": False, "reference": None, "sway": None,
         "partial": 0.0, "methods": ("tc", "sway_current"), "sd_m": {"tc": 1.0, "sway_current": 1.0, METHOD: 1.0},
         "way_m": 500.0, "geometry_open": False,
     }  # fmt: skip
@@ -135,7 +136,7 @@ def test_partly_for_a_doubt_and_where_nothing_confirms() -> None:
     assert answer_of(evidence(causes=(NOISY,))).verdict == "partly"
     alone = answer_of(evidence(agreements=(), reckoned=False))
     assert (alone.verdict, "nothing else confirms" in alone.sentence) == ("partly", True)
-    assert answer_of(evidence(agreements=(), reckoned=False, reference="Reference: ...")).verdict == "yes"
+    assert answer_of(evidence(agreements=(), reckoned=False, reference=AGREES)).verdict == "yes"
 
 
 @pytest.mark.parametrize(
@@ -167,11 +168,13 @@ VAGUE = Agreement("tc", 0.5, 0.1, 0.6, 3.1, 1.0, None, None)
 @pytest.mark.parametrize(
     ("changes", "method"),
     [
-        ({"agreements": (WORSE,), "methods": ("tc",), "reference": "Reference: ..."}, METHOD),
+        ({"agreements": (WORSE,), "methods": ("tc",), "reference": AGREES}, METHOD),
         ({"agreements": (VAGUE,), "methods": ("tc",), "sd_m": {"tc": 3.1}}, METHOD),
         ({"way_m": 0.9}, "tc"),
-        ({"agreements": (), "reckoned": False, "reference": "Reference: ...", "way_m": 0.9}, "tc"),
+        ({"agreements": (), "reckoned": False, "reference": AGREES, "way_m": 0.9}, "tc"),
         ({"geometry_open": True}, "tc"),
+        ({"reference": DISAGREES}, "tc"),
+        ({"reference": Reference("tc", 2.0, 1.0, 2.1)}, "tc"),
     ],
 )
 def test_each_rule_keeps_an_answer_from_yes(changes: dict[str, object], method: str) -> None:
@@ -181,8 +184,47 @@ def test_each_rule_keeps_an_answer_from_yes(changes: dict[str, object], method: 
     assert answer.change not in {"", "Nothing."}
 
 
+UNEXPLAINED = Finding("unexplained", "fault", 1.0, "Nothing explains it.", "", "Check.", "")
+APART = Agreement("tc", 2.0, 1.6, 2.0, 1.0, 1.0, None, None)
+
+
+@pytest.mark.parametrize(
+    ("cause", "agreement", "reference", "verdict"),
+    [
+        (UNIT, NEAR, None, "partly"),
+        (UNIT, APART, None, "no"),
+        (UNIT, NEAR, AGREES, "partly"),
+        (UNIT, NEAR, DISAGREES, "no"),
+        (UNEXPLAINED, NEAR, AGREES, "yes"),
+        (UNEXPLAINED, NEAR, None, "partly"),
+    ],
+)
+def test_a_mistake_that_has_not_moved_the_track_is_a_doubt(
+    cause: Finding, agreement: Agreement, reference: Reference | None, verdict: str
+) -> None:
+    """A "no" needs a track that is off: from dead reckoning, or from the reference."""
+    found = answer_of(evidence(causes=(cause,), agreements=(agreement,), reference=reference))
+    assert found.verdict == verdict
+
+
+def test_the_reference_at_the_end_and_over_time() -> None:
+    """By hand: 3 m and 4 m off at the end, 1 sigma of 3 and 4 m, a reference of 5/sqrt(2) m an axis."""
+    rows = 4
+    off = np.array([[9.0, 9.0], [0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
+    columns: dict[str, object] = {"pass": ["forward"] * rows, "method": ["tc"] * rows}
+    for k, axis in enumerate(("north", "east")):
+        columns[f"err_position_{axis}_m"] = off[:, k]
+        columns[f"sd_position_{axis}_m"] = [3.0 + k] * rows
+    found = against_reference(pl.DataFrame(columns), "tc", 5.0 / np.sqrt(2.0))
+    assert found is not None
+    assert found.end_m == pytest.approx(5.0)
+    assert found.end_sigmas == pytest.approx(5.0 / np.hypot(5.0, 5.0))
+    # The first row is the start itself: 0, 1, 1 in the north and 0, 0, 1 in the east.
+    assert found.rms_sigmas == pytest.approx(np.sqrt(3.0 / 6.0))
+
+
 def test_a_reference_confirms_an_open_geometry() -> None:
-    assert answer_of(evidence(geometry_open=True, reference="Reference: ...")).verdict == "yes"
+    assert answer_of(evidence(geometry_open=True, reference=AGREES)).verdict == "yes"
 
 
 def test_beams_of_a_guessed_geometry_without_positions_are_in_doubt(tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 A new format is a module with `NAME`, `sniff` and `read` (for live use also `STREAM`), and a line in `BYTES` or `PATHS`.
 """
 
+import codecs
 import contextlib
+import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -219,10 +221,28 @@ def converted_first(path: str | Path, time: str = "time_ns") -> Iterator[None]:
         ) from error
 
 
+def _utf8(data: bytes) -> bytes:
+    """Text in UTF-16, which begins with its byte order mark, as UTF-8; other bytes as they are."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "ignore").encode()
+    return data
+
+
+def _objects_in_lines(data: bytes) -> bytes:
+    """An array of JSON with an object a line, as a log has them; other bytes as they are."""
+    if not data[:64].lstrip().startswith(b"["):
+        return data
+    try:
+        records = json.loads(data)
+    except ValueError:
+        return data
+    return b"".join(json.dumps(one).encode() + b"\n" for one in records)
+
+
 def _head(path: Path) -> bytes:
     try:
         with path.open("rb") as stream:
-            return stream.read(_HEAD)
+            return _utf8(stream.read(_HEAD))
     except OSError as error:
         raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
@@ -252,4 +272,4 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
     (by_bytes,) = (one for one in BYTES if one.name == name)
     if place.is_dir():
         raise DataError("is a folder", place=place, expected="a file")
-    return by_bytes.read(content(place, _TIMES_ITS_SIZE), str(place), options)
+    return by_bytes.read(_objects_in_lines(_utf8(content(place, _TIMES_ITS_SIZE))), str(place), options)

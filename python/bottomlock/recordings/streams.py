@@ -24,6 +24,10 @@ class Depths:
     time_ns: Times
     depth_m: Floats
 
+    def kept(self, rows: Flags) -> Depths:
+        """Those of the rows (n,)."""
+        return Depths(self.time_ns[rows], self.depth_m[rows])
+
 
 @dataclass(frozen=True, eq=False)
 class Attitudes:
@@ -36,6 +40,10 @@ class Attitudes:
     def rpy_rad(self) -> Floats:
         """(n, 3) roll, pitch, yaw, rad."""
         return np.asarray(self.attitude.as_euler("ZYX")[..., ::-1])
+
+    def kept(self, rows: Flags) -> Attitudes:
+        """Those of the rows (n,)."""
+        return Attitudes(self.time_ns[rows], self.attitude[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +123,11 @@ class Positions:
     position_t_m: Floats
     sd_m: Floats | None = None
     geodetic: Floats | None = None
+
+    def kept(self, rows: Flags) -> Positions:
+        """Those of the rows (n,)."""
+        sd_m, geodetic = (None if of is None else of[rows] for of in (self.sd_m, self.geodetic))
+        return Positions(self.time_ns[rows], self.position_t_m[rows], sd_m, geodetic)
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,7 @@ from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.read_tables import read_stream, read_water
+from bottomlock.replay.screen_aiding import screened
 from bottomlock.replay.stream_sections import (
     ANGLE_SI,
     ImuFromAttitude,
@@ -94,6 +95,8 @@ def read_streams(case: Case) -> Streams:
     if isinstance(case.imu, ImuFromAttitude):
         inertial = inertial_of(case.imu, aiding["attitude"], clocks["attitude"], float(latitude), notes)
     assert inertial is not None  # read above, or made of the attitude
+    left_out = screened(aiding, inertial, made=isinstance(case.imu, ImuFromAttitude))
+    notes += [one.words for one in left_out]
     aiding |= {} if water is None else {"water_track": water}
     reference = None
     if case.reference is not None:
@@ -109,6 +112,7 @@ def read_streams(case: Case) -> Streams:
         latitude_rad=float(latitude),
         water_counts=water_counts,
         clocks=clocks,
+        left_out=left_out,
         notes=tuple(notes),
     )
     return with_vehicle_motion(case, streams)
@@ -197,7 +201,7 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
     velocity_d = permute_axes(values * SPEED_SI[dvl.velocity_unit], dvl.axes) / dvl.velocity_scale
     pinged = np.ones(len(velocity_d), dtype=np.bool_)
     if dvl.valid is not None:
-        pinged = column_numbers(table, dvl.valid, str(dvl.file))[timed.rows] == 1.0
+        pinged = column_numbers(table, dvl.valid, str(dvl.file), words=True)[timed.rows] == 1.0
     # The geometry holds directions after the mounting; the velocity is in the instrument's frame before it.
     directions_d = from_angles(*instrument.mounting_rpy_rad).inv().apply(geometry.directions_p)
     projected = velocity_d @ directions_d.T

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from bottomlock.dead_reckoning.track import Begin, DepthAid, Velocities, dead_reckon
 from bottomlock.dead_reckoning.track_sd import (
@@ -17,13 +18,16 @@ from bottomlock.dead_reckoning.track_sd import (
 from bottomlock.kernel import STATUS
 from bottomlock.kernel.models import DvlModel
 from bottomlock.recordings.axes import quaternions
-from bottomlock.recordings.streams import Flags, Floats
+from bottomlock.recordings.streams import Attitudes, Flags, Floats, Inertial
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.robust_fix import solve_scaled
 from bottomlock.replay.screen_beams import screen_beams
-from bottomlock.replay.stream_sections import AttitudeStream
+from bottomlock.replay.stream_sections import AttitudeStream, ImuStream
+
+HOLE_S, CARRIED_S = 5.0, 0.2
+"""Gap between attitudes that the gyros bridge, and the interval of what they make of it."""
 
 
 def whole_velocities(prepared: PreparedRun, valid: Flags) -> Velocities:
@@ -94,6 +98,8 @@ def reckon(
     dvl, instrument = prepared.model.of(DvlModel), prepared.streams.instrument
     B = np.asarray(instrument.geometry.directions_p)
     depths, depth = prepared.streams.depths, case.depth
+    if isinstance(case.imu, ImuStream):
+        attitudes = carried(attitudes, prepared.readings)
     reckoned = dead_reckon(
         _at_least(whole_velocities(prepared, valid), log.noise_var_m2ps2),
         attitudes,
@@ -125,6 +131,36 @@ def reckon(
         "velocity_p_mps": reckoned.velocity_p_mps,
         "sd": np.concatenate([sd[0], attitude_sd, sd[1]], axis=1),
     }
+
+
+def carried(attitudes: Attitudes, inertial: Inertial) -> Attitudes:
+    """The attitudes with those that the gyros make of the reading before a hole, every `CARRIED_S` within it.
+
+    What the gyros miss the reading after the hole by is spread evenly over it.
+    """
+    time_ns, C = attitudes.time_ns, attitudes.attitude
+    holes = np.flatnonzero(np.diff(time_ns) > HOLE_S * 1e9)
+    times, turns = [time_ns], [C]
+    for k in holes:
+        rows = slice(*np.searchsorted(inertial.time_ns, time_ns[[k, k + 1]]))
+        read_ns = inertial.time_ns[rows]
+        if len(read_ns) < 2:
+            continue
+        steps = Rotation.from_rotvec(inertial.omega_p_radps[rows][:-1] * (np.diff(read_ns) * 1e-9)[:, None])
+        part = [C[k]]
+        for step in steps:
+            part.append(part[-1] * step)
+        path = Rotation.concatenate(part)
+        missed = (C[k + 1] * path[-1].inv()).as_rotvec()
+        path = Rotation.from_rotvec(np.linspace(0.0, 1.0, len(part))[:, None] * missed) * path
+        kept = slice(1, -1, max(round(CARRIED_S / float(np.median(np.diff(read_ns)) * 1e-9)), 1))
+        times.append(read_ns[kept])
+        turns.append(path[kept])
+    if len(times) == 1:
+        return attitudes
+    joined = np.concatenate(times)
+    order = np.argsort(joined, kind="stable")
+    return Attitudes(joined[order], Rotation.concatenate(turns)[order])
 
 
 def attitude_errors(stream: AttitudeStream) -> AttitudeErrors:

@@ -9,6 +9,7 @@ import numpy as np
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel.models import Motion
 from bottomlock.recordings.geodesy import Place
+from bottomlock.recordings.screen import LeftOut
 from bottomlock.recordings.streams import (
     Attitudes,
     Beams,
@@ -81,6 +82,7 @@ class Streams:
         vehicle_motion: how the velocity changes, measured where there are no inertial readings; else None.
         water_counts: what became of the cells of the water; None where there are none.
         clocks: statistics and faults of each stream's times.
+        left_out: rows of the aiding streams that are no readings.
         notes: what was changed or assumed while reading, a sentence each.
     """
 
@@ -95,6 +97,7 @@ class Streams:
     vehicle_motion: VehicleMotion | None = None
     water_counts: CellCounts | None = None
     clocks: dict[str, ClockReport] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property

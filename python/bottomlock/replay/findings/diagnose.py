@@ -20,7 +20,7 @@ from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
 from bottomlock.replay.findings.sway import measured_sway
 from bottomlock.replay.findings.track_checks import Fit, fits, track_finding
-from bottomlock.replay.findings.trust import Answer, Evidence, answer_of, reference_words
+from bottomlock.replay.findings.trust import Answer, Evidence, against_reference, answer_of
 from bottomlock.replay.findings.verdict import (
     ABSORBED,
     WRONG,
@@ -34,6 +34,7 @@ from bottomlock.replay.motion.closure import LEAST_PINGS, closure_sd
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.rerun import PreparedRun
+from bottomlock.replay.screen_aiding import MANY, left_out_findings
 from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.statistics.replay import track_table
 from bottomlock.tables.replay import FORWARD
@@ -66,7 +67,8 @@ def diagnose(
     # Beams projected from a velocity have its noise three times over, and no closure.
     least = 0.0 if projected else least_ratio(prepared.options.robust)
     seen = innovations_of(innovations, methods, beams, least)
-    agreed = agreements(samples, methods, 0.0 if case.reference is None else case.reference.sd_m)
+    reference_sd_m = 0.0 if case.reference is None else case.reference.sd_m
+    agreed = agreements(samples, methods, reference_sd_m)
     if seen is None:
         verdict, state = no_fix(), WRONG
     else:
@@ -77,6 +79,8 @@ def diagnose(
         *_astray(agreed),
         *claims_findings(samples, methods),
         *earth_findings(prepared.model.environment, samples),
+        *left_out_findings(prepared.streams.left_out),
+        *_clock_set(prepared),
         *([] if seen is None else heading_findings(prepared, samples, seen.method)),
     ]
     tracks = _tracks(samples)
@@ -85,7 +89,7 @@ def diagnose(
         verdict=verdict, state=state, causes=causes, further=further, seen=seen, closure=closure_words(prepared),
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
         aided=case.attitude is not None and case.attitude.aids != "nothing",
-        reference="" if seen is None else reference_words(samples, seen.method),
+        reference=None if seen is None else against_reference(samples, seen.method, reference_sd_m),
         sway=measured_sway(case, prepared, *_heading(prepared, samples, seen)),
         partial=float(np.mean(prepared.streams.beams.valid[prepared.pings].sum(axis=1) < 3)),
         methods=methods,
@@ -96,6 +100,27 @@ def diagnose(
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]
     return Diagnosis([verdict, *causes, *further], answer_of(evidence))
+
+
+def _clock_set(prepared: PreparedRun) -> list[Finding]:
+    """A clock that was set during the dive, so that pings lie outside the times of the IMU."""
+    streams = prepared.streams
+    set_once = [
+        name for name in ("imu", "dvl") if name in streams.clocks and streams.clocks[name].jumps.count
+    ]
+    unused = 1.0 - len(streams.beams.time_ns[prepared.pings]) / max(len(streams.beams.time_ns), 1)
+    if not set_once or unused < MANY:
+        return []
+    report = streams.clocks[set_once[0]]
+    return [
+        Finding(
+            "clock_set", "warning", unused,
+            f"The clock of [{set_once[0]}] was set during the dive; {100.0 * unused:.0f} % of the pings are not used.",
+            f"Steps longer than {set_once[0]}.clock.jump_s: {report.jumps.text}.",
+            "Cut the files at the step, or bring both parts to one clock.", f"{set_once[0]}.clock.column",
+            size=unused, unit="1", expected="times that rise by the rate of the readings",
+        )
+    ]  # fmt: skip
 
 
 def _tracks(samples: pl.DataFrame) -> dict[str, dict[str, float]]:

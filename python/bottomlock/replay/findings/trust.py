@@ -4,11 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+import numpy as np
 import polars as pl
 
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
-from bottomlock.replay.findings.against_reckoning import TRUSTED, VAGUE, Agreement, metres
+from bottomlock.replay.findings.against_reckoning import AXES, TRUSTED, VAGUE, Agreement, metres
 from bottomlock.replay.findings.sway import Sway
 from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
 from bottomlock.tables.replay import FORWARD
@@ -19,11 +20,49 @@ OF_FILTERS_ALONE = {
 }  # fmt: skip
 """Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
 
+OF_DEPTH = {"depth_sign", "depth_scale"}
+"""Causes that a horizontal track does not show."""
 NOTHING = "Nothing."
 FREE = "ins"
 """Free inertial navigation, the comparison without a DVL."""
 PARTIAL = 0.1
 """Part of the pings with fewer than three beams from which an assumption on the sway helps."""
+TOGETHER = 1.0
+"""Distance from dead reckoning, in σ of both, up to which a mistake has not moved the track: dives of St Pere and of
+tests/dive.py whose track is right have 1.1 at most, planted mistakes that move it 1.6 or more (`tools.first_line`)."""
+REACHED = 2.5
+"""Distance from the reference at the end, in σ of both, up to which it agrees: 1 in 500 right tracks is beyond."""
+RMS_REACHED = 2.0
+"""The same of the RMS over time, whose errors last: 1 in 50."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A method's horizontal position against the reference.
+
+    Attributes:
+        method: whose.
+        end_m: distance at the end.
+        end_sigmas: the same over the root of the sum of the squares of both σ.
+        rms_sigmas: RMS of the error over claimed σ.
+    """
+
+    method: str
+    end_m: float
+    end_sigmas: float
+    rms_sigmas: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the claims of both explain the distance."""
+        return self.end_sigmas <= REACHED and self.rms_sigmas <= RMS_REACHED
+
+    def words(self) -> str:
+        """The comparison in one sentence."""
+        return (
+            f"Reference: {self.method} is {metres(self.end_m)} off at the end, {self.end_sigmas:.1f} times what both "
+            f"claim; error over claimed σ {self.rms_sigmas:.2g} RMS, horizontally."
+        )
 
 
 @dataclass(frozen=True)
@@ -64,7 +103,7 @@ class Evidence:
         agreements: of the trusted methods with dead reckoning.
         reckoned: whether there is dead reckoning.
         aided: whether the recorded attitude aids the filters.
-        reference: error of the method against the reference over its σ, in a sentence; "" without positions.
+        reference: the method against the reference; None without positions.
         sway: as measured.
         partial: part of the pings with fewer than three beams.
         methods: filters of the case.
@@ -82,7 +121,7 @@ class Evidence:
     agreements: Sequence[Agreement]
     reckoned: bool
     aided: bool
-    reference: str
+    reference: Reference | None
     sway: Sway | None
     partial: float
     methods: Sequence[str]
@@ -137,6 +176,15 @@ RULES = (
         "Take dead_reckoning; imu.errors and dvl.beam_noise_mps claim less than the filter's error.",
     ),
     Rule(
+        lambda evidence: evidence.reference is not None and not evidence.reference.agrees,
+        lambda evidence: (
+            f"The reference does not confirm the track: {evidence.reference.words()}"
+            if evidence.reference
+            else ""
+        ),
+        "Check reference.clock and heading; where reference.sd_m is too small, state it.",
+    ),
+    Rule(
         _vague,
         lambda evidence: (
             f"The method claims 1 sigma of {metres(evidence.sd_taken_m)} at the end, more than {VAGUE:g} "
@@ -153,12 +201,12 @@ RULES = (
         "Check imu.errors and the start; an [attitude] that aids bounds the error.",
     ),
     Rule(
-        lambda evidence: evidence.geometry_open and not evidence.reference,
+        lambda evidence: evidence.geometry_open and evidence.reference is None,
         lambda _: "The geometry of the beams is an open question, and dead reckoning has the same.",
         "Set dvl.geometry to that of the instrument and geometry_known = true, or give positions as [reference].",
     ),
     Rule(
-        lambda evidence: not evidence.reckoned and not evidence.reference,
+        lambda evidence: not evidence.reckoned and evidence.reference is None,
         lambda _: "The beams fit the navigation, and nothing else confirms it.",
         "Give an [attitude] for dead reckoning, or positions as [reference].",
     ),
@@ -169,7 +217,11 @@ RULES = (
 def answer_of(evidence: Evidence) -> Answer:
     """The answer that the evidence leads to."""
     cause = next(iter(evidence.causes), None)
-    faulty = cause is not None and cause.severity == "fault"
+    faulty = (
+        cause is not None
+        and cause.severity == "fault"
+        and (cause.kind in OF_DEPTH or not _confirmed(evidence))
+    )
     vehicle = "" if evidence.sway is None else evidence.sway.words()
     numbers = tuple(one for one in (_innovations(evidence), _agreement(evidence)) if one)
     if evidence.state == WRONG or faulty or _refuted(evidence):
@@ -178,6 +230,9 @@ def answer_of(evidence: Evidence) -> Answer:
         return Answer("no", first.text, numbers, first.hint, METHOD if reckons else "", vehicle)
     method = recommended(evidence)
     doubts = [one for one in (*evidence.causes, *evidence.further) if one.severity != "note"]
+    if evidence.reference is not None and _confirmed(evidence):
+        # What names no mistake says less than positions that agree.
+        doubts = [one for one in doubts if one.kind != "unexplained"]
     if evidence.verdict.severity != "note" and evidence.state != ABSORBED:
         doubts = [evidence.verdict, *doubts]
     reasons = [(one.text, one.hint) for one in doubts]
@@ -188,7 +243,7 @@ def answer_of(evidence: Evidence) -> Answer:
         name
         for name, there in (
             ("dead reckoning", evidence.reckoned),
-            ("the reference", bool(evidence.reference)),
+            ("the reference", evidence.reference is not None),
         )
         if there
     ]
@@ -206,6 +261,12 @@ def _improvement(evidence: Evidence) -> str:
             'Set attitude.aids = "heading" or "attitude": dead reckoning with it is nearer to the reference.'
         )
     return NOTHING
+
+
+def _confirmed(evidence: Evidence) -> bool:
+    """Whether dead reckoning has the same track, and the reference, if there is one, does not contradict it."""
+    near = evidence.judged is not None and evidence.judged.sigmas <= TOGETHER
+    return near and (evidence.reference is None or evidence.reference.agrees)
 
 
 def _refuted(evidence: Evidence) -> bool:
@@ -238,23 +299,26 @@ def _innovations(evidence: Evidence) -> str:
 
 def _agreement(evidence: Evidence) -> str:
     parts = [one.words() for one in evidence.agreements[:1]]
-    return " ".join([*parts, *([evidence.reference] if evidence.reference else [])])
+    return " ".join([*parts, *([] if evidence.reference is None else [evidence.reference.words()])])
 
 
-def reference_words(samples: pl.DataFrame, method: str) -> str:
-    """Error of a method's position against the reference over its σ; "" without positions.
+def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float) -> Reference | None:
+    """A method against the reference, horizontally; None without positions.
 
     Args:
         samples: `tables.replay.REPLAY_SAMPLES` of the recording.
         method: whose.
+        reference_sd_m: 1 sigma of the reference along an axis.
     """
     rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == method)).slice(1)
-    axes = ("north", "east")
-    known = rows.filter(pl.all_horizontal(pl.col(f"err_position_{axis}_m").is_not_null() for axis in axes))
-    if known.is_empty():
-        return ""
-    squares = [((pl.col(f"err_position_{a}_m") / pl.col(f"sd_position_{a}_m")) ** 2).mean() for a in axes]
-    ratio = float(known.select((sum(squares[1:], squares[0]) / len(axes)).sqrt()).item())
-    last = known.row(-1, named=True)
-    end = (last["err_position_north_m"] ** 2 + last["err_position_east_m"] ** 2) ** 0.5
-    return f"Reference: {method} is {end:.3g} m off at the end, error over claimed σ {ratio:.2g} RMS, horizontally."
+    errors = rows.select(f"err_position_{axis}_m" for axis in AXES).drop_nulls().to_numpy()
+    known = rows.filter(pl.all_horizontal(pl.col(f"err_position_{axis}_m").is_not_null() for axis in AXES))
+    if not len(errors):
+        return None
+    sd = known.select(f"sd_position_{axis}_m" for axis in AXES).to_numpy()
+    end_m, both_m = (
+        np.linalg.norm(errors[-1]),
+        np.hypot(np.linalg.norm(sd[-1]), np.sqrt(2.0) * reference_sd_m),
+    )
+    rms = np.sqrt(np.mean((errors / sd) ** 2))
+    return Reference(method, float(end_m), float(end_m / both_m), float(rms))

@@ -39,8 +39,11 @@ def _role(name: str) -> tuple[str, int] | None:
 
     >>> [_role(n) for n in ("beam1_mps", "b0", "field.bottomVelocityBeam2", "dataGood3", "beam_2_valid", "depth")]
     [('velocity', 1), ('velocity', 0), ('velocity', 2), ('valid', 3), ('valid', 2), None]
+    >>> _role("/waterlinked_dvl/velocity_report/beam_velocity[3]")
+    ('velocity', 3)
     """
-    bare = split_unit(name)[0]
+    # Of a topic the field.
+    bare = re.sub(r"^(?:/[\w.-]+)+/", "", split_unit(name)[0])
     words = [w for w in re.split(r"[^a-z0-9]+", re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", bare).lower()) if w]
     whole = "".join(words)
     digits = re.findall(r"\d+", whole)
@@ -78,6 +81,10 @@ def range_columns(table: AnyTable) -> list[str]:
         if numbered and words in _RANGES and np.isfinite(numbers(table.frame[name])).any():
             found.setdefault(int(numbered[1]), name)
     return [found[k] for k in sorted(found)]
+
+
+MOST_BLANK = 0.3
+"""Part of the rows with nothing of the DVL from which they are rows of other sensors, and not pings that it lost."""
 
 
 def beam_columns(table: AnyTable) -> BeamColumns | None:
@@ -125,7 +132,14 @@ def beam_columns(table: AnyTable) -> BeamColumns | None:
         [pl.Series(name, flags[:, k]) for k, name in enumerate(names)]
         + [pl.Series(name, values[:, k]).fill_nan(None) for k, name in enumerate(velocity)]
     )
-    stamped = stamped.filter(np.concatenate([[True], np.diff(times) > 0]))
+    named = [*velocity, *(name for name in valid if name is not None and name not in codes)]
+    blank = ~np.isfinite(np.stack([numbers(table.frame[name]) for name in named], axis=1)).any(axis=1)
+    kept = np.concatenate([[True], np.diff(times) > 0])
+    if blank.mean() > MOST_BLANK:
+        # Rows of the other sensors of the same table.
+        kept &= ~blank
+        notes.append(f"{int(blank.sum())} rows without any of these columns are of other sensors")
+    stamped = stamped.filter(kept)
     ranges = [found["range"].get(k) for k in order]
     columns = Columns(
         time=TIME, velocity=tuple(velocity), valid=tuple(names), velocity_scale=scale,

@@ -105,6 +105,7 @@ def choose(sources: Sources) -> Parts:
         )
     else:
         dvl = dvl_of_velocity(velocities[0])
+    _check_pings(dvl, sources)
     duration_s = _duration_s(sources, dvl)
     imu = guess_imu(found_imu, duration_s) if made is None else made
     set_clock(dvl, imu)
@@ -158,6 +159,29 @@ def _no_dvl(sources: Sources) -> DataError:
     return DataError(
         f"no file holds a DVL ({_held(sources)}): name its log, or a table with columns such as vx, vy, vz"
     )
+
+
+LEAST_RISING = 0.1
+"""Part of the pings whose times rise, below which the column is none of times."""
+
+
+def _check_pings(dvl: DvlPart, sources: Sources) -> None:
+    """Raises DataError where hardly a ping has a time after the ping before it."""
+    found = dvl.found
+    if found is None:
+        assert dvl.recording is not None  # one of them
+        pings = rows = len(dvl.recording.table.time_ns)
+        place = str(sources.log)
+    else:
+        times = found.times.time_ns
+        assert times is not None  # refused without
+        pings, rows, place = len(np.unique(np.maximum.accumulate(times))), len(times), str(found.table.path)
+    if pings < max(LEAST_RISING * rows, 2):
+        raise DataError(
+            f"has a time that rises in {pings} of {rows} pings", place=place,
+            key="clock of the DVL", expected="a column or field of times that rises from ping to ping",
+            hint="stamps of 0, stamps that repeat, or intervals in the place of times?",
+        )  # fmt: skip
 
 
 def _made(sources: Sources, attitudes: list[Found]) -> ImuPart | None:

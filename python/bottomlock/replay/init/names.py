@@ -122,6 +122,8 @@ def seconds_and_nanoseconds(names: list[str]) -> tuple[str, str] | None:
 def named(name: str, unit: str = "") -> Named | None:
     """What a column holds by its name; None where the name is not a known one.
 
+    >>> named("/imu/data/linear_acceleration/y").component
+    1
     >>> named("linear_acceleration.x"), named("GyrZ"), named("Roll [deg]")
     (Named(quantity='force', component=0, unit=''), Named(quantity='omega', component=2, unit=''), \
 Named(quantity='roll', component=0, unit='deg'))
@@ -134,7 +136,8 @@ Named(quantity='roll', component=0, unit='deg'))
         found = _by_tokens(tokens, unit)
         if found is not None:
             return found
-        if tokens[0] not in _PREFIXES:
+        # A topic has names of its own before that of the field.
+        if tokens[0] not in _PREFIXES and not name.startswith("/"):
             return None
         tokens = tokens[1:]
     return None

@@ -1,5 +1,6 @@
 """The sections of a first case."""
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -103,8 +104,10 @@ def _imu(imu: ImuPart, files: Files) -> Section:
         }
         if "interval" in found.extra:
             columns["interval"] = found.values("interval")[imu.rows, 0]
-        times = found.times
-        times.time_ns = imu.time_ns if times.time_ns is not None else None
+        # Another stream of the same table keeps the times of all rows.
+        found = copy(found)
+        found.times = copy(found.times)
+        found.times.time_ns = imu.time_ns if found.times.time_ns is not None else None
     file, clock, names = files.table(found, "imu", columns)
     section.put("file", file)
     if imu.even_hz is not None:
