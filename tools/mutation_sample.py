@@ -6,9 +6,10 @@ and others drawn.
 
 A row of the table is a fault: group, file, function, line (its text), change, and outcome: "killed", "survived", or
 "timeout", which counts as killed. `--again TABLE` judges the faults of an earlier table once more, where function, line
-and change still stand, and prints both shares: the gate before and after a change.
+and change still stand, and prints both shares: the gate before and after a change. `--goes-on` keeps what `--out` holds
+of the same commit, and judges the rest of the sample.
 
-    python -m tools.mutation_sample --out data/evidence/mutation_sample.parquet
+    python -m tools.mutation_sample --out data/evidence/mutation_sample.parquet [--goes-on]
     python -m tools.mutation_sample --groups logs --each 20
     python -m tools.mutation_sample --again data/evidence/mutation_sample.parquet
 """
@@ -430,11 +431,28 @@ def shares(faults: pl.DataFrame) -> pl.DataFrame:
     )  # fmt: skip
 
 
+def judged_before(path: Path | None) -> list[Fault]:
+    """The faults of a table of this commit.
+
+    Raises:
+        SystemExit: for a missing file, and one of another commit, whose sample is another.
+    """
+    if path is None or not path.is_file():
+        raise SystemExit("--goes-on needs --out with the table of an interrupted run")
+    commit = pl.read_parquet_metadata(path).get("commit")
+    if commit != head():
+        raise SystemExit(f"{path} is of commit {commit}, expected {head()}: check that one out")
+    return [Fault(**row) for row in pl.read_parquet(path).iter_rows(named=True)]
+
+
+def head() -> str:
+    """The commit of the code."""
+    return str(run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout).strip()
+
+
 def write(faults: list[Fault], path: Path) -> None:
     """Writes the table with the commit of the code and the command."""
-    git = ["git", "rev-parse", "HEAD"]
-    commit = run(git, cwd=ROOT, capture_output=True, text=True).stdout.strip()
-    metadata = {"commit": commit, "command": "python -m tools.mutation_sample"}
+    metadata = {"commit": head(), "command": "python -m tools.mutation_sample"}
     table(faults).write_parquet(path, metadata=metadata)
 
 
@@ -446,14 +464,17 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="Python faults judged side by side")
     parser.add_argument("--again", type=Path, help="table of an earlier run: the same faults once more")
     parser.add_argument("--out", type=Path, help="Parquet file for the table; it grows as faults are judged")
+    parser.add_argument("--goes-on", action="store_true", help="after an interrupt: keep what --out holds")
     options = parser.parse_args()
     before = pl.read_parquet(options.again) if options.again else None
-    found: list[Fault] = []
+    found = judged_before(options.out) if options.goes_on else []
     for group in options.groups:
         faults = all_faults(group)
         if before is None:
             # Of cargo-mutants' faults about a third does not build.
-            chosen, limit = sampled(faults, 2 * options.each, group), options.each
+            done = {one.key for one in found if one.group == group}
+            chosen = [one for one in sampled(faults, 2 * options.each, group) if one.key not in done]
+            limit = max(options.each - len(done), 0)
         else:
             rows = before.filter(pl.col("group") == group).select("file", "function", "line", "change").rows()
             chosen, limit = _again(faults, set(rows)), len(rows)
