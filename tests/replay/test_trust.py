@@ -173,6 +173,7 @@ VAGUE = Agreement("tc", 0.5, 0.1, 0.6, 3.1, 1.0, None, None)
         ({"way_m": 0.9}, "tc"),
         ({"agreements": (), "reckoned": False, "reference": AGREES, "way_m": 0.9}, "tc"),
         ({"geometry_open": True}, "tc"),
+        ({"heading_open": True}, "tc"),
         ({"reference": DISAGREES}, "tc"),
         ({"reference": Reference("tc", 2.0, 1.0, 2.1)}, "tc"),
     ],
@@ -224,7 +225,7 @@ def test_the_reference_at_the_end_and_over_time() -> None:
 
 
 def test_a_reference_confirms_an_open_geometry() -> None:
-    assert answer_of(evidence(geometry_open=True, reference=AGREES)).verdict == "yes"
+    assert answer_of(evidence(geometry_open=True, heading_open=True, reference=AGREES)).verdict == "yes"
 
 
 def test_beams_of_a_guessed_geometry_without_positions_are_in_doubt(tmp_path: Path) -> None:

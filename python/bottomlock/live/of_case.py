@@ -11,8 +11,8 @@ from bottomlock.recordings.sensors import SENSORS
 
 _OF_FILES = {
     "file", "clock", "every", "source", "column", "unit", "up", "valid", "interval", "geometry_known", "aids", "sd",
-    "force", "omega", "force_unit", "omega_unit", "velocity", "velocity_unit", "velocity_scale", "angle_unit",
-    "roll", "pitch", "yaw", "latitude", "longitude", "height", "north", "east", "down",
+    "heading_known", "force", "omega", "force_unit", "omega_unit", "velocity", "velocity_unit", "velocity_scale",
+    "angle_unit", "roll", "pitch", "yaw", "latitude", "longitude", "height", "north", "east", "down",
 }  # fmt: skip
 """Keys of a case that say how a table is read, which live sources are not."""
 _START = ("level_sd_deg", "heading_sd_deg", "position_sd_m", "velocity_sd_mps")

@@ -96,6 +96,7 @@ def diagnose(
         sd_m={name: row["sd_m"] for name, row in tracks.items()},
         way_m=tracks[stands]["way_m"],
         geometry_open=not projected and not case.dvl.geometry_known,
+        heading_open=case.attitude is not None and not case.attitude.heading_known,
     )  # fmt: skip
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]

@@ -110,6 +110,7 @@ class Evidence:
         sd_m: claimed σ of the horizontal position at the end, of each method.
         way_m: distance travelled, by dead reckoning where there is one.
         geometry_open: whether the geometry of recorded beams is a guess.
+        heading_open: whether the recorded heading may be magnetic or true.
     """
 
     verdict: Finding
@@ -128,6 +129,7 @@ class Evidence:
     sd_m: Mapping[str, float]
     way_m: float
     geometry_open: bool
+    heading_open: bool = False
 
     @property
     def judged(self) -> Agreement | None:
@@ -204,6 +206,13 @@ RULES = (
         lambda evidence: evidence.geometry_open and evidence.reference is None,
         lambda _: "The geometry of the beams is an open question, and dead reckoning has the same.",
         "Set dvl.geometry to that of the instrument and geometry_known = true, or give positions as [reference].",
+    ),
+    Rule(
+        lambda evidence: evidence.heading_open and evidence.reference is None,
+        lambda _: (
+            "Whether the recorded heading is magnetic or true is an open question, and dead reckoning has the same."
+        ),
+        "Set attitude.yaw_offset_deg (0 for a true yaw) and heading_known = true, or give positions as [reference].",
     ),
     Rule(
         lambda evidence: not evidence.reckoned and evidence.reference is None,

@@ -11,6 +11,7 @@ from bottomlock.replay.init.files import Files, Section, joined
 from bottomlock.replay.init.guess import round_up
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.no_imu import put_source
+from bottomlock.replay.init.other_parts import AttitudePart
 from bottomlock.replay.init.other_sections import (
     motion_section,
     put_attitude_noise,
@@ -328,6 +329,12 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
             "aids", "attitude", 'is it a reference of its own? "heading" uses its yaw alone, "nothing" the gyros alone',
             known=False,
         )  # fmt: skip
+    _put_declination(section, attitude, referenced=parts.reference is not None)
+    put_attitude_noise(section)
+    return [section]
+
+
+def _put_declination(section: Section, attitude: AttitudePart, *, referenced: bool) -> None:
     if attitude.declination_rad:
         section.put(
             "yaw_offset_deg",
@@ -335,10 +342,10 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
             attitude.declination_why,
             known=False,
         )
+    elif attitude.declination_why and not referenced:
+        section.put("heading_known", value=False, why=attitude.declination_why, known=False)
     else:
         section.ask(attitude.declination_why)
-    put_attitude_noise(section)
-    return [section]
 
 
 def _gps(parts: Parts, files: Files) -> list[Section]:
