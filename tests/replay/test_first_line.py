@@ -30,6 +30,7 @@ ROWS = {row.name: row for row in rows()}
         ("mistake: DVL turned by 30 deg", "no"),
         ("mistake: beams 2 and 3 exchanged", "no"),
         ("mistake: pressure named depth", "no"),
+        ("mistake: velocities in feet a second", "no"),
         ("case: 07 frozen depth", "partly"),
         ("case: 08 compass jumps", "partly"),
         ("case: 22 clock set after 40 s", "partly"),
