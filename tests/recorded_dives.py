@@ -15,7 +15,7 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.files.atomic_write import write_parquet
-from bottomlock.io.water_table import WaterTable, water_file
+from bottomlock.io.beam_table import WaterTable, water_file
 
 MTI_TO_VEHICLE = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Found in the recording: x_v = -y, y_v = x, z_v = z."""

@@ -24,8 +24,8 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
 from bottomlock.files.atomic_write import write_bytes, write_parquet, write_text
 from bottomlock.instruments.faults import Faults
-from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.schedule import POWERED_S, records
+from bottomlock.instruments.sources import readings_of_scenario, with_geometry
 from bottomlock.io import pd0
 from bottomlock.io.beam_table import write_recording
 from bottomlock.plant.telemetry import euler_rad

@@ -14,7 +14,7 @@ from bottomlock.audit.logs import BeamLog, Reference
 from bottomlock.audit.page import page_of
 from bottomlock.audit.run import Audit, audit_file, audit_log, numbers_of
 from bottomlock.files.atomic_write import write_parquet
-from bottomlock.io.water_table import WaterTable
+from bottomlock.io.beam_table import WaterTable
 from bottomlock.kernel import BeamGeometry
 from bottomlock.pages.page import html
 from tests.audit.synthetic import make_log, motion

@@ -15,8 +15,8 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.config.water_track import WaterTrack
 from bottomlock.encoders.registry import encoder
 from bottomlock.instruments.faults import NONE
-from bottomlock.instruments.from_scenario import readings_of_scenario
 from bottomlock.instruments.schedule import records
+from bottomlock.instruments.sources import readings_of_scenario
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.formats import BYTES, read_recording
 from bottomlock.io.rows import PLAIN

@@ -13,10 +13,9 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
 from bottomlock.errors import ScenarioError
 from bottomlock.instruments.faults import KINDS, NONE, FaultDraws, Faults
-from bottomlock.instruments.from_log import readings_of_log
-from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.readings import SOUND_SPEED_MPS, Readings, pings
 from bottomlock.instruments.schedule import Record, imu_lines, records, sent_table
+from bottomlock.instruments.sources import readings_of_log, readings_of_scenario, with_geometry
 from bottomlock.io import waterlinked_json
 from bottomlock.io.rows import Options
 from bottomlock.simulation.build import build_simulation

@@ -16,10 +16,10 @@ import pytest
 from bottomlock.config.scenario import load_scenario
 from bottomlock.encoders.registry import encoder
 from bottomlock.instruments.faults import NONE, Faults
-from bottomlock.instruments.from_scenario import readings_of_scenario
 from bottomlock.instruments.play import Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record, records
+from bottomlock.instruments.sources import readings_of_scenario
 from bottomlock.instruments.transports import TcpServer
 
 BASE_NS = 1_767_225_600_000_000_000

@@ -12,10 +12,16 @@ import pytest
 from bottomlock.encoders.framing import nortek_frame, waterlinked_sentence
 from bottomlock.errors import DataError
 from bottomlock.io import nortek_ad2cp, nortek_dvl, nucleus, pd0, waterlinked_json, waterlinked_serial
-from bottomlock.io.beam_table import Recording, read_account, write_recording
+from bottomlock.io.beam_table import (
+    Recording,
+    WaterTable,
+    read_account,
+    read_water_table,
+    water_file,
+    write_recording,
+)
 from bottomlock.io.formats import read_recording
 from bottomlock.io.rows import Options
-from bottomlock.io.water_table import WaterTable, read_water_table, water_file
 from bottomlock.live.pings import PingReader
 from tools import reader_seeds as seeds
 

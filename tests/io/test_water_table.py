@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bottomlock.io.water_table import WaterTable, read_water_table, water_file
+from bottomlock.io.beam_table import WaterTable, read_water_table, water_file
 
 
 def example() -> WaterTable:

@@ -15,9 +15,8 @@ import pytest
 from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
-from bottomlock.observability.analysis import Aiding, deviations, observe
+from bottomlock.observability.analysis import Aiding, Schedule, deviations, observe
 from bottomlock.observability.report import observe_scenario, scenario_schedule
-from bottomlock.observability.schedule import Schedule
 from bottomlock.simulation.build import build_simulation
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 from bottomlock.truth.truth import Truth

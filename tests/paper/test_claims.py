@@ -13,7 +13,7 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.paper.claims import parse_paper
-from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.statistics.rms import Array
 from bottomlock.tables.campaign import PATHS
 from bottomlock.tables.check import check

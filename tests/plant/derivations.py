@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import trapezoid
 
-from bottomlock.plant.hull import myring_radius_m
+from bottomlock.plant.equations import myring_radius_m
 from bottomlock.plant.vehicle import Hull
 
 

@@ -8,10 +8,9 @@ import numpy as np
 from bottomlock.plant import Mission, Vehicle, load_vehicle, model
 from bottomlock.plant.autopilot import Mixer
 from bottomlock.plant.equations import acceleration, to_tangent
-from bottomlock.plant.integrate import runge_kutta_step
 from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.path import guide_rows
-from bottomlock.plant.swim import NO_ERROR
+from bottomlock.plant.swim import NO_ERROR, runge_kutta_step
 
 GRAVITY_MPS2 = 9.795
 LATITUDE_RAD = math.radians(32.8)

@@ -6,8 +6,8 @@ Fossen 2021, chapters 3, 4, 6 and 8.
 import numpy as np
 
 from bottomlock.plant import Vehicle
+from bottomlock.plant.equations import cross_flow_strips
 from bottomlock.plant.hovering_vehicle import AnyVehicle
-from bottomlock.plant.hull import cross_flow_strips
 from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.matrices import added_mass_matrix, centre_of_gravity_p_m, rotation_t_p, skew
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from bottomlock.plant import Vehicle
-from bottomlock.plant.equations import acceleration, fin_wrench
-from bottomlock.plant.hull import hull_wrench, myring_radius_m
+from bottomlock.plant.equations import acceleration, fin_wrench, hull_wrench, myring_radius_m
 from bottomlock.plant.maths import SCALAR
 from bottomlock.plant.trim import trim
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of

@@ -12,12 +12,12 @@ from bottomlock.plant import Vehicle
 from bottomlock.plant.equations import (
     acceleration,
     fin_wrench,
+    hull_wrench,
     lift_and_drag,
     propeller_wrench,
     to_platform,
     to_tangent,
 )
-from bottomlock.plant.hull import hull_wrench
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
 from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix, rotation_t_p
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned

@@ -11,7 +11,7 @@ import pytest
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import Vehicle, load_vehicle, packaged_vehicles
-from bottomlock.plant.hull import myring_radius_m
+from bottomlock.plant.equations import myring_radius_m
 from bottomlock.plant.trim import check_stability
 from bottomlock.plant.vehicle_file import parse_vehicle
 from tests.plant import derivations

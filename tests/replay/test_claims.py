@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.replay.findings.claims import claims_findings
+from bottomlock.replay.findings.verdict import claims_findings
 from bottomlock.statistics.robust import correlation_rows
 
 ENDS = {

@@ -12,11 +12,15 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from bottomlock.dead_reckoning.track import Begin, DepthAid, Reckoned, Velocities, dead_reckon
-from bottomlock.dead_reckoning.track_sd import (
+from bottomlock.dead_reckoning.track import (
     AttitudeErrors,
+    Begin,
+    DepthAid,
+    Reckoned,
     StructureFunction,
+    Velocities,
     VelocityErrors,
+    dead_reckon,
     structure_function,
 )
 from bottomlock.own_method import DEAD_RECKONING as METHOD

@@ -23,7 +23,7 @@ from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.gyros import match_gyros, slope
 from bottomlock.replay.motion.mounting_yaw import yaw_by_accelerations, yaw_by_positions
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
-from bottomlock.replay.motion.velocity import ping_velocity
+from bottomlock.replay.motion.pings import ping_velocity
 from bottomlock.replay.run import replay_case
 from tests import recorded_dives
 from tests.dive import Dive, drawn_dive

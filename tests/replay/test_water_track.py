@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.files.atomic_write import write_parquet
+from bottomlock.io.beam_table import WaterTable
 from bottomlock.io.beams import read_geometry
-from bottomlock.io.water_table import WaterTable
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.config.water_cells import WaterCells
-from bottomlock.io.water_table import read_water_table, water_file
+from bottomlock.io.beam_table import read_water_table, water_file
 from bottomlock.kernel import BeamGeometry, models
 from bottomlock.kernel.attitude_motion import divided, held, inertial_readings
 from bottomlock.recordings.streams import Inertial, WaterBeams

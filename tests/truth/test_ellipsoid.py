@@ -11,7 +11,7 @@ from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import models
 from bottomlock.recordings import geodesy
-from bottomlock.replay.findings.claims import earth_findings
+from bottomlock.replay.findings.verdict import earth_findings
 from bottomlock.replay.vehicle_motion import level_axes
 from bottomlock.truth.analytic import Attitudes, sample_motion
 from bottomlock.truth.ellipsoid import EllipsoidPath, on_ellipsoid

@@ -5,25 +5,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.audit.beam_order import Match, match
-from bottomlock.audit.closure import Closure, Slope, closure_of, closure_slope, null_space, null_space_cov
-from bottomlock.audit.closure_findings import (
+from bottomlock.audit.beam_findings import (
+    bias_findings,
     closure_findings,
     combination_findings,
-    order_findings,
-    slope_findings,
-)
-from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix
-from bottomlock.audit.matrix_findings import (
-    bias_findings,
     match_findings,
+    order_findings,
     parallel_beams,
     scale_findings,
     self_findings,
+    slope_findings,
     tilt_findings,
     unobservable_findings,
 )
+from bottomlock.audit.beam_order import Match, match
+from bottomlock.audit.closure import Closure, Slope, closure_of, closure_slope, null_space, null_space_cov
+from bottomlock.audit.logs import BeamLog
+from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix
 from bottomlock.audit.robust import Array
 from bottomlock.recordings.finding import Finding
 

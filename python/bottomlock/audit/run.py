@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.audit import defects
+from bottomlock.audit.beam_findings import closure_findings
 from bottomlock.audit.beam_order import closure_size
 from bottomlock.audit.beams import BeamAssessment, assess_beams
 from bottomlock.audit.closure import Closure, closure_of
-from bottomlock.audit.closure_findings import closure_findings
 from bottomlock.audit.defects import lock_findings, noisy_findings, stuck_findings
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
 from bottomlock.audit.logs import BeamLog, Reference, read_log, read_own_attitude
@@ -21,8 +21,8 @@ from bottomlock.audit.mounting_findings import Mounted, mounting_findings
 from bottomlock.audit.robust import Array
 from bottomlock.audit.water import WaterAgreement, water_agreement, water_findings
 from bottomlock.files.atomic_write import plain
+from bottomlock.io.beam_table import WaterTable, read_water_table, water_file
 from bottomlock.io.beams import check_beam_count, packaged_geometries, read_geometry
-from bottomlock.io.water_table import WaterTable, read_water_table, water_file
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.streams import Depths, Inertial

@@ -16,9 +16,9 @@ from bottomlock.cli.parameters import beside, geometry_of
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import Result, check_free
 from bottomlock.files.records import sha256_of
+from bottomlock.io.beam_table import water_file
 from bottomlock.io.calibrated_file import require_toml
 from bottomlock.io.formats import converted_first
-from bottomlock.io.water_table import water_file
 
 
 def audit(

@@ -23,11 +23,19 @@ from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, er
 from bottomlock.cli.parameters import beside
 from bottomlock.errors import OutputError
 from bottomlock.files.overwriting import check_free
-from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, sidecar, write_recording
+from bottomlock.io.beam_table import (
+    Account,
+    BeamTable,
+    Reason,
+    Recording,
+    WaterTable,
+    sidecar,
+    water_file,
+    write_recording,
+)
 from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.progress import progress_to
 from bottomlock.io.rows import Options
-from bottomlock.io.water_table import WaterTable, water_file
 from bottomlock.replay.init.column_map import write_map
 
 SHOWN = 28

@@ -19,10 +19,10 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.instruments.faults import NONE
-from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.play import Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record, depth_lines, imu_lines, records
+from bottomlock.instruments.sources import readings_of_scenario, with_geometry
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.connections import cancel
 from bottomlock.live.engine import Engine

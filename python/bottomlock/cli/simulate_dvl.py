@@ -23,11 +23,15 @@ from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.overwriting import check_free
 from bottomlock.instruments.faults import parse_faults
-from bottomlock.instruments.from_log import readings_of_case, readings_of_log
-from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
 from bottomlock.instruments.play import EXPECTED, Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records, sent_table
+from bottomlock.instruments.sources import (
+    readings_of_case,
+    readings_of_log,
+    readings_of_scenario,
+    with_geometry,
+)
 from bottomlock.replay.case import load_case
 
 DEFAULT_START = "2026-01-01T00:00:00"

@@ -14,14 +14,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.dead_reckoning.track import (
+    AttitudeErrors,
     Begin,
     DepthAid,
     Reckoned,
+    StructureFunction,
     Velocities,
+    VelocityErrors,
     attitude_between,
     dead_reckon,
 )
-from bottomlock.dead_reckoning.track_sd import AttitudeErrors, StructureFunction, VelocityErrors
 from bottomlock.kernel import STATUS, BeamGeometry, solve_velocity
 from bottomlock.kernel.models import DepthModel, DvlModel, InitialState, MagnetometerModel, Model
 from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Times

@@ -6,7 +6,7 @@ Examples:
     >>> from bottomlock.config.scenario import load_scenario
     >>> from bottomlock.encoders.registry import encoder
     >>> from bottomlock.instruments.faults import NONE
-    >>> from bottomlock.instruments.from_scenario import readings_of_scenario
+    >>> from bottomlock.instruments.sources import readings_of_scenario
     >>> from bottomlock.instruments.schedule import records
     >>> scenario = load_scenario("straight").with_trajectory(duration_s=3.0)
     >>> readings = readings_of_scenario(scenario)

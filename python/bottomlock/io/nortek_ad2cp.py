@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Recording, WaterTable
 from bottomlock.io.binary_records import bytes_of, fields_at, numbered
 from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_dvl import UNSURE
@@ -25,7 +25,6 @@ from bottomlock.io.nortek_frames import (
     struct_tm_ns,
 )
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
-from bottomlock.io.water_table import WaterTable
 
 NAME = "nortek-ad2cp"
 STREAM = Stream(lambda _: nortek(), kind=BOTTOM_AD2CP, water=(BURST_AD2CP, AVERAGE_AD2CP))

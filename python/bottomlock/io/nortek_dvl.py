@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import fields_at
 from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
 from bottomlock.io.nortek_frames import BOTTOM_DVL, WATER_DVL, Frames, frames, kinds, struct_tm_ns
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
-from bottomlock.io.water_table import WaterTable
 
 NAME = "nortek-dvl"
 STREAM = Stream(lambda _: nortek(), kind=BOTTOM_DVL, water=(WATER_DVL,), figures=True)

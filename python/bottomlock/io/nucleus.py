@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, BeamTable, Flags, Integers, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import fields_at
 from bottomlock.io.framing import Stream, nortek
 from bottomlock.io.nortek_dvl import UNSURE, layer_range_m, no_layer_note, vertical_note
 from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, Frames, frames, kinds
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
-from bottomlock.io.water_table import WaterTable
 
 NAME = "nucleus"
 STREAM = Stream(lambda _: nortek(), kind=BOTTOM_NUCLEUS, water=(WATER_NUCLEUS,), figures=True)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import (
     BLOCK,
     EMPTY,
@@ -35,7 +35,6 @@ from bottomlock.io.framing import Stream, pd0
 from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.pd0_axes import beams_of_axes
 from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, make_water, raise_if_empty, running_sums
-from bottomlock.io.water_table import WaterTable
 
 NAME = "pd0"
 STREAM = Stream(lambda _: pd0())

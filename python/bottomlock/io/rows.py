@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.account import in_file_order
-from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Flags, Floats, Integers
+from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Flags, Floats, Integers, WaterTable
 from bottomlock.io.columns import LATEST_NS
-from bottomlock.io.water_table import WaterTable
 
 NAN = math.nan
 

@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.io.beam_table import Account, BeamTable, Floats, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Floats, Recording, WaterTable
 from bottomlock.io.framing import Lines, Stream
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty, whole_times
 from bottomlock.io.sentences import lines_of
-from bottomlock.io.water_table import WaterTable
 
 LONGEST_JSON = 65_536
 """Longest line that is read as a report, bytes."""

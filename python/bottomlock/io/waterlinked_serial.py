@@ -14,11 +14,10 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Recording, WaterTable
 from bottomlock.io.framing import Stream, WaterLinkedLines
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty, whole_times
 from bottomlock.io.sentences import LONGEST_LINE, crc8_of, lines_of, number, whole
-from bottomlock.io.water_table import WaterTable
 from bottomlock.io.waterlinked_json import WATER_RANGE_M
 
 NAME = "waterlinked-serial"

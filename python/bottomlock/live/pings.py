@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import BeamTable
+from bottomlock.io.beam_table import BeamTable, WaterTable, joined
 from bottomlock.io.formats import LIVE
 from bottomlock.io.rows import Options
-from bottomlock.io.water_table import WaterTable, joined
 from bottomlock.live.reasons import Reasons
 from bottomlock.recordings.readings import Ping
 

@@ -21,8 +21,7 @@ from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Result
 from bottomlock.kernel import BeamGeometry, kernel_version
 from bottomlock.kernel.models import DvlModel, Model
-from bottomlock.observability.analysis import Aiding, Deviations, Finding, Kind, deviations, observe
-from bottomlock.observability.schedule import Schedule
+from bottomlock.observability.analysis import Aiding, Deviations, Finding, Kind, Schedule, deviations, observe
 from bottomlock.observability.tables import mask_table, paper_table, table_row
 from bottomlock.recordings.streams import Times
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key

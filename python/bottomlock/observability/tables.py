@@ -9,8 +9,7 @@ from typing import Any
 import polars as pl
 
 from bottomlock.kernel import BeamGeometry
-from bottomlock.observability.analysis import Aiding, Finding, Kind, observe
-from bottomlock.observability.schedule import Schedule
+from bottomlock.observability.analysis import Aiding, Finding, Kind, Schedule, observe
 from bottomlock.tables.observability import OBSERVABILITY
 from bottomlock.truth.manoeuvres import Manoeuvre, manoeuvre_truth, motion_of, steady
 from bottomlock.truth.truth import Truth

@@ -17,11 +17,17 @@ from bottomlock.plant import model
 from bottomlock.plant.equations import to_tangent
 from bottomlock.plant.guidance import offset_and_heading
 from bottomlock.plant.hovering_vehicle import AnyVehicle
-from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
 from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import guide_rows
-from bottomlock.plant.swim import TICK_S, next_segment, sample_times_ns
+from bottomlock.plant.swim import (
+    TICK_S,
+    attitude_by_rates,
+    hermite,
+    next_segment,
+    runge_kutta_step,
+    sample_times_ns,
+)
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.truth import inertial_measurements

@@ -29,7 +29,7 @@ SAME_PING_S = 1.0
 
 
 class CellTable(Protocol):
-    """Cells of pings, a row each, sorted by time and cell: `io.water_table.WaterTable`."""
+    """Cells of pings, a row each, sorted by time and cell: `io.beam_table.WaterTable`."""
 
     @property
     def time_ns(self) -> Times:

@@ -10,7 +10,7 @@ from bottomlock.kernel.attitude_motion import divided, held, inertial_readings
 from bottomlock.recordings.streams import Attitudes, Beams, Flags, Floats, Inertial, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
-from bottomlock.replay.motion.velocity import ping_velocity
+from bottomlock.replay.motion.pings import ping_velocity
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
 from bottomlock.replay.vehicle_motion import vehicle_motion

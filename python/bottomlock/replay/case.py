@@ -17,7 +17,7 @@ from bottomlock.config.scenario_sections import Filter, Robust, Section, Vector,
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
-from bottomlock.io.water_table import water_file
+from bottomlock.io.beam_table import water_file
 from bottomlock.kernel import METHODS
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import DEAD_RECKONING

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bottomlock import units
 from bottomlock.errors import DataError
+from bottomlock.io.beam_table import read_water_table
 from bottomlock.io.beams import Instrument, read_times
 from bottomlock.io.columns import (
     LATEST_NS,
@@ -20,7 +21,6 @@ from bottomlock.io.columns import (
     numbers_of_text,
     read_rows,
 )
-from bottomlock.io.water_table import read_water_table
 from bottomlock.recordings.streams import Floats, Times, WaterBeams
 from bottomlock.recordings.water_cells import CellCounts, check_cells, water_beams
 from bottomlock.replay.case import Case

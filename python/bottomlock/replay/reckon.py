@@ -6,12 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.dead_reckoning.track import Begin, DepthAid, Velocities, dead_reckon
-from bottomlock.dead_reckoning.track_sd import (
+from bottomlock.dead_reckoning.track import (
     FEWEST,
     AttitudeErrors,
+    Begin,
+    DepthAid,
     StructureFunction,
+    Velocities,
     VelocityErrors,
+    dead_reckon,
     structure_function,
     white_noise,
 )

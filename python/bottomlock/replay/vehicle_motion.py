@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from bottomlock.dead_reckoning.track_sd import structure_function
+from bottomlock.dead_reckoning.track import structure_function
 from bottomlock.errors import DataError
 from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment

@@ -11,7 +11,7 @@ import polars as pl
 from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
 from bottomlock.pages.pieces import featured, glossaries, interval, json_part, number, title_of
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim
-from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.report.advice import REFERENCES, Advice, Choice, swept_current, untested_in_current
 from bottomlock.report.drawings import Drawing, virtual_beams
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table

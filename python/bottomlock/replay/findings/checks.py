@@ -8,8 +8,8 @@ from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
-from bottomlock.replay.motion.closure import LEAST_PINGS, better_order
 from bottomlock.replay.motion.fit import Match, Recorded, at_pings
+from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
 from bottomlock.replay.motion.segments import LENGTH_S, integrate
 from bottomlock.replay.streams import Streams
 

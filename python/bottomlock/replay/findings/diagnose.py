@@ -15,7 +15,6 @@ from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.answers import closure_words
 from bottomlock.replay.findings.attitude_checks import attitude_findings, heading_findings
-from bottomlock.replay.findings.claims import claims_findings, earth_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
 from bottomlock.replay.findings.sway import measured_sway
@@ -25,14 +24,15 @@ from bottomlock.replay.findings.verdict import (
     ABSORBED,
     WRONG,
     Innovations,
+    claims_findings,
+    earth_findings,
     innovations_of,
     least_ratio,
     no_fix,
     verdict_finding,
 )
-from bottomlock.replay.motion.closure import LEAST_PINGS, closure_sd
 from bottomlock.replay.motion.fit import Recorded
-from bottomlock.replay.motion.velocity import ping_velocity
+from bottomlock.replay.motion.pings import LEAST_PINGS, closure_sd, ping_velocity
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
 from bottomlock.replay.stream_sections import ImuStream

@@ -14,10 +14,9 @@ from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.motion.closure import BetterOrder, better_order
 from bottomlock.replay.motion.fit import Match, Recorded, Searched, search_offset
 from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
-from bottomlock.replay.motion.velocity import ping_velocity
+from bottomlock.replay.motion.pings import BetterOrder, better_order, ping_velocity
 
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60

@@ -12,8 +12,7 @@ import polars as pl
 from bottomlock.config.toml_value import toml_value
 from bottomlock.files.atomic_write import write_parquet, write_text
 from bottomlock.files.overwriting import check_free
-from bottomlock.io.beam_table import Recording, sidecar, write_recording
-from bottomlock.io.water_table import water_file
+from bottomlock.io.beam_table import Recording, sidecar, water_file, write_recording
 from bottomlock.recordings.streams import Integers
 from bottomlock.replay.init.found import Found, Times
 

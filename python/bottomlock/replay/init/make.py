@@ -13,7 +13,15 @@ from bottomlock.io.columns import column_names
 from bottomlock.plant.surroundings import world_magnetic_model
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
-from bottomlock.replay.init.axes_part import set_axes, set_yaw_by_track, telling_track, track_yaw
+from bottomlock.replay.init.axes_part import (
+    recorded,
+    set_axes,
+    set_yaw_by_track,
+    telling_track,
+    track_yaw,
+    turns,
+    unit_by_attitude,
+)
 from bottomlock.replay.init.dvl_part import (
     ENOUGH_PINGS,
     DvlPart,
@@ -25,7 +33,6 @@ from bottomlock.replay.init.dvl_part import (
 from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart, guess_imu
-from bottomlock.replay.init.moved import recorded, turns, unit_by_attitude
 from bottomlock.replay.init.no_imu import imu_of_attitude, noise_of_pings
 from bottomlock.replay.init.other_parts import AttitudePart, guess_attitude, guess_depth
 from bottomlock.replay.init.parts import Parts

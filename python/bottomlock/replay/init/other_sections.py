@@ -7,7 +7,7 @@ import numpy as np
 
 from bottomlock.config.instrument_grades import Grade, grades
 from bottomlock.errors import DataError
-from bottomlock.io.water_table import water_file
+from bottomlock.io.beam_table import water_file
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.files import Files, Section
 from bottomlock.replay.init.guess import round_up, white_noise
