@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO, StringIO
 from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
-
-from bottomlock.figures.images import Drawn, Images, images_of
 
 
 @contextmanager
@@ -25,14 +23,4 @@ def figures_undrawn() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", save)
-        for room in ("report.page", "replay.report"):
-            patch.setattr(f"bottomlock.{room}.image_process", _in_this_process)
         yield
-
-
-@contextmanager
-def _in_this_process() -> Iterator[Callable[..., list[tuple[Drawn, Images]]]]:
-    def draw(drawings: Iterable[Drawn]) -> list[tuple[Drawn, Images]]:
-        return [(one, images_of(one.figure)) for one in drawings]
-
-    yield draw

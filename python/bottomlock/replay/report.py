@@ -9,7 +9,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
-from bottomlock.figures.images import image_process
+from bottomlock.figures.images import images_of
 from bottomlock.figures.palette import WIDTH_IN
 from bottomlock.figures.series import Panel, Track
 from bottomlock.figures.timeline import timeline_figure
@@ -131,9 +131,8 @@ def report_files(tables: ReplayTables) -> Files:
     figures = []
     first_map = f"map_{tables.manifest['what_if'][0][0]}"
     plots = dive_of(tables)
-    with image_process() as draw:
-        drawn = draw(drawings(tables, plots))
-    for drawing, image in drawn:
+    for drawing in drawings(tables, plots):
+        image = images_of(drawing.figure)
         own = image.files(f"figures/{drawing.name}")
         files |= own
         kind = "wide" if drawing.figure.get_figwidth() > WIDTH_IN or drawing.name == first_map else ""

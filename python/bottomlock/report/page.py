@@ -5,7 +5,7 @@ from pathlib import Path
 
 import polars as pl
 
-from bottomlock.figures.images import image_process
+from bottomlock.figures.images import images_of
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.pages.page import Picture, html
@@ -54,20 +54,19 @@ def make_report(folder: str | Path, *, force: bool = False) -> Report:
     )
     result = Result(folder, "report", "report", digests_of(folder, records), beside=True)
     result.check(force=force)
-    with image_process() as draw:
-        errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
-        paper = load_paper()
-        theirs = flown(campaign, paper)
-        claims = claims_table(campaign, errors, paper).filter(pl.col("trajectory").is_in(theirs))
-        advice = advise(campaign, errors)
-        choice = choose(advice)
-        recommended = (
-            [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
-        )
-        drawn = draw(drawings(campaign, errors, paper, recommended))
+    errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
+    paper = load_paper()
+    theirs = flown(campaign, paper)
+    claims = claims_table(campaign, errors, paper).filter(pl.col("trajectory").is_in(theirs))
+    advice = advise(campaign, errors)
+    choice = choose(advice)
+    recommended = (
+        [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
+    )
     files: Files = {"tables/claims.parquet": parquet_bytes(claims)} if theirs else {}
     figures = []
-    for drawing, image in drawn:
+    for drawing in drawings(campaign, errors, paper, recommended):
+        image = images_of(drawing.figure)
         own = image.files(f"figures/{drawing.name}")
         files |= own
         kind = KINDS.get(drawing.place, "")

@@ -1,1 +1,1 @@
-"""Helpers of every room: modules imported late, optional extras, the nearest name, work in another process."""
+"""Helpers of every room: modules imported late, optional extras, the nearest name."""
