@@ -11,6 +11,7 @@ import ipaddress
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from http import HTTPStatus
 
 from bottomlock.live.connections import accept, listen
 
@@ -162,25 +163,12 @@ class HttpServer:
 
 
 _NOT_MEANT = b"asked under another name than localhost or an address: list it in health.names\n"
-_WORDS = {
-    200: "OK",
-    403: "Forbidden",
-    404: "Not Found",
-    405: "Method Not Allowed",
-    409: "Conflict",
-    411: "Length Required",
-    413: "Content Too Large",
-    415: "Unsupported Media Type",
-    421: "Misdirected Request",
-    422: "Unprocessable Content",
-    503: "Service Unavailable",
-}
 
 
 def head(code: int, kind: str, length: int, more: str = "") -> bytes:
     """The head of an answer with `length` bytes; `more` headers, each with its end of line."""
     return (
-        f"HTTP/1.1 {code} {_WORDS[code]}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n"
+        f"HTTP/1.1 {code} {HTTPStatus(code).phrase}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n"
         "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
         "Content-Security-Policy: default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
         f"connect-src 'self'\r\n{more}Connection: close\r\n\r\n"
