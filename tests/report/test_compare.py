@@ -118,7 +118,8 @@ def test_the_papers_claims_are_of_the_papers_scenarios_alone(pair: tuple[Path, P
     page = made.page.read_text(encoding="utf-8")
     assert made.claims.is_empty()
     assert not (own / "tables" / "claims.parquet").exists()
-    assert "claims" not in page.split("</style>")[1].split('id="methods"')[0]
+    assert 'id="claims"' not in page
+    assert "#claims" not in page
     assert "paper" not in page.split("</style>")[1].split('id="final"')[0]
     theirs = make_report(pair[0])
     assert set(theirs.claims["trajectory"]) == {"straight"}

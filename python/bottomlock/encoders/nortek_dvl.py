@@ -9,6 +9,7 @@ Source: the manufacturer's published structure; DT1 and DT2 as its drivers descr
 
 import math
 import struct
+from collections.abc import Callable
 
 from bottomlock.encoders.fields import NO_FOM_MPS, calendar, single, steps_of, whole
 from bottomlock.encoders.framing import nortek_frame
@@ -17,7 +18,7 @@ from bottomlock.io.columns import LATEST_NS
 from bottomlock.io.nortek_ascii import NO_VELOCITY_MPS, TILT_RAD
 
 NAME = "nortek-dvl"
-_BOTTOM, _WATER, _FAMILY = 0x1B, 0x1D, 0x16
+_FAMILY = 0x16
 _VELOCITY, _DISTANCE, _FOM = 0, 4, 8
 _AXES, _AXES_FOM = 12, 16
 _LEAST, _MOST = -32_765, 32_765
@@ -59,15 +60,19 @@ def _both(values: list[float]) -> list[float]:
     return [*values, values[2]]
 
 
-def encode(ping: Ping, instrument: Instrument) -> bytes:
-    """The record of a ping, and that of its water.
+def bottom_and_water(
+    record: Callable[[int, Ping], bytes], bottom: int, water: int
+) -> Callable[[Ping, Instrument], bytes]:
+    """An encoder of the record of a ping, and that of its water, by the ids of both.
 
-    Raises:
-        DataError: for a velocity as far out as the mark for none, and a time outside the record's clock.
+    It raises DataError for a velocity as far out as the mark for none, and for a time outside the record's clock.
     """
-    del instrument
-    water = ping.of_water
-    return _record(_BOTTOM, ping) + (b"" if water is None else _record(_WATER, water))
+
+    def encode(ping: Ping, _: Instrument) -> bytes:
+        of_water = ping.of_water
+        return record(bottom, ping) + (b"" if of_water is None else record(water, of_water))
+
+    return encode
 
 
 def _record(kind: int, ping: Ping) -> bytes:
@@ -101,3 +106,6 @@ def _record(kind: int, ping: Ping) -> bytes:
         "<BBI6sHHII3f", 1, 36, _SERIAL, clock, rest, 4, 0, status, ping.sound_speed_mps, 12.0, 1.0
     )
     return nortek_frame(kind, head + struct.pack("<44f", *numbers), _FAMILY)
+
+
+encode = bottom_and_water(_record, 0x1B, 0x1D)

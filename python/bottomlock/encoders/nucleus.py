@@ -10,25 +10,14 @@ import struct
 
 from bottomlock.encoders.fields import NO_FOM_MPS, steps_of
 from bottomlock.encoders.framing import nortek_frame
-from bottomlock.encoders.nortek_dvl import axes_and_fom, beam_range, beam_velocity, echo_s
-from bottomlock.encoders.ping import Instrument, Ping
+from bottomlock.encoders.nortek_dvl import axes_and_fom, beam_range, beam_velocity, bottom_and_water, echo_s
+from bottomlock.encoders.ping import Ping
 
 NAME = "nucleus"
-_BOTTOM, _WATER, _FAMILY = 0xB4, 0xBE, 0x20
+_FAMILY = 0x20
 _POSIX = 1
 _SERIAL = 4711
 _LATEST_US = 2**32 * 1_000_000 - 1
-
-
-def encode(ping: Ping, instrument: Instrument) -> bytes:
-    """The record of a ping, and that of its water.
-
-    Raises:
-        DataError: for a velocity as far out as the mark for none, and a time outside the record's clock.
-    """
-    del instrument
-    water = ping.of_water
-    return _record(_BOTTOM, ping) + (b"" if water is None else _record(_WATER, water))
 
 
 def _record(kind: int, ping: Ping) -> bytes:
@@ -55,3 +44,6 @@ def _record(kind: int, ping: Ping) -> bytes:
         "<4B3I2I3f", 2, 36, _POSIX, 0, seconds, micros, status, _SERIAL, 0, ping.sound_speed_mps, 12.0, 1.0
     )
     return nortek_frame(kind, head + struct.pack("<23f", *numbers), _FAMILY)
+
+
+encode = bottom_and_water(_record, 0xB4, 0xBE)

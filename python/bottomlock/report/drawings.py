@@ -7,11 +7,11 @@ from typing import Any, Literal
 import polars as pl
 from matplotlib.figure import Figure
 
+from bottomlock.figures.by_category import sweep_figure
 from bottomlock.figures.consistency import calibration_figure, normalised_figure
 from bottomlock.figures.curves import nees_figure, rms_figure, velocity_multiples
 from bottomlock.figures.paths import paths_figure
 from bottomlock.figures.selector import choices_figure, shares_table
-from bottomlock.figures.sweep import sweep_figure
 from bottomlock.pages.pieces import featured
 from bottomlock.paper.claims import Paper, ValueClaim
 from bottomlock.paper.verdicts import flown
