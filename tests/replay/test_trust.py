@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +112,7 @@ def evidence(**changes: object) -> Evidence:
         "verdict": verdict, "state": state, "causes": (), "further": (), "seen": SEEN, "closure": "",
         "agreements": (NEAR,), "reckoned": True, "aided": False, "reference": None, "sway": None,
         "partial": 0.0, "methods": ("tc", "sway_current"), "sd_m": {"tc": 1.0, "sway_current": 1.0, METHOD: 1.0},
-        "way_m": 500.0, "geometry_open": False,
+        "way_m": 500.0, "reach_m": 100.0, "geometry_open": False,
     }  # fmt: skip
     return Evidence(**(whole | changes))  # type: ignore[arg-type]
 
@@ -196,6 +197,9 @@ APART = Agreement("tc", 2.0, 1.6, 2.0, 1.0, 1.0, None, None)
         (UNIT, APART, None, "no"),
         (UNIT, NEAR, AGREES, "partly"),
         (UNIT, NEAR, DISAGREES, "no"),
+        (replace(TILT, kind="scale", size=0.024), NEAR, None, "partly"),
+        (replace(TILT, kind="scale", size=0.026), NEAR, None, "no"),
+        (replace(TILT, kind="scale", size=0.026), NEAR, AGREES, "partly"),
         (UNEXPLAINED, NEAR, AGREES, "yes"),
         (UNEXPLAINED, NEAR, None, "partly"),
     ],

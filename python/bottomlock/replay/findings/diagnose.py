@@ -95,6 +95,7 @@ def diagnose(
         methods=methods,
         sd_m={name: row["sd_m"] for name, row in tracks.items()},
         way_m=tracks[stands]["way_m"],
+        reach_m=_reach_m(samples, stands),
         geometry_open=not projected and not case.dvl.geometry_known,
         heading_open=case.attitude is not None and not case.attitude.heading_known,
     )  # fmt: skip
@@ -129,6 +130,12 @@ def _tracks(samples: pl.DataFrame) -> dict[str, dict[str, float]]:
     sd = (pl.col("sd_position_north_m") ** 2 + pl.col("sd_position_east_m") ** 2).sqrt()
     rows = track_table(samples).filter(pl.col("pass") == FORWARD).select("method", "way_m", sd_m=sd)
     return {row["method"]: row for row in rows.iter_rows(named=True)}
+
+
+def _reach_m(samples: pl.DataFrame, method: str) -> float:
+    rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == method))
+    place = rows.select("north_m", "east_m").to_numpy()
+    return float(np.linalg.norm(place - place[0], axis=1).max())
 
 
 def _heading(

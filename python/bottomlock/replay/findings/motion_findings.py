@@ -51,7 +51,9 @@ def _words(case: Case, cause: Cause, comparison: Comparison, tilt_rad: float) ->
         "clock": _clock, "scale": _scale, "gyro_bias": _gyro_bias, "rotation": _rotation, "lever": _lever,
         "axes": _axes, "units": _units, "gyros": _gyros,
     }[name](case, cause, what, tilt_rad)  # fmt: skip
-    return Finding(_KINDS.get(name, name), "fault", cause.drop, text, evidence, advice, key)
+    # What turns or scales a track moves it by this part of its extent.
+    size = float(np.abs(cause.match.part(name)).max()) if name in {"scale", "rotation"} else 0.0
+    return Finding(_KINDS.get(name, name), "fault", cause.drop, text, evidence, advice, key, size, "1")
 
 
 _KINDS = {

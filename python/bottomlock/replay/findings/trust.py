@@ -109,6 +109,7 @@ class Evidence:
         methods: filters of the case.
         sd_m: claimed σ of the horizontal position at the end, of each method.
         way_m: distance travelled, by dead reckoning where there is one.
+        reach_m: greatest distance of the track from its start.
         geometry_open: whether the geometry of recorded beams is a guess.
         heading_open: whether the recorded heading may be magnetic or true.
     """
@@ -128,6 +129,7 @@ class Evidence:
     methods: Sequence[str]
     sd_m: Mapping[str, float]
     way_m: float
+    reach_m: float
     geometry_open: bool
     heading_open: bool = False
 
@@ -229,7 +231,7 @@ def answer_of(evidence: Evidence) -> Answer:
     faulty = (
         cause is not None
         and cause.severity == "fault"
-        and (cause.kind in OF_DEPTH or not _confirmed(evidence))
+        and (cause.kind in OF_DEPTH or not _confirmed(evidence, cause))
     )
     vehicle = "" if evidence.sway is None else evidence.sway.words()
     numbers = tuple(one for one in (_innovations(evidence), _agreement(evidence)) if one)
@@ -272,10 +274,16 @@ def _improvement(evidence: Evidence) -> str:
     return NOTHING
 
 
-def _confirmed(evidence: Evidence) -> bool:
-    """Whether dead reckoning has the same track, and the reference, if there is one, does not contradict it."""
-    near = evidence.judged is not None and evidence.judged.sigmas <= TOGETHER
-    return near and (evidence.reference is None or evidence.reference.agrees)
+def _confirmed(evidence: Evidence, cause: Finding | None = None) -> bool:
+    """Whether dead reckoning has the same track, and the reference, if there is one, does not contradict it.
+
+    Without one, what turns or scales both tracks alike is not beyond their claim.
+    """
+    if evidence.judged is None or evidence.judged.sigmas > TOGETHER:
+        return False
+    if evidence.reference is not None:
+        return evidence.reference.agrees
+    return cause is None or cause.size * evidence.reach_m <= REACHED * evidence.sd_taken_m
 
 
 def _refuted(evidence: Evidence) -> bool:
