@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bottomlock.audit.figures import plots_of
-from bottomlock.audit.page import audit_files, closure_table
+from bottomlock.audit.page import audit_files, closure_table, plots_of
 from bottomlock.audit.run import audit_log
 from tests.audit.synthetic import make_log
 from tests.browser import CUT_OFF, Browser, chromium

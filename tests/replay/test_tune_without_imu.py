@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bottomlock.replay.case import load_case
-from bottomlock.replay.tune.passes import horizons_of, passes_of
-from bottomlock.replay.tune.recording import read_recording
+from bottomlock.replay.tune.passes import horizons_of, passes_of, read_recording
 from bottomlock.replay.tune.run import tune_case
 from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, dive, write_case
 

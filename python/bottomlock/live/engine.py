@@ -17,10 +17,9 @@ from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.live.pings import PingReader
 from bottomlock.live.readings import LineReader, MavlinkReader
-from bottomlock.live.reasons import Reasons
 from bottomlock.live.ros_readings import RosReader
 from bottomlock.live.sections import DVL_FORMATS, ROS_TYPES, ImuFromAttitude, ImuSection, SourceSection
-from bottomlock.live.states import Facts, StateMachine
+from bottomlock.live.states import Facts, Reasons, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
 from bottomlock.ports.port import Port
 from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping, Reading

@@ -11,7 +11,7 @@ from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.estimator import Closure, LastPing, beams_of, solve_ping
 from bottomlock.live.navigator_config import kernel_settings
-from bottomlock.live.reasons import Reasons
+from bottomlock.live.states import Reasons
 from bottomlock.ports.estimate import Beams, Estimate, State
 from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.sensors import SENSORS

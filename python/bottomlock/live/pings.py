@@ -16,7 +16,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable, WaterTable, joined
 from bottomlock.io.formats import LIVE
 from bottomlock.io.rows import Options
-from bottomlock.live.reasons import Reasons
+from bottomlock.live.states import Reasons
 from bottomlock.recordings.readings import Ping
 
 _MOST_HELD = 16

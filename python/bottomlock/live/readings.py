@@ -6,8 +6,8 @@ from typing import Any
 
 from bottomlock.io.framing import Lines
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
-from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import AttitudeMessage, DepthSection
+from bottomlock.live.states import Reasons
 from bottomlock.ports.mavlink import dialect
 from bottomlock.recordings.readings import (
     AttitudeReading,

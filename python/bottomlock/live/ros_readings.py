@@ -12,8 +12,8 @@ from typing import Any
 from bottomlock.errors import DataError
 from bottomlock.io.framing import Framer
 from bottomlock.io.ros_messages import decode, stamp_ns
-from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import ROS_TYPES, DepthSection
+from bottomlock.live.states import Reasons
 from bottomlock.recordings.readings import (
     AcousticPositionReading,
     AttitudeReading,

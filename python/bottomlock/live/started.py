@@ -20,8 +20,8 @@ from bottomlock.kernel.models import ImuModel
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.readings import ROUNDING
-from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude
+from bottomlock.live.states import Reasons
 from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of
 from bottomlock.recordings.readings import (
     AttitudeReading,

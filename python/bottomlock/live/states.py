@@ -4,9 +4,28 @@ The worst condition counts. A state worsens at once and improves only after `set
 state is the worst that held within the last `settle_s`. docs/live.md prints the table.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 
 from bottomlock.ports.estimate import Mode, State
+
+MOST = 40
+"""Reasons that are counted apart: some hold words from the line, which may be anything."""
+
+
+class Reasons(Counter[str]):
+    """Counts by reason, for as long as a process runs.
+
+    >>> reasons = Reasons()
+    >>> for k in range(50): reasons.add(f"reason {k}")
+    >>> len(reasons), reasons["other reasons"]
+    (41, 10)
+    """
+
+    def add(self, reason: str) -> None:
+        """Counts a reason; beyond `MOST` of them as another one."""
+        self[reason if reason in self or len(self) < MOST else "other reasons"] += 1
+
 
 ORDER: tuple[State, ...] = ("OK", "PARTIAL", "WATER", "COASTING", "UNSAFE")
 """From the best to the worst; INITIALISING stands apart."""

@@ -218,12 +218,10 @@ class Finding:
     Attributes:
         states: names of the n states.
         rank: number of singular values above the noise floor.
-        decided: true where the gap is at least 1000 and at least `widest_step`, and no dropped value stands out
-            of rounding.
-        gap: smallest kept over largest dropped singular value (or the noise floor).
-        widest_step: largest ratio between neighbours among the kept ones.
+        decided: true where the gap is at least 1000 and no smaller than any ratio between neighbours among the kept
+            ones, and no dropped value stands out of rounding.
+        gap: smallest kept over largest dropped singular value (or what rounding can make of a zero).
         singular_values: (n,) of the stack with rows and columns scaled, falling.
-        noise_floor: what rounding and quadrature can make of a zero.
         basis: (n - rank, n) unobservable directions in SI, reduced row echelon form.
         pivots: (n - rank,) the state with coefficient 1 in each direction.
         unobservable_fraction: (n,) unobservable fraction of each scaled state: 0 for an observable state.
@@ -238,9 +236,7 @@ class Finding:
     rank: int
     decided: bool
     gap: float
-    widest_step: float
     singular_values: Array
-    noise_floor: float
     basis: Array
     pivots: NDArray[np.int64]
     unobservable_fraction: Array

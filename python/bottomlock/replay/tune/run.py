@@ -21,10 +21,13 @@ from bottomlock.replay.tune.passes import (
     METHODS,
     RECOVERY_S,
     Inputs,
+    Recording,
+    cut,
     horizons_of,
     passes_of,
+    read_recording,
+    without_outliers,
 )
-from bottomlock.replay.tune.recording import Recording, cut, read_recording, without_outliers
 from bottomlock.support.nearest import did_you_mean
 
 START_FACTORS = (1.0, 5.0, 25.0, 0.2)
