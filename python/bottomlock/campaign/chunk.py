@@ -6,7 +6,6 @@ key, so that it is drawn again here, bit for bit.
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
-from threading import Event
 from typing import Any
 
 import numpy as np
@@ -231,7 +230,6 @@ def run_chunk(
     *,
     threads: int = 1,
     progress: Callable[[float], None] = lambda _: None,
-    stop: Event | None = None,
 ) -> ChunkTables:
     """Runs a chunk with every method of its scenario; run again, it gives the same bits.
 
@@ -240,7 +238,6 @@ def run_chunk(
         chunk: the runs.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         progress: called with the fraction done, 0 to 1, during a chunk in closed loop.
-        stop: ends the kernel call early, with KernelError, once another thread has set it.
 
     Raises:
         KernelError: for input that the kernel rejects, naming run and method.
@@ -256,7 +253,7 @@ def run_chunk(
             first_run=chunk.first_run, runs=chunk.runs, threads=threads, progress=progress,
         )  # fmt: skip
     else:
-        result = _on_truth(built, chunk, threads, stop)
+        result = _on_truth(built, chunk, threads)
     keys = pl.DataFrame(
         {
             "run": np.repeat(np.arange(chunk.first_run, chunk.first_run + chunk.runs), len(methods)),
@@ -278,7 +275,7 @@ def _of_filters(table: pl.DataFrame, columns: tuple[str, ...]) -> pl.DataFrame:
     return table.with_columns(pl.when(pl.col("method") != DEAD_RECKONING).then(pl.col(columns)))
 
 
-def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int, stop: Event | None) -> dict[str, Any]:
+def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int) -> dict[str, Any]:
     """Runs that share one truth."""
     simulation, scenario = built.simulation, built.scenario
     methods = list(scenario.campaign.methods)
@@ -292,7 +289,7 @@ def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int, stop: Event | No
     result: Any = kernel.run_batch(
         simulation.geometry, truth, model, model, options, schedule, filters,
         seed=scenario.campaign.seed, trajectory_key=key, first_run=chunk.first_run, runs=chunk.runs,
-        threads=threads, stop=stop,
+        threads=threads,
     )  # fmt: skip
     if filters != methods:
         result = with_reckoning(result, built, chunk.first_run, chunk.runs, schedule, model, options)

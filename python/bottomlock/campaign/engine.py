@@ -1,18 +1,14 @@
 """Engines: what runs a list of chunks. The numbers do not depend on the engine."""
 
-import os
-from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from importlib.util import find_spec
-from threading import Event
 from typing import Literal, get_args
 from urllib.parse import urlsplit
 
 from bottomlock.campaign.build import BuiltScenario
-from bottomlock.campaign.chunk import Chunk, ChunkResults, ChunkTables, RunChunks, run_chunk
+from bottomlock.campaign.chunk import Chunk, ChunkResults, RunChunks, run_chunk
 from bottomlock.errors import EngineError
 from bottomlock.support.extras import install
 from bottomlock.support.nearest import did_you_mean
@@ -27,48 +23,13 @@ def run_here(
     chunks: Sequence[Chunk],
     progress: Callable[[Chunk, float], None],
 ) -> ChunkResults:
-    """Runs chunks in this process, in order, two at a time on half of the threads each.
-
-    While the tables of one chunk are made, which takes the interpreter, the other is in the kernel.
-    """
+    """Runs chunks in this process, in order."""
     of = {built.scenario.name: built for built in scenarios}
-    at_once, threads_each = halves(threads)
-    pool, stop = ThreadPoolExecutor(max_workers=at_once), Event()
-    ahead: deque[tuple[Chunk, Future[ChunkTables]]] = deque()
-    try:
-        for chunk in chunks:
-            built = of[chunk.scenario]
-            if built.closed_loop:
-                # Long, and much of it in Python: it stays in this thread, where an interruption reaches it.
-                yield from _finished(ahead, 0)
-                yield chunk, run_chunk(built, chunk, threads=threads, progress=partial(progress, chunk))
-                continue
-            ahead.append((chunk, pool.submit(run_chunk, built, chunk, threads=threads_each, stop=stop)))
-            # One waits, for the worker that is free while the caller writes.
-            yield from _finished(ahead, at_once)
-        yield from _finished(ahead, 0)
-    finally:
-        # An interruption reaches this thread alone; nothing waits for the results any more.
-        stop.set()
-        pool.shutdown(cancel_futures=True)
-
-
-def halves(threads: int) -> tuple[int, int]:
-    """How many works share `threads`, 0 for as many as there are cores, and how many threads each has.
-
-    >>> halves(1), halves(2), halves(7)
-    ((1, 1), (2, 1), (2, 4))
-    """
-    threads = threads or os.cpu_count() or 1
-    at_once = min(2, threads)
-    return at_once, -(-threads // at_once)
-
-
-def _finished(ahead: deque[tuple[Chunk, Future[ChunkTables]]], but: int) -> ChunkResults:
-    """Waits for the chunks at the head of the queue, all but the last `but`."""
-    while len(ahead) > but:
-        chunk, result = ahead.popleft()
-        yield chunk, result.result()
+    for chunk in chunks:
+        yield (
+            chunk,
+            run_chunk(of[chunk.scenario], chunk, threads=threads, progress=partial(progress, chunk)),
+        )
 
 
 def check_engine(name: str, *, threads: int = 0, scheduler: str | None = None) -> None:

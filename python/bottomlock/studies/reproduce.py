@@ -5,14 +5,12 @@ campaign.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from bottomlock.campaign.engine import halves
 from bottomlock.campaign.run import CampaignProgress, check_campaign, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.files.output_folder import locked
@@ -89,8 +87,6 @@ def run_sweep(
     Raises:
         As `run_campaign`.
     """
-    # A value of one chunk a trajectory leaves cores idle while its tables are made.
-    at_once, threads_each = halves(threads)
 
     def part(name: str, setting: Setting, value: float | str) -> pl.DataFrame:
         changed = [setting.change(scenario, value) for scenario in scenarios]
@@ -98,18 +94,12 @@ def run_sweep(
             changed,
             runs=runs,
             methods=setting.methods,
-            threads=threads_each,
+            threads=threads,
             progress=lambda state: progress(replace(state, trajectory=f"sweep {name} {state.trajectory}")),
         )
         return _rows(setting.parameter, value, results.summary)
 
-    pool = ThreadPoolExecutor(max_workers=at_once)
-    try:
-        parts = [pool.submit(part, *cell) for cell in _cells()]
-        return pl.concat([part.result() for part in parts])
-    finally:
-        # After a failure or an interruption the parts under way, of a second or two, end first.
-        pool.shutdown(cancel_futures=True)
+    return pl.concat([part(*cell) for cell in _cells()])
 
 
 def _rows(parameter: str, value: float | str, summary: pl.DataFrame) -> pl.DataFrame:
