@@ -4,10 +4,10 @@ Rust faults are drawn from the list of cargo-mutants and judged by the kernel's 
 the syntax tree and judged by those quick tests of their rooms that run the line. Faults that do not build are left out
 and others drawn.
 
-A row of the table is a fault: group, file, function, line (its text), change, and outcome: "killed", "survived", or
-"timeout", which counts as killed. `--again TABLE` judges the faults of an earlier table once more, where function, line
-and change still stand, and prints both shares: the gate before and after a change. `--goes-on` keeps what `--out` holds
-of the same commit, and judges the rest of the sample.
+A row of the table is a fault: group, file, function, line (its text), change, outcome ("killed", "survived", or
+"timeout", which counts as killed), and the commit that it was judged at. `--again TABLE` judges the faults of an
+earlier table once more, where function, line and change still stand, and prints both shares: the gate before and after
+a change. `--goes-on` keeps what `--out` holds, and judges what is missing of the groups at this commit.
 
     python -m tools.mutation_sample --out data/evidence/mutation_sample.parquet [--goes-on]
     python -m tools.mutation_sample --groups logs --each 20
@@ -80,6 +80,7 @@ class Fault:
         line: text of its first line, stripped.
         change: what is put in the place of what.
         outcome: "killed", "survived" or "timeout"; "" before it is judged.
+        commit: at which it was judged.
         number: of its first line, from 1.
         span: first and last byte of what is replaced.
         new: what takes its place.
@@ -91,6 +92,7 @@ class Fault:
     line: str
     change: str
     outcome: str = ""
+    commit: str = ""
     number: int = 0
     span: tuple[int, int] = (0, 0)
     new: str = ""
@@ -165,7 +167,7 @@ def python_faults(group: str, path: Path, root: Path) -> list[Fault]:
             same = " ".join(body[slice(*span)].decode().split())
             line, change = lines[old.lineno - 1].strip(), f"{same[:120]} -> {new[:120]}"
             file = path.relative_to(root).as_posix()
-            faults.append(Fault(group, file, function, line, change, "", old.lineno, span, new))
+            faults.append(Fault(group, file, function, line, change, number=old.lineno, span=span, new=new))
         inner = function
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             inner = f"{function}.{node.name}".lstrip(".")
@@ -413,7 +415,7 @@ def _again(faults: Iterable[Fault], keys: set[tuple[str, str, str, str]]) -> lis
 
 def table(faults: Iterable[Fault]) -> pl.DataFrame:
     """The faults as a table."""
-    columns = ("group", "file", "function", "line", "change", "outcome")
+    columns = ("group", "file", "function", "line", "change", "outcome", "commit")
     rows = [{name: asdict(fault)[name] for name in columns} for fault in faults]
     return pl.DataFrame(rows, schema=dict.fromkeys(columns, pl.String))
 
@@ -431,18 +433,16 @@ def shares(faults: pl.DataFrame) -> pl.DataFrame:
     )  # fmt: skip
 
 
-def judged_before(path: Path | None) -> list[Fault]:
-    """The faults of a table of this commit.
+def judged_before(path: Path | None, groups: Iterable[str]) -> list[Fault]:
+    """The faults of a table, but those of the groups that were judged at another commit, whose sample is another.
 
     Raises:
-        SystemExit: for a missing file, and one of another commit, whose sample is another.
+        SystemExit: for a missing file.
     """
     if path is None or not path.is_file():
         raise SystemExit("--goes-on needs --out with the table of an interrupted run")
-    commit = pl.read_parquet_metadata(path).get("commit")
-    if commit != head():
-        raise SystemExit(f"{path} is of commit {commit}, expected {head()}: check that one out")
-    return [Fault(**row) for row in pl.read_parquet(path).iter_rows(named=True)]
+    faults = [Fault(**row) for row in pl.read_parquet(path).iter_rows(named=True)]
+    return [one for one in faults if one.group not in groups or one.commit == head()]
 
 
 def head() -> str:
@@ -467,7 +467,7 @@ def main() -> None:
     parser.add_argument("--goes-on", action="store_true", help="after an interrupt: keep what --out holds")
     options = parser.parse_args()
     before = pl.read_parquet(options.again) if options.again else None
-    found = judged_before(options.out) if options.goes_on else []
+    found = judged_before(options.out, options.groups) if options.goes_on else []
     for group in options.groups:
         faults = all_faults(group)
         if before is None:
@@ -479,7 +479,7 @@ def main() -> None:
             rows = before.filter(pl.col("group") == group).select("file", "function", "line", "change").rows()
             chosen, limit = _again(faults, set(rows)), len(rows)
         for fault in islice(judged(group, chosen, options.jobs), limit):
-            found.append(fault)
+            found.append(replace(fault, commit=head()))
             if options.out:
                 write(found, options.out)
     pl.Config.set_tbl_rows(-1)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import polars as pl
 import pytest
 
 from tools.mutation_sample import head, judged_before, python_faults, write
@@ -34,12 +33,18 @@ def test_faults_build_and_differ(tmp_path: Path) -> None:
 
 
 def test_a_run_goes_on_with_what_its_table_holds(tmp_path: Path) -> None:
-    """The faults of this commit, with their outcomes; a table of another commit is refused."""
+    """The faults of this commit and of other groups stay; those of a group at another commit are judged anew."""
     (tmp_path / "gate.py").write_text(SOURCE)
-    judged = [replace(one, outcome="killed") for one in python_faults("logs", tmp_path / "gate.py", tmp_path)]
+    first, second, third, *_ = python_faults("logs", tmp_path / "gate.py", tmp_path)
+    kept = [
+        replace(first, outcome="killed", commit=head()),
+        replace(second, group="kernel mathematics", outcome="survived", commit="0" * 40),
+    ]
     table = tmp_path / "table.parquet"
-    write(judged, table)
-    assert [(one.key, one.outcome) for one in judged_before(table)] == [(one.key, "killed") for one in judged]
-    pl.read_parquet(table).write_parquet(table, metadata={"commit": "0" * 40})
-    with pytest.raises(SystemExit, match=head()):
-        judged_before(table)
+    write([*kept, replace(third, outcome="killed", commit="0" * 40)], table)
+    found = judged_before(table, ["logs"])
+    assert [(one.key, one.outcome, one.commit) for one in found] == [
+        (one.key, one.outcome, one.commit) for one in kept
+    ]
+    with pytest.raises(SystemExit, match="--goes-on needs --out"):
+        judged_before(tmp_path / "none.parquet", ["logs"])
