@@ -56,6 +56,24 @@ def test_repeated_rows_and_short_rests_stay(repeats: int) -> None:
     assert not standing(TIME_NS, values[:, None]).any()
 
 
+@pytest.mark.parametrize("every", [1, 10])
+def test_a_rest_among_long_runs_stays(every: int) -> None:
+    """Twelve seconds are 60 rows, where one run of `every` has ten rows already."""
+    values, k = depth(), 0
+    while k < COUNT:
+        values[k : k + 10] = values[k]
+        k += 10 * every
+    values[during(40.0, 52.0)] = values[200]
+    assert not standing(TIME_NS, values[:, None]).any()
+
+
+def test_seconds_count_beside_rows() -> None:
+    """Seven seconds are 350 rows at 50 Hz."""
+    values = np.round(5.0 + np.cumsum(0.01 * np.random.default_rng(4).normal(size=5000)), 6)
+    values[1000:1350] = values[1000]
+    assert not standing((np.arange(5000) * 20_000_000).astype(np.int64), values[:, None]).any()
+
+
 def test_a_stream_that_never_changes_is_not_judged() -> None:
     assert not standing(TIME_NS, np.zeros((COUNT, 1))).any()
     assert not standing(TIME_NS[:5], np.zeros((5, 1))).any()

@@ -32,6 +32,12 @@ def test_by_hand() -> None:
     assert report.gaps.text == "1, first at row 5, 8.000 s, longest 5 s"
 
 
+@pytest.mark.parametrize(("step_s", "count"), [(2.9, 0), (3.1, 1)])
+def test_a_gap_is_more_than_three_median_steps(step_s: float, count: int) -> None:
+    times = stamps(0, 1, 2, 3, 4, 4 + step_s, 5 + step_s)
+    assert row_times(times, len(times), Clock(column="t"), place="log").report.gaps.count == count
+
+
 @pytest.mark.parametrize(
     ("times", "message"),
     [

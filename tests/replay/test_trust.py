@@ -200,6 +200,7 @@ APART = Agreement("tc", 2.0, 1.6, 2.0, 1.0, 1.0, None, None)
         (replace(TILT, kind="scale", size=0.024), NEAR, None, "partly"),
         (replace(TILT, kind="scale", size=0.026), NEAR, None, "no"),
         (replace(TILT, kind="scale", size=0.026), NEAR, AGREES, "partly"),
+        (replace(TILT, kind="depth_scale"), NEAR, AGREES, "no"),
         (UNEXPLAINED, NEAR, AGREES, "yes"),
         (UNEXPLAINED, NEAR, None, "partly"),
     ],
@@ -208,8 +209,32 @@ def test_a_mistake_that_has_not_moved_the_track_is_a_doubt(
     cause: Finding, agreement: Agreement, reference: Reference | None, verdict: str
 ) -> None:
     """A "no" needs a track that is off: from dead reckoning, or from the reference."""
-    found = answer_of(evidence(causes=(cause,), agreements=(agreement,), reference=reference))
+    first, state = verdict_finding(SEEN, cause, agreement)
+    found = answer_of(
+        evidence(verdict=first, state=state, causes=(cause,), agreements=(agreement,), reference=reference)
+    )
     assert found.verdict == verdict
+
+
+def test_claims_that_the_reference_refutes_are_a_no() -> None:
+    """Where dead reckoning is nearer to it; else a doubt."""
+    claims = Finding("claims", "warning", 1.0, "The error is 5 times the claimed 1 sigma.", "", "Check.", "")
+    for agreement, verdict in ((WORSE, "no"), (NEAR, "partly")):
+        found = answer_of(evidence(agreements=(agreement,), further=(claims,), reference=DISAGREES))
+        assert found.verdict == verdict
+
+
+def test_two_claims_add_as_squares() -> None:
+    """By hand: 10 m apart in the north, 1 sigma of 3 and 4 m."""
+    parts = []
+    for method, sd, place in (("tc", 3.0, 10.0), (METHOD, 4.0, 0.0)):
+        columns: dict[str, object] = {"pass": ["forward"] * 30, "method": [method] * 30}
+        for axis, at in (("north", place), ("east", 0.0)):
+            columns |= {f"{axis}_m": [at] * 30, f"sd_position_{axis}_m": [sd] * 30}
+            columns[f"err_position_{axis}_m"] = [None] * 30
+        parts.append(pl.DataFrame(columns, schema_overrides=UNKNOWN))
+    (found,) = agreements(pl.concat(parts), ["tc"])
+    assert (found.sigmas, found.own_sigmas) == (pytest.approx(2.0), pytest.approx(2.5))
 
 
 def test_the_reference_at_the_end_and_over_time() -> None:
