@@ -19,7 +19,7 @@ ROWS = {row.name: row for row in rows()}
     ("name", "verdict"),
     [
         ("right: velocity, dive 3", "partly"),
-        ("right: velocity, gps, dive 3", "yes"),
+        ("right: velocity, gps, dive 4", "yes"),
         ("right: beams of json, gps", "yes"),
         # Units and clocks: tests/replay/test_first_case.py.
         pytest.param("mistake: deg/s named rad/s", "partly", marks=pytest.mark.long),
@@ -39,7 +39,6 @@ ROWS = {row.name: row for row in rows()}
         pytest.param("case: 01 one table with blanks, beams", "partly", marks=pytest.mark.long),
         pytest.param("case: 17 True and False", "partly", marks=pytest.mark.long),
         pytest.param("case: 23 topics as columns", "partly", marks=pytest.mark.long),
-        pytest.param("right: velocity, gps, dive 4", "partly", marks=pytest.mark.long),
     ],
 )
 def test_answers(name: str, verdict: str) -> None:

@@ -11,6 +11,8 @@ from bottomlock.replay.case import Case
 from bottomlock.replay.streams import Streams
 
 SIGMAS = 5.0
+CLAIMED = 2.5
+"""Rotation of a track over the claimed slow error of the heading up to which that explains it: 1 in 80."""
 LEAST_EXTENT_M = 5.0
 FEWEST = 10
 UNLIKE, BEYOND, WANDER_M = 0.15, 5.0, 3.0
@@ -101,15 +103,28 @@ def track_finding(case: Case, track: list[Fit], reckoned: list[Fit]) -> Finding 
         track: of the method.
         reckoned: of dead reckoning; empty without one.
     """
+    claimed_rad = CLAIMED * _claimed_yaw_rad(case)
     for k, one in enumerate(track):
         beside = reckoned[k] if k < len(reckoned) else None
         if (beside or one).unlike:
             return _other_dive(one, beside)
-        if beside is not None and beside.turned and not one.turned:
+        if beside is not None and beside.turned and not one.turned and abs(beside.angle_rad) > claimed_rad:
             return _attitude_turned(case, beside)
-        if one.turned and (one.name == "reference" or case.gps is None or not case.gps.aids):
+        if (
+            one.turned
+            and abs(one.angle_rad) > claimed_rad
+            and (one.name == "reference" or case.gps is None or not case.gps.aids)
+        ):
             return _track_turned(case, one)
     return None
+
+
+def _claimed_yaw_rad(case: Case) -> float:
+    """1 sigma of the slow error of the yaw that the case claims of an attitude that aids; 0 without one."""
+    attitude = case.attitude
+    if attitude is None or attitude.aids == "nothing":
+        return 0.0
+    return float(np.deg2rad(np.hypot(attitude.yaw_offset_sd_deg, attitude.yaw_walk_sd_deg)))
 
 
 def _other_dive(one: Fit, beside: Fit | None) -> Finding:
