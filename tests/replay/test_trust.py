@@ -234,7 +234,8 @@ def test_two_claims_add_as_squares() -> None:
             columns[f"err_position_{axis}_m"] = [None] * 30
         parts.append(pl.DataFrame(columns, schema_overrides=UNKNOWN))
     (found,) = agreements(pl.concat(parts), ["tc"])
-    assert (found.sigmas, found.own_sigmas) == (pytest.approx(2.0), pytest.approx(2.5))
+    assert found.sigmas == pytest.approx(2.0)
+    assert found.own_sigmas == pytest.approx(2.5)
 
 
 def test_the_reference_at_the_end_and_over_time() -> None:
