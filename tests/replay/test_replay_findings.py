@@ -29,7 +29,8 @@ def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) ->
     assert findings[1]["kind"] == kind
     assert key in findings[1]["key"]
     assert findings[1]["text"] in findings[0]["hint"]
-    assert manifest["answer"]["verdict"] == "no"
+    # A mistake that has not moved the track is a doubt.
+    assert manifest["answer"]["verdict"] in {"no", "partly"}
     assert manifest["answer"]["sentence"] == findings[1]["text"]
     assert manifest["answer"]["change"] == findings[1]["hint"]
 

@@ -24,6 +24,10 @@ TURN_RAD = float(np.deg2rad(5.0))
 """Least step of an attitude that the gyros do not show."""
 SCATTERS = 10.0
 """Step over the usual scatter of the steps (median absolute deviation)."""
+ALONE = 4.0
+"""Step of an attitude over the two before and after it: axes that are not as stated leave one beside the other."""
+LONGEST_S = 2.0
+"""Interval over which the gyros' bias is no step."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +83,9 @@ def standing(time_ns: Times, values: Floats) -> Flags:
     ends = np.concatenate([begins[1:], [len(time_ns)]])
     rows, seconds = ends - begins, (time_ns[ends - 1] - time_ns[begins]) * 1e-9
     long = (rows >= STILL_ROWS) & (seconds >= STILL_S)
-    # A stream that hardly ever changes has no usual run.
-    if long.all() or not long.any() or len(rows) < STILL_ROWS:
+    # Until its first change a vehicle may be at rest; a stream that hardly ever changes has no usual run.
+    long[0] = False
+    if not long.any() or len(rows) < STILL_ROWS:
         return found
     usual = float(np.quantile(rows[~long], USUAL))
     for begin, end in zip(begins[long], ends[long], strict=True):
@@ -124,5 +129,7 @@ def yaw_steps(attitudes: Attitudes, inertial: Inertial) -> Floats:
     left = C[1:] * (C[:-1] * Rotation.from_rotvec(turned)).inv()
     step = left.as_rotvec()[:, 2]
     usual = SCATTERS * 1.4826 * float(np.median(np.abs(step - np.median(step))))
-    stepped = np.abs(step) > max(TURN_RAD, usual)
+    size = np.pad(np.abs(step), 2)
+    beside = np.max([size[:-4], size[1:-3], size[3:-1], size[4:]], axis=0)
+    stepped = (np.abs(step) > np.maximum(ALONE * beside, max(TURN_RAD, usual))) & (np.diff(at) < LONGEST_S)
     return np.concatenate([[0.0], np.cumsum(np.where(stepped, step, 0.0))])
