@@ -43,9 +43,8 @@ fn push(filter: &mut Eskf, at_s: i64, reading_mps: [f64; 3]) -> (Verdict, Option
         filter.note_accepted(Sensor::Velocity);
         return (report.verdict, None);
     }
-    let admissible = filter.admissible_error(Sensor::Velocity);
-    let factor = filter.note_rejected(&of(filter), Sensor::Velocity, admissible).unwrap();
-    (report.verdict, factor)
+    let charge = filter.note_rejected(&of(filter), Sensor::Velocity, true).unwrap();
+    (report.verdict, charge.and_then(|charge| charge.factor))
 }
 
 fn velocity_covariance(filter: &Eskf) -> Matrix3<f64> {
@@ -72,7 +71,7 @@ fn the_covariance_holds_both_until_the_readings_are_believed() {
     // By hand as for inflation: 4 / (0.0025 (1 + f)) = 3 + 4 / 2500.
     assert_eq!(verdict, Verdict::Rejected);
     assert!((factor.unwrap() / 532.0 - 1.0).abs() < 1e-2, "{factor:?}");
-    assert!(filter.doubted(Sensor::Velocity).is_none());
+    assert!(!filter.run(Sensor::Velocity).is_held);
     assert_eq!(push(&mut filter, 31, off).0, Verdict::Accepted);
     assert!((filter.state().velocity_p_mps.to_array()[1] - 2.0).abs() < 0.01);
 }
@@ -86,12 +85,13 @@ fn a_reading_on_the_side_of_the_filter_ends_the_doubt() {
         for at_s in 1..=3 {
             push(&mut filter, at_s, [0.0, 2.0, 0.0]);
         }
-        assert_eq!(filter.doubted(Sensor::Velocity), Some(Vector3::new(0.0, 2.0, 0.0)));
+        assert_eq!(filter.run(Sensor::Velocity).correction, Vector3::new(0.0, 2.0, 0.0));
+        assert!(filter.run(Sensor::Velocity).is_held);
         assert_eq!(
             push(&mut filter, 4, [0.0, side_mps, 0.0]).0 == Verdict::Accepted,
             is_used
         );
-        assert_eq!(filter.doubted(Sensor::Velocity).is_none(), is_used);
+        assert_eq!(!filter.run(Sensor::Velocity).is_held, is_used);
     }
 }
 
@@ -102,9 +102,9 @@ fn an_outlier_is_no_word_on_the_doubt() {
     for at_s in 1..=3 {
         push(&mut filter, at_s, [0.0, 2.0, 0.0]);
     }
-    let before = filter.doubted(Sensor::Velocity);
+    let before = filter.run(Sensor::Velocity).correction;
     assert_eq!(push(&mut filter, 40, [5.0, 0.0, 0.0]), (Verdict::Rejected, None));
-    assert_eq!(filter.doubted(Sensor::Velocity), before);
+    assert_eq!(filter.run(Sensor::Velocity).correction, before);
 }
 
 /// Where other sensors have made the velocity known again, the readings are those of a gate as before, and count anew.
@@ -120,16 +120,6 @@ fn what_other_sensors_show_ends_the_doubt() {
         updated.covariance[(VELOCITY + 1, VELOCITY + 1)] = part * 4.0;
         assert_eq!(updated.is_in_doubt(Sensor::Velocity), is_in_doubt);
     }
-}
-
-/// A velocity counts to five sigma once one was accepted, and any before; a position always counts.
-#[test]
-fn what_is_admissible_of_a_sensor() {
-    let mut filter = filter();
-    assert_eq!(filter.admissible_error(Sensor::Velocity), AdmissibleError::FiveSigma);
-    assert_eq!(filter.admissible_error(Sensor::AcousticPosition), AdmissibleError::Any);
-    filter.measured.velocity_ns = None;
-    assert_eq!(filter.admissible_error(Sensor::Velocity), AdmissibleError::Any);
 }
 
 /// Beams never widen the covariance; those that say the same for 30 s inflate it.
@@ -153,30 +143,12 @@ fn beams_are_believed_after_half_a_minute() {
         assert_eq!(velocity_covariance(&filter), before);
         factors.push(
             filter
-                .note_rejected(&innovation, Sensor::Beams, AdmissibleError::FiveSigma)
-                .unwrap(),
+                .note_rejected(&innovation, Sensor::Beams, true)
+                .unwrap()
+                .and_then(|charge| charge.factor),
         );
     }
     assert_eq!(factors[..4], [None; 4]);
     assert!(factors[4].is_some_and(|factor| factor > 25.0));
-    assert!(filter.doubted(Sensor::Beams).is_none());
-}
-
-/// A doubt from bytes is finite.
-#[test]
-fn restored_doubts_are_checked() {
-    let mut filter = filter();
-    for at_s in 1..=3 {
-        push(&mut filter, at_s, [0.0, 2.0, 0.0]);
-    }
-    assert_eq!(filter.consecutive_rejections.check_restored(3), Ok(()));
-    let faults: [fn(&mut Difference); 2] = [
-        |open| open.factor = f64::NAN,
-        |open| open.velocity_p_mps.z = f64::INFINITY,
-    ];
-    for change in faults {
-        let mut bad = filter.consecutive_rejections.clone();
-        change(bad.doubts.of_mut(Sensor::Velocity).unwrap().open.as_mut().unwrap());
-        assert!(bad.check_restored(3).is_err());
-    }
+    assert!(filter.run(Sensor::Beams).is_empty());
 }

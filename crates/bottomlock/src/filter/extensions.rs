@@ -187,6 +187,20 @@ impl Extensions {
         left
     }
 
+    /// Variance of each further state in the long run; zero for a constant of the DVL's mounting and for a state that is none.
+    pub(super) fn steady(&self) -> FurtherVector {
+        let mut steady = *self.processes.variance();
+        if let Some(water) = &self.water {
+            steady.fixed_rows_mut::<WATER>(FIRST_WATER).copy_from(water.variance());
+            if let Some(layers) = water.layers() {
+                steady
+                    .fixed_rows_mut::<LAYER_STATES>(FIRST_LAYERS)
+                    .copy_from(&layers.variance());
+            }
+        }
+        steady
+    }
+
     /// Records and propagates an interval of the error state that ends at `end`.
     pub(super) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
         if self.tape.is_some() {
@@ -200,7 +214,7 @@ impl Extensions {
         }
         let duration_s = interval.duration_s();
         let left = self.left(duration_s, end);
-        let mut steady = *self.processes.variance();
+        let steady = self.steady();
         self.processes.propagate(&left);
         if let Some(calibration) = &mut self.calibration {
             calibration.extend(duration_s, end);
@@ -209,12 +223,8 @@ impl Extensions {
             effort.extend(duration_s, end);
         }
         if let Some(water) = &mut self.water {
-            steady.fixed_rows_mut::<WATER>(FIRST_WATER).copy_from(water.variance());
             water.propagate(duration_s, &left.fixed_rows::<WATER>(FIRST_WATER).into_owned());
             if let Some(layers) = water.layers_mut() {
-                steady
-                    .fixed_rows_mut::<LAYER_STATES>(FIRST_LAYERS)
-                    .copy_from(&layers.variance());
                 layers.propagate(duration_s, &left.fixed_rows::<LAYER_STATES>(FIRST_LAYERS).into_owned());
             }
         }

@@ -1,13 +1,8 @@
 //! The innovation gate: its rule, its thresholds, and what follows a verdict.
 //!
-//! - Accepted: update (`update.rs`); the count of the sensor's rejections starts again from zero (`inflation.rs`).
+//! - Accepted: update (`update.rs`); the run of the sensor's rejections ends.
 //! - Some rows rejected: update with the others.
-//! - Rejected: the measurement is not used, and counts as evidence against the filter (`inflation.rs`) unless measurements
-//!   contradict each other, or an assumption is rejected.
-//! - `inflate_after_rejections` of one sensor in a row that agree and that an error of the filter explains: the covariance is
-//!   inflated, and the measurement tested again (`inflation.rs`).
-//! - As many that only an error beyond five sigma explains: for half a minute (`LONGEST_DOUBT_NS`) the covariance holds both
-//!   possibilities, then the readings are used (`doubt.rs`).
+//! - Rejected: the measurement is not used, and may be evidence of an error of its sensor or of the filter (`evidence.rs`).
 //!
 //! Whether a measurement is evidence against the filter is tested with [`GateTable::plausible`], whatever the gate in use rejects.
 

@@ -103,6 +103,11 @@ impl GaussMarkovStates {
         &self.variance
     }
 
+    /// Inverse of the correlation time of each state, 1/s; 0 for a constant and for a state that is none of them.
+    pub(super) fn rate_per_s(&self) -> &FurtherVector {
+        &self.rate_per_s
+    }
+
     /// The blocks of which something is unknown.
     pub(super) fn unknown(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let is_unknown = |block: &Range<usize>| block.clone().any(|k| self.variance[k] > 0.0);

@@ -4,17 +4,17 @@ mod assume;
 mod bridge;
 mod calibrated;
 mod calibration;
+pub(crate) mod charge;
 mod corrected_path;
 pub mod current;
 mod definite;
-mod doubt;
 mod effort;
+pub(crate) mod evidence;
 mod extensions;
 pub mod filter_group;
 mod further_states;
 pub mod gate;
 mod gauss_markov;
-pub(crate) mod inflation;
 mod joseph;
 #[cfg(test)]
 mod level_turn;
@@ -41,8 +41,8 @@ use nalgebra::{SMatrix, Vector3};
 
 pub(crate) use self::bridge::{BridgeNoise, seconds_between};
 use self::definite::is_positive_definite;
+use self::evidence::Evidence;
 use self::extensions::Extensions;
-use self::inflation::ConsecutiveRejections;
 use self::linear_range::Measured;
 use self::prediction::Settings;
 use self::update::not_positive_definite;
@@ -83,7 +83,7 @@ pub struct Eskf {
     /// Tells a filter that is wrong from one that is not, whatever gate rejects.
     plausible: GateTable,
     inflate_after_rejections: u32,
-    consecutive_rejections: ConsecutiveRejections,
+    evidence: Evidence,
     extensions: Extensions,
 }
 
@@ -126,7 +126,7 @@ impl Eskf {
             gate: GateTable::new(options.gate, options.gate_probability)?,
             plausible: GateTable::plausible(options.gate, options.gate_probability)?,
             inflate_after_rejections: options.inflate_after_rejections,
-            consecutive_rejections: ConsecutiveRejections::default(),
+            evidence: Evidence::default(),
             extensions: Extensions::new(&model.sensors, options, &kinematics),
         })
     }

@@ -76,8 +76,10 @@ pub struct UpdateReport {
     pub threshold: f64,
     /// Outcome of the gate.
     pub verdict: Verdict,
-    /// Factor by which the covariance of the inertial states was inflated after consecutive rejections.
+    /// Factor by which variances grew after consecutive rejections.
     pub inflation: Option<f64>,
+    /// Part of what those rejections showed that was charged to slow errors of the sensor; the rest to inertial states.
+    pub charged_to_sensor: f64,
     /// True where the velocity was so uncertain before the update that the linear model no longer holds in the tangent
     /// frame ([`LINEAR_RANGE_MPS`](crate::filter::linear_range::LINEAR_RANGE_MPS)).
     pub is_beyond_linear_range: bool,
@@ -101,6 +103,7 @@ impl UpdateReport {
             threshold: f64::INFINITY,
             verdict: Verdict::NoInformation,
             inflation: None,
+            charged_to_sensor: 0.0,
             is_beyond_linear_range: false,
             choice: None,
             beam_weight: None,

@@ -35,7 +35,7 @@ impl Eskf {
         densities
             .into_iter()
             .try_for_each(|(field, value)| require_non_negative(field, value))?;
-        self.consecutive_rejections.check_restored(time_ns)?;
+        self.evidence.check_restored(time_ns)?;
         self.extensions.further().check_restored(time_ns)?;
         self.extensions.processes.check_restored(time_ns)?;
         if let Some(calibration) = &self.extensions.calibration {

@@ -1,5 +1,5 @@
-//! Revolutions of the propeller and forces of the thrusters in a filter: advance and slip as estimated, the Jacobian by the advance,
-//! and what is done where they contradict the beams.
+//! Revolutions of the propeller and forces of the thrusters in a filter: advance and slip as estimated, and the Jacobian by the
+//! advance.
 //!
 //! The advance of a force is the speed over that by the drag law ([`crate::aiding::effort`]), and the speed by the drag law its n.
 //!
@@ -9,13 +9,10 @@
 //! n̄ is what was read; later it is what is expected, û/â, which the noise of this reading has no part in. It is that from ten
 //! times on: half of a reading's noise in n̄, time and again, would still let the advance shrink.
 //!
-//! # Where they contradict the beams
-//! The bottom's beams know the velocity, so what revolutions contradict for long is their advance, or the current that was taken off
-//! them at another heading. With the gate alone they would be lost for good: after as many rejections in a row as inflate a
-//! covariance ([`super::inflation`]), which agree, the advance becomes uncertain by what explains them. Where more than half of it
-//! would, as where hardly anything turns, something else drives the vehicle or holds it, and the slip becomes as uncertain.
+//! Where they contradict the beams, which know the velocity, advance, slip and current become uncertain ([`super::evidence`]), each by
+//! its variance: where hardly anything turns the slip, since something else drives the vehicle or holds it.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector};
 
 use super::Eskf;
 use super::joseph::PredictedInnovation;
@@ -47,9 +44,6 @@ impl SpeedStates {
 
 /// S over the variance of slip and noise up to which all of the innovation is theirs.
 const KNOWN: f64 = 10.0;
-
-/// Change of an advance, relative, that a propeller or a drag can have.
-const LARGEST_CHANGE: f64 = 0.5;
 
 impl Eskf {
     /// Advance per revolution, m, and slip of the propeller, m/s, with the covariance of their errors; `None` where they are not
@@ -126,42 +120,6 @@ impl Eskf {
         let mut back = crate::aiding::further::FurtherVector::zeros();
         back[slip] = -self.extensions.processes.estimate()[slip];
         self.extensions.processes.inject(&back);
-    }
-
-    /// Counts the rejection of revolutions or forces with this innovation; the further state that is to become uncertain where it is
-    /// one too many, and the variance to be added to it.
-    pub(crate) fn note_rejected_speed(&mut self, sensor: Sensor, innovation: &Innovation) -> Option<(usize, f64)> {
-        let states = SpeedStates::of(sensor)?;
-        if self.inflate_after_rejections == 0 || innovation.rows == 0 {
-            return None;
-        }
-        let residual_mps = self.with_further_noise(innovation)?.residual[0];
-        let needed = (self.inflate_after_rejections, 0);
-        let correction = Vector3::x() * residual_mps;
-        let count = self.consecutive_rejections.explained(sensor);
-        count.rejection(1.0, correction, needed, self.state.time_ns)?;
-        let advance = self.extensions.processes.estimate()[states.advance];
-        let turns = innovation.by_further.as_ref()?[(0, states.advance)];
-        let change = residual_mps / turns;
-        if change.abs() <= LARGEST_CHANGE * advance.abs() {
-            Some((states.advance, change * change))
-        } else {
-            Some((states.slip, residual_mps * residual_mps))
-        }
-    }
-
-    /// Adds to the variance of a further state; returns the factor on it.
-    pub(crate) fn widen_further(&mut self, state: usize, variance: f64) -> f64 {
-        let Some(further) = &mut self.extensions.further else {
-            return 1.0;
-        };
-        let before = further.covariance()[(state, state)];
-        further.add_variance(state, variance);
-        if before > 0.0 {
-            (before + variance) / before
-        } else {
-            1.0
-        }
     }
 }
 

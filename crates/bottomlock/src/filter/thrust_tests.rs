@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::aiding::further::FURTHER;
+use crate::aiding::further::{FIRST_WATER, FURTHER};
 use crate::aiding::sensor::TimeConstant;
 use crate::aiding::thrust::{ADVANCE, SLIP, ThrustModel, ThrustUse, thrust};
 use crate::aiding::{Corrects, Innovation};
@@ -200,29 +200,30 @@ fn noise_is_no_change_of_speed() {
     }
 }
 
-/// Five rejections that agree widen the advance by what explains them, where that is half of it at most, else the slip; others do not.
+/// Five rejections that agree make slip, advance and current uncertain, each by its variance; others do not.
 #[test]
-fn rejections_widen_the_advance_or_the_slip() {
+fn rejections_are_charged_by_variances() {
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
-    let mut once = filter(state);
     let (advance, slip) = (FIRST_THRUST + ADVANCE, FIRST_THRUST + SLIP);
-    for (turns, expected) in [
-        (30.0, (advance, (1.0_f64 / 30.0).powi(2))),
-        (45.0, (slip, 2.5_f64.powi(2))),
-        (0.5, (slip, 1.95_f64.powi(2))),
-    ] {
+    for turns in [45.0, 0.5] {
+        let mut once = filter(state);
         let row = row_of(&once, turns);
-        let counted: Vec<_> = (0..5).map(|_| once.note_rejected_speed(Sensor::Thrust, &row)).collect();
-        assert_eq!(counted[..4], [None; 4]);
-        let (state, variance) = counted[4].unwrap();
-        assert_eq!(state, expected.0);
-        assert!((variance / expected.1 - 1.0).abs() < 1e-12, "{counted:?}");
+        let before = once.extensions.further().covariance().diagonal();
+        let noted: Vec<_> = (0..5)
+            .map(|_| once.note_rejected(&row, Sensor::Thrust, false).unwrap())
+            .collect();
+        assert!(noted[..4].iter().all(Option::is_none));
+        let charge = noted[4].as_ref().unwrap();
+        let added = once.extensions.further().covariance().diagonal() - before;
+        let factor = charge.factor.unwrap() - 1.0;
+        assert!(factor > 1.0 && charge.to_sensor == 1.0, "{charge:?}");
+        for (state, variance) in [(advance, 1e-4), (slip, 4e-4), (FIRST_WATER, 0.09)] {
+            assert!((added[state] / (variance * factor) - 1.0).abs() < 1e-9, "{state}");
+        }
     }
-    let before = once.thrust().unwrap().1[(ADVANCE, ADVANCE)];
-    assert!((once.widen_further(advance, 3.0 * before) - 4.0).abs() < 1e-12);
-    assert!((once.thrust().unwrap().1[(ADVANCE, ADVANCE)] / before - 4.0).abs() < 1e-12);
     // Ahead and astern by turns is noise.
-    let rows = [30.0, 10.0].map(|turns| row_of(&once, turns));
-    assert!((0..20).all(|k| once.note_rejected_speed(Sensor::Thrust, &rows[k % 2]).is_none()));
+    let mut once = filter(state);
+    let rows = [60.0, -20.0].map(|turns| row_of(&once, turns));
+    assert!((0..20).all(|k| once.note_rejected(&rows[k % 2], Sensor::Thrust, false) == Ok(None)));
 }

@@ -10,7 +10,7 @@ use crate::aiding::water::{SWAY, WaterRow, WaterVector, heave_row, sway_row};
 use crate::aiding::{Innovation, Motion};
 use crate::error::NavError;
 use crate::filter::Eskf;
-use crate::filter::inflation::AdmissibleError;
+use crate::filter::charge::Charge;
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::filter::slip_test::Alarm;
 use crate::filter::tape::Tape;
@@ -32,8 +32,8 @@ pub(crate) struct DualFilter {
     pub(crate) measurements_only: Eskf,
     /// The filter with assumptions on the motion through the water.
     constrained: Option<Box<Eskf>>,
-    /// Consecutive measurements that the constrained filter finds implausible and the other one does not.
-    implausible: u32,
+    /// Consecutive measurements of each sensor that the constrained filter finds implausible and the other one does not.
+    implausible: [u32; Sensor::COUNT],
 }
 
 impl DualFilter {
@@ -42,7 +42,7 @@ impl DualFilter {
         let mut filters = Self {
             measurements_only: filter,
             constrained: None,
-            implausible: 0,
+            implausible: [0; Sensor::COUNT],
         };
         water.into_iter().for_each(|water| filters.start_constrained(water));
         filters
@@ -60,7 +60,7 @@ impl DualFilter {
             None => filter.set_water(Some(water)),
         }
         self.constrained = Some(filter);
-        self.implausible = 0;
+        self.implausible = [0; Sensor::COUNT];
     }
 
     /// Restarts the constrained filter from the estimate on the measurements alone and from the prior of the water
@@ -180,15 +180,16 @@ impl DualFilter {
             let is_plausible = filter.update_with_verdict(&innovation, sensor, report.verdict)?;
             // A wrong advance says nothing of sway and heave.
             let is_plausible = is_plausible || SpeedStates::of(sensor).is_some();
-            self.implausible = if is_plausible { 0 } else { self.implausible + 1 };
-            if self.implausible > 0 && self.implausible == filter.rejections_allowed() {
+            let count = &mut self.implausible[sensor as usize];
+            *count = if is_plausible { 0 } else { *count + 1 };
+            if *count > 0 && *count == filter.rejections_allowed() {
                 self.widen_slip(BOTH_LARGER);
             }
         }
         Ok(report)
     }
 
-    /// [`DualFilter::update`], once more where the rejection inflates the covariance.
+    /// [`DualFilter::update`], once more where the rejection completes a run that makes states uncertain.
     ///
     /// # Errors
     /// As [`Eskf::update`].
@@ -203,50 +204,33 @@ impl DualFilter {
             return Ok(report);
         }
         let rejected = innovation_of(&self.measurements_only);
-        if SpeedStates::of(sensor).is_some() {
-            let noted = self.measurements_only.note_rejected_speed(sensor, &rejected);
-            let Some((state, variance)) = noted else {
-                return Ok(report);
-            };
-            let factor = self.measurements_only.widen_further(state, variance);
-            self.constrained.iter_mut().for_each(|filter| {
-                filter.widen_further(state, variance);
-            });
-            let report = self.update(sensor, innovation_of)?;
-            let inflation = Some(factor);
-            return Ok(UpdateReport { inflation, ..report });
-        }
-        let admissible = self.measurements_only.admissible_error(sensor);
-        let inflation = self.note_rejected(&rejected, sensor, admissible)?;
-        if inflation.is_none() {
+        let is_confirmed = sensor == Sensor::Velocity && self.measurements_only.has_velocity();
+        let Some(charge) = self.note_rejected(&rejected, sensor, is_confirmed)? else {
             return Ok(report);
-        }
-        let report = self.update(sensor, innovation_of)?;
-        Ok(UpdateReport { inflation, ..report })
+        };
+        let mut report = self.update(sensor, innovation_of)?;
+        charge.note_in(&mut report);
+        Ok(report)
     }
 
-    /// Counts a rejection by the filter on the measurements alone; as [`Eskf::note_rejected`].
+    /// Counts a rejection by the filter on the measurements alone, as [`Eskf::note_rejected`]; returns what has become uncertain where
+    /// the reading is to be tested again.
     ///
-    /// After an inflation the constrained filter starts again: its covariance was too small as well.
+    /// Where all inertial states have become uncertain the constrained filter starts again: its covariance was too small as well.
     pub(crate) fn note_rejected(
         &mut self,
         innovation: &Innovation,
         sensor: Sensor,
-        admissible: AdmissibleError,
-    ) -> Result<Option<f64>, NavError> {
-        let was_doubted = self.measurements_only.doubted(sensor).is_some();
-        let factor = self.measurements_only.note_rejected(innovation, sensor, admissible)?;
-        if factor.is_some() {
+        is_confirmed: bool,
+    ) -> Result<Option<Charge>, NavError> {
+        let noted = self.measurements_only.note_rejected(innovation, sensor, is_confirmed)?;
+        let Some(charge) = noted else { return Ok(None) };
+        if charge.is_of_all {
             self.restart_constrained();
+        } else if let Some(filter) = &mut self.constrained {
+            filter.charge(&charge);
         }
-        if let (false, Some(error), Some(filter)) = (
-            was_doubted,
-            self.measurements_only.doubted(sensor),
-            &mut self.constrained,
-        ) {
-            filter.doubt_velocity(&error);
-        }
-        Ok(factor)
+        Ok(charge.factor.is_some().then_some(charge))
     }
 
     /// Returns true if the filter on the measurements alone excludes the velocity of the constrained one.

@@ -128,6 +128,18 @@ fn the_last_rejection_that_is_allowed_starts_it_again() {
     }
 }
 
+/// A plausible reading of one sensor is no word on those of another.
+#[test]
+fn each_sensor_has_a_count() {
+    let mut filters = filters([0.0; 3], &WaterPrior::default());
+    for k in 0..ALLOWED {
+        assert_eq!(starts(&filters), [0; 2], "{k}");
+        filters.update(Sensor::Velocity, &surge(0.0, 10.0)).unwrap();
+        filters.update(Sensor::GpsVelocity, &surge(0.0, 0.0)).unwrap();
+    }
+    assert_eq!(starts(&filters), [1; 2]);
+}
+
 /// Without a limit nothing starts again.
 #[test]
 fn no_rejection_counts_without_a_limit() {

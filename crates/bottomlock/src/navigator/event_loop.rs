@@ -271,7 +271,7 @@ impl Navigator {
                     .each_mut()
                     .for_each(|filter| filter.prepare_for_water(Some((geometry, sample))));
                 let innovation_of = |filter: &Eskf| filter.water_track_innovation(geometry, sample);
-                let outcome = filters.update(Sensor::WaterTrack, &innovation_of)?;
+                let outcome = filters.update_or_inflate(Sensor::WaterTrack, &innovation_of)?;
                 if matches!(outcome.verdict, Verdict::Accepted | Verdict::AcceptedInPart { .. }) {
                     filters
                         .each_mut()

@@ -5,7 +5,7 @@ use crate::aiding::outliers;
 use crate::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
 use crate::filter::Eskf;
-use crate::filter::inflation::AdmissibleError;
+use crate::filter::charge::Charge;
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
 
 impl Navigator {
@@ -18,22 +18,22 @@ impl Navigator {
     ) -> Result<BeamMask, NavError> {
         self.filters.each_mut().for_each(Eskf::prepare_for_ping);
         let (mut left, mut weight) = self.screen(ping)?;
-        let admissible = self.admissible_error(ping.valid, left.valid);
-        let mut inflation = None;
+        let is_confirmed = self.is_confirmed(ping.valid, left.valid);
+        let mut charge = None;
         if left.valid != ping.valid {
-            inflation = self.filters.note_rejected(
+            charge = self.filters.note_rejected(
                 &tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
                 Sensor::Beams,
-                admissible,
+                is_confirmed,
             )?;
-            if inflation.is_some() {
+            if charge.is_some() {
                 (left, weight) = self.screen(ping)?;
             }
         }
         let mut outcome = self.aid_with_beams(&left)?;
-        if left.valid == ping.valid && inflation.is_none() {
-            inflation = self.note_verdict(&left, outcome.as_ref(), admissible)?;
-            if inflation.is_some() {
+        if left.valid == ping.valid && charge.is_none() {
+            charge = self.note_verdict(&left, outcome.as_ref(), is_confirmed)?;
+            if charge.is_some() {
                 outcome = self.aid_with_beams(&left)?;
             }
         }
@@ -41,7 +41,9 @@ impl Navigator {
             self.confirmed = self.confirmed.or(left.valid);
         }
         if let Some(mut outcome) = outcome {
-            outcome.inflation = inflation;
+            if let Some(charge) = charge {
+                charge.note_in(&mut outcome);
+            }
             outcome.beam_weight = weight;
             if left.valid.count() == 0 && ping.valid.count() > 0 {
                 outcome.verdict = Verdict::Rejected;
@@ -51,29 +53,25 @@ impl Navigator {
         Ok(left.valid)
     }
 
-    /// The error of the filter that the rejected beams of a ping may show; `left` are those that screening leaves.
+    /// Whether what the rejected beams of a ping show beyond five sigma is doubted; `left` are those that screening leaves.
     ///
     /// Beams without redundancy fit some velocity whatever they read, and the wrong ones of a burst of fish agree from ping to
     /// ping as the right ones of a wrong filter do. What tells the two apart, once each of the beams has been accepted, is
     /// size; but where redundant beams agree with each other and none with the filter, the filter is wrong by any size.
-    fn admissible_error(&self, ping: BeamMask, left: BeamMask) -> AdmissibleError {
+    fn is_confirmed(&self, ping: BeamMask, left: BeamMask) -> bool {
         let is_confirmed = ping.and(self.confirmed) == ping;
         let is_redundant = ping.count() > self.geometry.rank_of(ping);
         let is_whole = left == BeamMask::NONE || left == ping;
-        if is_confirmed && !(is_redundant && is_whole) {
-            AdmissibleError::FiveSigma
-        } else {
-            AdmissibleError::Any
-        }
+        is_confirmed && !(is_redundant && is_whole)
     }
 
-    /// Counts the gate's verdict on a whole ping; returns the factor of an inflation.
+    /// Counts the gate's verdict on a whole ping; returns what has become uncertain by it.
     fn note_verdict(
         &mut self,
         ping: &BeamSample,
         outcome: Option<&UpdateReport>,
-        admissible: AdmissibleError,
-    ) -> Result<Option<f64>, NavError> {
+        is_confirmed: bool,
+    ) -> Result<Option<Charge>, NavError> {
         if outcome.is_none_or(|outcome| outcome.verdict != Verdict::Rejected) {
             self.filters.measurements_only.note_accepted(Sensor::Beams);
             return Ok(None);
@@ -83,7 +81,7 @@ impl Navigator {
             BeamAiding::Own(own) => self.own_innovation(own, ping)?,
             _ => tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
         };
-        self.filters.note_rejected(&innovation, Sensor::Beams, admissible)
+        self.filters.note_rejected(&innovation, Sensor::Beams, is_confirmed)
     }
 
     /// The ping after outlier rejection with the innovation covariance of the filter without assumptions, and the weight

@@ -26,9 +26,9 @@ fn beams_that_have_been_accepted_count_to_five_sigma() {
     let mut navigator = at_rest();
     let mut admissible = |confirmed: BeamMask, ping: BeamMask, left: BeamMask| {
         navigator.confirmed = confirmed;
-        navigator.admissible_error(ping, left)
+        navigator.is_confirmed(ping, left)
     };
-    let (any, five_sigma) = (AdmissibleError::Any, AdmissibleError::FiveSigma);
+    let (any, five_sigma) = (false, true);
     let (none, pair, three, four) = (BeamMask::NONE, beams([0, 1]), beams([0, 1, 2]), BeamMask::all(4));
     for ping in [pair, three, four] {
         for left in [none, beams([0]), ping] {

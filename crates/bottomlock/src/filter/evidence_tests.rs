@@ -1,4 +1,4 @@
-//! Counts, factors and bounds of the covariance inflation, by hand.
+//! Counts, factors, charges and bounds by hand.
 
 use super::*;
 use crate::aiding::Motion;
@@ -7,22 +7,22 @@ use crate::aiding::position::position;
 use crate::aiding::velocity::velocity;
 use crate::aiding::{beam_terms, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
+use crate::filter::charge::observed;
 use crate::filter::options::Options;
 use crate::frames::Vec3;
+use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION};
 use crate::model::Model;
 use crate::state::NavState;
 
-/// By hand: factors 4, 9 and 6 have the geometric mean 6; the count then begins anew.
+/// By hand: factors 4, 9 and 6 have the geometric mean 6.
 #[test]
 fn factor_is_the_geometric_mean_over_consecutive_rejections() {
-    let mut count = Count::default();
-    let factors: Vec<_> = [4.0, 9.0, 6.0, 5.0]
-        .map(|factor| count.rejection(factor, Vector3::x(), (3, 0), 7))
-        .into_iter()
-        .map(|run| run.map(|run| (run.factor * 1e9_f64).round() / 1e9))
-        .collect();
-    assert_eq!(factors, [None, None, Some(6.0), None]);
-    assert_eq!((count.measurements, count.since_ns), (1, 7));
+    let mut run = Run::default();
+    for (k, factor) in [4.0, 9.0, 6.0].into_iter().enumerate() {
+        run.push(k == 1, factor, Vector3::x(), 7 + k as i64);
+    }
+    assert!((run.factor() - 6.0).abs() < 1e-9);
+    assert_eq!((run.explained, run.doubtful, run.since_ns), (2, 1, 7));
 }
 
 /// By hand: σ 2 m, noise 0.5 m, 10 m off: 100/(0.25 + 4 f) = 1 gives f = 24.9375.
@@ -37,20 +37,12 @@ fn depth_inflates_itself_alone() {
     let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     let before = filter.covariance();
     let innovation = depth(&Motion::still(&filter.state()), 10.0, 0.5, &Vec3::from_array([0.0; 3]));
-    assert_eq!(
-        filter
-            .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
-            .unwrap(),
-        None
-    );
-    let factor = filter
-        .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
-        .unwrap()
-        .unwrap();
+    assert_eq!(noted(&mut filter, &innovation, Sensor::Depth, false), None);
+    let factor = noted(&mut filter, &innovation, Sensor::Depth, false).unwrap();
     assert!((factor - 24.9375).abs() < 2e-3, "{factor}");
     let mut expected = before;
     expected[(POSITION + 2, POSITION + 2)] *= factor;
-    assert_eq!(filter.covariance(), expected);
+    assert!((filter.covariance() - expected).amax() < 1e-12);
 }
 
 /// A position where a velocity was accepted since the first rejection inflates the position alone, else all
@@ -70,21 +62,13 @@ fn position_inflates_all_states_where_no_velocity_aids() {
             &Vec3::from_array([0.0; 3]),
         );
         let before = filter.covariance();
-        assert_eq!(
-            filter
-                .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
-                .unwrap(),
-            None
-        );
+        assert_eq!(noted(&mut filter, &far, Sensor::AcousticPosition, false), None);
         if has_velocity {
             filter.measured.velocity_ns = Some(0);
         }
-        let factor = filter
-            .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
-            .unwrap()
-            .unwrap();
+        let factor = noted(&mut filter, &far, Sensor::AcousticPosition, false).unwrap();
         let after = filter.covariance();
-        assert!(factor > 100.0 && after[(0, 0)] == before[(0, 0)] * factor);
+        assert!(factor > 100.0 && (after[(0, 0)] / before[(0, 0)] / factor - 1.0).abs() < 1e-12);
         let kept = after[(ATTITUDE, ATTITUDE)] == before[(ATTITUDE, ATTITUDE)];
         assert_eq!(kept, has_velocity);
     }
@@ -102,11 +86,8 @@ fn position_inflates_all_states_where_a_direction_is_open() {
         filter.measured.velocity_ns = Some(0);
         assert_eq!(filter.is_beyond_linear_range(), open_mps > 1.0);
         let far = filter.with_motion(|motion| position(motion, &Vec3::new(50.0, 0.0, 0.0), &[1.0; 3], &Vec3::zeros()));
-        let factors: [Option<f64>; 2] = std::array::from_fn(|_| {
-            filter
-                .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
-                .unwrap()
-        });
+        let factors: [Option<f64>; 2] =
+            std::array::from_fn(|_| noted(&mut filter, &far, Sensor::AcousticPosition, false));
         assert!(factors[1].is_some());
         let grown = filter.covariance()[(ATTITUDE, ATTITUDE)] / covariance[(ATTITUDE, ATTITUDE)];
         let expected = if open_mps > 1.0 { 25.0 } else { 1.0 };
@@ -132,21 +113,15 @@ fn only_rejections_of_sensors_count() {
     };
     for depth_m in [10.0, 0.1, 10.0] {
         let innovation = at(&filter, depth_m);
-        assert_eq!(
-            filter
-                .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
-                .unwrap(),
-            None,
-            "{depth_m}"
-        );
-        assert_eq!(
-            filter
-                .note_rejected(&innovation, Sensor::Sway, AdmissibleError::Any)
-                .unwrap(),
-            None,
-            "{depth_m}"
-        );
+        assert_eq!(noted(&mut filter, &innovation, Sensor::Depth, false), None, "{depth_m}");
+        assert_eq!(noted(&mut filter, &innovation, Sensor::Sway, false), None, "{depth_m}");
     }
+}
+
+/// Counts a rejection; the factor of a charge after which the reading is tested again.
+fn noted(filter: &mut Eskf, innovation: &Innovation, sensor: Sensor, is_confirmed: bool) -> Option<f64> {
+    let charge = filter.note_rejected(innovation, sensor, is_confirmed).unwrap();
+    charge.and_then(|charge| charge.factor)
 }
 
 /// A filter that inflates after two rejections.
@@ -171,16 +146,8 @@ fn what_is_not_measured_is_inflated_to_a_bound() {
         let off = Vec3::new(3.0, 4.0, 0.0);
         let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
         let before = filter.covariance();
-        assert_eq!(
-            filter
-                .note_rejected(&innovation, Sensor::Velocity, AdmissibleError::Any)
-                .unwrap(),
-            None
-        );
-        let factor = filter
-            .note_rejected(&innovation, Sensor::Velocity, AdmissibleError::Any)
-            .unwrap()
-            .unwrap();
+        assert_eq!(noted(&mut filter, &innovation, Sensor::Velocity, false), None);
+        let factor = noted(&mut filter, &innovation, Sensor::Velocity, false).unwrap();
         let after = filter.covariance();
         let ratio = |k: usize| after[(k, k)] / before[(k, k)];
         assert!((factor / 3321.0 - 1.0).abs() < 1e-3, "{factor}");
@@ -198,17 +165,17 @@ fn what_is_not_measured_is_inflated_to_a_bound() {
 /// √(0.065 · 14.156) = 0.959 m/s. What is further off does not count at once unless any error is admissible.
 #[test]
 fn beyond_what_is_admissible_nothing_counts() {
-    let inflates = |off_mps: f64, admissible: AdmissibleError| {
+    let inflates = |off_mps: f64, is_confirmed: bool| {
         let mut filter = filter(&Model::table_2());
         let off = Vec3::new(0.6 * off_mps, 0.8 * off_mps, 0.0);
         let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
         let factors: [Option<f64>; 6] =
-            std::array::from_fn(|_| filter.note_rejected(&innovation, Sensor::Beams, admissible).unwrap());
+            std::array::from_fn(|_| noted(&mut filter, &innovation, Sensor::Beams, is_confirmed));
         factors.iter().any(Option::is_some)
     };
-    assert!(inflates(0.955, AdmissibleError::FiveSigma));
-    assert!(!inflates(0.965, AdmissibleError::FiveSigma));
-    assert!(inflates(0.965, AdmissibleError::Any) && inflates(5.0, AdmissibleError::Any));
+    assert!(inflates(0.955, true));
+    assert!(!inflates(0.965, true));
+    assert!(inflates(0.965, false) && inflates(5.0, false));
 }
 
 /// Beams that contradict each other are explained by no covariance and never count; beams that agree do, and so do those
@@ -227,11 +194,7 @@ fn only_what_a_covariance_explains_counts() {
         };
         ping.velocity_mps[..4].copy_from_slice(&error);
         let innovation = filter.with_motion(|motion| tightly_coupled(&beam_terms(motion, &geometry, &ping), &ping));
-        let factors: [Option<f64>; 6] = std::array::from_fn(|_| {
-            filter
-                .note_rejected(&innovation, Sensor::Beams, AdmissibleError::Any)
-                .unwrap()
-        });
+        let factors: [Option<f64>; 6] = std::array::from_fn(|_| noted(&mut filter, &innovation, Sensor::Beams, false));
         factors.iter().any(Option::is_some)
     };
     assert!(inflates([1.2, -1.2, -1.2, 1.2]), "surge alone");
@@ -249,16 +212,15 @@ fn errors_that_agree() {
     assert!(!agree(&along(1.0), &along(2.3)) && !agree(&along(1.0), &along(-1.0)));
 }
 
-/// A rejection that disagrees with the one before begins the count anew.
+/// A rejection that disagrees with the one before begins a run.
 #[test]
 fn rejections_that_disagree_begin_anew() {
-    let mut count = Count::default();
-    let outcome =
-        |count: &mut Count, sign: f64, time_ns| count.rejection(4.0, Vector3::x() * sign, (2, 0), time_ns).is_some();
-    assert!(!outcome(&mut count, 1.0, 7));
-    assert!(!outcome(&mut count, -1.0, 8));
-    assert_eq!((count.measurements, count.since_ns), (1, 8));
-    assert!(outcome(&mut count, -1.0, 9));
+    let mut run = Run::default();
+    run.push(false, 4.0, Vector3::x(), 7);
+    run.push(false, 4.0, -Vector3::x(), 8);
+    assert_eq!((run.explained, run.since_ns), (1, 8));
+    run.push(false, 4.0, -Vector3::x(), 9);
+    assert_eq!((run.explained, run.since_ns), (2, 8));
 }
 
 /// Where inflation is off nothing is counted.
@@ -271,10 +233,7 @@ fn off_is_never() {
     let mut off = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     let innovation = depth(&Motion::still(&off.state()), 10.0, 0.5, &Vec3::zeros());
     for _ in 0..3 {
-        assert_eq!(
-            off.note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any),
-            Ok(None)
-        );
+        assert_eq!(noted(&mut off, &innovation, Sensor::Depth, false), None);
     }
     assert_eq!(
         (off.rejections_allowed(), filter(&Model::table_2()).rejections_allowed()),
@@ -297,13 +256,8 @@ fn the_bias_of_a_depth_counts() {
             filter.update(&reading(&filter, 0.0), Sensor::Depth).unwrap();
         }
         let innovation = reading(&filter, depth_m);
-        filter
-            .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
-            .unwrap();
-        filter
-            .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
-            .unwrap()
-            .is_some()
+        noted(&mut filter, &innovation, Sensor::Depth, false);
+        noted(&mut filter, &innovation, Sensor::Depth, false).is_some()
     };
     assert!(!with(3.0, false, 10.0) && with(0.0, false, 10.0));
     assert!(with(3.0, true, 5.0) && !with(3.0, true, 1.0));
@@ -323,13 +277,8 @@ fn a_position_grows_to_its_bound() {
             let place = Vec3::new(10.0 * sd_m, 0.0, 0.0);
             let far =
                 crate::aiding::position::position(&Motion::still(&filter.state()), &place, &[1.0; 3], &Vec3::zeros());
-            assert_eq!(
-                filter.note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any),
-                Ok(None)
-            );
-            let factor = filter
-                .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
-                .unwrap();
+            assert_eq!(noted(&mut filter, &far, Sensor::AcousticPosition, false), None);
+            let factor = noted(&mut filter, &far, Sensor::AcousticPosition, false);
             assert_eq!(factor.is_some(), expected.is_some());
             if let (Some(factor), Some(expected)) = (factor, expected) {
                 assert!((factor / expected - 1.0_f64).abs() < 1e-9, "{factor}");
@@ -369,13 +318,8 @@ fn a_velocity_alone_is_measured() {
     let off = Vec3::new(3.0, 4.0, 0.0);
     let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
     let before = filter.covariance();
-    filter
-        .note_rejected(&innovation, Sensor::Velocity, AdmissibleError::Any)
-        .unwrap();
-    filter
-        .note_rejected(&innovation, Sensor::Velocity, AdmissibleError::Any)
-        .unwrap()
-        .unwrap();
+    noted(&mut filter, &innovation, Sensor::Velocity, false);
+    noted(&mut filter, &innovation, Sensor::Velocity, false).unwrap();
     let after = filter.covariance();
     for k in (0..VELOCITY).chain(VELOCITY + 3..DVL_BIAS) {
         assert!((after[(k, k)] / before[(k, k)] - 25.0).abs() < 1e-9, "{k}");
@@ -383,18 +327,15 @@ fn a_velocity_alone_is_measured() {
     assert_eq!(after[(DVL_BIAS, DVL_BIAS)], before[(DVL_BIAS, DVL_BIAS)]);
 }
 
-/// Counts from bytes are finite.
+/// Runs from bytes are finite.
 #[test]
-fn restored_counts_are_checked() {
-    let good = ConsecutiveRejections::default();
+fn restored_runs_are_checked() {
+    let good = Evidence::default();
     assert_eq!(good.check_restored(3), Ok(()));
-    let faults: [fn(&mut Count); 2] = [
-        |count| count.log_factor = f64::NAN,
-        |count| count.correction.y = f64::INFINITY,
-    ];
+    let faults: [fn(&mut Run); 2] = [|run| run.log_factor = f64::NAN, |run| run.correction.y = f64::INFINITY];
     for change in faults {
         let mut bad = good.clone();
-        change(&mut bad.explained[Sensor::COUNT - 1]);
+        change(&mut bad.0[Sensor::COUNT - 1]);
         assert!(bad.check_restored(3).is_err());
     }
 }

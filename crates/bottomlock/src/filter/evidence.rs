@@ -1,0 +1,258 @@
+//! The rule of evidence: what readings that are rejected one after another show to be wrong, and what becomes uncertain by it.
+//!
+//! Correct readings are rejected rarely and one at a time: at 99.73 % five in a row occur once in 10¹². But where an error exceeds
+//! its covariance, NIS stays as large as it is and every reading of a mission is rejected. After `inflate_after_rejections` rejected
+//! readings of a sensor that agree with each other, the covariance grows until NIS is what it is expected to be, and the reading
+//! is tested again. Derived in docs/equations.md:
+//!
+//! - A slow error of the sensor lasts, so that its readings agree with each other whatever is wrong: over its correlation time
+//!   they are one piece of evidence, against which the slow error has the variance of the long run. Where five sigma of it explain them,
+//!   all of it is charged to the sensor's own slow states. Else it is divided as by one reading, by variances: those of the
+//!   slow states in the long run, and that part of the inertial states' which they do not share with them, P − X C⁻¹ Xᵀ.
+//! - What was accepted before has become wrong by what changes: of an offset and a walk of one angle the walk is charged.
+//! - Only axes that are contradicted are charged: the vertical or the horizontal ones where either explains the reading, and where both do
+//!   those that have to be less wrong for it.
+//! - Of the inertial states an angle, a depth, and a position beside an accepted velocity charge those that they measure; a velocity,
+//!   and a position else, all of them, since a wrong velocity most often comes from a wrong tilt. What goes beyond five sigma is no
+//!   error of the tilt and goes to the measured states alone.
+//! - No evidence: beams that contradict each other whatever the covariance; readings that do not agree from one to the next;
+//!   assumptions.
+//!
+//! # Doubt
+//! A velocity that its sensor confirmed a moment ago can have become wrong by five sigma. Beyond that, either the filter was thrown
+//! off or the readings are those of fish or of a vessel that passes, and both look alike, until such readings end. Solved
+//! velocities therefore make the velocity as uncertain as their difference d, P + d dᵀ, which holds whichever is right: readings on
+//! the side of d are not used, one on the side of the filter is and ends the doubt. Beams leave the covariance as it is, since
+//! some of them may be right. After [`LONGEST_DOUBT_NS`] either is used.
+
+use nalgebra::Vector3;
+
+use super::Eskf;
+use super::charge::{Charge, Rows, UNINFORMATIVE_FACTOR, by_further, matching_factor, measured_block, norm_squared};
+use crate::aiding::{Innovation, TangentRows};
+use crate::error::{NavError, require_finite};
+use crate::filter::gate::{FIVE_SIGMA_FACTOR, LONGEST_DOUBT_NS};
+use crate::filter::report::Sensor;
+use crate::layout::VELOCITY;
+use crate::state::Covariance;
+
+/// Part of the variance of a doubted difference that is left where nothing has shown which is right.
+const STILL_HELD: f64 = 0.25;
+
+/// The runs of rejected readings, by sensor.
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
+pub(super) struct Evidence(Box<[Run; Sensor::COUNT]>);
+
+/// Consecutive rejected readings of one sensor that agree.
+#[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
+struct Run {
+    /// Time of the first.
+    since_ns: i64,
+    /// Those that an admissible error explains, and those that only a larger one does.
+    explained: u32,
+    doubtful: u32,
+    /// Sum of the logarithms of their factors.
+    log_factor: f64,
+    /// What the last showed of the measured quantity's error.
+    correction: Vector3<f64>,
+    /// Whether the covariance of the velocity holds the correction.
+    is_held: bool,
+}
+
+impl Evidence {
+    /// Checks runs that were read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`].
+    pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+        self.0.iter().try_for_each(|run| {
+            require_finite("rejections", time_ns, &[run.log_factor])?;
+            require_finite("rejections", time_ns, run.correction.as_slice())
+        })
+    }
+}
+
+impl Run {
+    /// Counts a reading.
+    fn push(&mut self, is_doubtful: bool, factor: f64, correction: Vector3<f64>, time_ns: i64) {
+        if self.is_empty() || !agree(&self.correction, &correction) {
+            *self = Self {
+                since_ns: time_ns,
+                ..Self::default()
+            };
+        }
+        self.correction = correction;
+        self.log_factor += factor.ln();
+        if is_doubtful {
+            self.doubtful += 1;
+        } else {
+            self.explained += 1;
+        }
+    }
+
+    const fn is_empty(&self) -> bool {
+        self.explained + self.doubtful == 0
+    }
+
+    /// Geometric mean of the factors.
+    fn factor(&self) -> f64 {
+        (self.log_factor / f64::from(self.explained + self.doubtful)).exp()
+    }
+}
+
+/// Returns true if two errors differ by less than half their root sum of squares, as two of an error that grows
+/// in proportion to time do.
+fn agree(one: &Vector3<f64>, other: &Vector3<f64>) -> bool {
+    (other - one).norm_squared() <= 0.25 * (one.norm_squared() + other.norm_squared())
+}
+
+impl Eskf {
+    /// Number of consecutive rejections that are evidence; 0 for never.
+    pub(crate) fn rejections_allowed(&self) -> u32 {
+        self.inflate_after_rejections
+    }
+
+    /// Whether a velocity of the platform was accepted.
+    pub(crate) fn has_velocity(&self) -> bool {
+        self.measured.velocity_ns.is_some()
+    }
+
+    /// Notes that a reading passed its gate.
+    pub(crate) fn note_accepted(&mut self, sensor: Sensor) {
+        *self.run_mut(sensor) = Run::default();
+    }
+
+    fn run(&self, sensor: Sensor) -> &Run {
+        &self.evidence.0[sensor as usize]
+    }
+
+    /// Time of the first of a run of rejections, now where there is none.
+    pub(super) fn rejected_since_ns(&self, sensor: Sensor) -> i64 {
+        let run = self.run(sensor);
+        if run.is_empty() {
+            self.state.time_ns
+        } else {
+            run.since_ns
+        }
+    }
+
+    fn run_mut(&mut self, sensor: Sensor) -> &mut Run {
+        &mut self.evidence.0[sensor as usize]
+    }
+
+    /// Counts a rejected reading with this innovation; returns what has become uncertain by the run that it completes. Of a velocity
+    /// that was confirmed what goes beyond five sigma is doubted.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`] for an innovation that is not finite.
+    pub(crate) fn note_rejected(
+        &mut self,
+        innovation: &Innovation,
+        sensor: Sensor,
+        is_confirmed: bool,
+    ) -> Result<Option<Charge>, NavError> {
+        if self.inflate_after_rejections == 0 || innovation.rows == 0 {
+            return Ok(None);
+        }
+        self.propagate_covariance();
+        require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
+        let (time_ns, needed) = (self.state.time_ns, self.inflate_after_rejections);
+        if self.is_doubted(innovation, sensor) {
+            let run = self.run_mut(sensor);
+            run.correction = solved(innovation, VELOCITY);
+            let is_over = time_ns - run.since_ns >= LONGEST_DOUBT_NS;
+            return Ok(is_over.then(|| Charge {
+                is_of_all: true,
+                ..Charge::none(Some(std::mem::take(run).factor()))
+            }));
+        }
+        if self.is_in_doubt(sensor) {
+            return Ok(None);
+        }
+        if self.run(sensor).is_held {
+            *self.run_mut(sensor) = Run::default();
+        }
+        let with_further_noise = self.with_further_noise(innovation);
+        let whole = self.whole_covariance(with_further_noise.as_deref().unwrap_or(innovation));
+        let innovation = with_further_noise.as_deref().unwrap_or(innovation);
+        let limit = self.plausible.threshold(innovation.degrees);
+        let explains = |own: &Rows, factor: f64| norm_squared(innovation, &(whole + own * (factor - 1.0))) <= limit;
+        if explains(&Rows::zeros(), 1.0) {
+            self.note_accepted(sensor);
+            return Ok(None);
+        }
+        let charged = self.charged_states(innovation, sensor, &whole);
+        let by_own = by_further(innovation, &charged.own);
+        let alone = matching_factor(innovation, &whole, &by_own);
+        let unshared = if alone <= FIVE_SIGMA_FACTOR && explains(&by_own, alone) {
+            Covariance::zeros()
+        } else {
+            self.unshared(&charged)
+        };
+        let by_inertial = innovation.jacobian * unshared * innovation.jacobian.transpose();
+        let both = by_inertial + by_own;
+        if !explains(&both, UNINFORMATIVE_FACTOR) {
+            return Ok(None);
+        }
+        let is_doubtful = is_confirmed && !explains(&both, FIVE_SIGMA_FACTOR);
+        let block = measured_block(sensor);
+        let factor = matching_factor(innovation, &whole, &both);
+        let run = self.run_mut(sensor);
+        run.push(is_doubtful, factor, solved(innovation, block), time_ns);
+        let is_complete = run.explained >= needed;
+        let is_believed = run.doubtful >= needed && time_ns - run.since_ns >= LONGEST_DOUBT_NS;
+        if is_complete || is_believed {
+            let factor = std::mem::take(run).factor();
+            return Ok(self.charge_with(factor, &charged, &unshared, &[by_inertial, by_own], innovation));
+        }
+        if run.doubtful >= needed && sensor != Sensor::Beams {
+            run.is_held = true;
+            let mut charge = Charge::none(None);
+            let mut velocity = charge.inertial.fixed_view_mut::<3, 3>(VELOCITY, VELOCITY);
+            velocity.copy_from(&(run.correction * run.correction.transpose()));
+            self.charge(&charge);
+            return Ok(Some(charge));
+        }
+        Ok(None)
+    }
+
+    /// Whether the covariance of the velocity still holds the difference that is doubted: other sensors may have shown since which
+    /// of the two is right.
+    fn is_in_doubt(&self, sensor: Sensor) -> bool {
+        let run = self.run(sensor);
+        let difference = run.correction;
+        run.is_held && {
+            let velocity = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY);
+            difference.dot(&(velocity * difference)) >= STILL_HELD * difference.norm_squared().powi(2)
+        }
+    }
+
+    /// Whether a reading is one of those that are doubted: nearer to what they show than to the filter.
+    pub(super) fn is_doubted(&self, innovation: &Innovation, sensor: Sensor) -> bool {
+        if innovation.tangent_rows != TangentRows::None || !self.is_in_doubt(sensor) {
+            return false;
+        }
+        let shown = innovation.jacobian.fixed_columns::<3>(VELOCITY) * self.run(sensor).correction;
+        2.0 * innovation.residual.dot(&shown) > shown.norm_squared()
+    }
+}
+
+/// The error of a block of three states that the rows show, of minimum norm where they leave a direction open.
+fn solved(innovation: &Innovation, block: usize) -> Vector3<f64> {
+    let rows = innovation.jacobian.view((0, block), (innovation.rows, 3)).into_owned();
+    let z = innovation.residual.rows(0, innovation.rows);
+    rows.pseudo_inverse(1e-6).map_or_else(
+        |_| Vector3::zeros(),
+        |inverse| {
+            let solution = inverse * z;
+            Vector3::new(solution[0], solution[1], solution[2])
+        },
+    )
+}
+
+#[cfg(test)]
+#[path = "doubt_tests.rs"]
+mod doubt_tests;
+#[cfg(test)]
+#[path = "evidence_tests.rs"]
+mod tests;

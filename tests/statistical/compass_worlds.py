@@ -1,0 +1,209 @@
+"""Worlds whose magnetic compass deviates with heading, claimed as a grade that has offset and walk but no deviation.
+
+`python -m tests.statistical.compass_worlds` prints every world: as it is, without inflation, by dead reckoning.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bottomlock import kernel
+from bottomlock.config.instrument_grades import imu
+from bottomlock.dead_reckoning.sensors import Sensors, reckon
+from bottomlock.kernel import Method
+from bottomlock.kernel.models import InitialState, MagnetometerModel, Model, Options, Robust
+from bottomlock.recordings.streams import Attitudes, Depths
+from bottomlock.simulation.build import Simulation
+from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.truth.truth import Truth
+from tests.analytic import analytic_simulation
+from tests.drawn_log import drawn_log
+from tests.oracle.rotations import Array
+
+SEED = 20240611
+DEGREE = np.pi / 180.0
+DURATION_S, SPEED_MPS = 600.0, 1.5
+
+WHITE = MagnetometerModel(yaw_sd_rad=0.2 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE)
+CLAIMED = WHITE.replace(
+    yaw_offset_sd_rad=1.0 * DEGREE, roll_pitch_offset_sd_rad=0.5 * DEGREE,
+    yaw_walk_sd_rad=1.7 * DEGREE, roll_pitch_walk_sd_rad=0.5 * DEGREE, walk_time_s=120.0,
+)  # fmt: skip
+"""The packaged grade mti_ahrs."""
+
+
+@dataclass(frozen=True)
+class World:
+    """Mask of the beams, rate of the compass, deviation by cos ψ and by cos 2ψ in degrees, heading of the first leg."""
+
+    beams: tuple[int, ...] = (1, 2, 3, 4)
+    attitude_hz: float = 1.0
+    semicircular_deg: float = 3.0
+    quadrantal_deg: float = 1.5
+    heading_deg: float = 0.0
+
+
+WORLDS = {
+    f"{name}, beams {''.join(map(str, beams))}, {hz:g} Hz": World(beams, hz, *deviation)
+    for name, deviation in {"whole": (3.0, 1.5), "half": (1.5, 0.75), "hard iron": (3.0, 0.0)}.items()
+    for beams in ((1, 2, 3, 4), (1, 2))
+    for hz in (1.0, 5.0)
+}
+
+
+@dataclass(frozen=True)
+class Track:
+    """At the end: error of the horizontal position and its 1 sigma, m, and its NEES."""
+
+    error_m: float
+    sd_m: float
+    nees: float
+
+
+@lru_cache(maxsize=2)
+def motion(heading_deg: float) -> tuple[Simulation, Truth]:
+    """A lawn mower of 0.9 km."""
+    simulation = analytic_simulation(
+        "lawn_mower", duration_s=DURATION_S, speed_mps=SPEED_MPS, heading_deg=heading_deg
+    )
+    return simulation, simulation.truth()
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What was read in a run, and the true positions at the times of the pings."""
+
+    simulation: Simulation
+    model: Model
+    options: Options
+    drawn: Any
+    start: Any
+    position_t_m: Array
+
+
+def readings(world: World, run: int) -> Readings:
+    """The readings of a run; the start has the errors that it claims, those of the compass."""
+    simulation, truth = motion(world.heading_deg)
+    scenario = simulation.scenario
+    model = scenario.kernel_model(simulation.gravity_mps2).replace(imu=imu("tactical"), magnetometer=CLAIMED)
+    tilt = float(np.hypot(0.5, 0.5)) * DEGREE
+    initial = model.initial.replace(
+        attitude_sd_rad=[tilt, tilt, float(np.hypot(1.0, 1.7)) * DEGREE], position_sd_m=[0.5] * 3
+    )
+    model = model.replace(initial=initial)
+    schedule: Any = dict(measurement_schedule(simulation, truth))
+    pings = schedule["dvl_time_ns"]
+    schedule["beam_valid"] = np.tile(np.isin(np.arange(1, 5), world.beams), (len(pings), 1))
+    every = round(scenario.imu.rate_hz / world.attitude_hz)
+    schedule["magnetometer_time_ns"] = np.ascontiguousarray(truth.time_ns[every::every])
+    yaw = yaw_rad(truth.attitude_t_p)
+    deviation = DEGREE * (world.semicircular_deg * np.cos(yaw) + world.quadrantal_deg * np.cos(2.0 * yaw))
+    schedule["yaw_offset_rad"] = np.ascontiguousarray(deviation[every::every])
+    arrays: Any = truth.kernel_arrays()
+    options = scenario.kernel_options().replace(inflate_after_rejections=5, robust=Robust())
+    drawn: Any = kernel.simulate_sensors(
+        simulation.geometry, arrays, model.replace(magnetometer=WHITE), schedule,
+        seed=SEED, trajectory_key=61, run=run, imu_sampling=scenario.imu.sampling, options=options,
+    )  # fmt: skip
+    rows = np.searchsorted(truth.time_ns, drawn["dvl_time_ns"])
+    return Readings(simulation, model, options, drawn, drawn["initial"], truth.position_t_m[rows])
+
+
+def yaw_rad(attitude_t_p: Array) -> Array:
+    """Yaw (n,) of quaternions (n, 4)."""
+    w, x, y, z = attitude_t_p.T
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def rotation(attitude_t_p: Array) -> Rotation:
+    """The rotation of quaternions, scalar first."""
+    return Rotation.from_quat(attitude_t_p, scalar_first=True)
+
+
+def filtered(read: Readings, method: Method, inflate_after_rejections: int) -> Track:
+    """The end of a method's track."""
+    drawn = read.drawn
+    compass = drawn["magnetometer_attitude_t_p"]
+    log: Any = drawn_log(drawn) | {
+        "attitude_time_ns": drawn["magnetometer_time_ns"],
+        "attitude_rpy_rad": rotation(compass).as_euler("ZYX")[:, ::-1],
+    }
+    out = kernel.replay_log(
+        read.simulation.geometry, read.model,
+        read.options.replace(inflate_after_rejections=inflate_after_rejections), [method], log, read.start,
+        sample_time_ns=drawn["dvl_time_ns"], covariances=True,
+    )  # fmt: skip
+    error = out["position_t_m"][0] - read.position_t_m
+    cov = np.asarray(out["covariance"])[0, -1, :2, :2]
+    return track(error[-1, :2], cov)
+
+
+def reckoned(read: Readings) -> Track:
+    """The end of the track by dead reckoning."""
+    drawn = read.drawn
+    compass = drawn["magnetometer_time_ns"]
+    none = np.zeros(0, dtype=np.int64)
+    result = reckon(
+        read.simulation.geometry, read.model, InitialState(**read.start),
+        Sensors(
+            drawn["imu_time_ns"], drawn["imu_omega_p_radps"], drawn["imu_force_p_mps2"], drawn["dvl_time_ns"],
+            drawn["dvl_velocity_mps"], drawn["dvl_valid"], Depths(none, np.zeros(0)),
+            Attitudes(compass, rotation(drawn["magnetometer_attitude_t_p"])), none, np.zeros(0),
+        ),
+        drawn["dvl_time_ns"], depth_lever_p_m=np.zeros(3),
+    )  # fmt: skip
+    error = result.position_t_m - read.position_t_m
+    return track(error[-1, :2], result.position_cov_m2[-1, :2, :2])
+
+
+def track(error_m: Array, cov_m2: Array) -> Track:
+    """The end of a track by its error (2,) and covariance (2, 2)."""
+    return Track(
+        error_m=float(np.linalg.norm(error_m)),
+        sd_m=float(np.sqrt(np.trace(cov_m2))),
+        nees=float(error_m @ np.linalg.solve(cov_m2, error_m)),
+    )
+
+
+def main() -> None:
+    """Prints mean error over mean sigma, m, and mean NEES of every world over its runs."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--methods", nargs="+", default=["tc"])
+    parser.add_argument("--heading", type=float, default=0.0)
+    parser.add_argument("--without", action="store_true", help="also without inflation and by dead reckoning")
+    parser.add_argument("--worlds", default="", help="those whose name has this")
+    given = parser.parse_args()
+    for name, world in WORLDS.items():
+        if given.worlds not in name:
+            continue
+        of_runs = [
+            readings(World(**(vars(world) | {"heading_deg": given.heading})), run)
+            for run in range(given.runs)
+        ]
+        columns = {method: [filtered(read, method, 5) for read in of_runs] for method in given.methods}
+        if given.without:
+            columns |= {
+                f"{method} never": [filtered(read, method, 0) for read in of_runs] for method in given.methods
+            }
+            if len(world.beams) > 2:
+                columns["dead reckoning"] = [reckoned(read) for read in of_runs]
+        sys.stdout.write(f"{name}\n")
+        for column, tracks in columns.items():
+            error, sd, nees = np.mean([(one.error_m, one.sd_m, one.nees) for one in tracks], axis=0)
+            worst = max(one.error_m for one in tracks)
+            sys.stdout.write(
+                f"  {column:15} {error:6.2f} / {sd:5.2f} m   NEES {nees:6.2f}   worst {worst:.1f} m\n"
+            )
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
