@@ -137,8 +137,9 @@ def test_a_fault_on_the_cluster_names_the_chunk(
 ) -> None:
     from bottomlock.campaign import dask_engine
 
+    # Of two chunks that fail either may be the first.
     monkeypatch.setattr(dask_engine, "run_chunk", lambda *_, **__: 1 / 0)
-    with pytest.raises(EngineError, match=r"straight, run 0: .*ZeroDivisionError"):
+    with pytest.raises(EngineError, match=r"straight, run [02]: .*ZeroDivisionError"):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
 
 
