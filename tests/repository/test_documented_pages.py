@@ -17,7 +17,7 @@ import pytest
                 "<Scenario straight: straight at 2 m/s for 20 s, ",
                 "<Results: 4 runs of straight; ins, tc",
                 "\nTrue\n",
-                "<Replay of robosub_night2: trusted no; tc, dead_reckoning; recorded, lost_34, outage>",
+                "<Replay of robosub_night2: trusted partly; tc, dead_reckoning; recorded, lost_34, outage>",
             ],
         ),
         ("compare.md", ["30.0 0.01"]),
