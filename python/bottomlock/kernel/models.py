@@ -450,7 +450,7 @@ class Robust(Settings):
 class AssumptionKeys(BaseModel):
     """What the partial-beam methods assume, as a settings file says it too."""
 
-    model_config = ConfigDict(use_attribute_docstrings=True)
+    model_config: ClassVar[ConfigDict] = ConfigDict(use_attribute_docstrings=True)
     virtual_beam_factor: Annotated[Positive, _ONE] = 1.0
     """n_f of Eq. 28: inflation of a virtual beam (vb)"""
     nullified_sway_var_m2ps2: Positive = 1e-3
@@ -508,7 +508,7 @@ class Levers(Settings):
 class FilterKeys(BaseModel):
     """Options of the filters, as a settings file says them too."""
 
-    model_config = ConfigDict(use_attribute_docstrings=True)
+    model_config: ClassVar[ConfigDict] = ConfigDict(use_attribute_docstrings=True)
     gate: Literal["joint", "per_row", "off"] = "joint"
     """test of a measurement: joint for all its rows, per_row for each, off for none"""
     gate_probability: Annotated[float, Field(gt=0, lt=1), _ONE] = 0.9973
