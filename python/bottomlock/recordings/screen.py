@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Inertial, Times
+from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Inertial, Times, integrals
 
 STILL_S, STILL_ROWS = 10.0, 20
 STILL_RUNS = 50.0
@@ -121,10 +121,7 @@ def yaw_steps(attitudes: Attitudes, inertial: Inertial) -> Floats:
     if len(time_ns) < STILL_ROWS:
         return np.zeros(len(time_ns))
     at = (time_ns - time_ns[0]) * 1e-9
-    read = (inertial.time_ns - time_ns[0]) * 1e-9
-    middle = 0.5 * (inertial.omega_p_radps[1:] + inertial.omega_p_radps[:-1]) * np.diff(read)[:, None]
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(middle, axis=0)])
-    turned = np.diff(np.stack([np.interp(at, read, total[:, k]) for k in range(3)], axis=1), axis=0)
+    turned = integrals(inertial.time_ns, inertial.omega_p_radps, time_ns)
     C = attitudes.attitude
     left = C[1:] * (C[:-1] * Rotation.from_rotvec(turned)).inv()
     step = left.as_rotvec()[:, 2]

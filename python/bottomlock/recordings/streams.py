@@ -55,6 +55,14 @@ class Inertial:
     omega_p_radps: Floats
 
 
+def integrals(time_ns: Times, values: Floats, edges_ns: Times) -> Floats:
+    """(m − 1, 3) integrals between edges (m,) of readings (n, 3) at times (n,), straight from one to the next."""
+    seconds, at = (time_ns - edges_ns[0]) * 1e-9, (edges_ns - edges_ns[0]) * 1e-9
+    steps = np.diff(seconds)[:, None] * 0.5 * (values[1:] + values[:-1])
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    return np.diff(np.stack([np.interp(at, seconds, total[:, k]) for k in range(3)], axis=1), axis=0)
+
+
 @dataclass(frozen=True, eq=False)
 class Beams:
     """Pings: times (n,), beam velocities (n, B) with NaN for a lost beam, validity and noise 1 sigma, (n, B) each.

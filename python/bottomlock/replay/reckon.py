@@ -18,7 +18,7 @@ from bottomlock.dead_reckoning.track import (
     structure_function,
     white_noise,
 )
-from bottomlock.kernel import STATUS
+from bottomlock.kernel import STATUS, integrate_segments
 from bottomlock.kernel.models import DvlModel
 from bottomlock.recordings.axes import quaternions
 from bottomlock.recordings.streams import Attitudes, Flags, Floats, Inertial
@@ -149,13 +149,12 @@ def carried(attitudes: Attitudes, inertial: Inertial) -> Attitudes:
         read_ns = inertial.time_ns[rows]
         if len(read_ns) < 2:
             continue
-        steps = Rotation.from_rotvec(inertial.omega_p_radps[rows][:-1] * (np.diff(read_ns) * 1e-9)[:, None])
-        part = [C[k]]
-        for step in steps:
-            part.append(part[-1] * step)
-        path = Rotation.concatenate(part)
+        segment = integrate_segments(
+            read_ns, inertial.force_p_mps2[rows], inertial.omega_p_radps[rows], len(read_ns)
+        )
+        path = C[k] * Rotation.from_matrix(segment["rotation"][0])
         missed = (C[k + 1] * path[-1].inv()).as_rotvec()
-        path = Rotation.from_rotvec(np.linspace(0.0, 1.0, len(part))[:, None] * missed) * path
+        path = Rotation.from_rotvec(np.linspace(0.0, 1.0, len(read_ns))[:, None] * missed) * path
         kept = slice(1, -1, max(round(CARRIED_S / float(np.median(np.diff(read_ns)) * 1e-9)), 1))
         times.append(read_ns[kept])
         turns.append(path[kept])

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding
-from bottomlock.recordings.streams import Floats, Inertial, Times
+from bottomlock.recordings.streams import Floats, Inertial, Times, integrals
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.motion_findings import ANEW
 from bottomlock.replay.motion.gyros import slope
@@ -144,12 +144,7 @@ def compared(prepared: PreparedRun) -> Turns | None:
 
 def _means(inertial: Inertial, values: Floats, edges: Times) -> Floats:
     """(n − 1, 3) means of readings between edges (n,)."""
-    seconds = (inertial.time_ns - edges[0]) * 1e-9
-    steps = np.diff(seconds)[:, None] * 0.5 * (values[1:] + values[:-1])
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    at = (edges - edges[0]) * 1e-9
-    summed = np.stack([np.interp(at, seconds, total[:, k]) for k in range(3)], axis=1)
-    return np.asarray(np.diff(summed, axis=0) / np.diff(at)[:, None])
+    return np.asarray(integrals(inertial.time_ns, values, edges) / (np.diff(edges) * 1e-9)[:, None])
 
 
 def _unit_rows(values: Floats) -> Floats:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from bottomlock.recordings.streams import Flags, Floats, Integers
+from bottomlock.recordings.streams import Flags, Floats, Integers, integrals
 from bottomlock.replay.motion.segments import LENGTH_S, integrate
 from bottomlock.statistics.robust import sd_about_median
 
@@ -93,19 +93,10 @@ def slope(
     steps_ns = np.diff(attitude_time_ns[inside])
     rows = np.flatnonzero(inside)[:: max(1, round(SLOPE_S * 1e9 / float(np.median(steps_ns))))]
     times, own = attitude_time_ns[rows], attitude[rows]
-    turned = np.vstack(
-        [
-            np.zeros(3),
-            np.cumsum(0.5 * (omega_p[1:] + omega_p[:-1]) * (np.diff(time_ns) * 1e-9)[:, None], axis=0),
-        ]
-    )
-    origin = int(time_ns[0])
-    seconds, at_s = (time_ns - origin) * 1e-9, (times - origin) * 1e-9
-    integral = np.stack([np.interp(at_s, seconds, column) for column in turned.T], axis=1)
     good = np.diff(times) <= SLOWEST_STEP_S * 1e9
     if good.sum() < 10:
         return None
-    a, b = (own[:-1].inv() * own[1:]).as_rotvec()[good], np.diff(integral, axis=0)[good]
+    a, b = (own[:-1].inv() * own[1:]).as_rotvec()[good], integrals(time_ns, omega_p, times)[good]
     a, b = a - np.median(a, axis=0), b - np.median(b, axis=0)
     weight = np.ones(len(a))
     value = 0.0
