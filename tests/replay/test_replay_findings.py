@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
@@ -20,7 +22,8 @@ SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=py
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", list(MISTAKES))
 def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) -> None:
-    manifest = replay_case(mistaken(drawn_dive(seed), tmp_path, name)).manifest
+    replayed = replay_case(mistaken(drawn_dive(seed), tmp_path, name))
+    manifest = replayed.manifest
     findings = manifest["findings"]
     assert findings[0]["kind"] == "verdict"
     assert findings[0]["severity"] in {"fault", "warning"}
@@ -29,8 +32,17 @@ def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) ->
     assert findings[1]["kind"] == kind
     assert key in findings[1]["key"]
     assert findings[1]["text"] in findings[0]["hint"]
-    # A mistake that has not moved the track is a doubt.
-    assert manifest["answer"]["verdict"] in {"no", "partly"}
+    verdict = manifest["answer"]["verdict"]
+    assert verdict in {"no", "partly"}
+    if verdict == "partly":
+        # A mistake is a doubt where the track that is named is right: the reference is the truth.
+        (track,) = replayed.samples.filter(
+            (pl.col("pass") == "forward") & (pl.col("method") == manifest["answer"]["method"])
+        )[-1].iter_rows(named=True)
+        error, sd = (
+            np.hypot(track[f"{of}_north_m"], track[f"{of}_east_m"]) for of in ("err_position", "sd_position")
+        )
+        assert error < 2.5 * sd
     assert manifest["answer"]["sentence"] == findings[1]["text"]
     assert manifest["answer"]["change"] == findings[1]["hint"]
 

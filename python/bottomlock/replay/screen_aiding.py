@@ -92,7 +92,8 @@ def left_out_findings(left_out: tuple[LeftOut, ...]) -> list[Finding]:
         Finding(
             "left_out", "warning" if one.doubtful else "note", one.share, one.words,
             f"{one.rows} of {one.of} rows, the first at {one.first_s:.3f} s.",
-            f"Look at {one.stream}.file from there on; the filter goes on without these rows.",
+            f"Look at {one.stream}.file from there on"
+            + ("." if one.used else "; the filter goes on without these rows."),
             f"{one.stream}.file", size=one.share, unit="1", expected="readings that change as the vehicle does",
         )
         for one in left_out

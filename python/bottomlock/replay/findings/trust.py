@@ -27,12 +27,12 @@ FREE = "ins"
 """Free inertial navigation, the comparison without a DVL."""
 PARTIAL = 0.1
 """Part of the pings with fewer than three beams from which an assumption on the sway helps."""
-TOGETHER = 1.0
+NEAR_SIGMAS = 1.0
 """Distance from dead reckoning, in σ of both, up to which a mistake has not moved the track: dives of St Pere and of
 tests/dive.py whose track is right have 1.1 at most, planted mistakes that move it 1.6 or more (`tools.first_line`)."""
-REACHED = 2.5
+REFERENCE_SIGMAS = 2.5
 """Distance from the reference at the end, in σ of both, up to which it agrees: 1 in 500 right tracks is beyond."""
-RMS_REACHED = 2.0
+REFERENCE_RMS_SIGMAS = 2.0
 """The same of the RMS over time, whose errors last: 1 in 50."""
 
 
@@ -55,7 +55,7 @@ class Reference:
     @property
     def agrees(self) -> bool:
         """Whether the claims of both explain the distance."""
-        return self.end_sigmas <= REACHED and self.rms_sigmas <= RMS_REACHED
+        return self.end_sigmas <= REFERENCE_SIGMAS and self.rms_sigmas <= REFERENCE_RMS_SIGMAS
 
     def words(self) -> str:
         """The comparison in one sentence."""
@@ -279,11 +279,11 @@ def _confirmed(evidence: Evidence, cause: Finding | None = None) -> bool:
 
     Without one, what turns or scales both tracks alike is not beyond their claim.
     """
-    if evidence.judged is None or evidence.judged.sigmas > TOGETHER:
+    if evidence.judged is None or evidence.judged.sigmas > NEAR_SIGMAS:
         return False
     if evidence.reference is not None:
         return evidence.reference.agrees
-    return cause is None or cause.size * evidence.reach_m <= REACHED * evidence.sd_taken_m
+    return cause is None or cause.size * evidence.reach_m <= REFERENCE_SIGMAS * evidence.sd_taken_m
 
 
 def _refuted(evidence: Evidence) -> bool:
@@ -328,10 +328,10 @@ def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float)
         reference_sd_m: 1 sigma of the reference along an axis.
     """
     rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == method)).slice(1)
-    errors = rows.select(f"err_position_{axis}_m" for axis in AXES).drop_nulls().to_numpy()
     known = rows.filter(pl.all_horizontal(pl.col(f"err_position_{axis}_m").is_not_null() for axis in AXES))
-    if not len(errors):
+    if known.is_empty():
         return None
+    errors = known.select(f"err_position_{axis}_m" for axis in AXES).to_numpy()
     sd = known.select(f"sd_position_{axis}_m" for axis in AXES).to_numpy()
     end_m, both_m = (
         np.linalg.norm(errors[-1]),
