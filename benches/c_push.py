@@ -19,7 +19,6 @@ import numpy as np
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import Navigator, simulate_sensors
 from bottomlock.kernel.models import InitialState
-from bottomlock.plant.telemetry import euler_rad
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from tests.c.dive_files import write_files
@@ -55,7 +54,7 @@ def flown(method: Any, seconds: float, folder: Path) -> tuple[Path, Path]:  # no
     log = drawn_log(drawn) | {
         "beam_sd_mps": np.full(drawn["dvl_velocity_mps"].shape, model.dvl.beam_noise_sd_mps),
         "attitude_time_ns": drawn["magnetometer_time_ns"],
-        "attitude_rpy_rad": euler_rad(drawn["magnetometer_attitude_t_p"]),
+        "attitude_t_p": drawn["magnetometer_attitude_t_p"],
     }
     return write_files(
         folder, Navigator(simulation.geometry, model, options, start, method=method), model, log

@@ -295,7 +295,7 @@ class LogDict(TypedDict):
     heading_time_ns: NotRequired[NDArray[np.int64]]
     heading_rad: NotRequired[ArrayLike]
     attitude_time_ns: NotRequired[NDArray[np.int64]]
-    attitude_rpy_rad: NotRequired[ArrayLike]
+    attitude_t_p: NotRequired[ArrayLike]
     gps_time_ns: NotRequired[NDArray[np.int64]]
     gps_position_t_m: NotRequired[ArrayLike]
     acoustic_position_time_ns: NotRequired[NDArray[np.int64]]

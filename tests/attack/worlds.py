@@ -121,7 +121,7 @@ def log_and_start(beams: int) -> tuple[dict[str, Any], dict[str, Any]]:
         "heading_time_ns": times,
         "heading_rad": np.zeros(len(times)),
         "attitude_time_ns": times,
-        "attitude_rpy_rad": np.zeros((len(times), 3)),
+        "attitude_t_p": np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1)),
         "gps_time_ns": streams["gps_time_ns"],
         "gps_position_t_m": streams["gps_position_t_m"],
         "acoustic_position_time_ns": streams["acoustic_position_time_ns"],

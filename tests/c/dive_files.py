@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import DepthModel, MagnetometerModel, Model
@@ -52,8 +51,6 @@ def _numbers(stream: str, model: Model, log: dict[str, Any], row: int) -> np.nda
     elif stream == "depth":
         given = [log["depth_m"][row], model.of(DepthModel).sd_m]
     else:
-        roll, pitch, yaw = log["attitude_rpy_rad"][row]
         sds = model.of(MagnetometerModel)
-        quaternion = np.roll(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(), 1)
-        given = [*quaternion, sds.roll_pitch_sd_rad, sds.yaw_sd_rad]
+        given = [*log["attitude_t_p"][row], sds.roll_pitch_sd_rad, sds.yaw_sd_rad]
     return np.pad(np.asarray(given, dtype=np.float64), (0, 12 - len(given)))

@@ -107,7 +107,7 @@ def test_it_navigates_live_and_in_a_log() -> None:
         "dvl_time_ns": ping_ns, "beam_velocity_mps": np.full((len(ping_ns), 4), 0.01),
         "beam_valid": np.tile([True, True, False, False], (len(ping_ns), 1)),
         "depth_time_ns": none, "depth_m": [], "heading_time_ns": none, "heading_rad": [],
-        "attitude_time_ns": none, "attitude_rpy_rad": np.empty((0, 3)),
+        "attitude_time_ns": none, "attitude_t_p": np.empty((0, 4)),
         "gps_time_ns": none, "gps_position_t_m": np.empty((0, 3)),
     }  # fmt: skip
     start = bottomlock.InitialState(

@@ -55,7 +55,7 @@ def recording() -> tuple[LogDict, Any]:
         "heading_time_ns": epochs["heading"],
         "heading_rad": np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)),
         "attitude_time_ns": np.empty(0, dtype=np.int64),
-        "attitude_rpy_rad": np.empty((0, 3)),
+        "attitude_t_p": np.empty((0, 4)),
         "gps_time_ns": epochs["gps"],
         "gps_position_t_m": streams["gps_position_t_m"],
     }
@@ -123,6 +123,10 @@ def test_pings_tell_what_became_of_them() -> None:
         (
             {"gps_position_t_m": np.zeros((2, 3))},
             r"log\.gps_position_t_m has shape \(2, 3\), expected \(3, 3\)",
+        ),
+        (
+            {"attitude_time_ns": LOG["imu_time_ns"][:2], "attitude_t_p": [[1.0, 0, 0, 0], [2.0, 0, 0, 0]]},
+            r"log\.attitude_t_p\[1\] has norm 2, expected 1 \(scalar first\)",
         ),
     ],
 )

@@ -53,7 +53,7 @@ def make_log(rng: np.random.Generator, steps: int, every: int) -> tuple[LogDict,
         "heading_time_ns": NONE,
         "heading_rad": np.empty(0),
         "attitude_time_ns": NONE,
-        "attitude_rpy_rad": np.empty((0, 3)),
+        "attitude_t_p": np.empty((0, 4)),
         "gps_time_ns": NONE,
         "gps_position_t_m": np.empty((0, 3)),
     }

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import BeamGeometry, Navigator
 from bottomlock.kernel.models import DepthModel, MagnetometerModel, Model, Options
@@ -51,11 +50,12 @@ def push(
         sd_rad = model.heading.sd_rad
         return navigator.push_heading(time_ns, float(log["heading_rad"][row]), sd_rad=sd_rad)
     if name == "attitude":
-        roll, pitch, yaw = log["attitude_rpy_rad"][row]
-        quaternion = np.roll(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(), 1)
         sds = model.of(MagnetometerModel)
         return navigator.push_attitude(
-            time_ns, quaternion, roll_pitch_sd_rad=sds.roll_pitch_sd_rad, yaw_sd_rad=sds.yaw_sd_rad
+            time_ns,
+            log["attitude_t_p"][row],
+            roll_pitch_sd_rad=sds.roll_pitch_sd_rad,
+            yaw_sd_rad=sds.yaw_sd_rad,
         )
     raise AssertionError("positions without velocity are not streamed here")
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError
 from bottomlock.recordings.axes import (
     from_angles,
+    from_quaternions,
     handedness,
     platform_attitude,
     quaternions,
@@ -191,7 +192,9 @@ aids = "heading"
             assert "attitude_time_ns" not in log
         else:
             np.testing.assert_allclose(
-                log["attitude_rpy_rad"], np.deg2rad([[1, 3, 54], [2, 4, 64]]), atol=1e-12
+                to_angles(from_quaternions(log["attitude_t_p"])),
+                np.deg2rad([[1, 3, 54], [2, 4, 64]]),
+                atol=1e-12,
             )
         assert (rerun.run_methods(case, prepared, None).result["fix_status"] == 1).any()
 

@@ -133,7 +133,7 @@ def filtered(read: Readings, method: Method, inflate_after_rejections: int) -> T
     compass = drawn["magnetometer_attitude_t_p"]
     log: Any = drawn_log(drawn) | {
         "attitude_time_ns": drawn["magnetometer_time_ns"],
-        "attitude_rpy_rad": rotation(compass).as_euler("ZYX")[:, ::-1],
+        "attitude_t_p": compass,
     }
     out = kernel.replay_log(
         read.simulation.geometry, read.model,

@@ -70,7 +70,7 @@ def streams(lost: tuple[int, ...]) -> tuple[Any, ...]:
             "heading_time_ns": none,
             "heading_rad": np.empty(0),
             "attitude_time_ns": none,
-            "attitude_rpy_rad": np.empty((0, 3)),
+            "attitude_t_p": np.empty((0, 4)),
             "gps_time_ns": none,
             "gps_position_t_m": np.empty((0, 3)),
         }

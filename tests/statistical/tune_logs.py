@@ -25,6 +25,7 @@ from bottomlock.kernel.models import (
     MagnetometerModel,
     Model,
 )
+from bottomlock.recordings.axes import from_angles, from_quaternions, to_angles
 
 GRAVITY, LATITUDE_RAD = 9.8, 0.7
 TILT_RAD = np.deg2rad(30.0)
@@ -124,7 +125,9 @@ def dive(
         "beam_valid": np.ones(beams.shape, dtype=bool),
         "beam_sd_mps": np.full(beams.shape, noise["beam_noise"]),
         "attitude_time_ns": time_ns[sensed],
-        "attitude_rpy_rad": rpy[sensed] + rng.normal(0.0, 1.0, (len(sensed), 3)) * scatter,
+        "attitude_t_p": from_angles(
+            *(rpy[sensed] + rng.normal(0.0, 1.0, (len(sensed), 3)) * scatter).T
+        ).as_quat(scalar_first=True),
     }
     initial = model(noise).initial
     start = InitialState(
@@ -248,7 +251,9 @@ def write_case(folder: Path, dived: Dive, factors: Mapping[str, float] | None = 
             f"beam{k + 1}_valid": log["beam_valid"][:, k],
         }
     pl.DataFrame(beams).write_parquet(folder / "beams.parquet")
-    angles = dict(zip(("roll", "pitch", "yaw"), log["attitude_rpy_rad"].T, strict=True))
+    angles = dict(
+        zip(("roll", "pitch", "yaw"), to_angles(from_quaternions(log["attitude_t_p"])).T, strict=True)
+    )
     pl.DataFrame({"time_ns": log["attitude_time_ns"]} | angles).write_parquet(folder / "attitude.parquet")
     (folder / "dvl.toml").write_text(
         f'configuration = "x"\ntilt_deg = 30.0\nbeam_noise_mps = {noise["beam_noise"]}\n', encoding="utf-8"

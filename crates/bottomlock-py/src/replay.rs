@@ -86,6 +86,9 @@ impl OwnedLog {
                 continue;
             }
             let values = numbers(keys, column.key, time_ns.len(), column.width)?;
+            for (row, quaternion) in values.as_chunks().0.iter().enumerate().filter(|_| column.width == 4) {
+                settings::unit_quaternion(&format!("{}[{row}]", keys.path(column.key)), *quaternion)?;
+            }
             columns.push(Some((values, column.width)));
         }
         let of_row = |(row, &time_ns): (usize, &i64)| {
@@ -134,7 +137,7 @@ fn numbers(keys: &Keys<'_>, key: &str, count: usize, width: usize) -> PyResult<V
 ///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
 ///         water_track_time_ns with water_track_velocity_mps, water_track_valid and optionally water_track_sd_mps, as those of pings,
 ///         and water_track_range_m (.,), from the transducer along the beam to the middle of the cell, 0 if it is left out;
-///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
+///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_t_p (., 4), scalar first;
 ///         gps_time_ns, gps_position_t_m (., 3); further sensors as docs/sensors.md lists them. Each time rises strictly; any but
 ///         the inertial stream and the pings may be left out. Rows whose flag in `<stream>_withheld` (n,) is true are predicted, and
 ///         their innovations recorded, but not used.

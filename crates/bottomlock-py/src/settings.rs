@@ -35,7 +35,11 @@ pub fn methods(values: Argument) -> PyResult<Vec<Method>> {
 
 /// A unit quaternion, scalar first.
 pub fn attitude(name: &str, value: Argument) -> PyResult<Rot<Tangent, Platform>> {
-    let quaternion: [f64; 4] = vector(name, value)?;
+    unit_quaternion(name, vector(name, value)?)
+}
+
+/// A rotation from a quaternion that is one to begin with.
+pub fn unit_quaternion(name: &str, quaternion: [f64; 4]) -> PyResult<Rot<Tangent, Platform>> {
     let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
     if !((norm - 1.0).abs() < 1e-6) {
         return Err(invalid(format!("{name} has norm {norm}, expected 1 (scalar first)")));

@@ -162,16 +162,16 @@ def _acoustic_line(time_ns: int, values: list[float]) -> AcousticPositionReading
 def _push_attitude(
     navigator: Navigator, reading: AttitudeReading, section: AttitudeReference, _: Place | None
 ) -> Reports:
-    """The whole attitude, or its heading alone, by Euler angles, as a case has them."""
-    roll, pitch, yaw = angles(reading.attitude_t_s)
+    """The whole attitude, or its heading alone."""
     yaw_sd_rad = units.rad_from_deg(section.yaw_sd_deg)
     if section.aids == "heading":
+        _, _, yaw = angles(reading.attitude_t_s)
         return navigator.push_heading(reading.time_ns, yaw, sd_rad=yaw_sd_rad)
     if section.aids == "nothing":
         return ()
     return navigator.push_attitude(
         reading.time_ns,
-        quaternion(roll, pitch, yaw),
+        reading.attitude_t_s,
         roll_pitch_sd_rad=units.rad_from_deg(section.roll_pitch_sd_deg),
         yaw_sd_rad=yaw_sd_rad,
     )
@@ -180,12 +180,14 @@ def _push_attitude(
 def _attitude_log(stream: Any, section: AttitudeReference) -> Mapping[str, Arrays]:  # noqa: ANN401
     if section.aids == "heading":
         return {"heading": {"heading_rad": stream.rpy_rad[:, 2].copy()}}
-    return {"attitude": {"attitude_rpy_rad": stream.rpy_rad}} if section.aids == "attitude" else {}
+    if section.aids == "nothing":
+        return {}
+    return {"attitude": {"attitude_t_p": stream.attitude.as_quat(scalar_first=True)}}
 
 
 def _attitude_rows(stream: Any, _: Place | None) -> Maker:  # noqa: ANN401
-    quaternions = stream.attitude.as_quat(scalar_first=True).tolist()
-    return lambda time_ns, k: AttitudeReading(time_ns, tuple(quaternions[k]))
+    rows = stream.attitude.as_quat(scalar_first=True).tolist()
+    return lambda time_ns, k: AttitudeReading(time_ns, tuple(rows[k]))
 
 
 def _push_gps(navigator: Navigator, reading: GpsReading, section: GpsErrors, home: Place | None) -> Reports:

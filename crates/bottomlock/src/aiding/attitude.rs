@@ -114,7 +114,7 @@ impl AidingSensor for AttitudeSample {
         sensor: Sensor::Attitude,
         quantity: Some(Quantity::Angle),
     }];
-    const LOG: &'static [Column] = &[Column::new("attitude_rpy_rad", 3)];
+    const LOG: &'static [Column] = &[Column::new("attitude_t_p", 4)];
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "magnetometer",
         offset: Some("yaw_offset_rad"),
@@ -146,12 +146,8 @@ impl AidingSensor for AttitudeSample {
     }
 
     fn of_row(time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Self> {
-        let [roll, pitch, yaw] = (*values.first()?)?.try_into().ok()?;
-        Some(Self::new(
-            time_ns,
-            Rot::from_euler_rad(roll, pitch, yaw),
-            &models.magnetometer,
-        ))
+        let quaternion = Rot::from_quaternion_wxyz((*values.first()?)?.try_into().ok()?);
+        Some(Self::new(time_ns, quaternion, &models.magnetometer))
     }
 
     /// With its yaw offset by declination and iron, and its slow errors drawn per run.

@@ -185,7 +185,7 @@ fn attitudes() {
     }
     assert_eq!((reading.roll_pitch_sd_rad, reading.yaw_sd_rad), (0.001, 0.005));
     assert_eq!(reading.numbers(), reading.attitude_t_p.to_quaternion_wxyz());
-    let read: AttitudeSample = of_row(&[Some(&ANGLES)]);
+    let read: AttitudeSample = of_row(&[Some(&truth().attitude_t_p.to_quaternion_wxyz())]);
     assert_eq!(read, of_truth());
     assert_eq!(read.attitude_t_p, truth().attitude_t_p);
     assert_eq!((read.roll_pitch_sd_rad, read.yaw_sd_rad), (0.001, 0.005));
