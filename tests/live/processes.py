@@ -81,7 +81,8 @@ class Instruments:
             to=f"udpout:127.0.0.1:{to_port}",
             format="waterlinked-json",
         ).replace('port = "probe"', 'port = "sentence"')
-        text += '[log]\nfolder = "logs"\nflush_s = 0\n[checkpoint]\nfile = "last"\nevery_s = 0.2\n[health]\nport = 0\n'
+        text += '[log]\nfolder = "logs"\nflush_s = 0\n[health]\nport = 0\n'
+        text += '[checkpoint]\nfile = "last"\nevery_s = 0.2\nmax_age_s = 60\n'
         path.write_text(text)
 
 

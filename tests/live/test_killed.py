@@ -35,13 +35,16 @@ def test_killed_and_aiding_again(tmp_path: Path, listener: socket.socket) -> Non
         first = start(config)
         try:
             assert b",OK,3,0," in heard(listener, 30.0)
-            time.sleep(1.0)
+            give_up_s = time.monotonic() + 10.0
+            while not (tmp_path / "last").is_file():
+                assert time.monotonic() < give_up_s, "no checkpoint"
+                time.sleep(0.1)
         finally:
             first.send_signal(signal.SIGKILL)
             first.communicate()
         second = start(config)
         try:
-            assert b",OK,3,1," in heard(listener, 10.0)
+            assert b",OK,3,1," in heard(listener, 30.0)
         finally:
             second.send_signal(signal.SIGTERM)
             words = second.communicate(timeout=10.0)[1].decode()
