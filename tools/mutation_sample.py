@@ -1,6 +1,7 @@
 """Puts random wrong lines into the code and counts those that the quick tests see: `python -m tools.mutation_sample`.
 
-Rust faults are drawn from the list of cargo-mutants and judged by the kernel's unit tests. Python faults are drawn over
+Rust faults are drawn from the list of cargo-mutants and judged by the kernel's unit tests, all in one build
+(`tools.switched_faults`). Python faults are drawn over
 the syntax tree and judged by those quick tests of their rooms that run the line. Faults that do not build are left out
 and others drawn.
 
@@ -44,6 +45,7 @@ from rich.progress import Progress
 from scipy.stats import beta
 
 import bottomlock
+from tools.switched_faults import TEST, build, outcome
 
 ROOT = Path(__file__).resolve().parent.parent
 KERNEL = "crates/bottomlock/src/"
@@ -84,6 +86,7 @@ class Fault:
         number: of its first line, from 1.
         span: first and last byte of what is replaced.
         new: what takes its place.
+        owner: first and last byte of the function, of Rust; (0, 0) outside of one.
     """
 
     group: str
@@ -96,6 +99,7 @@ class Fault:
     number: int = 0
     span: tuple[int, int] = (0, 0)
     new: str = ""
+    owner: tuple[int, int] = (0, 0)
 
     @property
     def key(self) -> tuple[str, str, str, str]:
@@ -201,44 +205,66 @@ def rust_faults() -> list[Fault]:
             continue
         text = (ROOT / entry["file"]).read_text(encoding="utf-8")
         lines, starts = text.splitlines(), _starts(text)
-        start, end = entry["span"]["start"], entry["span"]["end"]
-        # Columns are characters, from 1.
-        first, last = (
-            starts[at["line"] - 1] + len(lines[at["line"] - 1][: at["column"] - 1].encode())
-            for at in (start, end)
-        )
+
+        def place(span: Any, lines: list[str] = lines, starts: list[int] = starts) -> tuple[int, int]:  # noqa: ANN401
+            # Columns are characters, from 1.
+            first, last = (
+                starts[at["line"] - 1] + len(lines[at["line"] - 1][: at["column"] - 1].encode())
+                for at in (span["start"], span["end"])
+            )
+            return first, last
+
+        function, start = entry["function"], entry["span"]["start"]
+        first, last = place(entry["span"])
         same = text.encode()[first:last].decode() if entry["genre"] != "FnValue" else "body"
         faults.append(
             Fault(
                 group_of[room],
                 entry["file"],
-                (entry["function"] or {}).get("function_name", ""),
+                (function or {}).get("function_name", ""),
                 lines[start["line"] - 1].strip(),
                 f"{same} -> {entry['replacement']}",
                 number=start["line"],
                 span=(first, last),
                 new=entry["replacement"],
+                owner=place(function["span"]) if function else (0, 0),
             )
         )
     return faults
 
 
-def judge_rust(fault: Fault, tree: Path) -> Fault | None:
-    """The fault with its outcome in a copy of the crates; None for one that does not build."""
-    path = tree / fault.file
-    good = path.read_text(encoding="utf-8")
-    cargo = ["cargo", "test", "--quiet", "--locked", "--offline", "--package", "bottomlock", "--lib"]
-    # Incremental, and without what only a debugger reads.
-    quick = os.environ | {
+def quick_build(tree: Path) -> dict[str, str]:
+    """The environment of a build: incremental, and without what only a debugger reads."""
+    return os.environ | {
         "CARGO_INCREMENTAL": "1",
         "CARGO_PROFILE_TEST_DEBUG": "false",
         "CARGO_TARGET_DIR": str(tree / "target"),
     }
+
+
+def judged_rust(chosen: list[Fault], tree: Path) -> Iterator[Fault | None]:
+    """The faults with their outcomes, in order; None for one that does not build.
+
+    All are in one build, but those of a function that cannot be switched, such as a constant one.
+    """
+    numbered = dict(enumerate(chosen, 1))
+    program, switched, bad = build(tree, dict(numbered), quick_build(tree))
+    for number, fault in numbered.items():
+        if number in switched:
+            yield replace(fault, outcome=outcome(program, number, tree, LIMIT_S))
+        else:
+            yield None if number in bad else judge_rust(fault, tree)
+
+
+def judge_rust(fault: Fault, tree: Path) -> Fault | None:
+    """The fault with its outcome in a copy of the crates, built for it; None for one that does not build."""
+    path, quick = tree / fault.file, quick_build(tree)
+    good = path.read_text(encoding="utf-8")
     try:
         path.write_text(fault.applied(good), encoding="utf-8")
-        if run([*cargo, "--no-run"], cwd=tree, capture_output=True, env=quick).returncode:
+        if run([*TEST, "--no-run"], cwd=tree, capture_output=True, env=quick).returncode:
             return None
-        done = run(cargo, cwd=tree, capture_output=True, env=quick, timeout=LIMIT_S)
+        done = run(TEST, cwd=tree, capture_output=True, env=quick, timeout=LIMIT_S)
         return replace(fault, outcome="survived" if done.returncode == 0 else "killed")
     except subprocess.TimeoutExpired:
         return replace(fault, outcome="timeout")
@@ -387,15 +413,18 @@ def judged(group: str, chosen: list[Fault], jobs: int) -> Iterator[Fault]:
     """Those of the chosen faults that build, each with its outcome, in order."""
     with tempfile.TemporaryDirectory() as folder, Progress(console=Console(stderr=True)) as bar:
         if group in RUST:
-            judge, jobs = partial(judge_rust, tree=crates_copy(Path(folder))), 1
-        else:
-            copies: SimpleQueue[Path] = SimpleQueue()
-            for number in range(jobs):
-                copies.put(package_copy(Path(folder) / str(number)))
-            first = copies.get()
-            lines = tests_by_line(group, first, Path(folder))
-            copies.put(first)
-            judge = partial(judge_python, lines=lines, copies=copies)
+            tree = crates_copy(Path(folder))
+            yield from filter(
+                None, bar.track(judged_rust(chosen, tree), total=len(chosen), description=group)
+            )
+            return
+        copies: SimpleQueue[Path] = SimpleQueue()
+        for number in range(jobs):
+            copies.put(package_copy(Path(folder) / str(number)))
+        first = copies.get()
+        lines = tests_by_line(group, first, Path(folder))
+        copies.put(first)
+        judge = partial(judge_python, lines=lines, copies=copies)
         pool = ThreadPoolExecutor(jobs)
         try:
             for fault in bar.track(pool.map(judge, chosen), total=len(chosen), description=group):
