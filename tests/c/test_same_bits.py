@@ -37,7 +37,7 @@ def same_report(ours: Any, theirs: Report) -> None:  # noqa: ANN401 - a structur
     np.testing.assert_array_equal(ours.residual[:rows], theirs.residual)
     np.testing.assert_array_equal(np.array(ours.covariance)[:rows, :rows], theirs.covariance)
     np.testing.assert_array_equal(np.array(ours.rejected_rows[:rows], dtype=bool), theirs.rejected_rows)
-    assert ours.inflation == (theirs.inflation or 1.0)
+    assert (ours.inflation, ours.charged_to_sensor) == (theirs.inflation or 1.0, theirs.charged_to_sensor)
     assert bool(ours.beyond_linear_range) == theirs.beyond_linear_range
     assert ours.reason.decode() == (theirs.reason or "")
     weight = theirs.beam_weight

@@ -45,6 +45,7 @@ def test_consecutive_rejections_inflate_by_what_they_showed() -> None:
     reports = push_speeds(navigator(3), [3.0] * 4)
     assert [report.verdict for report in reports] == ["rejected"] * 2 + ["accepted"] * 2
     assert [report.inflation is None for report in reports] == [True, True, False, True]
+    assert [report.charged_to_sensor for report in reports] == [0.0] * 4  # beams without slow errors
     assert 0.1 < reports[2].nis / reports[2].degrees < 3.0
 
 

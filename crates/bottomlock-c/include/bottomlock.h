@@ -236,6 +236,8 @@ typedef struct {
     double threshold;
     // Factor by which the covariance was inflated after rejections; 1 for none.
     double inflation;
+    // Part of what those rejections showed that was charged to slow errors of the sensor, 0 to 1; the rest to inertial states.
+    double charged_to_sensor;
     // 1 where `beam_weight` is set.
     uint8_t has_beam_weight;
     // Weight of each beam with outlier detection: 0 for a rejected beam, NaN for a lost one.
@@ -276,6 +278,10 @@ typedef struct {
     // Its information matrix, (s/m)^2.
     double information_s2pm2[3][3];
 } bl_velocity;
+
+
+
+
 
 #ifdef __cplusplus
 extern "C" {

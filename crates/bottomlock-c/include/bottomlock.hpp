@@ -68,15 +68,26 @@ inline std::vector<std::string> names(const char *(*of)(std::size_t)) {
 }
 
 /// What `write` puts into a buffer of the size that it states.
-template <class Buffer, class Write> Buffer written(Write write) {
+template <class Buffer, class Write, class Object> Buffer written(Write write, const Object *object) {
     std::size_t size = 0;
-    const bl_status first = write(nullptr, std::size_t{0}, &size);
+    const bl_status first = write(object, nullptr, 0, &size);
     if (first != BL_STATUS_BUFFER_TOO_SMALL) check(first);
     Buffer buffer;
     buffer.resize(size);
-    check(write(buffer.data(), size, &size));
+    check(write(object, buffer.data(), size, &size));
     buffer.resize(size);
     return buffer;
+}
+
+/// Where a result goes: one value, or the numbers of an array.
+template <class T> T *place(T &value) { return &value; }
+template <class T, std::size_t N> T *place(std::array<T, N> &values) { return values.data(); }
+
+/// What `call` writes behind its other arguments.
+template <class T, class Call, class... A> T result(Call call, A... arguments) {
+    T made{};
+    check(call(arguments..., place(made)));
+    return made;
 }
 
 /// Settings from JSON, which can be changed and written.
@@ -98,7 +109,7 @@ public:
         return *this;
     }
     std::string json() const {
-        auto text = written<std::string>([&](char *at, std::size_t room, std::size_t *size) { return ToJson(get(), at, room, size); });
+        auto text = written<std::string>(ToJson, get());
         text.pop_back();
         return text;
     }
@@ -141,9 +152,12 @@ using Numbers = View<double>;
 using Flags = View<std::uint8_t>;
 using Vec3 = std::array<double, 3>;
 using Quaternion = std::array<double, 4>;
+using Covariance = std::array<double, BL_STATES * BL_STATES>;
 using State = bl_state;
 using Report = bl_report;
 using Velocity = bl_velocity;
+/// Numbers with their names.
+using Counts = std::vector<std::pair<std::string, std::uint64_t>>;
 
 inline std::string version() { return bl_version(); }
 
@@ -151,16 +165,12 @@ inline std::string version() { return bl_version(); }
 inline State at_rest(std::int64_t time_ns) { return bl_state_at_rest(time_ns); }
 
 inline Quaternion attitude_from_euler(double roll_rad, double pitch_rad, double yaw_rad) {
-    Quaternion attitude{};
-    detail::check(bl_attitude_from_euler(roll_rad, pitch_rad, yaw_rad, attitude.data()));
-    return attitude;
+    return detail::result<Quaternion>(bl_attitude_from_euler, roll_rad, pitch_rad, yaw_rad);
 }
 
 /// Roll, pitch and yaw, rad.
 inline Vec3 euler_from_attitude(Numbers attitude_t_p) {
-    Vec3 angles{};
-    detail::check(bl_euler_from_attitude(attitude_t_p.of(4, "attitude_t_p"), angles.data()));
-    return angles;
+    return detail::result<Vec3>(bl_euler_from_attitude, attitude_t_p.of(4, "attitude_t_p"));
 }
 
 /// Directions and places of the beams of a DVL, from an object of JSON. Nothing changes them, so copies share them.
@@ -171,11 +181,7 @@ public:
     static std::vector<std::string> presets() { return detail::names(bl_geometry_preset_name); }
 
     std::size_t beams() const { return bl_geometry_beams(get()); }
-    Vec3 direction(std::size_t beam) const {
-        Vec3 direction_p{};
-        detail::check(bl_geometry_direction(get(), beam, direction_p.data()));
-        return direction_p;
-    }
+    Vec3 direction(std::size_t beam) const { return detail::result<Vec3>(bl_geometry_direction, get(), beam); }
     const bl_geometry *get() const noexcept { return shared_.get(); }
 
 private:
@@ -275,44 +281,24 @@ public:
 
     /// Reports of the last push, also of one that threw.
     std::size_t report_count() const { return bl_report_count(get()); }
-    Report report(std::size_t number) const {
-        Report report{};
-        detail::check(bl_report_get(get(), number, &report));
-        return report;
-    }
+    Report report(std::size_t number) const { return detail::result<Report>(bl_report_get, get(), number); }
     std::vector<Report> reports() const {
         std::vector<Report> all(report_count());
         for (std::size_t k = 0; k < all.size(); ++k) all[k] = report(k);
         return all;
     }
 
-    State state() const {
-        State state{};
-        detail::check(bl_navigator_state(get(), &state));
-        return state;
-    }
+    State state() const { return detail::result<State>(bl_navigator_state, get()); }
     /// Row by row.
-    std::array<double, BL_STATES * BL_STATES> covariance() const {
-        std::array<double, BL_STATES * BL_STATES> covariance{};
-        detail::check(bl_navigator_covariance(get(), covariance.data()));
-        return covariance;
-    }
+    Covariance covariance() const { return detail::result<Covariance>(bl_navigator_covariance, get()); }
     void set_covariance(Numbers covariance) {
         detail::check(bl_navigator_set_covariance(get(), covariance.of(BL_STATES * BL_STATES, "covariance")));
     }
 
     /// Names and numbers of readings that came too late.
-    std::vector<std::pair<std::string, std::uint64_t>> late_events() const {
-        return counts(bl_navigator_late_events, bl_stream_name);
-    }
-    std::vector<std::pair<std::string, std::uint64_t>> imu_faults() const {
-        return counts(bl_navigator_imu_faults, bl_imu_fault_name);
-    }
-    std::size_t discard_waiting() {
-        std::size_t dropped = 0;
-        detail::check(bl_navigator_discard_waiting(get(), &dropped));
-        return dropped;
-    }
+    Counts late_events() const { return counts(bl_navigator_late_events, bl_stream_name); }
+    Counts imu_faults() const { return counts(bl_navigator_imu_faults, bl_imu_fault_name); }
+    std::size_t discard_waiting() { return detail::result<std::size_t>(bl_navigator_discard_waiting, get()); }
 
     /// Nothing where it is not estimated.
     std::optional<bl_water> water() const { return estimate<bl_water>(bl_navigator_water); }
@@ -321,14 +307,12 @@ public:
     std::optional<bl_calibration> calibration() const { return estimate<bl_calibration>(bl_navigator_calibration); }
     /// The current by depth; empty where it is not estimated.
     std::vector<bl_layer> layers() const {
-        return detail::written<std::vector<bl_layer>>(
-            [&](bl_layer *at, std::size_t room, std::size_t *count) { return bl_navigator_layers(get(), at, room, count); });
+        return detail::written<std::vector<bl_layer>>(bl_navigator_layers, get());
     }
 
     /// The whole navigator as bytes, which `load` takes. Nothing may be pushed meanwhile.
     std::vector<std::uint8_t> save() const {
-        return detail::written<std::vector<std::uint8_t>>(
-            [&](std::uint8_t *at, std::size_t room, std::size_t *size) { return bl_navigator_save(get(), at, room, size); });
+        return detail::written<std::vector<std::uint8_t>>(bl_navigator_save, get());
     }
     bl_navigator *get() const noexcept { return owned_.get(); }
 
@@ -345,12 +329,10 @@ private:
         detail::check(status);
         return found;
     }
-    std::vector<std::pair<std::string, std::uint64_t>>
-    counts(bl_status (*of)(const bl_navigator *, std::uint64_t *, std::size_t, std::size_t *),
-           const char *(*name)(std::size_t)) const {
-        const auto numbers = detail::written<std::vector<std::uint64_t>>(
-            [&](std::uint64_t *at, std::size_t room, std::size_t *count) { return of(get(), at, room, count); });
-        std::vector<std::pair<std::string, std::uint64_t>> named;
+    Counts counts(bl_status (*of)(const bl_navigator *, std::uint64_t *, std::size_t, std::size_t *),
+                  const char *(*name)(std::size_t)) const {
+        const auto numbers = detail::written<std::vector<std::uint64_t>>(of, get());
+        Counts named;
         for (const std::uint64_t number : numbers) named.emplace_back(name(named.size()), number);
         return named;
     }
@@ -380,7 +362,7 @@ template <std::size_t N> Eigen::Map<const Eigen::Matrix<double, static_cast<int>
     return Eigen::Map<const Eigen::Matrix<double, static_cast<int>(N), 1>>(values);
 }
 /// A covariance as an Eigen matrix.
-inline Eigen::Matrix<double, BL_STATES, BL_STATES> eigen(const std::array<double, BL_STATES * BL_STATES> &covariance) {
+inline Eigen::Matrix<double, BL_STATES, BL_STATES> eigen(const Covariance &covariance) {
     return Eigen::Map<const Eigen::Matrix<double, BL_STATES, BL_STATES, Eigen::RowMajor>>(covariance.data());
 }
 #endif

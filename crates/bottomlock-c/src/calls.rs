@@ -4,7 +4,6 @@ use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::ptr;
 
 use bottomlock::NavError;
 
@@ -135,6 +134,16 @@ fn internal(panic: &(dyn Any + Send)) -> Failure {
     Failure::new(Status::Internal, message)
 }
 
+/// A call whose work trusts the caller's pointers as the head of the header asks, the one place where a call does:
+/// `call!(status, ..)`, `call!(made, ..)` or `call!(count, ..)`.
+macro_rules! call {
+    ($kind:ident, $work:expr) => {
+        // SAFETY: what the head of the header asks of every caller.
+        $crate::calls::$kind(|| unsafe { $work })
+    };
+}
+pub(crate) use call;
+
 /// A call that returns its status.
 pub(crate) fn status(work: impl FnOnce() -> Outcome<()>) -> Status {
     caught(work).map_or_else(
@@ -146,38 +155,27 @@ pub(crate) fn status(work: impl FnOnce() -> Outcome<()>) -> Status {
     )
 }
 
-/// A call that makes an object; NULL for an error.
-pub(crate) fn made<T>(work: impl FnOnce() -> Outcome<T>) -> *mut T {
-    caught(work).map_or_else(
-        |failure| {
-            keep(&failure);
-            ptr::null_mut()
-        },
-        |value| Box::into_raw(Box::new(value)),
-    )
+/// A call that returns something, or what a failure leaves.
+fn or_default<T: Default>(work: impl FnOnce() -> Outcome<T>) -> T {
+    caught(work).map_err(|failure| keep(&failure)).unwrap_or_default()
 }
 
-/// A call that returns a number, or another one for an error.
-pub(crate) fn value<T>(otherwise: T, work: impl FnOnce() -> Outcome<T>) -> T {
-    caught(work).unwrap_or_else(|failure| {
-        keep(&failure);
-        otherwise
-    })
+/// A call that makes an object; NULL for an error.
+pub(crate) fn made<T>(work: impl FnOnce() -> Outcome<T>) -> Option<Box<T>> {
+    or_default(|| work().map(|value| Some(Box::new(value))))
+}
+
+/// A call that counts; 0 for an error.
+pub(crate) fn count(work: impl FnOnce() -> Outcome<usize>) -> usize {
+    or_default(work)
 }
 
 /// Frees an object that `made` returned; NULL is none.
-///
-/// # Safety
-/// The pointer is NULL, or one that `made` returned and that was not freed.
-pub(crate) unsafe fn free<T>(object: *mut T) {
-    if !object.is_null() {
-        // SAFETY: made by `Box::into_raw`, as the caller promises.
-        let owned = unsafe { Box::from_raw(object) };
-        value((), || {
-            drop(owned);
-            Ok(())
-        });
-    }
+pub(crate) fn free<T>(object: Option<Box<T>>) {
+    or_default(|| {
+        drop(object);
+        Ok(())
+    });
 }
 
 /// A text of the last error; empty if none has been.
@@ -236,9 +234,9 @@ mod tests {
             "{}",
             last().1
         );
-        assert!(made::<u8>(|| panic!("words")).is_null());
+        assert!(made::<u8>(|| panic!("words")).is_none());
         assert!(last().1.ends_with(": words"));
-        assert_eq!(value(3, || std::panic::panic_any(5_u8)), 3);
+        assert_eq!(count(|| std::panic::panic_any(5_u8)), 0);
         assert!(last().1.ends_with(": no words"));
         std::panic::set_hook(hook);
         assert_eq!(status(|| Ok(())), Status::Ok);
@@ -258,10 +256,7 @@ mod tests {
     /// What is made is freed once, and NULL is nothing.
     #[test]
     fn what_is_made_is_freed() {
-        let object = made(|| Ok(vec![1_u8; 1000]));
-        // SAFETY: just made.
-        unsafe { free(object) };
-        // SAFETY: NULL.
-        unsafe { free(ptr::null_mut::<u8>()) };
+        free(made(|| Ok(vec![1_u8; 1000])));
+        free(None::<Box<u8>>);
     }
 }

@@ -1,18 +1,17 @@
 //! Beam geometries.
 
-use std::f64::consts::TAU;
 use std::ffi::c_char;
 use std::ptr;
 
 use bottomlock::NavError;
 use bottomlock::dvl::geometry::{BeamGeometry, Janus};
-use bottomlock::frames::{Platform, Rot, Vec3};
+use bottomlock::frames::{Platform, Vec3};
 use bottomlock::settings::read;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::calls::{Failure, Outcome, Status, free, made, status, value};
+use crate::calls::{Failure, Outcome, Status, call, free};
 use crate::names::c_name;
-use crate::pointers::{at, fill, text};
+use crate::pointers::{at, put, text};
 use crate::presets::{GEOMETRIES, named};
 use crate::settings::Settings;
 
@@ -55,7 +54,7 @@ impl Beams {
         let angles = (configuration, self.tilt_rad, &self.tilts_rad, &self.azimuths_rad);
         match (&self.preset, angles, &self.directions_d) {
             (Some(name), (None, None, None, None), None) => {
-                let preset = named("geometry", name, &GEOMETRIES, |preset| preset.name)?;
+                let preset = named("geometry", name, &GEOMETRIES, |preset| preset.0)?;
                 Ok(preset.geometry()?)
             }
             (None, (Some(configuration), Some(tilt_rad), None, None), None) => {
@@ -81,19 +80,14 @@ impl Beams {
 
     fn geometry(&self) -> Outcome<Geometry> {
         let mut made = self.directions()?;
-        if let Some([roll, pitch, yaw]) = self.roll_pitch_yaw_rad {
-            if let Some(angle) = [roll, pitch, yaw].into_iter().find(|angle| !(angle.abs() <= TAU)) {
-                return Err(Failure::invalid(format!(
-                    "roll_pitch_yaw_rad has {angle}, expected three angles of -2 pi to 2 pi: is it in degrees?"
-                ))
-                .about("geometry.roll_pitch_yaw_rad"));
-            }
-            made = made.mounted(Rot::from_euler_rad(roll, pitch, yaw));
+        if let Some(angles) = self.roll_pitch_yaw_rad {
+            made = made
+                .mounted_by("roll_pitch_yaw_rad", angles)
+                .map_err(|error| Failure::from(error).about("geometry.roll_pitch_yaw_rad"))?;
         }
         if let Some(rows) = &self.lever_arms_p_m {
-            let levers = vectors::<Platform>(rows);
             made = made
-                .with_lever_arms(&levers)
+                .with_lever_arms(&vectors::<Platform>(rows))
                 .map_err(|error| Failure::timeless(&error))?;
         }
         if let Some(scale) = self.sound_speed_scale {
@@ -116,20 +110,20 @@ impl Geometry {
 /// the mounting, from the DVL frame to the platform frame; "lever_arms_p_m", the place of each transducer, platform frame;
 /// "sound_speed_scale", the ratio of the assumed to the true speed of sound. NULL for an error.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_from_json(json: *const c_char) -> *mut Geometry {
-    made(|| Geometry::from_json(text("json", json)?))
+pub unsafe extern "C" fn bl_geometry_from_json(json: *const c_char) -> Option<Box<Geometry>> {
+    call!(made, Geometry::from_json(text("json", json)?))
 }
 
 /// Name of a packaged geometry by its number from 0, NULL beyond the last.
 #[unsafe(no_mangle)]
 pub extern "C" fn bl_geometry_preset_name(number: usize) -> *const c_char {
-    GEOMETRIES.get(number).map_or(ptr::null(), |preset| c_name(preset.name))
+    GEOMETRIES.get(number).map_or(ptr::null(), |preset| c_name(preset.0))
 }
 
 /// Number of beams; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_geometry_beams(geometry: *const Geometry) -> usize {
-    value(0, || Ok(at("geometry", geometry)?.0.beams()))
+    call!(count, Ok(at("geometry", geometry)?.0.beams()))
 }
 
 /// Unit vector of a beam, counted from 0, platform frame, mounting applied: 3 numbers.
@@ -139,18 +133,18 @@ pub unsafe extern "C" fn bl_geometry_direction(
     beam: usize,
     direction_p: *mut f64,
 ) -> Status {
-    status(|| {
+    call!(status, {
         let inner = &at("geometry", geometry)?.0;
         if beam >= inner.beams() {
             let last = inner.beams() - 1;
             return Err(Failure::invalid(format!("beam is {beam}, expected 0 to {last}")));
         }
-        fill("direction_p", direction_p, 3, inner.direction_p(beam).as_slice())
+        put("direction_p", direction_p.cast(), inner.direction_p(beam).data.0)
     })
 }
 
 /// Frees a geometry; NULL is none. Navigators made with it stay.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_geometry_free(geometry: *mut Geometry) {
-    free(geometry)
+pub extern "C" fn bl_geometry_free(geometry: Option<Box<Geometry>>) {
+    free(geometry);
 }

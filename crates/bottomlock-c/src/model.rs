@@ -9,7 +9,7 @@ use bottomlock::model::Model as Core;
 use bottomlock::settings;
 use serde::{Deserializer, Serialize};
 
-use crate::calls::{Outcome, Status, free, made, status};
+use crate::calls::{Outcome, Status, call, free};
 use crate::names::c_name;
 use crate::pointers::{at, at_mut, text};
 use crate::presets::{GRADES, named};
@@ -45,7 +45,7 @@ impl Model {
         };
         model.validate()?;
         if name != TABLE_2 {
-            model.imu = named("model", &name, &GRADES, |grade| grade.name)?.imu();
+            model.imu = named("model", &name, &GRADES, |grade| grade.0)?.imu();
         }
         Self(model).changed(keys)
     }
@@ -54,7 +54,7 @@ impl Model {
 /// Name of a model preset by its number from 0, NULL beyond the last.
 #[unsafe(no_mangle)]
 pub extern "C" fn bl_model_preset_name(number: usize) -> *const c_char {
-    let grades = GRADES.iter().map(|grade| grade.name);
+    let grades = GRADES.iter().map(|grade| grade.0);
     grades.chain([TABLE_2]).nth(number).map_or(ptr::null(), c_name)
 }
 
@@ -62,19 +62,15 @@ pub extern "C" fn bl_model_preset_name(number: usize) -> *const c_char {
 /// "latitude_rad", and what differs from it. A preset has the errors of a packaged grade of IMUs ("tactical"; `bl_model_preset_name`
 /// lists them), all else from Table 2 of Tal et al. 2017, as all of "table_2" is. Set what your sensors have. NULL for an error.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_model_from_json(json: *const c_char) -> *mut Model {
-    made(|| Model::given(text("json", json)?))
+pub unsafe extern "C" fn bl_model_from_json(json: *const c_char) -> Option<Box<Model>> {
+    call!(made, Model::given(text("json", json)?))
 }
 
 /// Changes what an object of JSON names; all else stays. For example "{\"dvl\": {\"beam_noise_sd_mps\": 0.02}}". An error changes
 /// nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_model_set(model: *mut Model, json: *const c_char) -> Status {
-    status(|| {
-        let (model, json) = (at_mut("model", model)?, text("json", json)?);
-        *model = model.changed(parsed(json)?)?;
-        Ok(())
-    })
+    call!(status, at_mut("model", model)?.change(text("json", json)?))
 }
 
 /// The model as JSON, as `bl_options_to_json`.
@@ -85,11 +81,11 @@ pub unsafe extern "C" fn bl_model_to_json(
     capacity: usize,
     size: *mut usize,
 ) -> Status {
-    status(|| at("model", model)?.write(json, capacity, size))
+    call!(status, at("model", model)?.write(json, capacity, size))
 }
 
 /// Frees a model; NULL is none. Navigators made with it stay.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_model_free(model: *mut Model) {
-    free(model)
+pub extern "C" fn bl_model_free(model: Option<Box<Model>>) {
+    free(model);
 }

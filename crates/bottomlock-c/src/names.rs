@@ -5,10 +5,13 @@ use std::ffi::{CStr, CString, c_char};
 use std::ptr;
 use std::sync::{Mutex, PoisonError};
 
+use bottomlock::NavError;
 use bottomlock::mechanisation::IMU_FAULTS;
 use bottomlock::navigator::METHODS;
 use bottomlock::navigator::events::STREAM_NAMES;
 use bottomlock::settings::nearest;
+
+use crate::calls::{Failure, Status};
 
 /// A known name as a C text. The kernel's names have no NUL, so every one gets its own, once for the life of the process.
 pub(crate) fn c_name(name: &'static str) -> *const c_char {
@@ -44,6 +47,11 @@ pub(crate) fn hint(name: &str, known: &[&str]) -> String {
         Some(near) => format!("did you mean '{near}'?"),
         None => format!("known: {}", known.join(", ")),
     }
+}
+
+/// The failure of an unknown method, with those words.
+pub(crate) fn unknown(error: &NavError, name: &str, known: &[&str]) -> Failure {
+    Failure::new(Status::UnknownName, format!("{error} ({})", hint(name, known))).about("method")
 }
 
 #[cfg(test)]

@@ -5,18 +5,18 @@ use std::sync::{Mutex, MutexGuard};
 
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::layout::DIM;
-use bottomlock::navigator::{LiveNavigator, Method, Notice, Snapshot};
+use bottomlock::navigator::{LiveNavigator, METHODS, Method, Notice, Snapshot};
 use bottomlock::settings::read;
 use bottomlock::state::{Covariance, NavState};
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
-use crate::calls::{Failure, Outcome, Status, free, made, status};
+use crate::calls::{Failure, Outcome, Status, call, free};
 use crate::geometry::Geometry;
 use crate::model::Model;
-use crate::names::hint;
+use crate::names::unknown;
 use crate::options::Options;
-use crate::pointers::{at, fill, numbers, put, put_all, text, values};
+use crate::pointers::{at, numbers, put, put_all, text, values};
 use crate::settings::{Settings, parsed};
 use crate::state::State;
 
@@ -89,13 +89,7 @@ impl Navigator {
 
 /// The aiding method of a name; the error names the nearest one.
 fn method(name: &str) -> Outcome<Method> {
-    Method::named(name).map_err(|error| {
-        let known: Vec<_> = bottomlock::navigator::METHODS
-            .iter()
-            .map(|method| method.name)
-            .collect();
-        Failure::new(Status::UnknownName, format!("{error} ({})", hint(name, &known))).about("method")
-    })
+    Method::named(name).map_err(|error| unknown(&error, name, &METHODS.map(|method| method.name)))
 }
 
 /// What a navigator is made from in one call; the parts are texts of JSON.
@@ -133,8 +127,8 @@ impl Given {
 /// differ from the defaults, "options" as of `bl_options_from_json`, "start" with the fields of `bl_state`, at rest at time 0
 /// otherwise, "method" and "horizon_ns" as of `bl_navigator_new`. NULL for an error; `bl_last_error_key` has its key.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_navigator_from_json(json: *const c_char) -> *mut Navigator {
-    made(|| {
+pub unsafe extern "C" fn bl_navigator_from_json(json: *const c_char) -> Option<Box<Navigator>> {
+    call!(made, {
         let json = text("json", json)?;
         if !parsed(json)?.is_object() {
             return Err(Failure::invalid("the navigator is no object of JSON"));
@@ -158,8 +152,8 @@ pub unsafe extern "C" fn bl_navigator_new(
     method: *const c_char,
     initial: *const State,
     horizon_ns: i64,
-) -> *mut Navigator {
-    made(|| {
+) -> Option<Box<Navigator>> {
+    call!(made, {
         let (geometry, model, options, initial) = (
             at("geometry", geometry)?,
             at("model", model)?,
@@ -178,36 +172,30 @@ pub unsafe extern "C" fn bl_navigator_new(
 
 /// A copy that goes its own way. NULL for an error.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_navigator_copy(navigator: *const Navigator) -> *mut Navigator {
-    made(|| at("navigator", navigator)?.snapshot().map(Navigator::of))
+pub unsafe extern "C" fn bl_navigator_copy(navigator: *const Navigator) -> Option<Box<Navigator>> {
+    call!(made, at("navigator", navigator)?.snapshot().map(Navigator::of))
 }
 
 /// Frees a navigator; NULL is none. No other call with it may be under way.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_navigator_free(navigator: *mut Navigator) {
-    free(navigator)
+pub extern "C" fn bl_navigator_free(navigator: Option<Box<Navigator>>) {
+    free(navigator);
 }
 
 /// Replaces the covariance of every filter: 20 by 20, 400 numbers. What is older than the estimate is then too late.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_set_covariance(navigator: *mut Navigator, covariance: *const f64) -> Status {
-    status(|| {
-        let (navigator, covariance) = (
-            at("navigator", navigator)?,
-            numbers::<{ STATES * STATES }>("covariance", covariance)?,
-        );
-        navigator
-            .locked()?
-            .live
-            .set_covariance(&Covariance::from_row_slice(&covariance))?;
-        Ok(())
+    call!(status, {
+        let navigator = at("navigator", navigator)?;
+        let given = Covariance::from_row_slice(&numbers::<{ STATES * STATES }>("covariance", covariance)?);
+        Ok(navigator.locked()?.live.set_covariance(&given)?)
     })
 }
 
 /// The estimate at the time of the last inertial reading.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_state(navigator: *const Navigator, state: *mut State) -> Status {
-    status(|| {
+    call!(status, {
         let now = at("navigator", navigator)?.locked()?.live.navigators().state();
         put("state", state, State::from(&now))
     })
@@ -216,9 +204,9 @@ pub unsafe extern "C" fn bl_navigator_state(navigator: *const Navigator, state: 
 /// Its covariance, 20 by 20, 400 numbers; the call changes nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_covariance(navigator: *const Navigator, covariance: *mut f64) -> Status {
-    status(|| {
+    call!(status, {
         let now = at("navigator", navigator)?.locked()?.live.navigators().covariance();
-        fill("covariance", covariance, STATES * STATES, now.as_slice())
+        put("covariance", covariance.cast(), now.data.0)
     })
 }
 
@@ -231,7 +219,7 @@ pub unsafe extern "C" fn bl_navigator_late_events(
     capacity: usize,
     count: *mut usize,
 ) -> Status {
-    status(|| {
+    call!(status, {
         let held = at("navigator", navigator)?.locked()?;
         put_all(("counts", counts, capacity), ("count", count), held.live.late_events())
     })
@@ -246,7 +234,7 @@ pub unsafe extern "C" fn bl_navigator_imu_faults(
     capacity: usize,
     count: *mut usize,
 ) -> Status {
-    status(|| {
+    call!(status, {
         let held = at("navigator", navigator)?.locked()?;
         put_all(("counts", counts, capacity), ("count", count), held.live.imu_faults())
     })
@@ -255,7 +243,7 @@ pub unsafe extern "C" fn bl_navigator_imu_faults(
 /// Drops the measurements that wait for the next inertial reading, where they make its push fail; `dropped` may be NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_discard_waiting(navigator: *mut Navigator, dropped: *mut usize) -> Status {
-    status(|| {
+    call!(status, {
         let number = at("navigator", navigator)?.locked()?.live.discard_waiting();
         if dropped.is_null() {
             return Ok(());
@@ -273,7 +261,7 @@ pub unsafe extern "C" fn bl_navigator_save(
     capacity: usize,
     size: *mut usize,
 ) -> Status {
-    status(|| {
+    call!(status, {
         let saved = at("navigator", navigator)?.snapshot()?.to_bytes()?;
         put_all(("bytes", bytes, capacity), ("size", size), &saved)
     })
@@ -282,8 +270,8 @@ pub unsafe extern "C" fn bl_navigator_save(
 /// The navigator of saved bytes, also of those that Python has saved; it goes on as the saved one does, bit for bit. NULL for an
 /// error: bytes that are damaged, cut short or saved by another version.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_navigator_load(bytes: *const u8, size: usize) -> *mut Navigator {
-    made(|| {
+pub unsafe extern "C" fn bl_navigator_load(bytes: *const u8, size: usize) -> Option<Box<Navigator>> {
+    call!(made, {
         let saved = values("bytes", bytes, size)?;
         Ok(Navigator::of(Snapshot::from_bytes(saved)?))
     })

@@ -7,9 +7,9 @@ use bottomlock::filter::options::Options as Core;
 use bottomlock::settings::options;
 use serde::{Deserializer, Serialize};
 
-use crate::calls::{Status, free, made, status};
+use crate::calls::{Status, call, free};
 use crate::pointers::{at, at_mut, text};
-use crate::settings::{Settings, parsed};
+use crate::settings::Settings;
 
 /// Options of the filter, SI.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -26,18 +26,14 @@ impl Settings for Options {
 /// Options from an object of JSON, of which every key may be left out: "{}" has the defaults, which suit a vehicle whose inertial
 /// readings are instantaneous. For example "{\"gate\": \"off\", \"water\": {\"slip_time_s\": 30}}". NULL for an error.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_options_from_json(json: *const c_char) -> *mut Options {
-    made(|| Options::from_json(text("json", json)?))
+pub unsafe extern "C" fn bl_options_from_json(json: *const c_char) -> Option<Box<Options>> {
+    call!(made, Options::from_json(text("json", json)?))
 }
 
 /// Changes what an object of JSON names; all else stays. An error changes nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_options_set(options: *mut Options, json: *const c_char) -> Status {
-    status(|| {
-        let (options, json) = (at_mut("options", options)?, text("json", json)?);
-        *options = options.changed(parsed(json)?)?;
-        Ok(())
-    })
+    call!(status, at_mut("options", options)?.change(text("json", json)?))
 }
 
 /// The options as JSON, numbers to the last bit: `size` is the number of bytes with the NUL; `BL_STATUS_BUFFER_TOO_SMALL` where `json`
@@ -49,11 +45,11 @@ pub unsafe extern "C" fn bl_options_to_json(
     capacity: usize,
     size: *mut usize,
 ) -> Status {
-    status(|| at("options", options)?.write(json, capacity, size))
+    call!(status, at("options", options)?.write(json, capacity, size))
 }
 
 /// Frees options; NULL is none. Navigators made with them stay.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_options_free(options: *mut Options) {
-    free(options)
+pub extern "C" fn bl_options_free(options: Option<Box<Options>>) {
+    free(options);
 }

@@ -3,16 +3,16 @@
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::effort::EffortSample;
 use bottomlock::aiding::thrust::ThrustSample;
-use bottomlock::frames::Vec3;
+use bottomlock::frames::Rot;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample, WaterSample,
 };
 use nalgebra::Matrix3;
 
-use crate::calls::{Outcome, Status, status};
+use crate::calls::{Outcome, Status, call};
 use crate::navigator::Navigator;
-use crate::pointers::{at, attitude, given, numbers, ping, values, vector};
+use crate::pointers::{at, given, numbers, ping, values, vector};
 
 /// Takes events one after another; reports are those of this push, also where it ends with an error.
 fn push(navigator: &Navigator, events: impl Iterator<Item = Event>, taken: &mut usize) -> Outcome<()> {
@@ -27,12 +27,14 @@ fn push(navigator: &Navigator, events: impl Iterator<Item = Event>, taken: &mut 
     Ok(())
 }
 
-/// Takes the event that `of` makes for a navigator.
-unsafe fn push_one(navigator: *mut Navigator, of: impl FnOnce(&Navigator) -> Outcome<Event>) -> Status {
-    status(|| {
-        let navigator = at("navigator", navigator.cast_const())?;
-        push(navigator, std::iter::once(of(navigator)?), &mut 0)
-    })
+/// Takes the event of a sample for a navigator.
+macro_rules! push_one {
+    ($navigator:expr, $sample:expr) => {
+        call!(status, {
+            let navigator = at("navigator", $navigator)?;
+            push(navigator, std::iter::once(Event::from($sample)), &mut 0)
+        })
+    };
 }
 
 /// An inertial reading: angular rate relative to inertial space and specific force in the platform frame, 3 numbers each, rad/s
@@ -44,13 +46,11 @@ pub unsafe extern "C" fn bl_push_imu(
     omega_p_radps: *const f64,
     force_p_mps2: *const f64,
 ) -> Status {
-    push_one(navigator, |_| {
-        Ok(Event::Imu(ImuSample {
-            time_ns,
-            rate_p_radps: vector("omega_p_radps", omega_p_radps)?,
-            force_p_mps2: vector("force_p_mps2", force_p_mps2)?,
-        }))
-    })
+    push_one! { navigator, Event::Imu(ImuSample {
+        time_ns,
+        rate_p_radps: vector("omega_p_radps", omega_p_radps)?,
+        force_p_mps2: vector("force_p_mps2", force_p_mps2)?,
+    }) }
 }
 
 /// Many inertial readings: `count` times, and as many rows of 3 numbers each. An error refuses the reading that it names and those
@@ -65,25 +65,19 @@ pub unsafe extern "C" fn bl_push_imu_block(
     taken: *mut usize,
 ) -> Status {
     let mut number = 0;
-    let outcome = status(|| {
+    let outcome = call!(status, {
         let (navigator, times, rates, forces) = (
-            at("navigator", navigator.cast_const())?,
+            at("navigator", navigator)?,
             values("time_ns", time_ns, count)?,
             values("omega_p_radps", omega_p_radps.cast::<[f64; 3]>(), count)?,
             values("force_p_mps2", force_p_mps2.cast::<[f64; 3]>(), count)?,
         );
-        let readings = times.iter().zip(rates.iter().zip(forces));
-        let events = readings.map(|(&time_ns, (&rate, &force))| {
-            Event::Imu(ImuSample {
-                time_ns,
-                rate_p_radps: Vec3::from_array(rate),
-                force_p_mps2: Vec3::from_array(force),
-            })
-        });
-        push(navigator, events, &mut number)
+        let readings = ImuSample::of_columns(times, rates, forces);
+        push(navigator, readings.map(Event::Imu), &mut number)
     });
-    if !taken.is_null() {
-        taken.write(number);
+    // SAFETY: as the header asks; NULL is allowed.
+    if let Some(taken) = unsafe { taken.as_mut() } {
+        *taken = number;
     }
     outcome
 }
@@ -99,9 +93,9 @@ pub unsafe extern "C" fn bl_push_beams(
     valid: *const u8,
     sd_mps: *const f64,
 ) -> Status {
-    push_one(navigator, |to| {
-        let arrays = (velocity_mps, valid, sd_mps);
-        Ok(Event::Beams(ping(time_ns, to.beams, beams, arrays)?))
+    push_one!(navigator, {
+        let expected = at("navigator", navigator)?.beams;
+        Event::Beams(ping(time_ns, expected, beams, (velocity_mps, valid, sd_mps))?)
     })
 }
 
@@ -117,9 +111,10 @@ pub unsafe extern "C" fn bl_push_water_track(
     sd_mps: *const f64,
     range_m: f64,
 ) -> Status {
-    push_one(navigator, |to| {
-        let ping = ping(time_ns, to.beams, beams, (velocity_mps, valid, sd_mps))?;
-        Ok(Event::WaterTrack(WaterSample { ping, range_m }))
+    push_one!(navigator, {
+        let expected = at("navigator", navigator)?.beams;
+        let ping = ping(time_ns, expected, beams, (velocity_mps, valid, sd_mps))?;
+        Event::WaterTrack(WaterSample { ping, range_m })
     })
 }
 
@@ -131,19 +126,17 @@ pub unsafe extern "C" fn bl_push_velocity(
     velocity_p_mps: *const f64,
     cov_m2ps2: *const f64,
 ) -> Status {
-    push_one(navigator, |_| {
-        Ok(Event::from(VelocitySample {
-            time_ns,
-            velocity_p_mps: vector("velocity_p_mps", velocity_p_mps)?,
-            cov_m2ps2: Matrix3::from_row_slice(&numbers::<9>("cov_m2ps2", cov_m2ps2)?),
-        }))
-    })
+    push_one! { navigator, VelocitySample {
+        time_ns,
+        velocity_p_mps: vector("velocity_p_mps", velocity_p_mps)?,
+        cov_m2ps2: Matrix3::from_row_slice(&numbers::<9>("cov_m2ps2", cov_m2ps2)?),
+    } }
 }
 
 /// A depth below the origin of the tangent frame, with its standard deviation, m.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_push_depth(navigator: *mut Navigator, time_ns: i64, depth_m: f64, sd_m: f64) -> Status {
-    push_one(navigator, |_| Ok(Event::from(DepthSample { time_ns, depth_m, sd_m })))
+    push_one! { navigator, DepthSample { time_ns, depth_m, sd_m } }
 }
 
 /// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward, with the white noise of the speed that they say,
@@ -155,13 +148,7 @@ pub unsafe extern "C" fn bl_push_thrust(
     revolutions_hz: f64,
     sd_mps: f64,
 ) -> Status {
-    push_one(navigator, |_| {
-        Ok(Event::from(ThrustSample {
-            time_ns,
-            revolutions_hz,
-            sd_mps,
-        }))
-    })
+    push_one! { navigator, ThrustSample { time_ns, revolutions_hz, sd_mps } }
 }
 
 /// Force of the thrusters along surge, sway and heave, 3 numbers, N, with the white noise of each, 1 sigma. For options of "thrust" and
@@ -173,13 +160,7 @@ pub unsafe extern "C" fn bl_push_effort(
     force_p_n: *const f64,
     sd_n: f64,
 ) -> Status {
-    push_one(navigator, |_| {
-        Ok(Event::from(EffortSample {
-            time_ns,
-            force_p_n: vector("force_p_n", force_p_n)?,
-            sd_n,
-        }))
-    })
+    push_one! { navigator, EffortSample { time_ns, force_p_n: vector("force_p_n", force_p_n)?, sd_n } }
 }
 
 /// An attitude, 4 numbers, scalar first, with the standard deviations of its Euler angles, rad.
@@ -191,25 +172,18 @@ pub unsafe extern "C" fn bl_push_attitude(
     roll_pitch_sd_rad: f64,
     yaw_sd_rad: f64,
 ) -> Status {
-    push_one(navigator, |_| {
-        Ok(Event::from(AttitudeSample {
-            time_ns,
-            attitude_t_p: attitude("attitude_t_p", numbers("attitude_t_p", attitude_t_p)?)?,
-            roll_pitch_sd_rad,
-            yaw_sd_rad,
-        }))
-    })
+    push_one! { navigator, AttitudeSample {
+        time_ns,
+        attitude_t_p: Rot::from_unit_wxyz("attitude_t_p", numbers("attitude_t_p", attitude_t_p)?)?,
+        roll_pitch_sd_rad,
+        yaw_sd_rad,
+    } }
 }
 
 /// A yaw angle alone, with its standard deviation, rad.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_push_heading(navigator: *mut Navigator, time_ns: i64, yaw_rad: f64, sd_rad: f64) -> Status {
-    let sample = HeadingSample {
-        time_ns,
-        yaw_rad,
-        sd_rad,
-    };
-    push_one(navigator, |_| Ok(Event::from(sample)))
+    push_one! { navigator, HeadingSample { time_ns, yaw_rad, sd_rad } }
 }
 
 /// A GPS position and velocity in the tangent frame with their standard deviations, 3 numbers each, m and m/s; velocity and its
@@ -223,22 +197,19 @@ pub unsafe extern "C" fn bl_push_gps(
     velocity_t_mps: *const f64,
     velocity_sd_mps: *const f64,
 ) -> Status {
-    push_one(navigator, |_| {
-        let velocity = if velocity_t_mps.is_null() && velocity_sd_mps.is_null() {
-            None
-        } else {
-            Some(GpsVelocity {
+    let with_velocity = !(velocity_t_mps.is_null() && velocity_sd_mps.is_null());
+    push_one! { navigator, GpsSample {
+        velocity: match with_velocity {
+            true => Some(GpsVelocity {
                 velocity_t_mps: vector("velocity_t_mps", velocity_t_mps)?,
                 sd_mps: numbers("velocity_sd_mps", velocity_sd_mps)?,
-            })
-        };
-        Ok(Event::from(GpsSample {
-            time_ns,
-            position_t_m: vector("position_t_m", position_t_m)?,
-            position_sd_m: numbers("position_sd_m", position_sd_m)?,
-            velocity,
-        }))
-    })
+            }),
+            false => None,
+        },
+        time_ns,
+        position_t_m: vector("position_t_m", position_t_m)?,
+        position_sd_m: numbers("position_sd_m", position_sd_m)?,
+    } }
 }
 
 /// An acoustic position fix (USBL, LBL) of the transponder in the tangent frame, 3 numbers, m, with its standard deviations, 3
@@ -250,14 +221,13 @@ pub unsafe extern "C" fn bl_push_acoustic_position(
     position_t_m: *const f64,
     sd_m: *const f64,
 ) -> Status {
-    push_one(navigator, |to| {
-        let position_t_m = vector("position_t_m", position_t_m)?;
-        let model = &to.sensors.acoustic_position;
-        Ok(Event::from(AcousticPositionSample::new(
+    push_one!(navigator, {
+        let model = &at("navigator", navigator)?.sensors.acoustic_position;
+        AcousticPositionSample::new(
             time_ns,
-            position_t_m,
-            given(sd_m),
+            vector("position_t_m", position_t_m)?,
+            given(sd_m.cast()),
             model,
-        )))
+        )
     })
 }

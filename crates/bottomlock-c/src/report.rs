@@ -1,15 +1,15 @@
 //! Reports of the last push: innovation, its covariance, NIS, verdict.
 
-use std::ffi::{CString, c_char};
+use std::ffi::c_char;
 use std::ptr;
 
 use bottomlock::aiding::MAX_ROWS;
 use bottomlock::dvl::fix_row::source_code;
 use bottomlock::dvl::geometry::MAX_BEAMS;
-use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict as Outcomes};
-use bottomlock::navigator::{Finding, Notice, SELECTOR_METHODS, Standing};
+use bottomlock::filter::report::{Choice, SelectionReason, Verdict as Outcomes};
+use bottomlock::navigator::{Notice, SELECTOR_METHODS, Standing};
 
-use crate::calls::{Failure, Status, status, value};
+use crate::calls::{Failure, Status, call};
 use crate::names::c_name;
 use crate::navigator::Navigator;
 use crate::pointers::{at, put};
@@ -68,6 +68,8 @@ pub struct Report {
     pub threshold: f64,
     /// Factor by which the covariance was inflated after rejections; 1 for none.
     pub inflation: f64,
+    /// Part of what those rejections showed that was charged to slow errors of the sensor, 0 to 1; the rest to inertial states.
+    pub charged_to_sensor: f64,
     /// 1 where `beam_weight` is set.
     pub has_beam_weight: u8,
     /// Weight of each beam with outlier detection: 0 for a rejected beam, NaN for a lost one.
@@ -88,33 +90,8 @@ pub struct Report {
 }
 
 impl Report {
-    fn empty(sensor: &'static str, time_ns: i64, verdict: Verdict) -> Self {
-        Self {
-            sensor: c_name(sensor),
-            time_ns,
-            verdict,
-            revised: 0,
-            beyond_linear_range: 0,
-            rejected_rows: [0; ROWS],
-            rows: 0,
-            degrees: 0,
-            residual: [0.0; ROWS],
-            covariance: [[0.0; ROWS]; ROWS],
-            nis: 0.0,
-            threshold: f64::INFINITY,
-            inflation: 1.0,
-            has_beam_weight: 0,
-            beam_weight: [0.0; BEAMS],
-            selected_method: ptr::null(),
-            selection_reason: ptr::null(),
-            selection_statistic: 0.0,
-            selection_threshold: 0.0,
-            component_source: [0; 3],
-            reason: [0; REASON],
-        }
-    }
-
-    fn of_update(update: &UpdateReport) -> Self {
+    fn of(notice: &Notice) -> Self {
+        let (sensor, update, why) = notice.parts();
         let (verdict, rejected) = match update.verdict {
             Outcomes::Accepted => (Verdict::Accepted, 0),
             Outcomes::AcceptedInPart { rejected_rows } => (Verdict::AcceptedInPart, rejected_rows),
@@ -123,23 +100,36 @@ impl Report {
             Outcomes::Withheld => (Verdict::Withheld, 0),
         };
         let rows = update.rows;
+        let mut reason = [0; REASON];
+        for (letter, byte) in reason[..REASON - 1].iter_mut().zip(why.unwrap_or_default().bytes()) {
+            *letter = byte as c_char;
+        }
         let mut report = Self {
+            sensor: c_name(sensor),
+            time_ns: update.time_ns,
+            verdict,
+            revised: u8::from(notice.standing != Standing::New),
             beyond_linear_range: u8::from(update.is_beyond_linear_range),
+            rejected_rows: std::array::from_fn(|i| u8::from(i < rows) & (rejected >> i)),
             rows: rows as u32,
             degrees: update.degrees as u32,
+            residual: std::array::from_fn(|i| if i < rows { update.residual[i] } else { 0.0 }),
+            covariance: [[0.0; ROWS]; ROWS],
             nis: update.nis,
             threshold: update.threshold,
             inflation: update.inflation.unwrap_or(1.0),
+            charged_to_sensor: update.charged_to_sensor,
             has_beam_weight: u8::from(update.beam_weight.is_some()),
             beam_weight: update.beam_weight.unwrap_or([0.0; BEAMS]),
-            ..Self::empty(update.sensor.name(), update.time_ns, verdict)
+            selected_method: ptr::null(),
+            selection_reason: ptr::null(),
+            selection_statistic: 0.0,
+            selection_threshold: 0.0,
+            component_source: [0; 3],
+            reason,
         };
-        for i in 0..rows {
-            report.residual[i] = update.residual[i];
-            report.rejected_rows[i] = rejected >> i & 1;
-            for j in 0..rows {
-                report.covariance[i][j] = update.covariance[(i, j)];
-            }
+        for (i, row) in report.covariance[..rows].iter_mut().enumerate() {
+            row[..rows].copy_from_slice(&update.covariance.row(i).transpose().as_slice()[..rows]);
         }
         match update.choice {
             None => {}
@@ -165,36 +155,19 @@ impl Report {
         }
         report
     }
-
-    fn of(notice: &Notice) -> Self {
-        let mut report = match &notice.finding {
-            Finding::Update(update) => Self::of_update(update),
-            Finding::Rejected { time_ns, fault } => {
-                let mut report = Self::empty("imu", *time_ns, Verdict::Rejected);
-                let text = CString::new(fault.to_string()).unwrap_or_default();
-                let bytes = text.as_bytes().iter().take(REASON - 1);
-                for (letter, byte) in report.reason.iter_mut().zip(bytes) {
-                    *letter = *byte as c_char;
-                }
-                report
-            }
-        };
-        report.revised = u8::from(notice.standing != Standing::New);
-        report
-    }
 }
 
 /// Number of reports of the last push: of the measurements that it processed, and of those before whose reports it changed. 0 for
 /// an error.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_report_count(navigator: *const Navigator) -> usize {
-    value(0, || Ok(at("navigator", navigator)?.locked()?.notices.len()))
+    call!(count, Ok(at("navigator", navigator)?.locked()?.notices.len()))
 }
 
 /// A report of the last push by its number from 0; the order is that in which they were processed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_report_get(navigator: *const Navigator, number: usize, report: *mut Report) -> Status {
-    status(|| {
+    call!(status, {
         let held = at("navigator", navigator)?.locked()?;
         let notice = held.notices.get(number).ok_or_else(|| {
             let count = held.notices.len();

@@ -31,6 +31,12 @@ pub(crate) trait Settings: Serialize + Sized {
         Self::read(value.clone())?.of_tables(&value)
     }
 
+    /// Changes them by a text; an error changes nothing.
+    fn change(&mut self, json: &str) -> Outcome<()> {
+        *self = self.changed(parsed(json)?)?;
+        Ok(())
+    }
+
     /// The settings, made of tables alone: Serde takes a list for a struct, too, by the order of its fields.
     fn of_tables(self, given: &Value) -> Outcome<Self> {
         let made = serde_json::to_value(&self).map_err(|error| no_json(&error))?;
@@ -51,7 +57,8 @@ pub(crate) trait Settings: Serialize + Sized {
     unsafe fn write(&self, text: *mut c_char, capacity: usize, size: *mut usize) -> Outcome<()> {
         let mut written = serde_json::to_vec(self).map_err(|error| no_json(&error))?;
         written.push(0);
-        put_all(("text", text.cast::<u8>(), capacity), ("size", size), &written)
+        // SAFETY: as the caller promises.
+        unsafe { put_all(("text", text.cast::<u8>(), capacity), ("size", size), &written) }
     }
 }
 

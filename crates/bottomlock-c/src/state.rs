@@ -7,8 +7,8 @@ use bottomlock::state::NavState;
 use nalgebra::Vector4;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::calls::{Outcome, Status, status};
-use crate::pointers::{attitude, fill, numbers};
+use crate::calls::{Outcome, Status, call};
+use crate::pointers::{numbers, put};
 use crate::settings::Settings;
 
 /// A navigation state. SI units; `_t` is the tangent frame north-east-down, `_p` the platform frame forward-right-down.
@@ -69,7 +69,7 @@ impl State {
         Ok(NavState {
             time_ns: self.time_ns,
             position_t_m: Vec3::from_array(self.position_t_m),
-            attitude_t_p: attitude(&format!("{name}.attitude_t_p"), self.attitude_t_p)?,
+            attitude_t_p: Rot::from_unit_wxyz(&format!("{name}.attitude_t_p"), self.attitude_t_p)?,
             velocity_p_mps: Vec3::from_array(self.velocity_p_mps),
             accel_bias_p_mps2: Vec3::from_array(self.accel_bias_p_mps2),
             gyro_bias_p_radps: Vec3::from_array(self.gyro_bias_p_radps),
@@ -93,20 +93,19 @@ pub unsafe extern "C" fn bl_attitude_from_euler(
     yaw_rad: f64,
     attitude_t_p: *mut f64,
 ) -> Status {
-    status(|| {
+    call!(status, {
         let turned = Rot::<Tangent, Platform>::from_euler_rad(roll_rad, pitch_rad, yaw_rad).to_quaternion_wxyz();
         // The norm tells angles that are not finite.
-        attitude("attitude of roll, pitch and yaw", turned)?;
-        fill("attitude_t_p", attitude_t_p, 4, &turned)
+        Rot::<Tangent, Platform>::from_unit_wxyz("attitude of roll, pitch and yaw", turned)?;
+        put("attitude_t_p", attitude_t_p.cast(), turned)
     })
 }
 
 /// Roll, pitch and yaw (z-y-x), 3 numbers, rad, of an attitude, 4 numbers, scalar first.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_euler_from_attitude(attitude_t_p: *const f64, roll_pitch_yaw_rad: *mut f64) -> Status {
-    status(|| {
-        let given = numbers("attitude_t_p", attitude_t_p)?;
-        let angles = attitude("attitude_t_p", given)?.to_euler_rad();
-        fill("roll_pitch_yaw_rad", roll_pitch_yaw_rad, 3, &angles)
+    call!(status, {
+        let given = Rot::<Tangent, Platform>::from_unit_wxyz("attitude_t_p", numbers("attitude_t_p", attitude_t_p)?)?;
+        put("roll_pitch_yaw_rad", roll_pitch_yaw_rad.cast(), given.to_euler_rad())
     })
 }

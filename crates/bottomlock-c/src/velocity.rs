@@ -8,86 +8,11 @@ use bottomlock::dvl::partial::PartialMethod;
 use bottomlock::frames::Vec3;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::calls::{Failure, Outcome, Status, status};
+use crate::calls::{Failure, Status, call};
 use crate::geometry::Geometry;
-use crate::names::hint;
+use crate::names::unknown;
 use crate::options::Options;
 use crate::pointers::{at, given, ping, put, text};
-
-/// How much of a velocity a ping determines.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(C)]
-pub enum Fix {
-    /// Surge, sway and heave are solved.
-    Complete = 0,
-    /// Some of them are; the others are NaN.
-    Partial = 1,
-    /// None of them is, though there are beams.
-    Unobservable = 2,
-    /// No beam is valid.
-    NoBeams = 3,
-    /// The method needs a prior.
-    PriorRequired = 4,
-}
-
-/// A velocity from one ping.
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-pub struct Velocity {
-    /// How much is solved.
-    pub fix: Fix,
-    /// Surge, sway and heave over ground, platform frame, m/s; NaN for a component that is not solved.
-    pub velocity_p_mps: [f64; 3],
-    /// Covariance, (m/s)^2; NaN likewise.
-    pub cov_m2ps2: [[f64; 3]; 3],
-    /// Why a component is not solved: 0 solved, 1 no beams, 2 outside what the beams measure, 3 the assumption does not help, 4 a
-    /// prior is required, 5 known from the prior alone.
-    pub component: [u8; 3],
-    /// Method a component comes from: 1 least_squares, 2 virtual_beam, 3 nullified_sway, 4 partial_loose, 5 virtual_heave,
-    /// 6 information, 7 weak_sway; 0 for none.
-    pub source: [u8; 3],
-    /// Number of independent directions.
-    pub rank: u8,
-    /// The velocity along what is observed, m/s; zero across it.
-    pub observed_velocity_p_mps: [f64; 3],
-    /// Its information matrix, (s/m)^2.
-    pub information_s2pm2: [[f64; 3]; 3],
-}
-
-fn method_of(name: &str) -> Outcome<PartialMethod> {
-    let found = FIX_METHODS.iter().find(|(known, _)| *known == name);
-    found.map(|(_, method)| *method).ok_or_else(|| {
-        let known = FIX_METHODS.map(|(known, _)| known);
-        let all = known.join(", ");
-        let message = format!(
-            "unknown method '{name}', expected one of {all} ({})",
-            hint(name, &known)
-        );
-        Failure::new(Status::UnknownName, message).about("method")
-    })
-}
-
-impl From<FixRow> for Velocity {
-    fn from(row: FixRow) -> Self {
-        const FIXES: [Fix; 5] = [
-            Fix::Complete,
-            Fix::Partial,
-            Fix::Unobservable,
-            Fix::NoBeams,
-            Fix::PriorRequired,
-        ];
-        Self {
-            fix: FIXES[usize::from(row.status)],
-            velocity_p_mps: row.velocity_p_mps,
-            cov_m2ps2: row.cov_m2ps2,
-            component: row.component,
-            source: row.source,
-            rank: row.rank,
-            observed_velocity_p_mps: row.observed_velocity_p_mps,
-            information_s2pm2: row.information_s2pm2,
-        }
-    }
-}
 
 /// Velocity of one ping with its covariance, without a navigator.
 ///
@@ -107,15 +32,18 @@ pub unsafe extern "C" fn bl_solve_velocity(
     prior_cov_m2ps2: *const f64,
     omega_tp_p_radps: *const f64,
     options: *const Options,
-    velocity: *mut Velocity,
+    velocity: *mut FixRow,
 ) -> Status {
-    status(|| {
+    call!(status, {
         let (geometry, method, prior_velocity, prior_cov, rate, options) = (
             &at("geometry", geometry)?.0,
-            method_of(text("method", method)?)?,
-            given::<3>(prior_velocity_p_mps),
-            given::<9>(prior_cov_m2ps2),
-            given::<3>(omega_tp_p_radps),
+            {
+                let name = text("method", method)?;
+                PartialMethod::named(name).map_err(|error| unknown(&error, name, &FIX_METHODS.map(|(name, _)| name)))?
+            },
+            given(prior_velocity_p_mps.cast::<[f64; 3]>()),
+            given(prior_cov_m2ps2.cast::<[f64; 9]>()),
+            given(omega_tp_p_radps.cast::<[f64; 3]>()),
             options.as_ref().map(|options| options.0).unwrap_or_default(),
         );
         let ping = ping(0, geometry.beams(), beams, (velocity_mps, valid, sd_mps))?;
@@ -137,6 +65,6 @@ pub unsafe extern "C" fn bl_solve_velocity(
         };
         let outcome = solve(method, geometry, &ping, &context, &options.assumptions)
             .map_err(|error| Failure::timeless(&error))?;
-        put("velocity", velocity, FixRow::from(&outcome).into())
+        put("velocity", velocity, FixRow::from(&outcome))
     })
 }

@@ -5,13 +5,12 @@ use numpy::{
     PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyException;
-use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::{PyList, PyTuple};
 
 use bottomlock::error::require_time;
 use bottomlock::frames::Vec3;
 
-use crate::errors::invalid;
+use crate::prelude::*;
 
 /// An argument from Python.
 pub type Argument<'a, 'py> = &'a Bound<'py, PyAny>;
@@ -55,27 +54,16 @@ pub struct Masked<'py> {
 
 impl<'py> Masked<'py> {
     pub fn of(value: &Bound<'py, PyAny>) -> PyResult<Self> {
-        let py = value.py();
-        if value.is_exact_instance_of::<PyUntypedArray>()
+        let is_plain = value.is_exact_instance_of::<PyUntypedArray>()
             || value.is_instance_of::<PyList>()
-            || value.is_instance_of::<PyTuple>()
-        {
-            return Ok(Self {
-                data: value.clone(),
-                mask: None,
-            });
+            || value.is_instance_of::<PyTuple>();
+        let ma = || value.py().import("numpy.ma");
+        if is_plain || !ma()?.call_method1("isMaskedArray", (value,))?.extract::<bool>()? {
+            let (data, mask) = (value.clone(), None);
+            return Ok(Self { data, mask });
         }
-        let ma = py.import("numpy")?.getattr("ma")?;
-        if !ma.call_method1("isMaskedArray", (value,))?.extract::<bool>()? {
-            return Ok(Self {
-                data: value.clone(),
-                mask: None,
-            });
-        }
-        Ok(Self {
-            data: value.getattr("data")?,
-            mask: Some(ma.call_method1("getmaskarray", (value,))?),
-        })
+        let (data, mask) = (value.getattr("data")?, ma()?.call_method1("getmaskarray", (value,))?);
+        Ok(Self { data, mask: Some(mask) })
     }
 }
 
@@ -84,22 +72,10 @@ fn refuse_masked(name: &str, value: Argument) -> PyResult<()> {
     let Some(mask) = Masked::of(value)?.mask else {
         return Ok(());
     };
-    let places: Vec<Vec<usize>> = value
-        .py()
-        .import("numpy")?
-        .call_method1("argwhere", (mask,))?
-        .call_method0("tolist")?
-        .extract()?;
-    match places.first() {
-        None => Ok(()),
-        Some(place) => {
-            let place: Vec<String> = place.iter().map(usize::to_string).collect();
-            Err(invalid(format!(
-                "{name}[{}] is masked, expected a value",
-                place.join(", ")
-            )))
-        }
-    }
+    let places = value.py().import("numpy")?.call_method1("argwhere", (mask,))?;
+    let places: Vec<Vec<usize>> = places.call_method0("tolist")?.extract()?;
+    let refusal = |place| Err(invalid(format!("{name}{place:?} is masked, expected a value")));
+    places.first().map_or(Ok(()), refusal)
 }
 
 /// A contiguous array, checked for type and shape; `None` in a shape stands for any length.
@@ -127,19 +103,11 @@ fn checked<'py, T: Element>(
         let given = untyped.dtype().str()?;
         return Err(invalid(format!("{name} has dtype {given}, expected {dtype}")));
     }
-    let found = untyped.shape().to_vec();
-    let fits = found.len() == shape.len()
-        && found
-            .iter()
-            .zip(shape)
-            .all(|(n, want)| want.is_none_or(|want| *n == want));
-    if !fits {
-        let given: Vec<Option<usize>> = found.iter().copied().map(Some).collect();
-        return Err(invalid(format!(
-            "{name} has shape {}, expected {}",
-            shape_text(&given),
-            shape_text(shape)
-        )));
+    let found: Vec<Option<usize>> = untyped.shape().iter().copied().map(Some).collect();
+    let fits = |(n, want): (_, &Option<usize>)| want.is_none() || n == want;
+    if found.len() != shape.len() || !found.iter().zip(shape).all(fits) {
+        let (given, expected) = (shape_text(&found), shape_text(shape));
+        return Err(invalid(format!("{name} has shape {given}, expected {expected}")));
     }
     // numpy would make a scalar one-dimensional here; the check of the shape has excluded that.
     let contiguous = numpy.call_method1("ascontiguousarray", (array, dtype))?;
@@ -169,8 +137,7 @@ pub fn floats(name: &str, value: Argument, shape: &[Option<usize>]) -> PyResult<
 /// A vector of times, integer nanoseconds; floats are rejected, since they lose nanoseconds, and so are unsigned numbers that
 /// would become negative.
 pub fn times(name: &str, value: Argument) -> PyResult<Vec<i64>> {
-    let empty = value.len().is_ok_and(|count| count == 0);
-    if empty {
+    if value.len().is_ok_and(|count| count == 0) {
         return Ok(Vec::new());
     }
     reject_wrapped(name, value)?;
@@ -188,16 +155,19 @@ pub fn times(name: &str, value: Argument) -> PyResult<Vec<i64>> {
 
 /// Rejects unsigned times that int64 cannot hold.
 fn reject_wrapped(name: &str, value: Argument) -> PyResult<()> {
-    let Ok(kind) = value.getattr("dtype").and_then(|dtype| dtype.getattr("kind")) else {
+    let kind = value.getattr("dtype").and_then(|dtype| dtype.getattr("kind"));
+    if !kind
+        .and_then(|kind| kind.extract::<char>())
+        .is_ok_and(|kind| kind == 'u')
+    {
         return Ok(());
-    };
-    if kind.extract::<char>().is_ok_and(|kind| kind == 'u') && value.call_method0("max")?.extract::<i64>().is_err() {
-        return Err(invalid(format!(
-            "{name} has a time of {}, which int64 cannot hold, expected integer nanoseconds: a negative time stored as uint64?",
-            value.call_method0("max")?
-        )));
     }
-    Ok(())
+    let latest = value.call_method0("max")?;
+    latest.extract::<i64>().map(|_| ()).map_err(|_| {
+        invalid(format!(
+            "{name} has a time of {latest}, which int64 cannot hold, expected integer nanoseconds: a negative time stored as uint64?"
+        ))
+    })
 }
 
 /// An array of booleans.

@@ -1,26 +1,23 @@
 //! Sensor streams, and batches of runs and methods.
 
+use std::sync::{Mutex, PoisonError};
+
 use bottomlock::aiding::registry::{Measurement, SensorKind};
 use bottomlock::dvl::geometry::BeamSample;
-use bottomlock::error_model::{Coefficients, dense_noise};
+use bottomlock::error_model::dense_at;
 use bottomlock::filter::options::Options;
-use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial};
+use bottomlock::mechanisation::{EarthTerms, ImuSample};
 use bottomlock::simulation::batch::{Batch, run_batch_into};
-use bottomlock::simulation::monte_carlo_run::MethodRecord;
 use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams;
 use bottomlock::state::NavState;
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Argument, Dict, vec3};
-use crate::batch_arrays::{BatchArrays, RecordSlices, batch_bytes};
+use crate::arrays::vec3;
+use crate::batch_arrays::{BatchArrays, batch_bytes};
 use crate::calls::{detached, interruptible};
-use crate::dvl;
 use crate::errors::raise_timeless;
-use crate::results::Results;
-use crate::settings;
+use crate::prelude::*;
 use crate::state::state_dict;
 use crate::truth::Truths;
 
@@ -49,12 +46,10 @@ pub fn simulate_sensors<'py>(
     let truth = truths.of(0)?;
     let beams = geometry.beams();
     let schedule = crate::schedule::schedule(schedule, beams, 1)?;
+    let given = options.map(settings::options).transpose()?;
     let options = Options {
         imu_sampling: settings::sampling(imu_sampling)?,
-        levers: options
-            .map(settings::options)
-            .transpose()?
-            .map_or_else(Default::default, |options| options.levers),
+        levers: given.unwrap_or_default().levers,
         ..Options::default()
     };
     let key = RunKey {
@@ -69,56 +64,38 @@ pub fn simulate_sensors<'py>(
 
     let out = PyDict::new(py);
     out.set_item("initial", state_dict(py, &streams.initial)?)?;
-    out.column("imu_time_ns", streams.imu.iter().map(|sample| sample.time_ns))?;
-    out.column(
-        "imu_omega_p_radps",
-        streams.imu.iter().map(|sample| sample.rate_p_radps),
-    )?;
-    out.column("imu_force_p_mps2", streams.imu.iter().map(|sample| sample.force_p_mps2))?;
+    let imu = || streams.imu.iter();
+    out.column("imu_time_ns", imu().map(|sample| sample.time_ns))?;
+    out.column("imu_omega_p_radps", imu().map(|sample| sample.rate_p_radps))?;
+    out.column("imu_force_p_mps2", imu().map(|sample| sample.force_p_mps2))?;
     out.column("accel_bias_p_mps2", streams.accel_bias_p_mps2)?;
     out.column("gyro_bias_p_radps", streams.gyro_bias_p_radps)?;
-    put_beams(
-        &out,
-        ["dvl_time_ns", "dvl_velocity_mps", "dvl_valid"],
-        streams.pings.iter(),
-        beams,
-    )?;
-    let bias = streams
-        .beam_bias_mps
-        .iter()
-        .flat_map(|bias| bias[..beams].iter().copied());
-    out.put("dvl_bias_mps", &[streams.pings.len(), beams], bias)?;
+    put_beams(&out, "dvl", streams.pings.iter(), beams)?;
+    let bias = streams.beam_bias_mps.iter().flat_map(|bias| &bias[..beams]);
+    out.put("dvl_bias_mps", &[streams.pings.len(), beams], bias.copied())?;
     out.column("dvl_scale_factor", streams.scale_factor)?;
-    put_beams(
-        &out,
-        ["water_track_time_ns", "water_track_velocity_mps", "water_track_valid"],
-        streams.water.iter().map(|sample| &sample.ping),
-        beams,
-    )?;
+    let water = streams.water.iter().map(|sample| &sample.ping);
+    put_beams(&out, "water_track", water, beams)?;
     SensorKind::ALL
         .into_iter()
         .try_for_each(|kind| put_readings(&out, kind, &streams.sensors[kind as usize]))?;
     Ok(out)
 }
 
-/// Times, velocities and validity of beams under their names.
+/// Times, velocities and validity of beams, the names with a prefix.
 fn put_beams<'a>(
     out: &Bound<'_, PyDict>,
-    names: [&str; 3],
+    prefix: &str,
     pings: impl ExactSizeIterator<Item = &'a BeamSample> + Clone,
     beams: usize,
 ) -> PyResult<()> {
     let wide = [pings.len(), beams];
-    out.column(names[0], pings.clone().map(|ping| ping.time_ns))?;
-    let readings = pings
-        .clone()
-        .flat_map(|ping| ping.velocity_mps[..beams].iter().copied());
-    out.put(names[1], &wide, readings)?;
-    out.put(
-        names[2],
-        &wide,
-        pings.flat_map(|ping| (0..beams).map(|beam| ping.valid.contains(beam))),
-    )
+    let key = |name: &str| format!("{prefix}_{name}");
+    out.column(&key("time_ns"), pings.clone().map(|ping| ping.time_ns))?;
+    let readings = pings.clone().flat_map(|ping| &ping.velocity_mps[..beams]);
+    out.put(&key("velocity_mps"), &wide, readings.copied())?;
+    let flags = pings.flat_map(|ping| (0..beams).map(|beam| ping.valid.contains(beam)));
+    out.put(&key("valid"), &wide, flags)
 }
 
 /// Times and columns of a simulated sensor.
@@ -126,10 +103,8 @@ fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measureme
     let Some(simulation) = kind.declaration().simulation else {
         return Ok(());
     };
-    out.column(
-        &format!("{}_time_ns", simulation.name),
-        readings.iter().map(Measurement::time_ns),
-    )?;
+    let key = format!("{}_time_ns", simulation.name);
+    out.column(&key, readings.iter().map(Measurement::time_ns))?;
     let numbers: Vec<Vec<f64>> = readings.iter().map(Measurement::numbers).collect();
     let mut first = 0;
     for column in simulation.columns {
@@ -204,18 +179,21 @@ pub fn run_batch<'py>(
         first_run,
         runs,
     };
-    let mut results = BatchArrays::new(runs, methods.len(), schedule.sample_time_ns.len());
-    let mut slices = results.slices();
-    let store = |slices: &mut Vec<RecordSlices<'_>>, records: Vec<MethodRecord>| {
-        slices
-            .iter_mut()
-            .zip(&records)
-            .for_each(|(slices, record)| slices.store(record));
+    let results = Mutex::new(BatchArrays::new([runs, methods.len(), schedule.sample_time_ns.len()]));
+    let store = |run: &mut usize, records| {
+        results
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .store(*run, records)
     };
+    let mut places: Vec<usize> = (0..runs).collect();
     interruptible(py, stop, |stop| {
-        run_batch_into(&batch, threads, stop, &mut slices, store)
+        run_batch_into(&batch, threads, stop, &mut places, store)
     })?;
-    results.into_dict(py)
+    results
+        .into_inner()
+        .unwrap_or_else(PoisonError::into_inner)
+        .into_dict(py)
 }
 
 /// The dense F of Eq. 9 and the noise density G Q Gᵀ, each (20, 20), SI, at an attitude, a velocity and an IMU reading.
@@ -235,21 +213,15 @@ pub fn error_model<'py>(
     let mut state = NavState::at_rest(0);
     state.attitude_t_p = settings::attitude("attitude_t_p", attitude_t_p)?;
     state.velocity_p_mps = vec3("velocity_p_mps", velocity_p_mps)?;
-    state.validate().map_err(raise_timeless)?;
     let sample = ImuSample {
         time_ns: 0,
         rate_p_radps: vec3("omega_p_radps", omega_p_radps)?,
         force_p_mps2: vec3("force_p_mps2", force_p_mps2)?,
     };
-    sample.validate().map_err(raise_timeless)?;
-    let inertial = Inertial {
-        rate_p_radps: sample.rate_p_radps.to_array(),
-        force_p_mps2: sample.force_p_mps2.to_array(),
-    };
-    let earth = EarthTerms::from(&model.environment);
-    let coefficients = Coefficients::at(&state.kinematics(), &inertial, &earth);
+    let (earth, noise) = (EarthTerms::from(&model.environment), model.process_noise(true));
+    let [f, q] = dense_at(&earth, &noise, &state, &sample).map_err(raise_timeless)?;
     let out = PyDict::new(py);
-    out.column("f", coefficients.dense(&earth))?;
-    out.column("q", dense_noise(&coefficients, &model.process_noise(true)))?;
+    out.column("f", f)?;
+    out.column("q", q)?;
     Ok(out)
 }

@@ -2,11 +2,10 @@
 
 use bottomlock::aiding::water_track::WaterSample;
 use bottomlock::dvl::geometry::BeamSample;
-use pyo3::prelude::*;
 
-use crate::arrays::{Argument, Masked, booleans, floats, times};
+use crate::arrays::{Masked, booleans, floats, times};
 use crate::keys::Keys;
-use crate::settings;
+use crate::prelude::*;
 
 /// Flat arrays of one shape.
 pub struct BeamArrays {
@@ -31,15 +30,13 @@ impl BeamArrays {
         let velocities = floats(names[0], &velocity_mps.data, shape)?;
         let shape: Vec<Option<usize>> = velocities.shape.iter().copied().map(Some).collect();
         let mut flags = booleans(names[1], &valid.data, &shape)?.values;
-        let masked = [Some(&velocity_mps), Some(&valid), sd_mps.as_ref()]
+        let arrays = [Some(&velocity_mps), Some(&valid), sd_mps.as_ref()]
             .into_iter()
             .flatten();
-        for mask in masked.filter_map(|masked| masked.mask.as_ref()) {
+        for mask in arrays.filter_map(|array| array.mask.as_ref()) {
             let mask = booleans(names[0], mask, &shape)?.values;
-            flags
-                .iter_mut()
-                .zip(mask)
-                .for_each(|(flag, is_masked)| *flag &= !is_masked);
+            let both = flags.iter_mut().zip(mask);
+            both.for_each(|(flag, is_masked)| *flag &= !is_masked);
         }
         Ok(Self {
             velocity_mps: velocities.values,
@@ -52,7 +49,7 @@ impl BeamArrays {
     }
 
     /// A row as a ping.
-    fn ping(&self, time_ns: i64, row: usize, beams: usize) -> BeamSample {
+    pub fn ping(&self, time_ns: i64, row: usize, beams: usize) -> BeamSample {
         let part = row * beams..(row + 1) * beams;
         let valid = settings::mask(&self.valid[part.clone()]);
         BeamSample::new(time_ns, &self.velocity_mps[part.clone()], &self.sd_mps[part], valid)
@@ -72,10 +69,9 @@ pub fn water_samples(keys: &Keys<'_>, beams: usize, model_sd_mps: f64) -> PyResu
         return Ok(Vec::new());
     }
     let pings = pings(keys, "water_track_time_ns", "water_track", beams, model_sd_mps)?;
-    let range_m = match keys.get("water_track_range_m")? {
-        Some(range_m) => floats(&keys.path("water_track_range_m"), &range_m, &[Some(pings.len())])?.values,
-        None => vec![0.0; pings.len()],
-    };
+    let count = &[Some(pings.len())];
+    let range_m = keys.given("water_track_range_m", |name, value| floats(name, value, count))?;
+    let range_m = range_m.map_or_else(|| vec![0.0; pings.len()], |range_m| range_m.values);
     let samples = pings.into_iter().zip(range_m);
     Ok(samples.map(|(ping, range_m)| WaterSample { ping, range_m }).collect())
 }
@@ -88,7 +84,7 @@ pub fn pings(
     beams: usize,
     model_sd_mps: f64,
 ) -> PyResult<Vec<BeamSample>> {
-    let time_ns = times(&keys.path(times_key), &keys.item(times_key)?)?;
+    let time_ns = keys.with(times_key, times)?;
     let key = |name: &str| format!("{prefix}_{name}");
     let paths = ["velocity_mps", "valid", "sd_mps"].map(|name| keys.path(&key(name)));
     let sd = keys.get(&key("sd_mps"))?;

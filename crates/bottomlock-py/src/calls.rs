@@ -8,10 +8,8 @@ use std::thread;
 use std::time::Duration;
 
 use bottomlock::{NavError, Stop};
-use pyo3::prelude::*;
 
-use crate::arrays::Argument;
-use crate::errors::{invalid, raise};
+use crate::prelude::*;
 
 /// Time between two looks at signals.
 const LOOK: Duration = Duration::from_millis(100);

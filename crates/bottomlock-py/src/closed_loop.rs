@@ -5,16 +5,11 @@ use bottomlock::navigator::Method;
 use bottomlock::simulation::closed_loop as core;
 use bottomlock::simulation::closed_loop::{ClosedLoopSetup, TruthSegment, VehicleStart};
 use bottomlock::state::NavState;
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Argument, Dict, rows};
+use crate::arrays::rows;
 use crate::batch_arrays::BatchArrays;
-use crate::dvl;
-use crate::errors::{invalid, raise};
 use crate::keys::read;
-use crate::results::Results;
-use crate::settings;
+use crate::prelude::*;
 use crate::shared::Shared;
 use crate::truth::Truths;
 
@@ -157,7 +152,7 @@ impl ClosedLoop {
             Ok(inner.estimates(method))
         })?;
         let out = PyDict::new(py);
-        out.motion("", &[states.len()], || states.iter())?;
+        columns! { out, &[states.len()], states.iter() => position_t_m, attitude_t_p, velocity_p_mps }
         Ok(out)
     }
 
@@ -167,13 +162,11 @@ impl ClosedLoop {
             inner.check()?;
             Ok(inner.records())
         })?;
-        let runs = self.vehicles * self.methods_per_vehicle / self.methods;
         let samples = records.iter().flatten().next().map_or(0, |record| record.nees.len());
-        let mut results = BatchArrays::new(runs, self.methods, samples);
-        let slices = results.slices();
-        for (mut slices, record) in slices.into_iter().flatten().zip(records.iter().flatten()) {
-            slices.store(record);
-        }
+        let runs = self.vehicles * self.methods_per_vehicle / self.methods;
+        let mut results = BatchArrays::new([runs, self.methods, samples]);
+        let mut records = records.into_iter().flatten();
+        (0..runs).for_each(|run| results.store(run, records.by_ref().take(self.methods)));
         results.into_dict(py)
     }
 }
@@ -182,10 +175,10 @@ impl ClosedLoop {
 fn true_starts(start: Argument) -> PyResult<Vec<NavState>> {
     read("start", start, |keys| {
         let time_ns = crate::state::time_ns(keys)?;
-        let position = rows::<3>("start.position_t_m", &keys.item("position_t_m")?, None)?;
+        let position = keys.with("position_t_m", |name, value| rows::<3>(name, value, None))?;
         let runs = Some(position.len());
-        let attitude = rows::<4>("start.attitude_t_p", &keys.item("attitude_t_p")?, runs)?;
-        let velocity = rows::<3>("start.velocity_p_mps", &keys.item("velocity_p_mps")?, runs)?;
+        let attitude = keys.with("attitude_t_p", |name, value| rows::<4>(name, value, runs))?;
+        let velocity = keys.with("velocity_p_mps", |name, value| rows::<3>(name, value, runs))?;
         let state_of = |k: usize| {
             let mut state = NavState::at_rest(time_ns);
             state.position_t_m = Vec3::from_array(position[k]);

@@ -1,18 +1,16 @@
 //! Beam geometry.
 
-use std::f64::consts::TAU;
-
 use bottomlock::dvl::geometry as core;
 use bottomlock::dvl::geometry::{BeamMotion, Janus};
 use bottomlock::error::LARGEST;
-use bottomlock::frames::{Rot, Vec3};
+use bottomlock::frames::Vec3;
 use nalgebra::Vector3;
 use numpy::PyArrayDyn;
-use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyType};
 
-use crate::arrays::{Argument, array, floats, rows, vector};
-use crate::errors::{invalid, raise, without_time};
+use crate::arrays::{array, floats, rows, vector};
+use crate::errors::without_time;
+use crate::prelude::*;
 use crate::results::entries;
 
 /// Directions and lever arms of the beams of a DVL, 1 to 8 beams.
@@ -45,10 +43,8 @@ pub fn geometry(value: Argument) -> PyResult<core::BeamGeometry> {
 
 /// Vectors in a frame, (count, 3).
 fn vectors<F>(name: &str, value: Argument, count: Option<usize>) -> PyResult<Vec<Vec3<F>>> {
-    Ok(rows::<3>(name, value, count)?
-        .into_iter()
-        .map(Vec3::from_array)
-        .collect())
+    let rows = rows::<3>(name, value, count)?.into_iter();
+    Ok(rows.map(Vec3::from_array).collect())
 }
 
 /// Applies mounting, lever arms and sound speed to a geometry.
@@ -59,13 +55,8 @@ fn finish(
     sound_speed_scale: f64,
 ) -> PyResult<BeamGeometry> {
     if let Some(angles) = mounting_rpy_rad {
-        let [roll, pitch, yaw] = vector("mounting_rpy_rad", angles)?;
-        if let Some(angle) = [roll, pitch, yaw].into_iter().find(|angle| !(angle.abs() <= TAU)) {
-            return Err(invalid(format!(
-                "mounting_rpy_rad has {angle}, expected three angles of -2 pi to 2 pi: is it in degrees?"
-            )));
-        }
-        geometry = geometry.mounted(Rot::from_euler_rad(roll, pitch, yaw));
+        let name = "mounting_rpy_rad";
+        geometry = geometry.mounted_by(name, vector(name, angles)?).map_err(raise)?;
     }
     if let Some(levers) = lever_arms_p_m {
         let levers = vectors("lever_arms_p_m", levers, Some(geometry.beams()))?;
@@ -177,14 +168,10 @@ impl BeamGeometry {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let velocities = rows::<3>("velocity_p_mps", velocity_p_mps, None)?;
         let beams = self.inner.beams();
-        let rates = match omega_tp_p_radps {
-            Some(value) => rows::<3>("omega_tp_p_radps", value, Some(velocities.len()))?,
-            None => vec![[0.0; 3]; velocities.len()],
-        };
-        let bias = match beam_bias_mps {
-            Some(value) => floats("beam_bias_mps", value, &[Some(beams)])?.values,
-            None => vec![0.0; beams],
-        };
+        let rates = omega_tp_p_radps.map(|value| rows::<3>("omega_tp_p_radps", value, Some(velocities.len())));
+        let rates = rates.transpose()?.unwrap_or_else(|| vec![[0.0; 3]; velocities.len()]);
+        let bias = beam_bias_mps.map(|value| floats("beam_bias_mps", value, &[Some(beams)]));
+        let bias = bias.transpose()?.map_or_else(|| vec![0.0; beams], |bias| bias.values);
         if let Some(beam) = bias.iter().position(|bias| !(bias.abs() < LARGEST)) {
             let (number, given) = (beam + 1, bias[beam]);
             return Err(invalid(format!(
@@ -199,12 +186,8 @@ impl BeamGeometry {
                 beam_bias_mps: [0.0; 4],
                 scale_factor,
             };
-            motion
-                .validate()
-                .map_err(|error| invalid(format!("row {row}: {}", without_time(&error))))?;
-            for (beam, bias) in bias.iter().enumerate() {
-                out.push((self.inner.beam_velocity_mps(beam, &motion) + bias) * self.inner.sound_speed_scale());
-            }
+            let readings = self.inner.readings_mps(&motion, &bias);
+            out.extend(readings.map_err(|error| invalid(format!("row {row}: {}", without_time(&error))))?);
         }
         array(py, out, &[velocities.len(), beams])
     }

@@ -2,12 +2,9 @@
 
 use bottomlock::earth::{Earth, Environment};
 use bottomlock::frames::Vec3;
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Argument, Dict, Rows};
-use crate::results::Results;
-use crate::settings;
+use crate::arrays::Rows;
+use crate::prelude::*;
 
 /// Gravity (m/s²), north, east and down, and depth at positions (n, 3) in the tangent frame of an environment.
 ///
@@ -23,14 +20,10 @@ pub fn local_earth<'py>(py: Python<'py>, environment: Argument, position_t_m: Ar
     let positions = || rows.get().map(|rows| rows.iter().copied().map(Vec3::from_array));
     let levels: Vec<_> = positions()?.map(|position| earth.level(&position)).collect();
     let dict = PyDict::new(py);
-    dict.column(
-        "gravity_t_mps2",
-        positions()?.map(|position| earth.gravity_t_mps2(&position)),
-    )?;
-    dict.column(
-        "rotation_t_n",
-        levels.iter().map(|level| level.rotation_t_n.transpose()),
-    )?;
+    let gravities = positions()?.map(|position| earth.gravity_t_mps2(&position));
+    dict.column("gravity_t_mps2", gravities)?;
+    let rotations = levels.iter().map(|level| level.rotation_t_n.transpose());
+    dict.column("rotation_t_n", rotations)?;
     dict.column("depth_m", levels.iter().map(|level| level.depth_m))?;
     Ok(dict)
 }

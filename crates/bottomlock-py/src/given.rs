@@ -1,10 +1,11 @@
 //! Python values as Serde reads them: what settings are given as.
 
-use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
+use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyString, PyTuple};
 use serde::de::value::{Error, MapDeserializer, SeqDeserializer};
 use serde::de::{Deserializer, Error as _, IntoDeserializer, Unexpected, Visitor};
 use serde::forward_to_deserialize_any;
+
+use crate::prelude::*;
 
 /// A dict, or an object of `bottomlock.kernel.models`, or a value in it: None, a bool, a number, a text, a list, a tuple or an array.
 pub struct Given<'py>(pub Bound<'py, PyAny>);

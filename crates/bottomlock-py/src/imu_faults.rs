@@ -1,33 +1,18 @@
 //! Limits and faults of inertial readings.
 
-use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::replay as core;
 use bottomlock::replay::{ImuFaults, RejectedReading};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Argument, Dict, by_name, rows, times};
-use crate::results::Results;
-use crate::settings;
+use crate::arrays::{by_name, rows, times};
+use crate::prelude::*;
 
 /// Readings from their columns: times (n,), rates (n, 3) and forces (n, 3).
 pub fn samples(time_ns: Argument, omega_p_radps: Argument, force_p_mps2: Argument) -> PyResult<Vec<ImuSample>> {
     let stamps = times("time_ns", time_ns)?;
     let rates = rows::<3>("omega_p_radps", omega_p_radps, Some(stamps.len()))?;
     let forces = rows::<3>("force_p_mps2", force_p_mps2, Some(stamps.len()))?;
-    Ok(zipped(&stamps, &rates, &forces))
-}
-
-/// Readings of columns of one length.
-pub fn zipped(time_ns: &[i64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> Vec<ImuSample> {
-    let readings = time_ns.iter().zip(rates.iter().zip(forces));
-    let sample = |(&time_ns, (&rate, &force)): (&i64, (&[f64; 3], &[f64; 3]))| ImuSample {
-        time_ns,
-        rate_p_radps: Vec3::from_array(rate),
-        force_p_mps2: Vec3::from_array(force),
-    };
-    readings.map(sample).collect()
+    Ok(ImuSample::of_columns(&stamps, &rates, &forces).collect())
 }
 
 /// Rows of inertial readings, time_ns (n,), omega_p_radps (n, 3), force_p_mps2 (n, 3), that the limits of the options
@@ -52,16 +37,14 @@ pub fn put_faults(out: &Bound<'_, PyDict>, faults: &ImuFaults) -> PyResult<()> {
     out.set_item("imu_faults", by_name(py, &IMU_FAULTS, &faults.counts)?)?;
     out.set_item("rejected_imu", rejected_dict(py, &faults.rejected)?)?;
     let intervals = PyDict::new(py);
-    intervals.column("time_ns", faults.bridged.iter().map(|gap| gap.time_ns))?;
-    intervals.column("gap_s", faults.bridged.iter().map(|gap| gap.gap_s))?;
+    columns! { intervals, &[faults.bridged.len()], faults.bridged.iter() => time_ns, gap_s }
     out.set_item("inflated_imu", intervals)
 }
 
 /// Row, time and reason of each reading that was rejected.
 fn rejected_dict<'py>(py: Python<'py>, rejected: &[RejectedReading]) -> Dict<'py> {
     let out = PyDict::new(py);
-    out.column("row", rejected.iter().map(|reading| reading.row as i64))?;
-    out.column("time_ns", rejected.iter().map(|reading| reading.time_ns))?;
+    columns! { out, &[rejected.len()], rejected.iter() => row, time_ns }
     let reasons: Vec<String> = rejected.iter().map(|reading| reading.fault.to_string()).collect();
     out.set_item("reason", reasons)?;
     Ok(out)

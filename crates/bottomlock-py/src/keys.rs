@@ -4,11 +4,9 @@ use std::cell::RefCell;
 
 use bottomlock::settings::nearest;
 use pyo3::conversion::FromPyObjectOwned;
-use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyString};
+use pyo3::types::{PyBool, PyString};
 
-use crate::arrays::{Argument, vector};
-use crate::errors::invalid;
+use crate::prelude::*;
 
 /// Characters of a value beyond which a message names its type alone.
 const LINE: usize = 60;
@@ -70,17 +68,13 @@ impl<'py> Keys<'py> {
         format!("{}.{key}", self.owner)
     }
 
-    pub fn number(&self, key: &str) -> PyResult<f64> {
-        let value = self.item(key)?;
-        let number = (!value.is_instance_of::<PyBool>())
-            .then(|| value.extract().ok())
-            .flatten();
-        number.ok_or_else(|| self.not(key, &value, "a number"))
-    }
-
     /// A number, or a default where the key is not given.
     pub fn number_or(&self, key: &str, default: f64) -> PyResult<f64> {
-        if self.has(key)? { self.number(key) } else { Ok(default) }
+        let Some(value) = self.get(key)? else {
+            return Ok(default);
+        };
+        let number = value.extract().ok().filter(|_| !value.is_instance_of::<PyBool>());
+        number.ok_or_else(|| self.not(key, &value, "a number"))
     }
 
     /// A value of another type, which the message describes.
@@ -89,13 +83,18 @@ impl<'py> Keys<'py> {
         value.extract().map_err(|_| self.not(key, &value, expected))
     }
 
-    pub fn vector<const N: usize>(&self, key: &str) -> PyResult<[f64; N]> {
-        vector(&self.path(key), &self.item(key)?)
+    /// What `convert` makes of a key's path and its value, which must be there.
+    pub fn with<T>(&self, key: &str, convert: impl FnOnce(&str, Argument<'_, 'py>) -> PyResult<T>) -> PyResult<T> {
+        convert(&self.path(key), &self.item(key)?)
     }
 
-    /// A vector, or zeros where the key is not given.
-    pub fn vector_or_zero<const N: usize>(&self, key: &str) -> PyResult<[f64; N]> {
-        if self.has(key)? { self.vector(key) } else { Ok([0.0; N]) }
+    /// The same, and nothing where the key is not given.
+    pub fn given<T>(
+        &self,
+        key: &str,
+        convert: impl FnOnce(&str, Argument<'_, 'py>) -> PyResult<T>,
+    ) -> PyResult<Option<T>> {
+        self.get(key)?.map(|value| convert(&self.path(key), &value)).transpose()
     }
 
     fn not(&self, key: &str, value: Argument, expected: &str) -> PyErr {

@@ -18,6 +18,7 @@ mod memory;
 mod navigator;
 mod observability;
 mod own_method;
+mod prelude;
 mod replay;
 mod replay_records;
 mod report;
@@ -34,31 +35,21 @@ mod velocity;
 #[pymodule]
 mod _kernel {
     #[pymodule_export]
-    use super::batch::{error_model, run_batch, simulate_sensors};
-    #[pymodule_export]
-    use super::closed_loop::ClosedLoop;
-    #[pymodule_export]
-    use super::dvl::BeamGeometry;
-    #[pymodule_export]
-    use super::earth::local_earth;
-    #[pymodule_export]
-    use super::imu_faults::rejected_imu;
-    #[pymodule_export]
-    use super::navigator::Navigator;
-    #[pymodule_export]
-    use super::observability::{covariance_history, observe};
-    #[pymodule_export]
-    use super::own_method::register_method;
-    #[pymodule_export]
-    use super::replay::replay_log;
-    #[pymodule_export]
-    use super::report::Report;
-    #[pymodule_export]
-    use super::segments::integrate_segments;
-    #[pymodule_export]
-    use super::settings::{check_settings, normal_gravity_mps2};
-    #[pymodule_export]
-    use super::velocity::solve_velocity;
+    use super::{
+        batch::{error_model, run_batch, simulate_sensors},
+        closed_loop::ClosedLoop,
+        dvl::BeamGeometry,
+        earth::local_earth,
+        imu_faults::rejected_imu,
+        navigator::Navigator,
+        observability::{covariance_history, observe},
+        own_method::register_method,
+        replay::replay_log,
+        report::Report,
+        segments::integrate_segments,
+        settings::{check_settings, normal_gravity_mps2},
+        velocity::solve_velocity,
+    };
 
     use bottomlock::aiding::registry::reports;
     use bottomlock::navigator::{METHODS, SELECTOR_METHODS};

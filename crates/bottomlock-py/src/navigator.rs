@@ -4,27 +4,23 @@
 mod lock;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
-use bottomlock::aiding::calibration::CLOCK;
 use bottomlock::aiding::registry::SensorModels;
-use bottomlock::aiding::{effort, thrust, water};
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES,
     ThrustSample, VelocitySample, WaterSample,
 };
-use bottomlock::navigator::{LiveNavigator, NavigatorSet, Snapshot};
+use bottomlock::navigator::{LiveNavigator, Navigator as Filters, Snapshot};
 use nalgebra::Matrix3;
 use numpy::PyArrayDyn;
-use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyType};
+use pyo3::types::{PyBytes, PyType};
 
-use crate::arrays::{Argument, Dict, by_name, floats, vec3, vector};
+use crate::arrays::{by_name, floats, vec3, vector};
 use crate::beam_arrays::ping;
-use crate::errors::raise;
 use crate::imu_faults::samples;
+use crate::prelude::*;
 use crate::report::Report;
-use crate::results::{Results, entries};
-use crate::settings;
+use crate::results::entries;
 use crate::shared::Shared;
 use crate::state::{state, state_dict};
 
@@ -368,56 +364,29 @@ impl Navigator {
     /// `layers` has depth_m (L,), current_t_mps (L, 2), current_covariance (L, 2, 2) and age_s (L,), the time since a layer was
     /// measured last, infinite for one that was not; without layers L is 0.
     fn water<'py>(&self, py: Python<'py>) -> Estimate<'py> {
-        let of = |navigators: &NavigatorSet| {
-            let filter = navigators.selected().filter();
-            let (current, covariance) = filter.current().zip(filter.water_covariance())?;
-            Some((navigators.water().cloned()?, current, covariance, filter.layers()))
+        let of = |filters: &Filters| {
+            let (estimate, covariance) = filters.water_estimate().zip(filters.filter().water_covariance())?;
+            Some((estimate, covariance, filters.layer_estimates()))
         };
-        self.estimate(
-            py,
-            of,
-            |out, (block, (current, current_covariance), covariance, layers)| {
-                let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
-                out.entry("current_t_mps", current)?;
-                out.entry("current_covariance", current_covariance)?;
-                let [sway_s, heave_s] = block.slip_time_s();
-                for (key, number) in [
-                    ("sway_gain_m", estimate[water::GAIN]),
-                    ("trim_heave_mps", estimate[water::TRIM]),
-                    ("sway_slip_mps", estimate[water::SWAY]),
-                    ("heave_slip_mps", estimate[water::HEAVE]),
-                    ("sway_slip_sd_mps", slip_sd_mps[water::SWAY]),
-                    ("heave_slip_sd_mps", slip_sd_mps[water::HEAVE]),
-                    ("sway_slip_time_s", sway_s),
-                    ("heave_slip_time_s", heave_s),
-                ] {
-                    out.set_item(key, number)?;
-                }
-                out.set_item("restarts", block.restarts())?;
-                out.set_item("alarms", block.alarms())?;
-                out.entry("covariance", covariance)?;
-                let by_depth = PyDict::new(py);
-                by_depth.column("depth_m", layers.iter().map(|(layer, _)| layer.depth_m))?;
-                by_depth.column("current_t_mps", layers.iter().map(|(_, (current, _))| *current))?;
-                by_depth.column(
-                    "current_covariance",
-                    layers.iter().map(|(_, (_, covariance))| *covariance),
-                )?;
-                by_depth.column("age_s", layers.iter().map(|(layer, _)| layer.age_s))?;
-                out.set_item("layers", by_depth)
-            },
-        )
+        self.estimate(py, of, |out, (estimate, covariance, layers)| {
+            fields! { out, estimate => current_t_mps, current_covariance, sway_gain_m, trim_heave_mps, sway_slip_mps }
+            fields! { out, estimate => heave_slip_mps, sway_slip_sd_mps, heave_slip_sd_mps, sway_slip_time_s }
+            fields! { out, estimate => heave_slip_time_s, restarts, alarms }
+            out.entry("covariance", covariance)?;
+            let by_depth = PyDict::new(py);
+            let shape = [layers.len()];
+            columns! { by_depth, &shape, layers.iter() => depth_m, current_t_mps, current_covariance, age_s }
+            out.set_item("layers", by_depth)
+        })
     }
 
     /// Estimate of what the propeller makes of its revolutions after the last update; None where `options.thrust` is off.
     ///
     /// advance_m per revolution; slip_mps, what the vehicle is faster through the water; and the (2, 2) covariance of both.
     fn thrust<'py>(&self, py: Python<'py>) -> Estimate<'py> {
-        let of = |navigators: &NavigatorSet| navigators.selected().filter().thrust();
-        self.estimate(py, of, |out, (estimate, covariance)| {
-            out.set_item("advance_m", estimate[thrust::ADVANCE])?;
-            out.set_item("slip_mps", estimate[thrust::SLIP])?;
-            out.entry("covariance", covariance)
+        self.estimate(py, Filters::thrust_estimate, |out, estimate| {
+            fields! { out, estimate => advance_m, slip_mps, covariance }
+            Ok(())
         })
     }
 
@@ -426,15 +395,9 @@ impl Navigator {
     /// Along surge, sway and heave each: speed_scale, the speed over that by the drag law; slip_mps, what the vehicle is faster
     /// through the water; inertia_error, relative; and the (9, 9) covariance of all, in this order. Zero for an axis without drag.
     fn effort<'py>(&self, py: Python<'py>) -> Estimate<'py> {
-        let of = |navigators: &NavigatorSet| navigators.selected().filter().effort();
-        self.estimate(py, of, |out, (estimate, covariance)| {
-            out.entry(
-                "speed_scale",
-                estimate.fixed_rows::<3>(effort::SPEED_SCALE).into_owned(),
-            )?;
-            out.entry("slip_mps", estimate.fixed_rows::<3>(effort::SLIP).into_owned())?;
-            out.entry("inertia_error", estimate.fixed_rows::<3>(effort::INERTIA).into_owned())?;
-            out.entry("covariance", covariance)
+        self.estimate(py, Filters::effort_estimate, |out, estimate| {
+            fields! { out, estimate => speed_scale, slip_mps, inertia_error, covariance }
+            Ok(())
         })
     }
 
@@ -443,8 +406,7 @@ impl Navigator {
     ///
     /// error_rad (3,) and its 1 sigma, sd_rad (3,).
     fn attitude_error<'py>(&self, py: Python<'py>) -> Estimate<'py> {
-        let of = |navigators: &NavigatorSet| navigators.selected().filter().attitude_error_rad();
-        self.estimate(py, of, |out, errors| slow_error(out, errors))
+        self.estimate(py, |filters| filters.filter().attitude_error_rad(), slow_error)
     }
 
     /// Estimated error of the heading sensor, offset and walk together, after the last update; None where `model.heading` has
@@ -452,7 +414,7 @@ impl Navigator {
     ///
     /// error_rad (1,) and its 1 sigma, sd_rad (1,).
     fn heading_error<'py>(&self, py: Python<'py>) -> Estimate<'py> {
-        let of = |navigators: &NavigatorSet| navigators.selected().filter().heading_error_rad();
+        let of = |filters: &Filters| filters.filter().heading_error_rad();
         self.estimate(py, of, |out, error| slow_error(out, [error]))
     }
 
@@ -461,12 +423,9 @@ impl Navigator {
     /// mounting_rad (3,), the rotation from the stated mounting about forward, right and down; clock_s, the time to add to the
     /// stamps; the (4, 4) covariance of both.
     fn calibration<'py>(&self, py: Python<'py>) -> Estimate<'py> {
-        let of = |navigators: &NavigatorSet| navigators.selected().filter().calibration();
-        self.estimate(py, of, |out, (estimate, covariance)| {
-            let numbers = estimate.numbers();
-            out.entry("mounting_rad", numbers.fixed_rows::<CLOCK>(0).into_owned())?;
-            out.set_item("clock_s", numbers[CLOCK])?;
-            out.entry("covariance", covariance)
+        self.estimate(py, Filters::calibration_estimate, |out, estimate| {
+            fields! { out, estimate => mounting_rad, clock_s, covariance }
+            Ok(())
         })
     }
 }

@@ -1,13 +1,10 @@
 //! The whole state of a navigator, and what is pushed into it.
 
 use bottomlock::navigator::events::Event;
-use bottomlock::navigator::{LiveNavigator, NavigatorSet, Snapshot};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use bottomlock::navigator::{LiveNavigator, Navigator as Filters, Snapshot};
 
 use super::Navigator;
-use crate::arrays::Argument;
-use crate::errors::{invalid, raise};
+use crate::prelude::*;
 use crate::report::Report;
 use crate::shared::Shared;
 
@@ -81,10 +78,10 @@ impl Navigator {
     pub(super) fn estimate<'py, T: Send>(
         &self,
         py: Python<'py>,
-        of: impl FnOnce(&NavigatorSet) -> Option<T> + Send,
+        of: impl FnOnce(&Filters) -> Option<T> + Send,
         fill: impl FnOnce(&Bound<'py, PyDict>, T) -> PyResult<()>,
     ) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(estimated) = self.with(py, |inner| of(inner.navigators()))? else {
+        let Some(estimated) = self.with(py, |inner| of(inner.navigators().selected()))? else {
             return Ok(None);
         };
         let out = PyDict::new(py);

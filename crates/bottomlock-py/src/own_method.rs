@@ -1,15 +1,13 @@
 //! Methods in Python: a callable that turns a ping into rows.
 
-use bottomlock::aiding::MAX_ROWS;
 use bottomlock::layout::DIM;
 use bottomlock::navigator::own_method::{BeamMethod, Measured, MeasuredRows, PingBeams, PingPrior, register};
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use nalgebra::{Matrix3, Vector3};
+use pyo3::types::PyTuple;
 
-use crate::arrays::{Argument, Dict, floats, vector};
-use crate::errors::{invalid, raise_timeless};
-use crate::results::Results;
+use crate::arrays::{floats, vector};
+use crate::errors::raise_timeless;
+use crate::prelude::*;
 
 /// Registers a method: a name of its own for scenarios, replays and navigators.
 ///
@@ -32,10 +30,9 @@ struct Callable {
 impl BeamMethod for Callable {
     fn ping(&self, beams: &PingBeams<'_>, prior: &PingPrior<'_>) -> Result<Measured, String> {
         Python::attach(|py| {
-            let outcome = ping_dict(py, beams, prior).and_then(|ping| self.call.bind(py).call1((ping,)));
-            outcome
-                .and_then(|returned| measured(&returned))
-                .map_err(|error| one_line(py, &error))
+            let returned = ping_dict(py, beams, prior).and_then(|ping| self.call.bind(py).call1((ping,)));
+            let measured = returned.and_then(|returned| measured(&returned));
+            measured.map_err(|error| one_line(py, &error))
         })
     }
 
@@ -51,10 +48,8 @@ fn one_line(py: Python<'_>, error: &PyErr) -> String {
     if error.is_instance_of::<crate::errors::KernelError>(py) {
         return text;
     }
-    let class = error
-        .get_type(py)
-        .name()
-        .map_or_else(|_| "exception".into(), |name| name.to_string());
+    let class = error.get_type(py).name();
+    let class = class.map_or_else(|_| "exception".into(), |name| name.to_string());
     format!("{class}: {text}")
 }
 
@@ -72,9 +67,7 @@ fn ping_dict<'py>(py: Python<'py>, beams: &PingBeams<'_>, prior: &PingPrior<'_>)
     out.column("jacobian", each().map(|beam| terms.jacobian.row(beam).transpose()))?;
     let noise = each().flat_map(|beam| each().map(move |other| terms.noise[(beam, other)]));
     out.put("noise_m2ps2", &[count, count], noise)?;
-    out.motion("", &[], || std::iter::once(prior.state))?;
-    out.entry("dvl_bias_mps", prior.state.dvl_bias_mps)?;
-    out.set_item("dvl_scale_factor", prior.state.dvl_scale_factor)?;
+    fields! { out, prior.state => position_t_m, attitude_t_p, velocity_p_mps, dvl_bias_mps, dvl_scale_factor }
     out.entry("omega_tp_p_radps", prior.omega_tp_p_radps)?;
     out.entry("covariance", *prior.covariance)?;
     Ok(out)
@@ -105,17 +98,5 @@ fn rows(parts: &Bound<'_, PyTuple>) -> PyResult<MeasuredRows> {
     let count = residual.shape[0];
     let jacobian = floats("jacobian", &parts.get_item(1)?, &[Some(count), Some(DIM)])?;
     let noise = floats("noise", &parts.get_item(2)?, &[Some(count), Some(count)])?;
-    let within = |row: usize, column: usize| row < count && column < count;
-    Ok(MeasuredRows {
-        rows: count,
-        residual: SVector::from_fn(|row, _| residual.values.get(row).copied().unwrap_or(0.0)),
-        jacobian: SMatrix::from_fn(|row, k| jacobian.values.get(row * DIM + k).copied().unwrap_or(0.0)),
-        noise: SMatrix::<f64, MAX_ROWS, MAX_ROWS>::from_fn(|row, column| {
-            if within(row, column) {
-                noise.values[row * count + column]
-            } else {
-                0.0
-            }
-        }),
-    })
+    Ok(MeasuredRows::of(&residual.values, &jacobian.values, &noise.values))
 }

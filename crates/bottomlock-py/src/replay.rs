@@ -7,6 +7,7 @@ use bottomlock::aiding::water::WATER;
 use bottomlock::aiding::water_track::WaterSample;
 use bottomlock::dvl::geometry::BeamSample;
 use bottomlock::filter::current::CurrentEstimate;
+use bottomlock::frames::{Platform, Rot, Tangent};
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
@@ -14,19 +15,15 @@ use bottomlock::replay as core;
 use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
 use bottomlock::state::NavState;
 use nalgebra::{Matrix2, Vector2};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Argument, Dict, booleans, by_name, floats, times};
+use crate::arrays::{booleans, by_name, floats, times};
 use crate::beam_arrays::{pings, water_samples};
 use crate::calls::interruptible;
-use crate::dvl;
-use crate::imu_faults::{put_faults, zipped};
+use crate::imu_faults::put_faults;
 use crate::keys::{Keys, read};
 use crate::memory::product;
+use crate::prelude::*;
 use crate::replay_records::{put_innovations, put_pings};
-use crate::results::Results;
-use crate::settings;
 use crate::state::state;
 
 struct OwnedLog {
@@ -43,7 +40,7 @@ impl OwnedLog {
     }
 
     fn of(keys: &Keys<'_>, beams: usize, model: &Model) -> PyResult<Self> {
-        let imu_ns = times(&keys.path("imu_time_ns"), &keys.item("imu_time_ns")?)?;
+        let imu_ns = keys.with("imu_time_ns", times)?;
         let rates = numbers(keys, "omega_p_radps", imu_ns.len(), 3)?;
         let forces = numbers(keys, "force_p_mps2", imu_ns.len(), 3)?;
         let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
@@ -52,17 +49,15 @@ impl OwnedLog {
         }
         let sd_mps = model.sensors.dvl.beam_noise_sd_mps;
         let mut log = Self {
-            imu: zipped(&imu_ns, rates.as_chunks().0, forces.as_chunks().0),
+            imu: ImuSample::of_columns(&imu_ns, rates.as_chunks().0, forces.as_chunks().0).collect(),
             pings: pings(keys, "dvl_time_ns", "beam", beams, sd_mps)?,
             sensors,
             water_track: water_samples(keys, beams, sd_mps)?,
             withheld: Default::default(),
         };
         for (name, withheld) in STREAM_NAMES.iter().zip(&mut log.withheld).skip(1) {
-            let key = format!("{name}_withheld");
-            if let Some(flags) = keys.get(&key)? {
-                *withheld = booleans(&keys.path(&key), &flags, &[None])?.values;
-            }
+            let flags = |name: &str, value: Argument| Ok(booleans(name, value, &[None])?.values);
+            *withheld = keys.given(&format!("{name}_withheld"), flags)?.unwrap_or_default();
         }
         Ok(log)
     }
@@ -78,7 +73,7 @@ impl OwnedLog {
         if !named {
             return Ok(Vec::new());
         }
-        let time_ns = times(&keys.path(&times_key), &keys.item(&times_key)?)?;
+        let time_ns = keys.with(&times_key, times)?;
         let mut columns = Vec::new();
         for column in declaration.log {
             if column.optional && !keys.has(column.key)? {
@@ -87,7 +82,8 @@ impl OwnedLog {
             }
             let values = numbers(keys, column.key, time_ns.len(), column.width)?;
             for (row, quaternion) in values.as_chunks().0.iter().enumerate().filter(|_| column.width == 4) {
-                settings::unit_quaternion(&format!("{}[{row}]", keys.path(column.key)), *quaternion)?;
+                let place = format!("{}[{row}]", keys.path(column.key));
+                Rot::<Tangent, Platform>::from_unit_wxyz(&place, *quaternion).map_err(raise)?;
             }
             columns.push(Some((values, column.width)));
         }
@@ -226,22 +222,22 @@ pub fn replay_log<'py>(
     let out = PyDict::new(py);
     let reached = replayed.tracks.first().map_or(&[][..], |track| &track.filtered.states);
     out.column("sample_time_ns", reached.iter().map(|state| state.time_ns))?;
-    put_series(&out, "", &replayed.tracks, covariances, |track| &track.filtered)?;
+    let tracks = &replayed.tracks;
+    put_series(&out, tracks, covariances, |track| &track.filtered)?;
     if smooth {
-        put_series(&out, "smoothed_", &replayed.tracks, covariances, |track| {
-            &track.smoothed
-        })?;
-        out.column(
-            "smoother_bytes",
-            replayed.tracks.iter().map(|track| track.tape_bytes as i64),
-        )?;
+        let smoothed = PyDict::new(py);
+        put_series(&smoothed, tracks, covariances, |track| &track.smoothed)?;
+        for (key, values) in smoothed {
+            out.set_item(format!("smoothed_{key}"), values)?;
+        }
+        out.column("smoother_bytes", tracks.iter().map(|track| track.tape_bytes))?;
     }
-    put_calibrations(&out, &replayed.tracks, covariances)?;
-    put_attitude_errors(&out, &replayed.tracks)?;
-    put_currents(&out, &replayed.tracks)?;
-    put_pings(&out, &replayed.tracks, log.pings.len(), beams)?;
+    put_calibrations(&out, tracks, covariances)?;
+    put_attitude_errors(&out, tracks)?;
+    put_currents(&out, tracks)?;
+    put_pings(&out, tracks, log.pings.len(), beams)?;
     if innovations || log.withheld.iter().any(|flags| !flags.is_empty()) {
-        put_innovations(&out, &replayed.tracks)?;
+        put_innovations(&out, tracks)?;
     }
     let unused = PyDict::new(py);
     for (key, counts) in [
@@ -268,17 +264,13 @@ fn replay_bytes(request: &Replay<'_>) -> u128 {
     let estimate = state + DIM * NUMBER + if request.covariances { matrix } else { 0 };
     let sample = 2 * estimate * if request.smooth { 2 } else { 1 } + if request.smooth { tape } else { 0 };
     let (methods, samples) = (request.methods.len(), request.sample_time_ns.len());
-    product(&[methods, samples, sample]).saturating_add(product(&[
-        methods,
-        request.log.pings.len(),
-        2 * size_of::<PingRecord>(),
-    ]))
+    let pings = product(&[methods, request.log.pings.len(), 2 * size_of::<PingRecord>()]);
+    product(&[methods, samples, sample]).saturating_add(pings)
 }
 
-/// Estimates of methods × samples, each key with a prefix.
+/// Estimates of methods × samples.
 fn put_series(
     out: &Bound<'_, PyDict>,
-    prefix: &str,
     tracks: &[Track],
     covariances: bool,
     of: impl Fn(&Track) -> &Series,
@@ -286,15 +278,15 @@ fn put_series(
     let each = || tracks.iter().map(&of);
     let shape = [tracks.len(), each().next().map_or(0, |series| series.states.len())];
     let states = || each().flat_map(|series| &series.states);
-    let key = |name: &str| format!("{prefix}{name}");
-    out.states(prefix, &shape, states)?;
-    out.put(&key("dvl_scale"), &shape, states().map(|state| state.dvl_scale_factor))?;
-    out.put(&key("sd"), &shape, each().flat_map(|series| series.sd.iter().copied()))?;
+    columns! { out, &shape, states() => position_t_m, attitude_t_p, velocity_p_mps }
+    columns! { out, &shape, states() => accel_bias_p_mps2, gyro_bias_p_radps, dvl_bias_mps }
+    out.put("dvl_scale", &shape, states().map(|state| state.dvl_scale_factor))?;
+    out.put("sd", &shape, each().flat_map(|series| &series.sd).copied())?;
     if covariances {
         out.put(
-            &key("covariance"),
+            "covariance",
             &shape,
-            each().flat_map(|series| series.covariances.iter().copied()),
+            each().flat_map(|series| &series.covariances).copied(),
         )?;
     }
     Ok(())
@@ -302,18 +294,15 @@ fn put_series(
 
 /// Estimated currents, NaN where there is none; nothing where no method estimates one.
 fn put_currents(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
+    let none = (Vector2::repeat(f64::NAN), Matrix2::repeat(f64::NAN));
     let each = || tracks.iter().flat_map(|track| &track.currents);
     if each().all(Option::is_none) {
         return Ok(());
     }
     let shape = [tracks.len(), tracks[0].currents.len()];
-    let none = (Vector2::repeat(f64::NAN), Matrix2::repeat(f64::NAN));
-    out.put("current_t_mps", &shape, each().map(|current| current.unwrap_or(none).0))?;
-    out.put(
-        "current_covariance",
-        &shape,
-        each().map(|current| current.unwrap_or(none).1),
-    )
+    let each = || each().map(|current| current.unwrap_or(none));
+    out.put("current_t_mps", &shape, each().map(|current| current.0))?;
+    out.put("current_covariance", &shape, each().map(|current| current.1))
 }
 
 /// The estimated error of the attitude reference, where every method has it.
@@ -324,34 +313,29 @@ fn put_attitude_errors(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()
     }
     let each = || tracks.iter().flat_map(|track| &track.attitude_errors);
     let shape = [tracks.len(), samples];
-    out.put(
-        "attitude_error",
-        &shape,
-        each().map(|errors| errors.map(|(error, _)| error)),
-    )?;
+    out.put("attitude_error", &shape, each().map(|axes| axes.map(|error| error.0)))?;
     out.put(
         "attitude_error_sd",
         &shape,
-        each().map(|errors| errors.map(|(_, sd)| sd)),
+        each().map(|axes| axes.map(|error| error.1)),
     )
 }
 
 /// Mounting and clock of the DVL at each sample, methods × samples × 4, where they are estimated.
 fn put_calibrations(out: &Bound<'_, PyDict>, tracks: &[Track], covariances: bool) -> PyResult<()> {
-    let samples = tracks.first().map_or(0, |track| track.calibrations.len());
-    if samples == 0 {
+    let shape = [tracks.len(), tracks.first().map_or(0, |track| track.calibrations.len())];
+    if shape[1] == 0 {
         return Ok(());
     }
-    let shape = [tracks.len(), samples];
     let each = || tracks.iter().flat_map(|track| &track.calibrations);
     let sd = |covariance: &CalibrationCovariance| covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
-    out.put("calibration", &shape, each().map(|(numbers, _)| *numbers))?;
-    out.put("calibration_sd", &shape, each().map(|(_, covariance)| sd(covariance)))?;
+    out.put("calibration", &shape, each().map(|calibration| calibration.0))?;
+    out.put("calibration_sd", &shape, each().map(|calibration| sd(&calibration.1)))?;
     if covariances {
         out.put(
             "calibration_covariance",
             &shape,
-            each().map(|(_, covariance)| *covariance),
+            each().map(|calibration| calibration.1),
         )?;
     }
     Ok(())

@@ -3,12 +3,9 @@
 use bottomlock::dvl::geometry::MAX_BEAMS;
 use bottomlock::filter::report::Sensor;
 use bottomlock::replay::{InnovationRecord, PingRecord, Track};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::Dict;
 use crate::batch_arrays::{NO_CHOICE, choice_code};
-use crate::results::Results;
+use crate::prelude::*;
 
 /// For each method a dict of sensors: times, flags, rows, and innovations with their covariances, padded with NaN.
 pub fn put_innovations(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {

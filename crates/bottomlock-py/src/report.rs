@@ -1,12 +1,10 @@
 //! What a push tells, as Python sees it.
 
 use bottomlock::dvl::fix_row::source_code;
-use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict};
-use bottomlock::navigator::{Finding, Notice, SELECTOR_METHODS, Standing};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use bottomlock::filter::report::{Choice, SelectionReason, Verdict};
+use bottomlock::navigator::{Notice, SELECTOR_METHODS, Standing};
 
-use crate::arrays::{Dict, array};
+use crate::prelude::*;
 use crate::results::entries;
 
 /// What became of a measurement, or of an inertial reading that was rejected.
@@ -18,6 +16,7 @@ use crate::results::entries;
 /// `revised`: whether it replaces an earlier report, since data came late.
 /// `reason`: why an inertial reading was rejected; else None.
 /// `inflation`: factor on the covariance after a row of rejections; None without one.
+/// `charged_to_sensor`: part of what those rejections showed that was charged to slow errors of the sensor, 0 to 1.
 /// `beyond_linear_range`: whether the correction is larger than linearisation allows.
 /// `rejected_rows` (m,): rows of a measurement accepted in part that were not used.
 /// `beam_weight` (beams,): weights of a robust update; None without one.
@@ -35,6 +34,7 @@ pub struct Report {
     revised: bool,
     reason: Option<String>,
     inflation: Option<f64>,
+    charged_to_sensor: f64,
     beyond_linear_range: bool,
     rejected_rows: Py<PyAny>,
     beam_weight: Option<Py<PyAny>>,
@@ -63,18 +63,7 @@ impl Report {
 impl Report {
     /// The report of what a push tells, for an instrument with `beams` beams.
     pub fn of(py: Python<'_>, notice: &Notice, beams: usize) -> PyResult<Self> {
-        let mut out = match &notice.finding {
-            Finding::Update(report) => Self::of_update(py, report, beams)?,
-            Finding::Rejected { time_ns, fault } => Self {
-                reason: Some(fault.to_string()),
-                ..Self::without_rows(py, "imu", *time_ns, "rejected")?
-            },
-        };
-        out.revised = notice.standing != Standing::New;
-        Ok(out)
-    }
-
-    fn of_update(py: Python<'_>, report: &UpdateReport, beams: usize) -> PyResult<Self> {
+        let (sensor, report, reason) = notice.parts();
         let (verdict, rejected) = match report.verdict {
             Verdict::Accepted => ("accepted", 0),
             Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
@@ -90,38 +79,22 @@ impl Report {
             .map(|weight| entries(py, &[beams], weight.into_iter().take(beams)));
         let choice = report.choice.map(|choice| choice_dict(py, &choice));
         Ok(Self {
+            sensor,
+            time_ns: report.time_ns,
             residual: entries(py, &[rows], report.residual.iter().copied().take(rows))?.into(),
             covariance: entries(py, &[rows, rows], (0..rows * rows).map(entry))?.into(),
             degrees: report.degrees,
             nis: report.nis,
             threshold: report.threshold,
+            verdict,
+            revised: notice.standing != Standing::New,
+            reason,
             inflation: report.inflation,
+            charged_to_sensor: report.charged_to_sensor,
             beyond_linear_range: report.is_beyond_linear_range,
             rejected_rows: entries(py, &[rows], flags)?.into(),
             beam_weight: weight.transpose()?.map(Into::into),
             choice: choice.transpose()?.map(Into::into),
-            ..Self::without_rows(py, report.sensor.name(), report.time_ns, verdict)?
-        })
-    }
-
-    fn without_rows(py: Python<'_>, sensor: &'static str, time_ns: i64, verdict: &'static str) -> PyResult<Self> {
-        let none = |shape: &[usize]| array::<f64>(py, vec![], shape);
-        Ok(Self {
-            sensor,
-            time_ns,
-            residual: none(&[0])?.into(),
-            covariance: none(&[0, 0])?.into(),
-            degrees: 0,
-            nis: 0.0,
-            threshold: f64::INFINITY,
-            verdict,
-            revised: false,
-            reason: None,
-            inflation: None,
-            beyond_linear_range: false,
-            rejected_rows: array::<bool>(py, vec![], &[0])?.into(),
-            beam_weight: None,
-            choice: None,
         })
     }
 }

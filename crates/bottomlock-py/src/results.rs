@@ -1,7 +1,6 @@
 //! Dicts of results: arrays by name, made from the kernel's numbers, vectors and matrices.
 
-use bottomlock::frames::Vec3;
-use bottomlock::state::NavState;
+use bottomlock::frames::{Rot, Vec3};
 use nalgebra::{DMatrix, SMatrix};
 use numpy::{Element, PyArrayDyn};
 use pyo3::prelude::*;
@@ -20,22 +19,22 @@ pub trait Entry {
 }
 
 macro_rules! number {
-    ($($kind:ty),*) => {$(
+    ($($kind:ty as $number:ty),*) => {$(
         impl Entry for $kind {
-            type Number = $kind;
+            type Number = $number;
 
             fn axes() -> Vec<usize> {
                 Vec::new()
             }
 
-            fn write(self, into: &mut Vec<$kind>) {
-                into.push(self);
+            fn write(self, into: &mut Vec<$number>) {
+                into.push(self as $number);
             }
         }
     )*};
 }
 
-number!(f64, i64, u8, bool);
+number!(f64 as f64, i64 as i64, u64 as i64, usize as i64, u8 as u8, bool as bool);
 
 impl<T: Entry, const N: usize> Entry for [T; N] {
     type Number = T::Number;
@@ -49,17 +48,23 @@ impl<T: Entry, const N: usize> Entry for [T; N] {
     }
 }
 
-impl<F> Entry for Vec3<F> {
-    type Number = f64;
+macro_rules! as_array {
+    ($($kind:ident<$($frame:ident),+>, $length:literal, $convert:ident);*) => {$(
+        impl<$($frame),+> Entry for $kind<$($frame),+> {
+            type Number = f64;
 
-    fn axes() -> Vec<usize> {
-        vec![3]
-    }
+            fn axes() -> Vec<usize> {
+                vec![$length]
+            }
 
-    fn write(self, into: &mut Vec<f64>) {
-        self.to_array().write(into);
-    }
+            fn write(self, into: &mut Vec<f64>) {
+                self.$convert().write(into);
+            }
+        }
+    )*};
 }
+
+as_array!(Vec3<F>, 3, to_array; Rot<To, From>, 4, to_quaternion_wxyz);
 
 /// By columns, which are the rows of what is symmetric; of another matrix the transposed one is put.
 impl<const R: usize, const C: usize> Entry for SMatrix<f64, R, C> {
@@ -91,10 +96,29 @@ pub fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyA
     array(py, m.transpose().as_slice().to_vec(), &[m.nrows(), m.ncols()])
 }
 
+/// Arrays of fields of entries, each under the field's name: `columns! { out, leading axes, entries => field, .. }`.
+macro_rules! columns {
+    ($out:expr, $leading:expr, $each:expr => $($field:ident),+) => {
+        $($out.put(stringify!($field), $leading, $each.map(|entry| entry.$field))?;)+
+    };
+}
+
+/// The fields of one value, each under its name: `fields! { out, value => field, .. }`.
+macro_rules! fields {
+    ($out:expr, $value:expr => $($field:ident),+) => {
+        $($out.entry(stringify!($field), $value.$field)?;)+
+    };
+}
+
+pub(crate) use {columns, fields};
+
 /// A dict that is filled with results.
 pub trait Results {
     /// An array of entries, whose first axes are stated.
     fn put<T: Entry>(&self, key: &str, leading: &[usize], values: impl IntoIterator<Item = T>) -> PyResult<()>;
+
+    /// A number, or the array of the numbers of one entry.
+    fn entry<T: Entry>(&self, key: &str, value: T) -> PyResult<()>;
 
     /// An array of one axis or more, an entry after the other.
     fn column<T: Entry>(
@@ -105,55 +129,18 @@ pub trait Results {
         let values = values.into_iter();
         self.put(key, &[values.len()], values)
     }
-
-    /// The numbers of one entry.
-    fn entry<T: Entry>(&self, key: &str, value: T) -> PyResult<()> {
-        self.put(key, &[], [value])
-    }
-
-    /// Position, attitude and velocity of states, each key with a prefix.
-    fn motion<'a, I: Iterator<Item = &'a NavState>>(
-        &self,
-        prefix: &str,
-        leading: &[usize],
-        states: impl Fn() -> I,
-    ) -> PyResult<()> {
-        let key = |name: &str| format!("{prefix}{name}");
-        self.put(&key("position_t_m"), leading, states().map(|state| state.position_t_m))?;
-        let attitudes = states().map(|state| state.attitude_t_p.to_quaternion_wxyz());
-        self.put(&key("attitude_t_p"), leading, attitudes)?;
-        self.put(
-            &key("velocity_p_mps"),
-            leading,
-            states().map(|state| state.velocity_p_mps),
-        )
-    }
-
-    /// All vectors of states.
-    fn states<'a, I: Iterator<Item = &'a NavState>>(
-        &self,
-        prefix: &str,
-        leading: &[usize],
-        states: impl Fn() -> I,
-    ) -> PyResult<()> {
-        let key = |name: &str| format!("{prefix}{name}");
-        self.motion(prefix, leading, &states)?;
-        self.put(
-            &key("accel_bias_p_mps2"),
-            leading,
-            states().map(|state| state.accel_bias_p_mps2),
-        )?;
-        self.put(
-            &key("gyro_bias_p_radps"),
-            leading,
-            states().map(|state| state.gyro_bias_p_radps),
-        )?;
-        self.put(&key("dvl_bias_mps"), leading, states().map(|state| state.dvl_bias_mps))
-    }
 }
 
 impl Results for Bound<'_, PyDict> {
     fn put<T: Entry>(&self, key: &str, leading: &[usize], values: impl IntoIterator<Item = T>) -> PyResult<()> {
         self.set_item(key, entries(self.py(), leading, values)?)
+    }
+
+    fn entry<T: Entry>(&self, key: &str, value: T) -> PyResult<()> {
+        let array = entries(self.py(), &[], [value])?;
+        if T::axes().is_empty() {
+            return self.set_item(key, array.call_method0("item")?);
+        }
+        self.set_item(key, array)
     }
 }

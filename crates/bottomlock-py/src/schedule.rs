@@ -4,11 +4,10 @@ use bottomlock::aiding::registry::{SENSORS, SensorKind};
 use bottomlock::aiding::sensor::Simulation;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::simulation::schedule::{Schedule, SensorEpochs, WaterEpochs};
-use pyo3::prelude::*;
 
-use crate::arrays::{Argument, Array, booleans, floats, rows, times};
-use crate::errors::invalid;
+use crate::arrays::{Array, booleans, floats, rows, times};
 use crate::keys::{Keys, read};
+use crate::prelude::*;
 use crate::settings::mask;
 
 /// Values at each epoch, shared by all runs or one set for each.
@@ -83,52 +82,39 @@ fn per_run<T: Clone>(
     of_one: &[usize],
     convert: Convert<T>,
 ) -> PyResult<Option<PerRun<T>>> {
-    let Some(value) = keys.get(key)? else {
-        return Ok(None);
-    };
-    let dimensions: usize = value.getattr("ndim").and_then(|n| n.extract()).unwrap_or(of_one.len());
-    let by_run = (dimensions == of_one.len() + 1).then_some(runs);
-    let shape: Vec<_> = by_run.iter().chain(of_one).copied().map(Some).collect();
-    let values = convert(&keys.path(key), &value, &shape)?.values;
-    let each: usize = of_one.iter().product();
-    Ok(Some(PerRun(match by_run {
-        Some(runs) => (0..runs).map(|run| values[run * each..][..each].to_vec()).collect(),
-        None => vec![values],
-    })))
+    keys.given(key, |name, value| {
+        let dimensions: usize = value.getattr("ndim").and_then(|n| n.extract()).unwrap_or(of_one.len());
+        let by_run = (dimensions == of_one.len() + 1).then_some(runs);
+        let shape: Vec<_> = by_run.iter().chain(of_one).copied().map(Some).collect();
+        let values = convert(name, value, &shape)?.values;
+        let each: usize = of_one.iter().product();
+        let of_run = |run| values[run * each..][..each].to_vec();
+        Ok(PerRun((0..by_run.unwrap_or(1)).map(of_run).collect()))
+    })
 }
 
 /// The epochs of a sensor that each run receives: `<name>_time_ns`, and where given `<name>_received` and the sensor's offset. A
 /// sensor that is not named never measures.
 fn epochs(keys: &Keys<'_>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs> {
     let (times_key, received_key) = (format!("{}_time_ns", of.name), format!("{}_received", of.name));
-    let mut is_wanted = keys.has(&received_key)?;
-    if let Some(key) = of.offset {
-        is_wanted |= keys.has(key)?;
-    }
-    let Some(given) = keys.get(&times_key)? else {
-        if is_wanted {
-            return Err(invalid(format!("schedule lacks the key '{times_key}'")));
+    let Some(time_ns) = keys.given(&times_key, times)? else {
+        for key in of.offset.into_iter().chain([received_key.as_str()]) {
+            if keys.has(key)? {
+                return Err(invalid(format!("schedule lacks the key '{times_key}'")));
+            }
         }
         return Ok(OwnedEpochs::default());
     };
-    let time_ns = times(&keys.path(&times_key), &given)?;
     let count = [time_ns.len()];
     let received = per_run::<bool>(keys, &received_key, runs, &count, booleans)?;
+    let received = received.unwrap_or_else(|| PerRun(vec![vec![true; time_ns.len()]]));
     let offset_of = |key| per_run::<f64>(keys, key, runs, &count, floats);
     let offset = of.offset.map_or(Ok(None), offset_of)?.unwrap_or_default();
-    let Some(received) = received else {
-        let time_ns = PerRun(vec![time_ns]);
-        return Ok(OwnedEpochs { time_ns, offset });
-    };
-    let offsets = if offset.0.is_empty() {
-        0
-    } else {
-        received.0.len().max(offset.0.len())
-    };
+    let sets = offset.0.len().min(1) * received.0.len().max(offset.0.len());
     let kept_offset = |run: usize| kept(offset.of(run), received.of(run));
     Ok(OwnedEpochs {
         time_ns: PerRun(received.0.iter().map(|received| kept(&time_ns, received)).collect()),
-        offset: PerRun((0..offsets).map(kept_offset).collect()),
+        offset: PerRun((0..sets).map(kept_offset).collect()),
     })
 }
 
@@ -141,10 +127,8 @@ fn kept<T: Copy>(values: &[T], received: &[bool]) -> Vec<T> {
 
 /// Number of samples of a schedule, before it is read; none where it cannot be, which its reading then says.
 pub fn sample_count(value: Argument) -> usize {
-    value
-        .get_item("sample_time_ns")
-        .and_then(|times| times.len())
-        .unwrap_or(0)
+    let times = value.get_item("sample_time_ns");
+    times.and_then(|times| times.len()).unwrap_or(0)
 }
 
 /// A schedule for a number of runs.
@@ -163,7 +147,7 @@ fn masks(keys: &Keys<'_>, key: &str, epochs: usize, beams: usize, runs: usize) -
 /// The epochs of the water, none without `water_track_time_ns`.
 fn water(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedWater> {
     const VALUES: [&str; 3] = ["water_track_valid", "water_current_n_mps", "water_shear_n_ps"];
-    let Some(given) = keys.get("water_track_time_ns")? else {
+    let Some(time_ns) = keys.given("water_track_time_ns", times)? else {
         for key in VALUES {
             if keys.has(key)? {
                 return Err(invalid(format!(
@@ -173,9 +157,8 @@ fn water(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedWater> {
         }
         return Ok(OwnedWater::default());
     };
-    let time_ns = times(&keys.path("water_track_time_ns"), &given)?;
     let epochs = time_ns.len();
-    let pairs = |key: &str| rows::<2>(&keys.path(key), &keys.item(key)?, Some(epochs));
+    let pairs = |key: &str| keys.with(key, |name, value| rows::<2>(name, value, Some(epochs)));
     Ok(OwnedWater {
         beam_valid: masks(keys, VALUES[0], epochs, beams, runs)?,
         current_n_mps: pairs(VALUES[1])?,
@@ -185,8 +168,7 @@ fn water(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedWater> {
 }
 
 fn schedule_of(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
-    let epochs_of = |key: &str| times(&keys.path(key), &keys.item(key)?);
-    let dvl_time_ns = epochs_of("dvl_time_ns")?;
+    let dvl_time_ns = keys.with("dvl_time_ns", times)?;
     let beam_valid = masks(keys, "beam_valid", dvl_time_ns.len(), beams, runs)?;
     let mut sensors: [OwnedEpochs; SENSORS] = Default::default();
     for kind in SensorKind::ALL {
@@ -199,6 +181,6 @@ fn schedule_of(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedSche
         dvl_time_ns,
         sensors,
         water: water(keys, beams, runs)?,
-        sample_time_ns: epochs_of("sample_time_ns")?,
+        sample_time_ns: keys.with("sample_time_ns", times)?,
     })
 }

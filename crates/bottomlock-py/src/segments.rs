@@ -1,12 +1,9 @@
 //! Inertial readings integrated over segments.
 
-use bottomlock::mechanisation::integrate_segment;
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use bottomlock::mechanisation::integrate_segments as integrate;
 
-use crate::arrays::{Argument, Dict, Rows, times};
-use crate::errors::{invalid, raise};
-use crate::results::Results;
+use crate::arrays::{Rows, times};
+use crate::prelude::*;
 
 /// Strapdown integrals of inertial readings along segments of `readings` each, every one from its own beginning.
 ///
@@ -26,29 +23,16 @@ pub fn integrate_segments<'py>(
     let stamps = times("time_ns", time_ns)?;
     let forces = Rows::<3>::new("force_p_mps2", force_p_mps2, &[Some(stamps.len())])?;
     let rates = Rows::<3>::new("omega_p_radps", omega_p_radps, &[Some(stamps.len())])?;
-    if readings == 0 || !stamps.len().is_multiple_of(readings) {
-        return Err(invalid(format!(
-            "readings is {readings}, expected a number by which the {} readings divide into segments",
-            stamps.len()
-        )));
-    }
-    let mut integrals = Vec::with_capacity(stamps.len());
-    let segments = stamps
-        .chunks(readings)
-        .zip(forces.get()?.chunks(readings))
-        .zip(rates.get()?.chunks(readings));
-    for ((stamps, forces), rates) in segments {
-        integrals.extend(integrate_segment(stamps, forces, rates).map_err(raise)?);
-    }
+    let integrals = integrate(&stamps, forces.get()?, rates.get()?, readings).map_err(raise)?;
     let shape = [stamps.len() / readings, readings];
-    let dict = PyDict::new(py);
-    dict.put("rotation", &shape, integrals.iter().map(|at| at.rotation.transpose()))?;
-    dict.put("force_integral_mps", &shape, integrals.iter().map(|at| at.force_mps))?;
+    let (dict, each) = (PyDict::new(py), || integrals.iter());
+    dict.put("rotation", &shape, each().map(|at| at.rotation.transpose()))?;
+    dict.put("force_integral_mps", &shape, each().map(|at| at.force_mps))?;
     dict.put(
         "rotation_integral_s",
         &shape,
-        integrals.iter().map(|at| at.rotation_s.transpose()),
+        each().map(|at| at.rotation_s.transpose()),
     )?;
-    dict.put("bias_integral", &shape, integrals.iter().map(|at| at.bias.transpose()))?;
+    dict.put("bias_integral", &shape, each().map(|at| at.bias.transpose()))?;
     Ok(dict)
 }

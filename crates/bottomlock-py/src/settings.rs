@@ -8,13 +8,12 @@ use bottomlock::mechanisation::Sampling;
 use bottomlock::model::Model;
 use bottomlock::navigator::{METHODS, Method};
 use bottomlock::settings::{self as core, nearest};
-use pyo3::prelude::*;
 use serde::de::value::{Error, StrDeserializer};
 use serde::de::{DeserializeOwned, IntoDeserializer};
 
-use crate::arrays::{Argument, vector};
-use crate::errors::{invalid, raise};
+use crate::arrays::vector;
 use crate::given::Given;
+use crate::prelude::*;
 use crate::state;
 
 /// The aiding method of a short name; the error names the nearest one.
@@ -35,16 +34,7 @@ pub fn methods(values: Argument) -> PyResult<Vec<Method>> {
 
 /// A unit quaternion, scalar first.
 pub fn attitude(name: &str, value: Argument) -> PyResult<Rot<Tangent, Platform>> {
-    unit_quaternion(name, vector(name, value)?)
-}
-
-/// A rotation from a quaternion that is one to begin with.
-pub fn unit_quaternion(name: &str, quaternion: [f64; 4]) -> PyResult<Rot<Tangent, Platform>> {
-    let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if !((norm - 1.0).abs() < 1e-6) {
-        return Err(invalid(format!("{name} has norm {norm}, expected 1 (scalar first)")));
-    }
-    Ok(Rot::from_quaternion_wxyz(quaternion))
+    Rot::from_unit_wxyz(name, vector(name, value)?).map_err(raise)
 }
 
 /// A whole model, checked also where a call has nothing to do with it.

@@ -3,10 +3,9 @@
 use std::sync::Mutex;
 
 use bottomlock::{NavError, Stop};
-use pyo3::prelude::*;
 
 use crate::calls::{detached, interruptible};
-use crate::errors::invalid;
+use crate::prelude::*;
 
 /// A value whose calls go one after another, each whole.
 ///

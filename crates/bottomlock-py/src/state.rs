@@ -1,16 +1,11 @@
 //! States from their keys, and as dicts.
 
-use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::state::{Covariance, NavState};
-use nalgebra::Vector4;
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Argument, Dict, floats};
+use crate::arrays::{floats, vec3, vector};
 use crate::keys::{Keys, read};
-use crate::results::Results;
-use crate::settings;
+use crate::prelude::*;
 
 /// A time among the keys, integer nanoseconds.
 pub fn time_ns(keys: &Keys<'_>) -> PyResult<i64> {
@@ -24,12 +19,16 @@ pub fn time_ns(keys: &Keys<'_>) -> PyResult<i64> {
 pub fn state(owner: &str, value: Argument) -> PyResult<NavState> {
     read(owner, value, |keys| {
         let mut state = NavState::at_rest(time_ns(keys)?);
-        state.position_t_m = Vec3::from_array(keys.vector("position_t_m")?);
-        state.attitude_t_p = settings::attitude(&keys.path("attitude_t_p"), &keys.item("attitude_t_p")?)?;
-        state.velocity_p_mps = Vec3::from_array(keys.vector("velocity_p_mps")?);
-        state.accel_bias_p_mps2 = Vec3::from_array(keys.vector_or_zero("accel_bias_p_mps2")?);
-        state.gyro_bias_p_radps = Vec3::from_array(keys.vector_or_zero("gyro_bias_p_radps")?);
-        state.dvl_bias_mps = Vector4::from(keys.vector_or_zero::<4>("dvl_bias_mps")?);
+        state.position_t_m = keys.with("position_t_m", vec3)?;
+        state.attitude_t_p = keys.with("attitude_t_p", settings::attitude)?;
+        state.velocity_p_mps = keys.with("velocity_p_mps", vec3)?;
+        state.accel_bias_p_mps2 = keys
+            .given("accel_bias_p_mps2", vec3)?
+            .unwrap_or(state.accel_bias_p_mps2);
+        state.gyro_bias_p_radps = keys
+            .given("gyro_bias_p_radps", vec3)?
+            .unwrap_or(state.gyro_bias_p_radps);
+        state.dvl_bias_mps = keys.given("dvl_bias_mps", vector::<4>)?.unwrap_or_default().into();
         state.dvl_scale_factor = keys.number_or("dvl_scale_factor", 0.0)?;
         Ok(state)
     })
@@ -38,18 +37,15 @@ pub fn state(owner: &str, value: Argument) -> PyResult<NavState> {
 /// The fields of a state as a dict, SI units.
 pub fn state_dict<'py>(py: Python<'py>, state: &NavState) -> Dict<'py> {
     let out = PyDict::new(py);
-    out.set_item("time_ns", state.time_ns)?;
-    out.states("", &[], || std::iter::once(state))?;
-    out.set_item("dvl_scale_factor", state.dvl_scale_factor)?;
+    fields! { out, state => time_ns, position_t_m, attitude_t_p, velocity_p_mps }
+    fields! { out, state => accel_bias_p_mps2, gyro_bias_p_radps, dvl_bias_mps, dvl_scale_factor }
     Ok(out)
 }
 
 /// A (20, 20) covariance, where one is given.
 pub fn covariance(value: Option<Argument>) -> PyResult<Option<Covariance>> {
-    value
-        .map(|value| {
-            let values = floats("covariance", value, &[Some(DIM), Some(DIM)])?.values;
-            Ok(Covariance::from_row_slice(&values))
-        })
-        .transpose()
+    let values = value.map(|value| floats("covariance", value, &[Some(DIM), Some(DIM)]));
+    Ok(values
+        .transpose()?
+        .map(|array| Covariance::from_row_slice(&array.values)))
 }

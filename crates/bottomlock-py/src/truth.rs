@@ -1,10 +1,10 @@
 //! Truths from their keys.
 
 use bottomlock::simulation::truth::Truth;
-use pyo3::prelude::*;
 
 use crate::arrays::{Rows, times};
 use crate::keys::{Keys, read};
+use crate::prelude::*;
 
 /// The truths of one or more runs over the same times; contiguous arrays are read without a copy.
 pub struct Truths<'py> {
@@ -20,7 +20,7 @@ impl<'py> Truths<'py> {
     /// One truth, arrays (samples, ·).
     pub fn new(value: &Bound<'py, PyAny>) -> PyResult<Self> {
         read("truth", value, |keys| {
-            let time_ns = times("truth.time_ns", &keys.item("time_ns")?)?;
+            let time_ns = keys.with("time_ns", times)?;
             let samples = [Some(time_ns.len())];
             Self::read(keys, time_ns, &samples)
         })
@@ -29,7 +29,7 @@ impl<'py> Truths<'py> {
     /// A truth for each run, arrays (runs, samples, ·).
     pub fn of_runs(value: &Bound<'py, PyAny>, runs: usize) -> PyResult<Self> {
         read("truth", value, |keys| {
-            let time_ns = times("truth.time_ns", &keys.item("time_ns")?)?;
+            let time_ns = keys.with("time_ns", times)?;
             let leading = [Some(runs), Some(time_ns.len())];
             Self::read(keys, time_ns, &leading)
         })
@@ -37,10 +37,10 @@ impl<'py> Truths<'py> {
 
     /// Reads the arrays with the leading axes given.
     fn read(keys: &Keys<'py>, time_ns: Vec<i64>, leading: &[Option<usize>]) -> PyResult<Self> {
-        let three = |key: &str| Rows::<3>::new(&keys.path(key), &keys.item(key)?, leading);
+        let three = |key: &str| keys.with(key, |name, value| Rows::new(name, value, leading));
         Ok(Self {
             position_t_m: three("position_t_m")?,
-            attitude_t_p: Rows::new("truth.attitude_t_p", &keys.item("attitude_t_p")?, leading)?,
+            attitude_t_p: keys.with("attitude_t_p", |name, value| Rows::new(name, value, leading))?,
             velocity_p_mps: three("velocity_p_mps")?,
             omega_p_radps: three("omega_p_radps")?,
             force_p_mps2: three("force_p_mps2")?,

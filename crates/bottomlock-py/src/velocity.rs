@@ -1,31 +1,16 @@
 //! Velocity from beams.
 
 use bottomlock::dvl::fix::{PingContext, VelocityPrior, solve};
-use bottomlock::dvl::fix_row::{FIX_METHODS, FixRow};
-use bottomlock::dvl::geometry as core;
-use bottomlock::dvl::geometry::BeamSample;
+use bottomlock::dvl::fix_row::FixRow;
 use bottomlock::dvl::partial::{Assumptions, PartialMethod};
 use bottomlock::frames::Vec3;
 use nalgebra::{Matrix3, Vector3};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Argument, Dict, floats, rows};
+use crate::arrays::{floats, rows};
 use crate::beam_arrays::BeamArrays;
 use crate::calls::detached;
-use crate::dvl;
-use crate::errors::{invalid, without_time};
-use crate::results::Results;
-use crate::settings::mask;
-
-/// The method of a name.
-fn method_of(name: &str) -> PyResult<PartialMethod> {
-    let found = FIX_METHODS.iter().find(|(known, _)| *known == name);
-    found.map(|(_, method)| *method).ok_or_else(|| {
-        let known = FIX_METHODS.map(|(known, _)| known).join(", ");
-        invalid(format!("unknown method '{name}', expected one of {known}"))
-    })
-}
+use crate::errors::without_time;
+use crate::prelude::*;
 
 /// Solves pings for the platform velocity, one row per ping.
 ///
@@ -64,48 +49,39 @@ pub fn solve_velocity<'py>(
 ) -> Dict<'py> {
     let geometry = dvl::geometry(geometry)?;
     let beams = geometry.beams();
-    let readings = BeamArrays::new(
-        ["velocity_mps", "valid", ""],
-        velocity_mps,
-        valid,
-        None,
-        &[None, Some(beams)],
-    )?;
+    let names = ["velocity_mps", "valid", ""];
+    let mut readings = BeamArrays::new(names, velocity_mps, valid, None, &[None, Some(beams)])?;
     let count = readings.valid.len() / beams;
-    let pings = Pings {
-        velocity_mps: readings.velocity_mps,
-        valid: readings.valid,
-        sd_mps: if beam_sd_mps.len().is_ok() {
-            floats("beam_sd_mps", beam_sd_mps, &[Some(beams)])?.values
-        } else {
-            floats("beam_sd_mps", beam_sd_mps, &[])?.values.repeat(beams)
-        },
-        method: method_of(method)?,
-        priors: priors(prior_velocity_p_mps, prior_cov_m2ps2, count)?,
-        omega_tp_p_radps: omega_tp_p_radps
-            .map(|value| rows::<3>("omega_tp_p_radps", value, Some(count)))
-            .transpose()?,
-        assumptions: Assumptions {
-            virtual_beam_factor,
-            nullified_sway_var_m2ps2,
-            weak_sway_var_m2ps2,
-        },
+    let sd_shape = &[Some(beams)][..usize::from(beam_sd_mps.len().is_ok())];
+    let sd_mps = floats("beam_sd_mps", beam_sd_mps, sd_shape)?.values;
+    readings.sd_mps = sd_mps.repeat(count * beams / sd_mps.len());
+    let method = PartialMethod::named(method).map_err(raise)?;
+    let priors = priors(prior_velocity_p_mps, prior_cov_m2ps2, count)?;
+    let rates = omega_tp_p_radps.map(|value| rows::<3>("omega_tp_p_radps", value, Some(count)));
+    let rates = rates.transpose()?;
+    let assumptions = Assumptions {
+        virtual_beam_factor,
+        nullified_sway_var_m2ps2,
+        weak_sway_var_m2ps2,
     };
-    let rows = detached(py, || Ok(pings.solve(&geometry, count)))?;
-    let rows = rows.map_err(|(row, error)| invalid(format!("row {row}: {}", without_time(&error))))?;
+    let solve_row = |row: usize| {
+        let context = PingContext {
+            omega_tp_p_radps: rates.as_ref().map_or(Vector3::zeros(), |rates| rates[row].into()),
+            prior: priors.as_ref().map(|priors| priors[row]),
+        };
+        let outcome = solve(method, &geometry, &readings.ping(0, row, beams), &context, &assumptions);
+        outcome
+            .as_ref()
+            .map(FixRow::from)
+            .map_err(|error| (row, without_time(error)))
+    };
+    let rows = detached(py, || Ok((0..count).map(solve_row).collect::<Result<Vec<_>, _>>()))?;
+    let rows = rows.map_err(|(row, error)| invalid(format!("row {row}: {error}")))?;
     let out = PyDict::new(py);
-    out.column("velocity_p_mps", rows.iter().map(|row| row.velocity_p_mps))?;
-    out.column("cov_m2ps2", rows.iter().map(|row| row.cov_m2ps2))?;
-    out.column(
-        "observed_velocity_p_mps",
-        rows.iter().map(|row| row.observed_velocity_p_mps),
-    )?;
-    out.column("information_s2pm2", rows.iter().map(|row| row.information_s2pm2))?;
-    out.column("component", rows.iter().map(|row| row.component))?;
-    out.column("status", rows.iter().map(|row| row.status))?;
-    out.put("beams_used", &[count, beams], pings.valid)?;
-    out.column("rank", rows.iter().map(|row| row.rank))?;
-    out.column("source", rows.iter().map(|row| row.source))?;
+    columns! { out, &[count], rows.iter() => velocity_p_mps, cov_m2ps2, observed_velocity_p_mps, information_s2pm2 }
+    columns! { out, &[count], rows.iter() => component, rank, source }
+    out.column("status", rows.iter().map(|row| row.fix as u8))?;
+    out.put("beams_used", &[count, beams], readings.valid)?;
     Ok(out)
 }
 
@@ -125,38 +101,5 @@ fn priors(velocity: Option<Argument>, cov: Option<Argument>, count: usize) -> Py
         _ => Err(invalid(
             "prior_velocity_p_mps and prior_cov_m2ps2 go together: give both or neither",
         )),
-    }
-}
-
-/// Pings to solve, with the method and its inputs; arrays are flat, ping by ping.
-struct Pings {
-    method: PartialMethod,
-    velocity_mps: Vec<f64>,
-    valid: Vec<bool>,
-    sd_mps: Vec<f64>,
-    priors: Option<Vec<VelocityPrior>>,
-    omega_tp_p_radps: Option<Vec<[f64; 3]>>,
-    assumptions: Assumptions,
-}
-
-impl Pings {
-    /// Solves `count` pings; an error comes with its row.
-    fn solve(&self, geometry: &core::BeamGeometry, count: usize) -> Result<Vec<FixRow>, (usize, bottomlock::NavError)> {
-        let beams = geometry.beams();
-        let solve = |row: usize| {
-            let part = row * beams..(row + 1) * beams;
-            let valid = mask(&self.valid[part.clone()]);
-            let ping = BeamSample::new(0, &self.velocity_mps[part], &self.sd_mps, valid);
-            let rate = self.omega_tp_p_radps.as_ref().map(|rates| rates[row]);
-            let context = PingContext {
-                omega_tp_p_radps: rate.map_or(Vector3::zeros(), Vector3::from),
-                prior: self.priors.as_ref().map(|priors| priors[row]),
-            };
-            let outcome = solve(self.method, geometry, &ping, &context, &self.assumptions);
-            outcome
-                .map(|outcome| FixRow::from(&outcome))
-                .map_err(|error| (row, error))
-        };
-        (0..count).map(solve).collect()
     }
 }

@@ -29,6 +29,8 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
+use crate::error::NavError;
+
 /// Tangent frame: north, east, down, fixed to the Earth at the start of the mission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tangent;
@@ -155,6 +157,22 @@ impl<To, From> Rot<To, From> {
             UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
             PhantomData,
         )
+    }
+    /// The same of a quaternion that must have a norm of 1 within 1e-6.
+    ///
+    /// # Errors
+    /// [`NavError::Setting`], which calls it `name`.
+    pub fn from_unit_wxyz(name: &str, quaternion: [f64; 4]) -> Result<Self, NavError> {
+        let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
+        if (norm - 1.0).abs() < 1e-6 {
+            return Ok(Self::from_quaternion_wxyz(quaternion));
+        }
+        Err(NavError::Setting {
+            key: name.into(),
+            found: format!("has norm {norm}"),
+            expected: "1 (scalar first)".into(),
+            hint: String::new(),
+        })
     }
     /// The quaternion, scalar first.
     #[must_use]

@@ -185,6 +185,22 @@ impl BeamGeometry {
         self
     }
 
+    /// Mounts the beams by roll, pitch and yaw (z-y-x), rad, from the DVL frame to the platform frame.
+    ///
+    /// # Errors
+    /// [`NavError::Setting`], which calls the angles `name`, for one beyond a turn.
+    pub fn mounted_by(self, name: &str, [roll, pitch, yaw]: [f64; 3]) -> Result<Self, NavError> {
+        match [roll, pitch, yaw].into_iter().find(|angle| !(angle.abs() <= TAU)) {
+            None => Ok(self.mounted(Rot::from_euler_rad(roll, pitch, yaw))),
+            Some(angle) => Err(NavError::Setting {
+                key: name.into(),
+                found: format!("has {angle}"),
+                expected: "three angles of -2 pi to 2 pi: is it in degrees?".into(),
+                hint: String::new(),
+            }),
+        }
+    }
+
     /// Sets the lever arm of each transducer, platform frame, m.
     ///
     /// # Errors
@@ -298,6 +314,19 @@ impl BeamGeometry {
             0.0
         };
         self.directions_p[beam].dot(&point) + bias
+    }
+}
+
+impl BeamGeometry {
+    /// Noise-free readings of a motion, with the sound-speed scale; `bias_mps` is that of each beam.
+    ///
+    /// # Errors
+    /// As [`BeamMotion::validate`].
+    pub fn readings_mps(&self, motion: &BeamMotion, bias_mps: &[f64]) -> Result<Vec<f64>, NavError> {
+        motion.validate()?;
+        let biased = bias_mps.iter().enumerate();
+        let readings = biased.map(|(beam, bias)| self.beam_velocity_mps(beam, motion) + bias);
+        Ok(readings.map(|reading| reading * self.sound_speed_scale).collect())
     }
 }
 

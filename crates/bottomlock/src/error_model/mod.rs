@@ -22,11 +22,14 @@ pub use noise::HalfNoise;
 pub use second_order::{SecondOrder, SecondOrderInterval};
 pub(crate) use side_by_side::SideBySide;
 
+use crate::error::NavError;
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, GYRO_BIAS, POSITION, VELOCITY};
-use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
+use crate::mechanisation::{EarthTerms, ImuSample, Inertial, Kinematics};
 use crate::simd::{
     Lane, M3, V3, add, add_scaled, cross, mat_axpy, mat_mul, scale, skew, splat3, sub_cross, tmul, transposed, zero3,
 };
+
+use crate::state::NavState;
 
 /// Power spectral densities of the process noise (Eqs. 6 and 11): squares of the per-root-second figures.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
@@ -180,6 +183,26 @@ fn scaled_sum<T: Lane>(a: V3<T>, b: V3<T>, s: T) -> V3<T> {
 #[inline(always)]
 fn add_scaled_sum<T: Lane>(c: &mut V3<T>, a: V3<T>, b: V3<T>, s: T) {
     *c = add_scaled(*c, add(a, b), s);
+}
+
+/// The dense F of Eq. 9 and the noise density G Q Gᵀ at a state and an inertial reading, for inspection and tests.
+///
+/// # Errors
+/// As [`NavState::validate`] and [`ImuSample::validate`].
+pub fn dense_at(
+    earth: &EarthTerms<f64>,
+    noise: &ProcessNoise,
+    state: &NavState,
+    sample: &ImuSample,
+) -> Result<[[[f64; DIM]; DIM]; 2], NavError> {
+    state.validate()?;
+    sample.validate()?;
+    let inertial = Inertial {
+        rate_p_radps: sample.rate_p_radps.to_array(),
+        force_p_mps2: sample.force_p_mps2.to_array(),
+    };
+    let coefficients = Coefficients::at(&state.kinematics(), &inertial, earth);
+    Ok([coefficients.dense(earth), dense_noise(&coefficients, noise)])
 }
 
 /// The dense noise density G Q Gᵀ at the mean coefficients, for inspection and tests.

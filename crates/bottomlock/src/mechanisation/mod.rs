@@ -14,7 +14,7 @@ mod segments;
 
 pub(crate) use self::imu_limits::LONGEST_GAP_S;
 pub use self::imu_limits::{IMU_FAULTS, ImuFault, ImuLimits, LongGap, Quantity};
-pub use self::segments::{SegmentIntegrals, integrate_segment};
+pub use self::segments::{SegmentIntegrals, integrate_segment, integrate_segments};
 pub use crate::earth::EarthTerms;
 
 use crate::error::{NavError, require_finite};
@@ -34,6 +34,20 @@ pub struct ImuSample {
 }
 
 impl ImuSample {
+    /// Readings of columns of one length: times, rates and forces.
+    pub fn of_columns<'a>(
+        time_ns: &'a [i64],
+        rate_p_radps: &'a [[f64; 3]],
+        force_p_mps2: &'a [[f64; 3]],
+    ) -> impl ExactSizeIterator<Item = Self> + 'a {
+        let readings = time_ns.iter().zip(rate_p_radps.iter().zip(force_p_mps2));
+        readings.map(|(&time_ns, (&rate, &force))| Self {
+            time_ns,
+            rate_p_radps: Vec3::from_array(rate),
+            force_p_mps2: Vec3::from_array(force),
+        })
+    }
+
     /// Checks that all numbers are finite.
     ///
     /// # Errors

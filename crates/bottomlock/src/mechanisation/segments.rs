@@ -57,6 +57,32 @@ pub fn integrate_segment(
     Ok(integrals)
 }
 
+/// The integrals of segments of `readings` readings each, one segment after the other.
+///
+/// # Errors
+/// As [`integrate_segment`]; [`NavError::Setting`] for readings that do not divide into segments.
+pub fn integrate_segments(
+    time_ns: &[i64],
+    force_p_mps2: &[[f64; 3]],
+    omega_p_radps: &[[f64; 3]],
+    readings: usize,
+) -> Result<Vec<SegmentIntegrals>, NavError> {
+    if readings == 0 || !time_ns.len().is_multiple_of(readings) {
+        return Err(NavError::Setting {
+            key: "readings".into(),
+            found: format!("is {readings}"),
+            expected: format!("a number by which the {} readings divide into segments", time_ns.len()),
+            hint: String::new(),
+        });
+    }
+    let motions = force_p_mps2.chunks(readings).zip(omega_p_radps.chunks(readings));
+    let mut integrals = Vec::with_capacity(time_ns.len());
+    for (times, (forces, rates)) in time_ns.chunks(readings).zip(motions) {
+        integrals.extend(integrate_segment(times, forces, rates)?);
+    }
+    Ok(integrals)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

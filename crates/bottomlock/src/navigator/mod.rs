@@ -4,6 +4,7 @@
 
 mod checked;
 pub(crate) mod dual_filter;
+pub mod estimates;
 pub mod event_loop;
 pub mod events;
 pub mod first_readings;

@@ -1,6 +1,6 @@
 //! What a push reports of measurements and inertial readings, and whether it corrects an earlier report.
 
-use crate::filter::report::{Sensor, UpdateReport};
+use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::mechanisation::ImuFault;
 
 /// What became of a measurement or of an inertial reading.
@@ -33,6 +33,21 @@ pub struct Notice {
     pub finding: Finding,
     /// How it stands.
     pub standing: Standing,
+}
+
+impl Notice {
+    /// The name of the sensor; the report, which of an inertial reading has no rows; and why that was rejected, else nothing.
+    #[must_use]
+    pub fn parts(&self) -> (&'static str, UpdateReport, Option<String>) {
+        match &self.finding {
+            Finding::Update(report) => (report.sensor.name(), **report, None),
+            Finding::Rejected { time_ns, fault } => {
+                let mut report = UpdateReport::empty(Sensor::Beams, *time_ns);
+                report.verdict = Verdict::Rejected;
+                ("imu", report, Some(fault.to_string()))
+            }
+        }
+    }
 }
 
 /// Time of validity, and what it is of: at one time there is at most one finding of each sensor.

@@ -14,6 +14,7 @@ use crate::aiding::{BeamTerms, Innovation, MAX_ROWS, RowJacobian};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::frames::Vec3;
+use crate::layout::DIM;
 use crate::navigator::event_loop::BeamAiding;
 use crate::navigator::methods::{METHODS, Method};
 use crate::navigator::navigator_set::Aiding;
@@ -87,6 +88,24 @@ pub struct MeasuredRows {
     pub jacobian: RowJacobian,
     /// Covariance of n, positive definite.
     pub noise: SMatrix<f64, MAX_ROWS, MAX_ROWS>,
+}
+
+impl MeasuredRows {
+    /// Rows of slices, row by row; of more than the filter takes the number alone is kept, which it refuses.
+    #[must_use]
+    pub fn of(residual: &[f64], jacobian: &[f64], noise: &[f64]) -> Self {
+        let rows = residual.len();
+        let entry = |values: &[f64], row: usize, column: usize, width: usize| match row < rows && column < width {
+            true => values[row * width + column],
+            false => 0.0,
+        };
+        Self {
+            rows,
+            residual: SVector::from_fn(|row, _| entry(residual, row, 0, 1)),
+            jacobian: RowJacobian::from_fn(|row, state| entry(jacobian, row, state, DIM)),
+            noise: SMatrix::from_fn(|row, column| entry(noise, row, column, rows)),
+        }
+    }
 }
 
 impl Measured {

@@ -12,6 +12,7 @@
 
 pub mod full;
 pub mod history;
+pub mod kind;
 mod magnus;
 pub mod paper;
 pub mod rank;
