@@ -11,7 +11,7 @@ from bottomlock.audit.beam_order import match, orders_by_closure
 from bottomlock.audit.closure import closure_of, closure_slope, null_space
 from bottomlock.audit.matrix import READINGS_TO_VELOCITY, find_matrix
 from bottomlock.audit.robust import BLOCKS, LEAST_BLOCKS, blocks_of, fit_linear, sigmas_for
-from bottomlock.statistics.robust import correlation_rows
+from bottomlock.recordings.robust import correlation_rows
 from tests.audit.synthetic import janus, motion
 from tests.oracle import closure as oracle
 

@@ -7,7 +7,8 @@ import pytest
 
 from bottomlock.errors import KernelError
 from bottomlock.kernel import integrate_segments
-from bottomlock.replay.motion.segments import integrate
+from bottomlock.recordings.rig_segments import integrate
+from bottomlock.recordings.streams import Inertial
 from tests.oracle.rotations import Array, exp_rotation
 
 
@@ -62,9 +63,9 @@ def test_a_segment_with_a_wild_reading_is_left_out(wild: float) -> None:
     rng = np.random.default_rng(2)
     time_ns = np.arange(3000) * 20_000_000
     force, omega = rng.normal(size=(3000, 3)) - [0.0, 0.0, 9.8], rng.normal(size=(3000, 3))
-    whole = integrate(time_ns, force, omega)
+    whole = integrate(Inertial(time_ns, force, omega))
     force[1500, 1] = wild
-    found = integrate(time_ns, force, omega)
+    found = integrate(Inertial(time_ns, force, omega))
     assert whole is not None and found is not None  # noqa: PT018 - both for the type checker
     assert (whole.count, found.count) == (3, 2)
     np.testing.assert_array_equal(found.bias_integral, whole.bias_integral[[0, 2]])

@@ -6,8 +6,8 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.recordings.robust import correlation_rows
 from bottomlock.replay.findings.verdict import claims_findings
-from bottomlock.statistics.robust import correlation_rows
 
 ENDS = {
     "position": ("north_m", "east_m", "down_m"),

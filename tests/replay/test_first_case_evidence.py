@@ -15,11 +15,12 @@ from scipy.spatial.transform import Rotation
 from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
+from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.streams import Inertial
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
-from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.gyros import match_gyros, slope
 from bottomlock.replay.motion.mounting_yaw import yaw_by_accelerations, yaw_by_positions
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
@@ -128,7 +129,7 @@ def test_noise_put_in_is_found(dive: Dive, accel: float, gyro: float) -> None:
     # The Earth's rate is in the gyros and the offsets alike.
     assert (np.abs(gyros.offset_radps - OFFSET_RADPS) < 4.0 * gyros.offset_sd_radps + 2e-4).all()
     # Gyros as poor as these are left for the attitude's own rates.
-    found = ping_noise(Recorded(ns(dive.imu_s), force, dive.omega, *velocities(dive)))
+    found = ping_noise(Recorded(Inertial(ns(dive.imu_s), force, dive.omega), *velocities(dive)))
     assert found is not None
     if accel > 0.02:
         assert found.force_mps_rts == pytest.approx(accel, rel=0.33)
@@ -157,7 +158,7 @@ def test_jitter_of_the_pings_is_no_noise_of_the_accelerometers(dive: Dive) -> No
     stamps, _ = velocities(dive)
     late = stamps + ns(np.random.default_rng(6).uniform(0.0, 0.04, len(stamps)))
     true = dive.at(np.asarray(late * 1e-9), dive.velocity)
-    found = ping_noise(Recorded(ns(dive.imu_s), dive.force, dive.omega, late, true))
+    found = ping_noise(Recorded(Inertial(ns(dive.imu_s), dive.force, dive.omega), late, true))
     assert found is not None
     assert found.force_mps_rts < 0.01
     assert found.velocity_sd_mps.max() < 0.005
@@ -178,7 +179,9 @@ def test_mounting_yaw_by_accelerations_and_by_the_track(dive: Dive, yaw_deg: flo
     """Two measurements that share only the velocity; each within four of its own sigmas."""
     stamps, velocity = velocities(dive)
     instrument = Rotation.from_euler("Z", yaw_deg, degrees=True).inv().apply(velocity)
-    felt = yaw_by_accelerations(Recorded(ns(dive.imu_s), dive.force, dive.omega, stamps, instrument))
+    felt = yaw_by_accelerations(
+        Recorded(Inertial(ns(dive.imu_s), dive.force, dive.omega), stamps, instrument)
+    )
     own = Rotation.from_euler("ZYX", dive.at(np.asarray(stamps * 1e-9), np.unwrap(dive.rpy, axis=0))[:, ::-1])
     track = yaw_by_positions(stamps, instrument, own, ns(dive.imu_s[::50]), dive.position[::50, :2])
     for found in (felt, track):

@@ -25,7 +25,7 @@ from bottomlock.audit.robust import (
     sigma,
 )
 from bottomlock.recordings.closure import closure_rows
-from bottomlock.statistics.robust import correlation_rows
+from bottomlock.recordings.robust import correlation_rows
 
 GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
 

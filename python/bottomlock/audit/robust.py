@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t
 
 from bottomlock.audit.findings import SIGNIFICANCE
-from bottomlock.statistics.robust import correlation_rows, sd_about_median
+from bottomlock.recordings.robust import correlation_rows, sd_about_median
 
 Array = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.beam_table import WaterTable
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags
 from bottomlock.recordings.water_cells import same_ping, water_beams
-from bottomlock.statistics.robust import sd_about_zero
 
 WINDOW = 10
 """Pings of a mean."""

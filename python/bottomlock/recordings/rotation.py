@@ -108,6 +108,21 @@ def skew(vector: Floats) -> Floats:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def rotation_matrices(vectors: Floats) -> Floats:
+    """(..., 3, 3) rotation matrices of rotation vectors (..., 3), rad (Rodrigues).
+
+    >>> (rotation_matrices(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0]).round(12).tolist()
+    [0.0, 1.0, 0.0]
+    """
+    K = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        K[..., j, i], K[..., i, j] = vectors[..., k], -vectors[..., k]
+    half = 0.5 * np.linalg.norm(vectors, axis=-1)[..., None, None]
+    # sin x / x and (1 − cos x) / x² by half the angle, where both are well conditioned.
+    first, second = np.sinc(2.0 * half / np.pi), 0.5 * np.sinc(half / np.pi) ** 2
+    return np.asarray(np.eye(3) + first * K + second * (K @ K))
+
+
 def rotation_vector(first: Floats, then: Floats) -> Floats:
     """(3,) turn from one attitude to the next, in platform axes, rad: Log(q1^-1 q2).
 

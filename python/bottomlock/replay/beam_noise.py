@@ -19,8 +19,8 @@ from scipy.stats import norm, t
 
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats
-from bottomlock.statistics.robust import sd_about_zero
 
 FEWEST_PINGS = 100
 """Fewest pings with every beam that measure the noise; the standard error of the scale is then 10 % or less."""

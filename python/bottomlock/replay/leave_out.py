@@ -18,12 +18,12 @@ import polars as pl
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes
 from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.robust_fix import solve_scaled
 from bottomlock.replay.screen_beams import screen_beams
 from bottomlock.statistics.rms import rms
-from bottomlock.statistics.robust import sd_about_zero
 from bottomlock.tables.replay import SCORES
 
 ALONE: tuple[FixMethod, ...] = ("lc", "nsv", "plcf", "weak_sway")

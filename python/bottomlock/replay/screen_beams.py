@@ -17,9 +17,9 @@ from scipy.stats import chi2
 
 from bottomlock.kernel import STATUS, BeamGeometry, solve_velocity
 from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import BeamNoise
-from bottomlock.statistics.robust import sd_about_zero
 from bottomlock.tables.fixes import OUTLIER_TESTS
 
 GATE = 0.9973

@@ -1,16 +1,15 @@
 """Checks of single parts of a case: closure of the beams, the start, the depth, the recorded heading."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.rig_fit import Match, Recorded
+from bottomlock.recordings.rig_segments import LENGTH_S, at_pings, integrate
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
-from bottomlock.replay.motion.fit import Match, Recorded, at_pings
 from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
-from bottomlock.replay.motion.segments import LENGTH_S, integrate
 from bottomlock.replay.streams import Streams
 
 SIGMAS = 5.0
@@ -238,14 +237,12 @@ def vertical_velocity(recorded: Recorded, match: Match) -> tuple[Integers, Integ
         recorded: readings and velocities, as the match was made with.
         match: axes, rotation, clock and biases; its slopes are gravity.
     """
-    segments = integrate(
-        recorded.imu_time_ns, recorded.force_p_mps2, recorded.omega_p_radps - match.part("gyro_bias")
-    )
+    segments = integrate(recorded.inertial, gyro_bias_radps=match.part("gyro_bias"))
     if segments is None or segments.count != len(match.level_p):
         return None
     velocity = recorded.velocity_p_mps
     moved = recorded.time_ns + round(float(match.part("clock")[0]) * 1e9)
     at = at_pings(segments, moved)
-    v = Rotation.from_rotvec(match.part("rotation")).apply(velocity[at.kept] @ match.axes.T)
+    v = velocity[at.kept] @ (match.rotation @ match.axes).T
     down = match.level_p[at.segment]
     return moved[at.kept], at.segment, np.einsum("pi,pij,pj->p", down, at.C, v)

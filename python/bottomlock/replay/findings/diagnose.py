@@ -9,7 +9,8 @@ import polars as pl
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding, ranked
-from bottomlock.recordings.streams import Floats, Integers
+from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.streams import Floats, Inertial, Integers
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
@@ -31,7 +32,6 @@ from bottomlock.replay.findings.verdict import (
     no_fix,
     verdict_finding,
 )
-from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.pings import LEAST_PINGS, closure_sd, ping_velocity
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
@@ -213,9 +213,8 @@ def _against_imu(
     streams, alignment = prepared.streams, prepared.alignment
     inertial = prepared.readings
     rows = slice(int(np.searchsorted(inertial.time_ns, alignment.time_ns)), None)
-    omega = inertial.omega_p_radps
     recorded = Recorded(
-        inertial.time_ns[rows], inertial.force_p_mps2[rows], omega[rows], time_ns,
+        Inertial(inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows]), time_ns,
         _at_imu(prepared, time_ns, velocity),
     )  # fmt: skip
     model = prepared.model.imu

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
 from bottomlock.recordings.streams import Floats
-from bottomlock.replay.motion.fit import LOOSE, Match, Recorded, fit
 
 LEAST_DROP = 36.0
 """Least fall of the cost that a cause must explain: chi-squared of three parameters by chance is below 26 (1e-5)."""
@@ -107,9 +107,8 @@ def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Co
         tight: 1 sigma of what is stated.
         sigma_mps: claimed noise of a velocity, per axis.
     """
-    loose = LOOSE | {"clock": 1.0}
-    free = fit(recorded, loose)
-    near = fit(recorded, tight)
+    free = fit(recorded, prior=LOOSE)
+    near = fit(recorded, prior=tight)
     if free is None or near is None:
         return None
     # Only a comparison that fails gets the search over axes and units, which takes a second or two.
@@ -118,8 +117,8 @@ def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Co
     sigma = max(
         min([free.sigma_mps, near.sigma_mps, *(one.match.sigma_mps for one in suspects)]), 0.7 * sigma_mps
     )
-    stated = fit(recorded, tight, sigma_mps=sigma)
-    free = fit(recorded, loose, sigma_mps=sigma)
+    stated = fit(recorded, prior=tight, sigma_mps=sigma)
+    free = fit(recorded, prior=LOOSE, sigma_mps=sigma)
     if stated is None or free is None:
         return None
     causes = [
@@ -146,8 +145,8 @@ def _removes(cause: Cause, stated: Match, least_cost: float) -> bool:
 def _fits(recorded: Recorded, tight: dict[str, float], cause: Cause, sigma_mps: float) -> bool:
     """Whether what is left with the cause is near the noise of a velocity, by its own scatter."""
     name = cause.name.split(":")[0]
-    freed = {name: LOOSE[name]} if name in LOOSE else BESIDE_DISCRETE
-    own = fit(recorded.with_gyros(cause.gyros), tight | freed, axes=cause.match.axes)
+    prior = tight if name in LOOSE else tight | BESIDE_DISCRETE
+    own = fit(recorded.with_gyros(cause.gyros), prior=prior, free={name}, axes=cause.match.axes)
     return own is not None and own.sigma_mps < MOST_LEFT * sigma_mps
 
 
@@ -168,7 +167,7 @@ def _fails(near: Match, free: Match, sigma_mps: float) -> bool:
 def _continuous(recorded: Recorded, tight: dict[str, float], stated: Match, sigma: float) -> list[Cause]:
     found = []
     for name in ("rotation", "scale", "clock", "gyro_bias", "lever"):
-        one = fit(recorded, tight | {name: LOOSE[name]}, sigma_mps=sigma)
+        one = fit(recorded, prior=tight, free={name}, sigma_mps=sigma)
         if one is None:
             continue
         values, sd = one.part(name), one.part_sd(name)
@@ -191,13 +190,13 @@ def _discrete(recorded: Recorded, tight: dict[str, float], sigma: float) -> list
         tried += [(f"{kind}:{words}", None, gyros) for words, gyros in of_gyros.items()]
     found = []
     for name, axes, gyros in tried:
-        one = fit(recorded.with_gyros(gyros), some, axes=axes, sigma_mps=sigma)
+        one = fit(recorded.with_gyros(gyros), prior=some, axes=axes, sigma_mps=sigma)
         if one is not None:
             found.append(Cause(name, one, 0.0, gyros))
     found.sort(key=lambda one: one.match.cost)
     again = []
     for cause in found[:3]:
-        match = fit(recorded.with_gyros(cause.gyros), some, axes=cause.match.axes)
+        match = fit(recorded.with_gyros(cause.gyros), prior=some, axes=cause.match.axes)
         if match is not None:
             again.append(Cause(cause.name, match, 0.0, cause.gyros))
     return again
@@ -209,7 +208,7 @@ def _repeat(
     found = []
     some = tight | BESIDE_DISCRETE
     for one in causes:
-        match = fit(recorded.with_gyros(one.gyros), some, axes=one.match.axes, sigma_mps=sigma)
+        match = fit(recorded.with_gyros(one.gyros), prior=some, axes=one.match.axes, sigma_mps=sigma)
         if match is not None and match.cost < 0.6 * stated.cost:
             found.append(Cause(one.name, match, stated.cost - match.cost, one.gyros))
     return found

@@ -1,6 +1,7 @@
 """Findings from the comparison of the DVL's velocity with the inertial readings, in words and keys of a case."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.rotation import Axes
@@ -127,7 +128,7 @@ def _gyro_bias(case: Case, cause: Cause, _: str, __: float) -> _Words:
 
 
 def _rotation(_: Case, cause: Cause, __: str, ___: float) -> _Words:
-    yaw, pitch, roll = cause.match.rotation.as_euler("ZYX", degrees=True)
+    yaw, pitch, roll = Rotation.from_matrix(cause.match.rotation).as_euler("ZYX", degrees=True)
     sd = np.rad2deg(cause.match.part_sd("rotation"))
     parts = {"yaw": (yaw, sd[2]), "pitch": (pitch, sd[1]), "roll": (roll, sd[0])}
     words = ", ".join(f"{name} {v:+.1f} ± {s:.1g}" for name, (v, s) in parts.items())

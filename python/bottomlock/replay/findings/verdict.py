@@ -12,9 +12,9 @@ from scipy.stats import chi2, norm
 from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment, Robust
 from bottomlock.recordings.finding import Finding, Severity
+from bottomlock.recordings.robust import correlation_rows
 from bottomlock.replay.findings.against_reckoning import Agreement, metres
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT, mean_band
-from bottomlock.statistics.robust import correlation_rows
 from bottomlock.tables.replay import FORWARD
 
 ABSORBED, WRONG = "absorbed", "wrong"

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.recordings.streams import Floats
+from bottomlock.recordings.rig_fit import LOOSE, Recorded, fit
+from bottomlock.recordings.streams import Floats, Inertial
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
 from bottomlock.replay.init.other_parts import AttitudePart
 from bottomlock.replay.init.positions import PositionPart
-from bottomlock.replay.motion.fit import LOOSE, Recorded, fit
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at, match_gyros, slope
 from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerations, yaw_by_positions
 
@@ -103,13 +103,8 @@ def recorded(
     """Inertial readings, with other rates or axes than the IMU's own, and the velocity on their clock."""
     P = imu.axes if axes is None else axes
     omega = imu.omega_s_radps @ P.T if omega_p_radps is None else omega_p_radps
-    return Recorded(
-        imu.time_ns,
-        imu.force_s_mps2 @ P.T,
-        omega,
-        dvl.time_ns + round(dvl.offset_s * 1e9),
-        dvl.velocity_p_mps,
-    )
+    inertial = Inertial(imu.time_ns, imu.force_s_mps2 @ P.T, omega)
+    return Recorded(inertial, dvl.time_ns + round(dvl.offset_s * 1e9), dvl.velocity_p_mps)
 
 
 CLEAR = 40.0
@@ -146,14 +141,14 @@ def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: MountingYa
     """
     if turned is None:
         imu, omega = _of_all_choices(dvl, imu), None
-        dvl.match = fit(recorded(imu, dvl), LOOSE)
+        dvl.match = fit(recorded(imu, dvl), prior=LOOSE)
     else:
         before = imu.axes
         imu = _of_yaws(dvl, imu, yaw_by_accelerations(recorded(imu, dvl, turned.omega_p_radps)), track)
         omega = turned.omega_p_radps @ before @ imu.axes.T
-        dvl.match = fit(recorded(imu, dvl, omega), LOOSE | (STIFF if turned.of_attitude else {}))
+        dvl.match = fit(recorded(imu, dvl, omega), prior=LOOSE | (STIFF if turned.of_attitude else {}))
     if dvl.match is not None and not dvl.match.plausible:
-        stiff = fit(recorded(imu, dvl, omega), LOOSE | STIFF_SCALE)
+        stiff = fit(recorded(imu, dvl, omega), prior=LOOSE | STIFF_SCALE)
         dvl.match = stiff if stiff is not None and stiff.plausible else dvl.match
     if dvl.match is None:
         dvl.questions.append("too few pings overlap the IMU's readings: clock and axes could not be compared")
@@ -240,14 +235,14 @@ def _of_all_choices(dvl: DvlPart, imu: ImuPart) -> ImuPart:
     if not imu.handed:
         choices |= {f"mirrored {k}": _yaw(k) @ mirror for k in range(4)}
     prior = LOOSE | {"rotation": 0.2}
-    fits = {name: fit(recorded(imu, dvl, axes=Q @ imu.axes), prior) for name, Q in choices.items()}
+    fits = {name: fit(recorded(imu, dvl, axes=Q @ imu.axes), prior=prior) for name, Q in choices.items()}
     known = {name: one for name, one in fits.items() if one is not None}
     if not known:
         return imu
     sigma = min(one.sigma_mps for one in known.values())
     costs = {}
     for name in known:
-        one = fit(recorded(imu, dvl, axes=choices[name] @ imu.axes), prior, sigma_mps=sigma)
+        one = fit(recorded(imu, dvl, axes=choices[name] @ imu.axes), prior=prior, sigma_mps=sigma)
         costs[name] = np.inf if one is None else one.cost
     order = sorted(costs, key=lambda name: costs[name])
     best = order[0]

@@ -9,12 +9,13 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry, make_geometry
-from bottomlock.recordings.streams import Floats, Integers
+from bottomlock.recordings.rig_fit import Match, Recorded
+from bottomlock.recordings.rig_search import Searched, search_offset
+from bottomlock.recordings.streams import Floats, Inertial, Integers
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.motion.fit import Match, Recorded, Searched, search_offset
 from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
 from bottomlock.replay.motion.pings import BetterOrder, better_order, ping_velocity
 
@@ -283,7 +284,9 @@ def set_clock(dvl: DvlPart, imu: ImuPart) -> Searched | None:
     found = None
     if len(dvl.time_ns) > ENOUGH_PINGS:
         begun_ns = dvl.time_ns + round(starts_s * 1e9)
-        origin = Recorded(imu.time_ns, imu.force_p_mps2, imu.omega_p_radps, begun_ns, dvl.velocity_p_mps)
+        origin = Recorded(
+            Inertial(imu.time_ns, imu.force_p_mps2, imu.omega_p_radps), begun_ns, dvl.velocity_p_mps
+        )
         found = search_offset(origin, least_s - dvl_s, imu_s - least_s)
     if found is not None and found.clear:
         dvl.offset_s = starts_s + found.offset_s

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.recordings.streams import Floats, Integers
-from bottomlock.replay.motion.segments import integrate
-from bottomlock.statistics.robust import sd_about_median
+from bottomlock.recordings.rig_segments import integrate
+from bottomlock.recordings.robust import sd_about_median
+from bottomlock.recordings.streams import Floats, Inertial, Integers
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 ROOM = 1.35
@@ -94,7 +94,7 @@ _RATES = {"rad/s": 1.0, "deg/s": DEG}
 
 def gravity_unsteady(time_ns: Integers, force: Floats, omega: Floats) -> float:
     """RMS departure of the integrated specific force from a line in segments, m/s, with any gyro bias."""
-    segments = integrate(time_ns, force, omega)
+    segments = integrate(Inertial(time_ns, force, omega))
     if segments is None:
         return float("nan")
     s, m = segments.time_ns.shape

@@ -6,12 +6,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.axes import from_angles, platform_attitude
+from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Integers
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import BAR, Guess, angle_unit, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.statistics.robust import sd_about_zero
 
 ENOUGH = 0.3
 """Streams that overlap by this fraction of the shorter one are taken to share a clock."""

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
+from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.other_parts import AttitudePart, Offset, clock_offset
-from bottomlock.statistics.robust import sd_about_median
 
 LEAST_SD_M = 1.0
 """Positions of satellites wander by as much over minutes, which their scatter does not show."""

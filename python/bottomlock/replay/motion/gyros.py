@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from bottomlock.recordings.streams import Flags, Floats, Integers, integrals
-from bottomlock.replay.motion.segments import LENGTH_S, integrate
-from bottomlock.statistics.robust import sd_about_median
+from bottomlock.recordings.rig_segments import LENGTH_S, integrate
+from bottomlock.recordings.robust import sd_about_median
+from bottomlock.recordings.streams import Flags, Floats, Inertial, Integers, integrals
 
 SLOPE_S = 1.0
 """Increments over which the slope is taken: longer than jitter of the stamps, shorter than a wander of the offset."""
@@ -124,7 +124,7 @@ def match_gyros(
         interval_s: between pings, over several of which the noise is found.
     """
     length_s = float(np.clip((time_ns[-1] - time_ns[0]) * 1e-9 / PARTS, SHORTEST_S, LENGTH_S))
-    segments = integrate(time_ns, np.zeros_like(omega_p_radps), omega_p_radps, length_s=length_s)
+    segments = integrate(Inertial(time_ns, np.zeros_like(omega_p_radps), omega_p_radps), length_s=length_s)
     if segments is None:
         return None
     s, m = segments.time_ns.shape

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.rig_segments import at_pings, integrate, lines
 from bottomlock.recordings.streams import Floats, Integers
-from bottomlock.replay.motion.fit import Recorded, at_pings, lines
-from bottomlock.replay.motion.segments import integrate
 
 WINDOW_S = 60.0
 """Windows of the track: long against the noise of positions, short against a walk of the heading."""
@@ -50,7 +50,7 @@ def yaw_by_accelerations(recorded: Recorded) -> MountingYaw | None:
     Args:
         recorded: readings in platform axes, and the velocity in the DVL's.
     """
-    segments = integrate(recorded.imu_time_ns, recorded.force_p_mps2, recorded.omega_p_radps)
+    segments = integrate(recorded.inertial)
     if segments is None:
         return None
     at = at_pings(segments, recorded.time_ns)

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
+from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.rig_segments import at_pings, integrate
+from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Floats
-from bottomlock.replay.motion.fit import Recorded, at_pings
-from bottomlock.replay.motion.segments import integrate
-from bottomlock.statistics.robust import sd_about_median
 
 LAGS = (1, 2, 3, 4, 6, 8)
 LONGEST_S = 5.0
@@ -53,7 +53,7 @@ class PingNoise:
 
 def ping_noise(recorded: Recorded) -> PingNoise | None:
     """Noise of a recording's velocity and specific force; None with too few even pings."""
-    segments = integrate(recorded.imu_time_ns, recorded.force_p_mps2, recorded.omega_p_radps)
+    segments = integrate(recorded.inertial)
     if segments is None or len(recorded.time_ns) < 3:
         return None
     at = at_pings(segments, recorded.time_ns)

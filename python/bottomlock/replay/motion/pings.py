@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Integers
-from bottomlock.statistics.robust import sd_about_zero
 
 OUTLIER = 5.0
 """Closures beyond this many robust sigmas are outliers."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bottomlock.statistics.robust import sd_about_median, sd_about_zero
+from bottomlock.recordings.robust import sd_about_median, sd_about_zero
 
 
 def test_median_magnitude_by_hand() -> None:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.kernel import integrate_segments
-from bottomlock.recordings.streams import Floats, Integers
+from bottomlock.recordings.rotation import rotation_matrices
+from bottomlock.recordings.streams import Flags, Floats, Inertial, Integers
 
 LENGTH_S = 20.0
 """Length of a segment: a gyro bias of 100°/h makes a velocity error of 0.95 m/s in it, one of accelerometers none."""
@@ -63,15 +64,17 @@ def block_means(time_ns: Integers, values: Floats, k: int) -> tuple[Integers, Fl
 
 
 def integrate(
-    time_ns: Integers, force_p_mps2: Floats, omega_p_radps: Floats, *, length_s: float = LENGTH_S
+    inertial: Inertial, *, gyro_bias_radps: Floats | float = 0.0, length_s: float = LENGTH_S
 ) -> Segments | None:
     """Cuts inertial readings into segments and integrates each; None for a recording without a whole segment.
 
     Args:
-        time_ns: (n,) rising.
-        force_p_mps2, omega_p_radps: (n, 3).
+        inertial: readings, their times rising.
+        gyro_bias_radps: (3,) subtracted from the rates.
         length_s: of a segment.
     """
+    time_ns, force_p_mps2 = inertial.time_ns, inertial.force_p_mps2
+    omega_p_radps = inertial.omega_p_radps - gyro_bias_radps
     if len(time_ns) < 10:
         return None
     step_s = float(np.median(np.diff(time_ns))) * 1e-9
@@ -98,3 +101,74 @@ def integrate(
     time = time[whole]
     integrals = integrate_segments(time.ravel(), force.reshape(-1, 3), omega.reshape(-1, 3), m)
     return Segments(time, force, omega, **integrals)
+
+
+LEAST_PINGS = 5
+"""Pings of a segment that is used: a line takes two."""
+
+
+@dataclass(frozen=True, eq=False)
+class AtPings:
+    """Integrals at the pings, (p, ...), for one clock offset."""
+
+    kept: Flags
+    segment: Integers
+    time_s: Floats
+    C: Floats
+    S: Floats
+    J: Floats
+    K: Floats
+    force: Floats
+    omega: Floats
+
+
+def at_pings(segments: Segments, time_ns: Integers) -> AtPings:
+    """The integrals at the pings that lie in a segment with enough of them; `time_ns` on the IMU's clock."""
+    s, m = segments.time_ns.shape
+    flat = segments.time_ns.ravel()
+    index = np.clip(np.searchsorted(flat, time_ns, side="right") - 1, 0, s * m - 1)
+    segment = index // m
+    after_s = (time_ns - flat[index]) * 1e-9
+    step_s = float(np.median(np.diff(segments.time_ns[0]))) * 1e-9
+    kept = (after_s >= 0.0) & (after_s <= 2.0 * step_s)
+    counts = np.bincount(segment[kept], minlength=s)
+    kept &= counts[segment] >= LEAST_PINGS
+    index, segment, after_s = index[kept], segment[kept], after_s[kept]
+
+    def rows(values: Floats) -> Floats:
+        return np.asarray(values.reshape(s * m, *values.shape[2:])[index])
+
+    C, force, omega = rows(segments.rotation), rows(segments.force_p_mps2), rows(segments.omega_p_radps)
+    S = rows(segments.force_integral_mps) + applied(C, force) * after_s[:, None]
+    begins = segments.time_ns[:, 0][segment]
+    if len(C):
+        C = C @ rotation_matrices(omega * after_s[:, None])
+    return AtPings(
+        kept, segment, (time_ns[kept] - begins) * 1e-9, C, S, rows(segments.rotation_integral_s),
+        rows(segments.bias_integral), force, omega,
+    )  # fmt: skip
+
+
+def lines(values: Floats, at: AtPings, segments: int) -> tuple[Floats, Floats]:
+    """Residuals of columns (p, 3, c) from a line in every segment, and the slopes (s, 3, c)."""
+    flat = values.reshape(len(values), -1)
+
+    def sums(column: Floats) -> Floats:
+        return np.stack(
+            [np.bincount(at.segment, column[:, k], minlength=segments) for k in range(column.shape[1])],
+            axis=1,
+        )
+
+    n = np.maximum(np.bincount(at.segment, minlength=segments), 1)[:, None]
+    mean_t = sums(at.time_s[:, None]) / n
+    t = at.time_s[:, None] - mean_t[at.segment]
+    mean = sums(flat) / n
+    centred = flat - mean[at.segment]
+    slope = sums(t * centred) / np.maximum(sums(t * t), 1e-12)
+    left = centred - t * slope[at.segment]
+    return left.reshape(values.shape), slope.reshape(segments, *values.shape[1:])
+
+
+def applied(matrix: Floats, v: Floats) -> Floats:
+    """Matrices (p, 3, 3) times vectors (p, 3)."""
+    return np.asarray(np.einsum("pij,pj->pi", matrix, v))
