@@ -6,13 +6,13 @@ use std::ptr;
 use bottomlock::NavError;
 use bottomlock::dvl::geometry::{BeamGeometry, Janus};
 use bottomlock::frames::{Platform, Vec3};
+use bottomlock::presets::GEOMETRIES;
 use bottomlock::settings::read;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::calls::{Failure, Outcome, Status, call, free};
-use crate::names::c_name;
+use crate::names::{c_name, named};
 use crate::pointers::{at, put, text};
-use crate::presets::{GEOMETRIES, named};
 use crate::settings::Settings;
 
 /// Directions and places of the beams of a DVL, 1 to 8 beams; nothing changes them.
@@ -58,14 +58,8 @@ impl Beams {
                 Ok(preset.geometry()?)
             }
             (None, (Some(configuration), Some(tilt_rad), None, None), None) => {
-                let layout = match configuration {
-                    "x" => Janus::X,
-                    "+" => Janus::Plus,
-                    other => {
-                        let message = format!("configuration is '{other}', expected 'x' or '+'");
-                        return Err(Failure::invalid(message).about("geometry.configuration"));
-                    }
-                };
+                let layout = Janus::named("configuration", configuration);
+                let layout = layout.map_err(|error| Failure::from(error).about("geometry.configuration"))?;
                 Ok(BeamGeometry::janus(layout, tilt_rad)?)
             }
             (None, (None, None, Some(tilts), Some(azimuths)), None) => Ok(BeamGeometry::from_angles(tilts, azimuths)?),

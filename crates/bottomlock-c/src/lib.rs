@@ -11,7 +11,6 @@ mod names;
 mod navigator;
 mod options;
 mod pointers;
-mod presets;
 mod push;
 mod report;
 mod settings;

@@ -6,13 +6,13 @@ use std::ptr;
 use bottomlock::NavError;
 use bottomlock::earth::{EarthModel, Environment};
 use bottomlock::model::Model as Core;
+use bottomlock::presets::GRADES;
 use bottomlock::settings;
 use serde::{Deserializer, Serialize};
 
 use crate::calls::{Outcome, Status, call, free};
-use crate::names::c_name;
+use crate::names::{c_name, named};
 use crate::pointers::{at, at_mut, text};
-use crate::presets::{GRADES, named};
 use crate::settings::{Settings, parsed};
 
 /// Environment and errors of the sensors, SI.

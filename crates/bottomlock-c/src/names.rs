@@ -11,7 +11,7 @@ use bottomlock::navigator::METHODS;
 use bottomlock::navigator::events::STREAM_NAMES;
 use bottomlock::settings::nearest;
 
-use crate::calls::{Failure, Status};
+use crate::calls::{Failure, Outcome, Status};
 
 /// A known name as a C text. The kernel's names have no NUL, so every one gets its own, once for the life of the process.
 pub(crate) fn c_name(name: &'static str) -> *const c_char {
@@ -52,6 +52,15 @@ pub(crate) fn hint(name: &str, known: &[&str]) -> String {
 /// The failure of an unknown method, with those words.
 pub(crate) fn unknown(error: &NavError, name: &str, known: &[&str]) -> Failure {
     Failure::new(Status::UnknownName, format!("{error} ({})", hint(name, known))).about("method")
+}
+
+/// The entry of a name.
+pub(crate) fn named<'a, T>(what: &str, name: &str, all: &'a [T], of: impl Fn(&T) -> &'static str) -> Outcome<&'a T> {
+    all.iter().find(|one| of(one) == name).ok_or_else(|| {
+        let known: Vec<_> = all.iter().map(of).collect();
+        let message = format!("unknown {what} '{name}' ({})", hint(name, &known));
+        Failure::new(Status::UnknownName, message).about(format!("{what}.preset"))
+    })
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::sync::{Mutex, MutexGuard};
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::layout::DIM;
 use bottomlock::navigator::{LiveNavigator, METHODS, Method, Notice, Snapshot};
+use bottomlock::plain_state::PlainState;
 use bottomlock::settings::read;
 use bottomlock::state::{Covariance, NavState};
 use serde::Deserialize;
@@ -18,7 +19,6 @@ use crate::names::unknown;
 use crate::options::Options;
 use crate::pointers::{at, numbers, put, put_all, text, values};
 use crate::settings::{Settings, parsed};
-use crate::state::State;
 
 /// How late a reading may be where `horizon_ns` is negative, ns: 2 s.
 pub const DEFAULT_HORIZON_NS: i64 = 2_000_000_000;
@@ -109,17 +109,10 @@ impl Given {
         let geometry = Geometry::from_json(self.geometry.get())?;
         let model = Model::given(self.model.get())?;
         let options = Options::from_json(self.options.as_deref().map_or("{}", RawValue::get))?;
-        let start = State::from_json(self.start.as_deref().map_or("{}", RawValue::get))?;
+        let start = PlainState::from_json(self.start.as_deref().map_or("{}", RawValue::get))?;
         let method = self.method.as_deref().unwrap_or(METHOD);
         let horizon_ns = self.horizon_ns.unwrap_or(DEFAULT_HORIZON_NS);
-        Navigator::new(
-            &geometry,
-            &model,
-            &options,
-            method,
-            start.to_kernel("start")?,
-            horizon_ns,
-        )
+        Navigator::new(&geometry, &model, &options, method, start.state("start")?, horizon_ns)
     }
 }
 
@@ -150,7 +143,7 @@ pub unsafe extern "C" fn bl_navigator_new(
     model: *const Model,
     options: *const Options,
     method: *const c_char,
-    initial: *const State,
+    initial: *const PlainState,
     horizon_ns: i64,
 ) -> Option<Box<Navigator>> {
     call!(made, {
@@ -158,7 +151,7 @@ pub unsafe extern "C" fn bl_navigator_new(
             at("geometry", geometry)?,
             at("model", model)?,
             options.as_ref().cloned().unwrap_or_default(),
-            at("initial", initial)?.to_kernel("initial")?,
+            at("initial", initial)?.state("initial")?,
         );
         let name = if method.is_null() {
             METHOD
@@ -194,10 +187,10 @@ pub unsafe extern "C" fn bl_navigator_set_covariance(navigator: *mut Navigator, 
 
 /// The estimate at the time of the last inertial reading.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_navigator_state(navigator: *const Navigator, state: *mut State) -> Status {
+pub unsafe extern "C" fn bl_navigator_state(navigator: *const Navigator, state: *mut PlainState) -> Status {
     call!(status, {
         let now = at("navigator", navigator)?.locked()?.live.navigators().state();
-        put("state", state, State::from(&now))
+        put("state", state, PlainState::from(&now))
     })
 }
 

@@ -1,7 +1,6 @@
 //! Closed-loop simulation.
 
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::navigator::Method;
 use bottomlock::simulation::closed_loop as core;
 use bottomlock::simulation::closed_loop::{ClosedLoopSetup, TruthSegment, VehicleStart};
 use bottomlock::state::NavState;
@@ -66,9 +65,6 @@ impl ClosedLoop {
         let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
         let options = settings::options(options)?;
         let methods = settings::methods(methods)?;
-        if methods.is_empty() {
-            return Err(invalid("methods is empty, expected at least one"));
-        }
         let starts = true_starts(start)?;
         let common = ClosedLoopSetup {
             geometry: &geometry,
@@ -78,36 +74,14 @@ impl ClosedLoop {
             seed,
             trajectory_key,
         };
-        let vehicle_methods: Vec<&[Method]> = if vehicle_per_method {
-            methods.chunks(1).collect()
-        } else {
-            vec![&methods]
-        };
-        if starts.len() % vehicle_methods.len() != 0 {
-            let (vehicles, vehicle_methods) = (starts.len(), vehicle_methods.len());
-            return Err(invalid(format!(
-                "start has {vehicles} rows, expected a multiple of {vehicle_methods} methods"
-            )));
-        }
-        let vehicle = |(k, &start): (usize, &NavState)| {
-            let run = first_run.checked_add((k / vehicle_methods.len()) as u64);
-            Ok(VehicleStart {
-                run: run
-                    .ok_or_else(|| invalid(format!("first_run is {first_run}, expected room for the runs after it")))?,
-                start,
-                methods: vehicle_methods[k % vehicle_methods.len()],
-            })
-        };
-        let departures: Vec<_> = starts.iter().enumerate().map(vehicle).collect::<PyResult<_>>()?;
+        let departures = VehicleStart::of_runs(first_run, &starts, &methods, vehicle_per_method).map_err(raise)?;
+        let inner = core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?;
         Ok(Self {
-            inner: Shared::new(
-                core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?,
-                BROKEN,
-            ),
+            inner: Shared::new(inner, BROKEN),
             beams: geometry.beams(),
             vehicles: starts.len(),
             methods: methods.len(),
-            methods_per_vehicle: vehicle_methods[0].len(),
+            methods_per_vehicle: if vehicle_per_method { 1 } else { methods.len() },
         })
     }
 
@@ -122,14 +96,11 @@ impl ClosedLoop {
     fn advance(&self, py: Python<'_>, truth: Argument, schedule: Argument) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
-        let segments: Vec<TruthSegment<'_>> = (0..self.vehicles)
-            .map(|run| {
-                Ok(TruthSegment {
-                    truth: truths.of(run)?,
-                    schedule: schedule.of(run),
-                })
-            })
-            .collect::<PyResult<_>>()?;
+        let segment = |run| {
+            let (truth, schedule) = (truths.of(run)?, schedule.of(run));
+            Ok(TruthSegment { truth, schedule })
+        };
+        let segments = (0..self.vehicles).map(segment).collect::<PyResult<Vec<_>>>()?;
         self.inner.with_long(py, |inner, stop| {
             inner.advance(&segments, &schedule.sample_time_ns, stop)
         })

@@ -92,11 +92,7 @@ impl BeamGeometry {
         mounting_rpy_rad: Option<Argument>,
         sound_speed_scale: f64,
     ) -> PyResult<Self> {
-        let layout = match configuration {
-            "x" => Janus::X,
-            "+" => Janus::Plus,
-            other => return Err(invalid(format!("configuration is '{other}', expected 'x' or '+'"))),
-        };
+        let layout = Janus::named("configuration", configuration).map_err(raise)?;
         let geometry = core::BeamGeometry::janus(layout, tilt_rad).map_err(raise)?;
         finish(geometry, lever_arms_p_m, mounting_rpy_rad, sound_speed_scale)
     }

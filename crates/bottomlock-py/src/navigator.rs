@@ -24,6 +24,13 @@ use crate::results::entries;
 use crate::shared::Shared;
 use crate::state::{state, state_dict};
 
+/// The event of a sample.
+macro_rules! event {
+    ($sample:expr) => {
+        Event::from($sample)
+    };
+}
+
 /// What a push returns.
 type Reports = PyResult<Vec<Report>>;
 /// What is estimated beside the state, none where it is not.
@@ -141,12 +148,14 @@ impl Navigator {
     /// after the first second for a mean specific force far from gravity: in g, or swapped with the rate.
     #[pyo3(signature = (time_ns, *, omega_p_radps, force_p_mps2))]
     fn push_imu(&self, py: Python<'_>, time_ns: i64, omega_p_radps: Argument, force_p_mps2: Argument) -> Reports {
-        let sample = ImuSample {
-            time_ns,
-            rate_p_radps: vec3("omega_p_radps", omega_p_radps)?,
-            force_p_mps2: vec3("force_p_mps2", force_p_mps2)?,
-        };
-        self.push(py, [Event::Imu(sample)])
+        let (rate_p_radps, force_p_mps2) = (
+            vec3("omega_p_radps", omega_p_radps)?,
+            vec3("force_p_mps2", force_p_mps2)?,
+        );
+        self.push(
+            py,
+            [event! { Event::Imu(ImuSample { time_ns, rate_p_radps, force_p_mps2 }) }],
+        )
     }
 
     /// Many inertial readings: time_ns (n,) int64, omega_p_radps (n, 3), force_p_mps2 (n, 3).
@@ -186,54 +195,40 @@ impl Navigator {
     /// A velocity solved by the instrument: (3,) in the platform frame, with its (3, 3) covariance.
     #[pyo3(signature = (time_ns, velocity_p_mps, *, cov_m2ps2))]
     fn push_velocity(&self, time_ns: i64, velocity_p_mps: Argument, cov_m2ps2: Argument) -> Reports {
+        let py = cov_m2ps2.py();
         let cov = floats("cov_m2ps2", cov_m2ps2, &[Some(3), Some(3)])?.values;
-        let sample = VelocitySample {
-            time_ns,
-            velocity_p_mps: vec3("velocity_p_mps", velocity_p_mps)?,
-            cov_m2ps2: Matrix3::from_row_slice(&cov),
-        };
-        self.push(cov_m2ps2.py(), [Event::from(sample)])
+        let (velocity_p_mps, cov_m2ps2) = (vec3("velocity_p_mps", velocity_p_mps)?, Matrix3::from_row_slice(&cov));
+        self.push(py, [event! { VelocitySample { time_ns, velocity_p_mps, cov_m2ps2 } }])
     }
 
     /// A depth below the tangent plane's origin, m.
     #[pyo3(signature = (time_ns, depth_m, *, sd_m))]
     fn push_depth(&self, py: Python<'_>, time_ns: i64, depth_m: f64, sd_m: f64) -> Reports {
-        self.push(py, [Event::from(DepthSample { time_ns, depth_m, sd_m })])
+        self.push(py, [event! { DepthSample { time_ns, depth_m, sd_m } }])
     }
 
     /// An attitude (4,), scalar first, with the standard deviations of its Euler angles.
     #[pyo3(signature = (time_ns, attitude_t_p, *, roll_pitch_sd_rad, yaw_sd_rad))]
     fn push_attitude(&self, time_ns: i64, attitude_t_p: Argument, roll_pitch_sd_rad: f64, yaw_sd_rad: f64) -> Reports {
-        let sample = AttitudeSample {
-            time_ns,
-            attitude_t_p: settings::attitude("attitude_t_p", attitude_t_p)?,
-            roll_pitch_sd_rad,
-            yaw_sd_rad,
-        };
-        self.push(attitude_t_p.py(), [Event::from(sample)])
+        let py = attitude_t_p.py();
+        let attitude_t_p = settings::attitude("attitude_t_p", attitude_t_p)?;
+        self.push(
+            py,
+            [event! { AttitudeSample { time_ns, attitude_t_p, roll_pitch_sd_rad, yaw_sd_rad } }],
+        )
     }
 
     /// A yaw angle alone, rad.
     #[pyo3(signature = (time_ns, yaw_rad, *, sd_rad))]
     fn push_heading(&self, py: Python<'_>, time_ns: i64, yaw_rad: f64, sd_rad: f64) -> Reports {
-        let sample = HeadingSample {
-            time_ns,
-            yaw_rad,
-            sd_rad,
-        };
-        self.push(py, [Event::from(sample)])
+        self.push(py, [event! { HeadingSample { time_ns, yaw_rad, sd_rad } }])
     }
 
     /// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward; `sd_mps` is the white noise of the speed
     /// that they say. For options with `thrust`.
     #[pyo3(signature = (time_ns, revolutions_hz, *, sd_mps))]
     fn push_thrust(&self, py: Python<'_>, time_ns: i64, revolutions_hz: f64, sd_mps: f64) -> Reports {
-        let sample = ThrustSample {
-            time_ns,
-            revolutions_hz,
-            sd_mps,
-        };
-        self.push(py, [Event::from(sample)])
+        self.push(py, [event! { ThrustSample { time_ns, revolutions_hz, sd_mps } }])
     }
 
     /// Force of the thrusters along surge, sway and heave, (3,), N, with the white noise of each, 1 sigma. For options with `thrust`
@@ -241,14 +236,7 @@ impl Navigator {
     #[pyo3(signature = (time_ns, force_p_n, *, sd_n))]
     fn push_effort(&self, py: Python<'_>, time_ns: i64, force_p_n: Argument, sd_n: f64) -> Reports {
         let force_p_n = vec3("force_p_n", force_p_n)?;
-        self.push(
-            py,
-            [Event::from(EffortSample {
-                time_ns,
-                force_p_n,
-                sd_n,
-            })],
-        )
+        self.push(py, [event! { EffortSample { time_ns, force_p_n, sd_n } }])
     }
 
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
@@ -261,28 +249,33 @@ impl Navigator {
         position_sd_m: Argument,
         velocity_sd_mps: Argument,
     ) -> Reports {
-        let sample = GpsSample {
-            time_ns,
-            position_t_m: vec3("position_t_m", position_t_m)?,
-            position_sd_m: vector("position_sd_m", position_sd_m)?,
-            velocity: Some(GpsVelocity {
-                velocity_t_mps: vec3("velocity_t_mps", velocity_t_mps)?,
-                sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
-            }),
-        };
-        self.push(position_t_m.py(), [Event::from(sample)])
+        let py = position_t_m.py();
+        self.push(
+            py,
+            [event! { GpsSample {
+                time_ns,
+                position_t_m: vec3("position_t_m", position_t_m)?,
+                position_sd_m: vector("position_sd_m", position_sd_m)?,
+                velocity: Some(GpsVelocity {
+                    velocity_t_mps: vec3("velocity_t_mps", velocity_t_mps)?,
+                    sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
+                }),
+            } }],
+        )
     }
 
     /// A position alone of the GPS antenna in the tangent frame (3,), with its standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, *, position_sd_m))]
     fn push_position(&self, time_ns: i64, position_t_m: Argument, position_sd_m: Argument) -> Reports {
-        let sample = GpsSample {
-            time_ns,
-            position_t_m: vec3("position_t_m", position_t_m)?,
-            position_sd_m: vector("position_sd_m", position_sd_m)?,
-            velocity: None,
-        };
-        self.push(position_t_m.py(), [Event::from(sample)])
+        let py = position_t_m.py();
+        let (position_t_m, position_sd_m) = (
+            vec3("position_t_m", position_t_m)?,
+            vector("position_sd_m", position_sd_m)?,
+        );
+        self.push(
+            py,
+            [event! { GpsSample { time_ns, position_t_m, position_sd_m, velocity: None } }],
+        )
     }
 
     /// An acoustic position fix (USBL, LBL) of the transponder in the tangent frame (3,), with its standard deviations (3,); without

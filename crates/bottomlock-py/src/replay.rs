@@ -85,16 +85,9 @@ impl OwnedLog {
                 let place = format!("{}[{row}]", keys.path(column.key));
                 Rot::<Tangent, Platform>::from_unit_wxyz(&place, *quaternion).map_err(raise)?;
             }
-            columns.push(Some((values, column.width)));
+            columns.push(Some(values));
         }
-        let of_row = |(row, &time_ns): (usize, &i64)| {
-            let numbers = columns.iter().map(|column: &Option<(Vec<f64>, usize)>| {
-                let (values, width) = column.as_ref()?;
-                Some(&values[row * width..(row + 1) * width])
-            });
-            declaration.of_row(time_ns, &numbers.collect::<Vec<_>>(), &model.sensors)
-        };
-        Ok(time_ns.iter().enumerate().filter_map(of_row).collect())
+        Ok(declaration.of_rows(&time_ns, &columns, &model.sensors))
     }
 
     fn log(&self) -> Log<'_> {

@@ -13,7 +13,9 @@ pub trait Entry {
     type Number: Element;
 
     /// Lengths of its axes.
-    fn axes() -> Vec<usize>;
+    fn axes() -> Vec<usize> {
+        Vec::new()
+    }
 
     fn write(self, into: &mut Vec<Self::Number>);
 }
@@ -22,10 +24,6 @@ macro_rules! number {
     ($($kind:ty as $number:ty),*) => {$(
         impl Entry for $kind {
             type Number = $number;
-
-            fn axes() -> Vec<usize> {
-                Vec::new()
-            }
 
             fn write(self, into: &mut Vec<$number>) {
                 into.push(self as $number);

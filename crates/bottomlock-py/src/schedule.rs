@@ -3,73 +3,12 @@
 use bottomlock::aiding::registry::{SENSORS, SensorKind};
 use bottomlock::aiding::sensor::Simulation;
 use bottomlock::dvl::geometry::BeamMask;
-use bottomlock::simulation::schedule::{Schedule, SensorEpochs, WaterEpochs};
+use bottomlock::simulation::owned_schedule::{OwnedEpochs, OwnedSchedule, OwnedWater, PerRun};
 
 use crate::arrays::{Array, booleans, floats, rows, times};
 use crate::keys::{Keys, read};
 use crate::prelude::*;
 use crate::settings::mask;
-
-/// Values at each epoch, shared by all runs or one set for each.
-struct PerRun<T>(Vec<Vec<T>>);
-
-impl<T> Default for PerRun<T> {
-    fn default() -> Self {
-        Self(Vec::new())
-    }
-}
-
-impl<T> PerRun<T> {
-    /// The values of one run.
-    fn of(&self, run: usize) -> &[T] {
-        self.0.get(run).or(self.0.last()).map_or(&[], Vec::as_slice)
-    }
-}
-
-/// Epochs of all sensors, owned.
-pub struct OwnedSchedule {
-    dvl_time_ns: Vec<i64>,
-    beam_valid: PerRun<BeamMask>,
-    sensors: [OwnedEpochs; SENSORS],
-    water: OwnedWater,
-    pub sample_time_ns: Vec<i64>,
-}
-
-/// Epochs of a sensor and the offsets that the environment adds to its readings.
-#[derive(Default)]
-struct OwnedEpochs {
-    time_ns: PerRun<i64>,
-    offset: PerRun<f64>,
-}
-
-/// Epochs of the beams that the water returns, and the current at each.
-#[derive(Default)]
-struct OwnedWater {
-    time_ns: Vec<i64>,
-    beam_valid: PerRun<BeamMask>,
-    current_n_mps: Vec<[f64; 2]>,
-    shear_n_ps: Vec<[f64; 2]>,
-}
-
-impl OwnedSchedule {
-    /// The epochs of one run.
-    pub fn of(&self, run: usize) -> Schedule<'_> {
-        Schedule {
-            dvl_time_ns: &self.dvl_time_ns,
-            beam_valid: self.beam_valid.of(run),
-            sensors: self.sensors.each_ref().map(|epochs| SensorEpochs {
-                time_ns: epochs.time_ns.of(run),
-                offset: epochs.offset.of(run),
-            }),
-            water: WaterEpochs {
-                time_ns: &self.water.time_ns,
-                beam_valid: self.water.beam_valid.of(run),
-                current_n_mps: &self.water.current_n_mps,
-                shear_n_ps: &self.water.shear_n_ps,
-            },
-        }
-    }
-}
 
 /// What an array converter gives: numbers or truth values.
 type Convert<T> = fn(&str, Argument, &[Option<usize>]) -> PyResult<Array<T>>;

@@ -101,6 +101,8 @@ pub mod model;
 pub mod navigator;
 #[cfg(feature = "simulation")]
 pub mod observability;
+pub mod plain_state;
+pub mod presets;
 #[cfg(feature = "simulation")]
 pub mod random;
 #[cfg(feature = "simulation")]

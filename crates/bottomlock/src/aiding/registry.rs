@@ -95,10 +95,17 @@ impl Declaration {
         (self.of_truth)(motion, lever_p_m, models)
     }
 
-    /// [`AidingSensor::of_row`].
+    /// [`AidingSensor::of_row`] at every time; the columns are those of [`AidingSensor::LOG`], `None` for one that is left out.
     #[must_use]
-    pub fn of_row(&self, time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Measurement> {
-        (self.of_row)(time_ns, values, models)
+    pub fn of_rows(&self, times_ns: &[i64], columns: &[Option<Vec<f64>>], models: &SensorModels) -> Vec<Measurement> {
+        let of_row = |(row, &time_ns): (usize, &i64)| {
+            let values = columns.iter().zip(self.log).map(|(column, Column { width, .. })| {
+                let values = column.as_ref()?;
+                Some(&values[row * width..(row + 1) * width])
+            });
+            (self.of_row)(time_ns, &values.collect::<Vec<_>>(), models)
+        };
+        times_ns.iter().enumerate().filter_map(of_row).collect()
     }
 
     /// [`AidingSensor::simulate`].

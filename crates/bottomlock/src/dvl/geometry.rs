@@ -317,6 +317,25 @@ impl BeamGeometry {
     }
 }
 
+impl Janus {
+    /// The configuration of a name.
+    ///
+    /// # Errors
+    /// [`NavError::Setting`] of `key`.
+    pub fn named(key: &str, name: &str) -> Result<Self, NavError> {
+        match name {
+            "x" => Ok(Self::X),
+            "+" => Ok(Self::Plus),
+            other => Err(NavError::Setting {
+                key: key.into(),
+                found: format!("is '{other}'"),
+                expected: "'x' or '+'".into(),
+                hint: String::new(),
+            }),
+        }
+    }
+}
+
 impl BeamGeometry {
     /// Noise-free readings of a motion, with the sound-speed scale; `bias_mps` is that of each beam.
     ///

@@ -27,6 +27,47 @@ pub struct VehicleStart<'a> {
     pub methods: &'a [Method],
 }
 
+impl<'a> VehicleStart<'a> {
+    /// Vehicles of consecutive runs: one for each run with all methods, or, with `vehicle_per_method`, one for each run and method.
+    ///
+    /// # Errors
+    /// [`NavError::Setting`] without a method, for starts that are no multiple of the methods, and for runs without a number.
+    pub fn of_runs(
+        first_run: u64,
+        starts: &[NavState],
+        methods: &'a [Method],
+        vehicle_per_method: bool,
+    ) -> Result<Vec<Self>, NavError> {
+        let refused = |key: &str, found: String, expected: String| NavError::Setting {
+            key: key.into(),
+            found,
+            expected,
+            hint: String::new(),
+        };
+        if methods.is_empty() {
+            return Err(refused("methods", "is empty".into(), "at least one".into()));
+        }
+        let vehicles: Vec<&[Method]> = if vehicle_per_method {
+            methods.chunks(1).collect()
+        } else {
+            vec![methods]
+        };
+        if !starts.len().is_multiple_of(vehicles.len()) {
+            let expected = format!("a multiple of {} methods", vehicles.len());
+            return Err(refused("start", format!("has {} rows", starts.len()), expected));
+        }
+        let vehicle = |(k, &start): (usize, &NavState)| {
+            let run = first_run.checked_add((k / vehicles.len()) as u64).ok_or_else(|| {
+                let expected = "room for the runs after it".into();
+                refused("first_run", format!("is {first_run}"), expected)
+            })?;
+            let methods = vehicles[k % vehicles.len()];
+            Ok(Self { run, start, methods })
+        };
+        starts.iter().enumerate().map(vehicle).collect()
+    }
+}
+
 /// Settings common to the vehicles of a closed loop.
 #[derive(Debug, Clone, Copy)]
 pub struct ClosedLoopSetup<'a> {

@@ -5,6 +5,7 @@ pub mod closed_loop;
 mod epochs;
 mod method_record;
 pub mod monte_carlo_run;
+pub mod owned_schedule;
 mod run_group;
 pub mod schedule;
 pub mod sensor_errors;

@@ -1,18 +1,16 @@
 //! Packaged beam geometries and grades of IMUs, in the units of their sources. The package has the same with those sources
 //! (`python/bottomlock/config/geometries`, `python/bottomlock/config/grades/imu.toml`); a test holds both equal to the last bit.
 
-use bottomlock::NavError;
-use bottomlock::dvl::geometry::BeamGeometry;
-use bottomlock::model::ImuModel;
-
-use crate::calls::{Failure, Outcome, Status};
-use crate::names::hint;
+use crate::dvl::geometry::BeamGeometry;
+use crate::error::NavError;
+use crate::model::ImuModel;
 
 /// A packaged geometry: its name, and tilts and azimuths of its beams, deg.
-pub(crate) struct Beams(pub(crate) &'static str, &'static [f64], &'static [f64]);
+#[derive(Debug, Clone, Copy)]
+pub struct Beams(pub &'static str, &'static [f64], &'static [f64]);
 
 /// In the order of their names.
-pub(crate) const GEOMETRIES: [Beams; 7] = [
+pub const GEOMETRIES: [Beams; 7] = [
     Beams("linkquest_navquest", &[22.0; 4], &[180.0, 90.0, 0.0, 270.0]),
     Beams("nortek_dvl1000", &[25.0; 4], &[45.0, -45.0, -135.0, 135.0]),
     Beams("sontek_argonaut", &[25.0; 3], &[0.0, 120.0, 240.0]),
@@ -23,7 +21,11 @@ pub(crate) const GEOMETRIES: [Beams; 7] = [
 ];
 
 impl Beams {
-    pub(crate) fn geometry(&self) -> Result<BeamGeometry, NavError> {
+    /// The beams in the frame of the DVL.
+    ///
+    /// # Errors
+    /// As [`BeamGeometry::from_angles`].
+    pub fn geometry(&self) -> Result<BeamGeometry, NavError> {
         let radians = |degrees: &[f64]| degrees.iter().map(|angle| angle.to_radians()).collect::<Vec<_>>();
         BeamGeometry::from_angles(&radians(self.1), &radians(self.2))
     }
@@ -31,10 +33,11 @@ impl Beams {
 
 /// A grade of IMUs, 1 sigma per axis: its name, and of gyro and accelerometer, in the order and units of the file, bias (deg/h; mg),
 /// noise (deg/√h; m/s/√h) and bias walk (deg/s/√s; m/s²/√s).
-pub(crate) struct Grade(pub(crate) &'static str, [f64; 3], [f64; 3]);
+#[derive(Debug, Clone, Copy)]
+pub struct Grade(pub &'static str, [f64; 3], [f64; 3]);
 
 /// The coarsest first.
-pub(crate) const GRADES: [Grade; 6] = [
+pub const GRADES: [Grade; 6] = [
     Grade("phone", [10800.0, 0.48, 5e-4], [40.0, 0.094, 1.6e-4]),
     Grade("autopilot", [1800.0, 0.66, 9.5e-5], [20.0, 0.11, 5.8e-5]),
     Grade("mti", [3600.0, 3.0, 6.5e-5], [2.0, 0.12, 3.5e-6]),
@@ -44,7 +47,9 @@ pub(crate) const GRADES: [Grade; 6] = [
 ];
 
 impl Grade {
-    pub(crate) fn imu(&self) -> ImuModel {
+    /// The model of its errors, SI.
+    #[must_use]
+    pub fn imu(&self) -> ImuModel {
         const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
         let Self(_, gyro, accel) = self;
         let root_hour = 3600_f64.sqrt();
@@ -57,13 +62,4 @@ impl Grade {
             gyro_bias_walk_radps_rts: gyro[2].to_radians(),
         }
     }
-}
-
-/// The entry of a name.
-pub(crate) fn named<'a, T>(what: &str, name: &str, all: &'a [T], of: impl Fn(&T) -> &'static str) -> Outcome<&'a T> {
-    all.iter().find(|one| of(one) == name).ok_or_else(|| {
-        let known: Vec<_> = all.iter().map(of).collect();
-        let message = format!("unknown {what} '{name}' ({})", hint(name, &known));
-        Failure::new(Status::UnknownName, message).about(format!("{what}.preset"))
-    })
 }
