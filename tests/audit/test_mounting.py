@@ -9,7 +9,7 @@ import pytest
 
 from bottomlock.audit.depth import depth_findings, depth_rate
 from bottomlock.audit.logs import Reference
-from bottomlock.audit.mounting import GRAVITY_MPS2, LIMITS, Mounting, find_mounting
+from bottomlock.audit.mounting import LIMITS, Mounting, find_mounting
 from bottomlock.audit.mounting_findings import mounting_findings
 from bottomlock.recordings.streams import Depths, Inertial
 from tests.oracle import mounting as oracle
@@ -17,7 +17,7 @@ from tests.oracle.rotations import Array
 
 ANGLES = tuple(np.deg2rad([0.6, -0.4, 1.5]))
 ARM = np.array([-1.2, 0.3, 0.4])
-SCALE, OFFSET_S, SD_MPS = 0.01, 0.35, 0.004
+SCALE, OFFSET_S, SD_MPS, GRAVITY_MPS2 = 0.01, 0.35, 0.004, 9.81
 
 
 @lru_cache

@@ -19,13 +19,12 @@ from scipy.stats import f, norm
 from bottomlock.audit.robust import (
     LEAST_BLOCKS,
     Array,
-    blocks_of,
     fit_linear,
     resolution,
     sigma,
 )
 from bottomlock.recordings.closure import closure_rows
-from bottomlock.recordings.robust import correlation_rows
+from bottomlock.recordings.robust import blocks_of, correlation_rows
 
 GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from bottomlock.audit.imu_alignment import ImuAlignment
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import find_matrix
-from bottomlock.audit.motion import ImuAlignment
 from bottomlock.audit.mounting import LIMITS, Mounting
 from bottomlock.audit.robust import Array, sigmas_for
 from bottomlock.kernel import BeamGeometry
@@ -16,6 +16,8 @@ from bottomlock.recordings.finding import Finding
 
 AXES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
+LEAST_RATE_RADPS = 1e-4
+"""RMS rate of turn from which an IMU's axes and clock show in it."""
 
 
 def _zeros() -> Array:
@@ -203,7 +205,7 @@ def _lever_arm(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
 
 
 def _imu_findings(imu: ImuAlignment | None) -> list[Finding]:
-    if imu is None or imu.rate_rms_radps < 5.0 * imu.residual_radps:
+    if imu is None or imu.rate_rms_radps < max(5.0 * imu.residual_radps, LEAST_RATE_RADPS):
         return []
     found = []
     reversed_axes = [AXES[k] for k in range(3) if imu.matrix[k, k] < -0.5]

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.kernel import integrate_segments
+from bottomlock.recordings.rig_at import AtPings, applied
 from bottomlock.recordings.rotation import rotation_matrices
-from bottomlock.recordings.streams import Flags, Floats, Inertial, Integers
+from bottomlock.recordings.streams import Floats, Inertial, Integers
 
 LENGTH_S = 20.0
 """Length of a segment: a gyro bias of 100°/h makes a velocity error of 0.95 m/s in it, one of accelerometers none."""
@@ -26,6 +27,8 @@ LONGEST_STEP_S = 0.5
 """Segments with a longer step between readings are left out."""
 LARGEST = 1e6
 """Segments with a reading of this size, m/s² or rad/s, are left out: no instrument has such a full scale."""
+LEAST_PINGS = 5
+"""Pings of a segment that is used: a line takes two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +56,36 @@ class Segments:
     def count(self) -> int:
         """Number of segments."""
         return len(self.time_ns)
+
+    @property
+    def length_s(self) -> float:
+        """Length of each."""
+        return float(self.time_ns[0, -1] - self.time_ns[0, 0]) * 1e-9
+
+    def at(self, time_ns: Integers) -> AtPings:
+        """The integrals at the pings that lie in a segment with enough of them; `time_ns` on the IMU's clock."""
+        s, m = self.time_ns.shape
+        flat = self.time_ns.ravel()
+        index = np.clip(np.searchsorted(flat, time_ns, side="right") - 1, 0, s * m - 1)
+        segment = index // m
+        after_s = (time_ns - flat[index]) * 1e-9
+        step_s = float(np.median(np.diff(self.time_ns[0]))) * 1e-9
+        kept = (after_s >= 0.0) & (after_s <= 2.0 * step_s)
+        counts = np.bincount(segment[kept], minlength=s)
+        kept &= counts[segment] >= LEAST_PINGS
+        index, segment, after_s = index[kept], segment[kept], after_s[kept]
+
+        def rows(values: Floats) -> Floats:
+            return np.asarray(values.reshape(s * m, *values.shape[2:])[index])
+
+        C, force, omega = rows(self.rotation), rows(self.force_p_mps2), rows(self.omega_p_radps)
+        S = rows(self.force_integral_mps) + applied(C, force) * after_s[:, None]
+        begins = self.time_ns[:, 0]
+        C = C @ rotation_matrices(omega * after_s[:, None])
+        return AtPings(
+            kept, segment, begins, (time_ns[kept] - begins[segment]) * 1e-9, C, S, rows(self.rotation_integral_s),
+            rows(self.bias_integral), force, omega, np.zeros_like(omega), lined=True,
+        )  # fmt: skip
 
 
 def block_means(time_ns: Integers, values: Floats, k: int) -> tuple[Integers, Floats]:
@@ -101,74 +134,3 @@ def integrate(
     time = time[whole]
     integrals = integrate_segments(time.ravel(), force.reshape(-1, 3), omega.reshape(-1, 3), m)
     return Segments(time, force, omega, **integrals)
-
-
-LEAST_PINGS = 5
-"""Pings of a segment that is used: a line takes two."""
-
-
-@dataclass(frozen=True, eq=False)
-class AtPings:
-    """Integrals at the pings, (p, ...), for one clock offset."""
-
-    kept: Flags
-    segment: Integers
-    time_s: Floats
-    C: Floats
-    S: Floats
-    J: Floats
-    K: Floats
-    force: Floats
-    omega: Floats
-
-
-def at_pings(segments: Segments, time_ns: Integers) -> AtPings:
-    """The integrals at the pings that lie in a segment with enough of them; `time_ns` on the IMU's clock."""
-    s, m = segments.time_ns.shape
-    flat = segments.time_ns.ravel()
-    index = np.clip(np.searchsorted(flat, time_ns, side="right") - 1, 0, s * m - 1)
-    segment = index // m
-    after_s = (time_ns - flat[index]) * 1e-9
-    step_s = float(np.median(np.diff(segments.time_ns[0]))) * 1e-9
-    kept = (after_s >= 0.0) & (after_s <= 2.0 * step_s)
-    counts = np.bincount(segment[kept], minlength=s)
-    kept &= counts[segment] >= LEAST_PINGS
-    index, segment, after_s = index[kept], segment[kept], after_s[kept]
-
-    def rows(values: Floats) -> Floats:
-        return np.asarray(values.reshape(s * m, *values.shape[2:])[index])
-
-    C, force, omega = rows(segments.rotation), rows(segments.force_p_mps2), rows(segments.omega_p_radps)
-    S = rows(segments.force_integral_mps) + applied(C, force) * after_s[:, None]
-    begins = segments.time_ns[:, 0][segment]
-    if len(C):
-        C = C @ rotation_matrices(omega * after_s[:, None])
-    return AtPings(
-        kept, segment, (time_ns[kept] - begins) * 1e-9, C, S, rows(segments.rotation_integral_s),
-        rows(segments.bias_integral), force, omega,
-    )  # fmt: skip
-
-
-def lines(values: Floats, at: AtPings, segments: int) -> tuple[Floats, Floats]:
-    """Residuals of columns (p, 3, c) from a line in every segment, and the slopes (s, 3, c)."""
-    flat = values.reshape(len(values), -1)
-
-    def sums(column: Floats) -> Floats:
-        return np.stack(
-            [np.bincount(at.segment, column[:, k], minlength=segments) for k in range(column.shape[1])],
-            axis=1,
-        )
-
-    n = np.maximum(np.bincount(at.segment, minlength=segments), 1)[:, None]
-    mean_t = sums(at.time_s[:, None]) / n
-    t = at.time_s[:, None] - mean_t[at.segment]
-    mean = sums(flat) / n
-    centred = flat - mean[at.segment]
-    slope = sums(t * centred) / np.maximum(sums(t * t), 1e-12)
-    left = centred - t * slope[at.segment]
-    return left.reshape(values.shape), slope.reshape(segments, *values.shape[1:])
-
-
-def applied(matrix: Floats, v: Floats) -> Floats:
-    """Matrices (p, 3, 3) times vectors (p, 3)."""
-    return np.asarray(np.einsum("pij,pj->pi", matrix, v))

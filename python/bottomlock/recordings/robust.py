@@ -66,3 +66,26 @@ def correlation_rows(values: Array, *, centred: bool = True) -> float:
         # The largest sum up to there: beyond the correlation a sum wanders, and too short a time claims too much.
         longest = max(longest, float(summed[: stop[0] + 1 if stop.size else None].max()))
     return longest
+
+
+BLOCKS, PER_BLOCK = 50, 2
+"""Largest number of blocks of consecutive rows, and correlation times in one. The variance of the mean of AR(1) noise
+is then a fraction 1 / (2 × 2) too small at most, which the thresholds allow for."""
+
+
+def blocks_of(rows: int, correlated: float = 1.0) -> NDArray[np.int64]:
+    """(rows,) block number of each row: `BLOCKS` blocks of consecutive rows, fewer where they would be too short.
+
+    A block has two rows and `PER_BLOCK` correlation times at least.
+
+    >>> blocks_of(6).tolist(), int(blocks_of(400, 10.0)[-1])
+    ([0, 0, 1, 1, 2, 2], 19)
+    """
+    least = max(2, int(np.ceil(PER_BLOCK * correlated)) if correlated > 1.5 else 2)
+    count = max(1, min(BLOCKS, rows // least))
+    return np.asarray(np.arange(rows) * count // max(rows, 1), dtype=np.int64)
+
+
+def correlation_blocks(scores: Array) -> NDArray[np.int64]:
+    """(n,) block number of each row of scores (n, k), which may be correlated from one to the next."""
+    return blocks_of(len(scores), correlation_rows(scores))

@@ -123,6 +123,20 @@ def rotation_matrices(vectors: Floats) -> Floats:
     return np.asarray(np.eye(3) + first * K + second * (K @ K))
 
 
+def rotation_vectors(matrices: Floats) -> Floats:
+    """(n, 3) rotation vectors of rotation matrices (n, 3, 3) of less than half a turn, rad.
+
+    >>> turn = np.array([[0.1, -0.2, 0.3]])
+    >>> rotation_vectors(rotation_matrices(turn)).round(12).tolist()
+    [[0.1, -0.2, 0.3]]
+    """
+    pairs = ((2, 1), (0, 2), (1, 0))
+    sine = np.stack([0.5 * (matrices[:, i, j] - matrices[:, j, i]) for i, j in pairs], axis=1)
+    size = np.linalg.norm(sine, axis=1)
+    angle = np.arctan2(size, 0.5 * (np.trace(matrices, axis1=1, axis2=2) - 1.0))
+    return np.asarray(sine * np.where(size < 1e-12, 1.0, angle / np.maximum(size, 1e-12))[:, None])
+
+
 def rotation_vector(first: Floats, then: Floats) -> Floats:
     """(3,) turn from one attitude to the next, in platform axes, rad: Log(q1^-1 q2).
 

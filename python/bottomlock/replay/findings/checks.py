@@ -4,7 +4,7 @@ import numpy as np
 
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.rig_fit import Match, Recorded
-from bottomlock.recordings.rig_segments import LENGTH_S, at_pings, integrate
+from bottomlock.recordings.rig_segments import LENGTH_S
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
@@ -237,12 +237,14 @@ def vertical_velocity(recorded: Recorded, match: Match) -> tuple[Integers, Integ
         recorded: readings and velocities, as the match was made with.
         match: axes, rotation, clock and biases; its slopes are gravity.
     """
-    segments = integrate(recorded.inertial, gyro_bias_radps=match.part("gyro_bias"))
-    if segments is None or segments.count != len(match.level_p):
+    motion = recorded.integrated(match.part("gyro_bias"))
+    if motion is None:
         return None
     velocity = recorded.velocity_p_mps
     moved = recorded.time_ns + round(float(match.part("clock")[0]) * 1e9)
-    at = at_pings(segments, moved)
+    at = motion.at(moved)
+    if len(at.begins_ns) != len(match.level_p):
+        return None
     v = velocity[at.kept] @ (match.rotation @ match.axes).T
     down = match.level_p[at.segment]
     return moved[at.kept], at.segment, np.einsum("pi,pij,pj->p", down, at.C, v)

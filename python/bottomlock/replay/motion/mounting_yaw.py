@@ -10,7 +10,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.rig_fit import Recorded
-from bottomlock.recordings.rig_segments import at_pings, integrate, lines
 from bottomlock.recordings.streams import Floats, Integers
 
 WINDOW_S = 60.0
@@ -50,16 +49,16 @@ def yaw_by_accelerations(recorded: Recorded) -> MountingYaw | None:
     Args:
         recorded: readings in platform axes, and the velocity in the DVL's.
     """
-    segments = integrate(recorded.inertial)
+    segments = recorded.integrated()
     if segments is None:
         return None
-    at = at_pings(segments, recorded.time_ns)
+    at = segments.at(recorded.time_ns)
     if len(np.unique(at.segment)) < LEAST_WINDOWS:
         return None
     v = recorded.velocity_p_mps[at.kept]
 
     sides = [np.einsum("pij,pj->pi", at.C, side) for side in _sides(v)]
-    left, _ = lines(np.stack([at.S, *sides], axis=2), at, segments.count)
+    left, _ = at.left(np.stack([at.S, *sides], axis=2))
     felt = left[:, :, 0] - left[:, :, 3]
     return _yaw(left[:, :, 1], left[:, :, 2], felt, at.segment)
 

@@ -18,7 +18,6 @@ import numpy as np
 from scipy.optimize import nnls
 
 from bottomlock.recordings.rig_fit import Recorded
-from bottomlock.recordings.rig_segments import at_pings, integrate
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Floats
 
@@ -53,10 +52,10 @@ class PingNoise:
 
 def ping_noise(recorded: Recorded) -> PingNoise | None:
     """Noise of a recording's velocity and specific force; None with too few even pings."""
-    segments = integrate(recorded.inertial)
+    segments = recorded.integrated()
     if segments is None or len(recorded.time_ns) < 3:
         return None
-    at = at_pings(segments, recorded.time_ns)
+    at = segments.at(recorded.time_ns)
     if at.kept.sum() < LEAST_DIFFERENCES:
         return None
     turned = np.einsum("pij,pj->pi", at.C, recorded.velocity_p_mps[at.kept])
