@@ -25,7 +25,7 @@ from tests.c.dive_files import write_files
 from tests.drawn_log import drawn_log
 from tools.install_c import install
 
-METHODS = ("tc", "sway_current", "consistent")
+METHODS = ("tc", "sway_current")
 PROGRAM = Path(__file__).parents[1] / "crates" / "bottomlock-c" / "tests" / "dive.c"
 
 

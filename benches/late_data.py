@@ -2,7 +2,7 @@
 
     python benches/late_data.py [--pushes 2000] [--rate 150]
 
-One filter (`tc`) and the selector (`consistent`), a ping of four beams at 5 Hz. A late ping is up to 2 s old; its push
+One filter (`tc`) and two (`sway_current`), a ping of four beams at 5 Hz. A late ping is up to 2 s old; its push
 goes back, fuses it and replays the inertial readings that follow. A late depth comes after each ping, which is in
 order: its push replays ten pings as well. Times are those of whole calls in one run; the ratios count, and the load
 of the machine is printed with them.
@@ -69,7 +69,7 @@ def main() -> None:
     arguments.add_argument("--rate", type=int, default=150)
     asked = arguments.parse_args()
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores, inertial readings at {asked.rate} Hz")
-    for method in ("tc", "consistent"):
+    for method in ("tc", "sway_current"):
         base = None
         for name, late_ns in (
             ("none", -1),

@@ -39,8 +39,8 @@ print(f"after 60 s: true σ {true_variance[-1] ** 0.5:.2f} m/s, claimed {claimed
 
 # %% [markdown]
 # The remedy is to say the truth about the noise of that reading: its error **is** the filter's error, fully
-# correlated. Then the gain is zero and nothing is gained: the exact virtual beam is tight coupling (`vb_exact` equals
-# `tc`, a theorem with a test).
+# correlated. Then the gain is zero and nothing is gained: the exact virtual beam is tight coupling (`vb` with
+# `exact_virtual_beams` equals `tc`, a theorem with a test).
 #
 # ## In the paper's world
 #

@@ -27,7 +27,7 @@ from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
 from tests.oracle import truth
 
-METHODS: tuple[kernel.Method, ...] = ("tc", "sway_current", "consistent", "elc")
+METHODS: tuple[kernel.Method, ...] = ("tc", "sway_current", "weak_sway", "elc")
 RATE_HZ = 150
 SECOND_NS = 1_000_000_000
 PERIOD_S = 125

@@ -27,7 +27,8 @@ __all__ = [
     "FIX_STATUS",
     "INERTIAL_STATES",
     "METHODS",
-    "SELECTOR_METHODS",
+    "RECOMMENDED_METHOD",
+    "REPLACED_METHODS",
     "SENSORS",
     "STATES",
     "BeamGeometry",
@@ -55,9 +56,10 @@ EARTH_RATE_RADPS: Final[float]
 INERTIAL_STATES: Final[int]
 STATES: Final[int]
 METHODS: Final[tuple[Method, ...]]
+RECOMMENDED_METHOD: Final[Method]
+REPLACED_METHODS: Final[dict[str, str]]
 SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
-SELECTOR_METHODS: Final[tuple[str, ...]]
 
 @type_check_only
 class LocalEarthDict(TypedDict):
@@ -475,7 +477,7 @@ class Navigator:
         options: Options,
         initial: InitialState | StateDict,
         *,
-        method: AnyMethod = "tc",
+        method: AnyMethod | None = None,
         covariance: ArrayLike | None = None,
         horizon_ns: int | None = None,
     ) -> Navigator: ...
@@ -487,7 +489,7 @@ class Navigator:
         latitude_deg: float,
         heading_deg: float | None = None,
         heading_sd_deg: float | None = None,
-        method: AnyMethod = "tc",
+        method: AnyMethod | None = None,
         **sections: Mapping[str, Any] | None,
     ) -> StartedNavigator: ...
     def push_imu(

@@ -155,11 +155,9 @@ def replay(rng: Random, trial: Trial) -> None:
     made = drawn_geometry(rng)
     log, start = log_and_start(made.beams)
     methods = some_methods(rng)
-    # A method that selects among filters cannot be smoothed.
-    smooth = rng.random() < 0.4 and "consistent" not in methods
     arguments = {
         "geometry": made, "model": model(), "options": options(rng), "methods": methods, "log": log,
-        "start": start, "sample_time_ns": np.array([500_000_000, 1_000_000_000]), "smooth": smooth,
+        "start": start, "sample_time_ns": np.array([500_000_000, 1_000_000_000]), "smooth": rng.random() < 0.4,
         "covariances": rng.random() < 0.4, "threads": 1, "covariance": np.diag(np.full(20, 0.01)),
     }  # fmt: skip
     result = _call(rng, trial, "replay_log", kernel.replay_log, arguments)

@@ -207,7 +207,7 @@ def test_a_failure_has_its_code(c: CLibrary) -> None:
     assert c("last_error_key") == b"options.water.slip_tme_s"
     c("options_set", options, '{"robust": {"closure_gate": null}}')
     assert c.json("options", options)["robust"]["closure_gate"] is None
-    navigator = c("navigator_new", geometry, model, options, None, state, -1)
+    navigator = c("navigator_new", geometry, model, options, "tc", state, -1)
     for name in ("navigator_water", "navigator_calibration"):
         with pytest.raises(CError) as caught:
             c(name, navigator, c.structure(name.removeprefix("navigator_")))

@@ -19,7 +19,7 @@ from tests.c.dive_files import EVENT, KINDS, write_dive
 from tests.c.test_installed import WARNINGS, needed, run
 
 TARGET, COMPILER = "aarch64-unknown-linux-gnu", "aarch64-linux-gnu-gcc"
-METHODS = ("tc", "sway_current", "consistent", "elc")
+METHODS = ("tc", "sway_current", "weak_sway", "elc")
 
 
 @pytest.fixture(scope="module")

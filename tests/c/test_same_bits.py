@@ -45,15 +45,7 @@ def same_report(ours: Any, theirs: Report) -> None:  # noqa: ANN401 - a structur
     if weight is not None:
         np.testing.assert_array_equal(ours.beam_weight[: len(weight)], weight)
     choice = theirs.choice or {}
-    if "method" in choice:
-        assert ours.selected_method.decode() == choice["method"]
-        assert ours.selection_reason.decode() == choice["reason"]
-        assert (ours.selection_statistic, ours.selection_threshold) == (
-            choice["statistic"],
-            choice["threshold"],
-        )
-    elif choice:
-        assert list(ours.component_source) == [choice[axis] for axis in ("surge", "sway", "heave")]
+    assert list(ours.component_source) == [choice.get(axis, 0) for axis in ("surge", "sway", "heave")]
 
 
 def same(ours: CNavigator, theirs: Navigator) -> None:
@@ -66,7 +58,7 @@ def same(ours: CNavigator, theirs: Navigator) -> None:
     assert ours.save() == theirs.save()
 
 
-@pytest.mark.parametrize("method", ["tc", "sway_current", "consistent", "elc"])
+@pytest.mark.parametrize("method", ["tc", "sway_current", "weak_sway", "elc"])
 @pytest.mark.parametrize("late_s", [0.0, 0.5])
 def test_a_recorded_dive(c: CLibrary, root: Path, method: Any, late_s: float) -> None:  # noqa: ANN401 - a name
     """The dive that ships, with every key of its model and options; also with its DVL half a second late."""
@@ -423,7 +415,7 @@ def test_threads_read_while_one_pushes(c: CLibrary) -> None:
         time_ns=0, position_t_m=(0, 0, 0), attitude_t_p=(1, 0, 0, 0), velocity_p_mps=(0.0, 0.0, 0.0)
     )
     model, options = Model(**settings.table_2()), Options()
-    theirs = Navigator(JANUS_20, model, options, start)
+    theirs = Navigator(JANUS_20, model, options, start, method="tc")
     ours = CNavigator(c, JANUS_20.directions_p, model, options, start, "tc")
     done, reads = threading.Event(), [0, 0]
 

@@ -17,7 +17,7 @@ from tools.example_dive import FOLDER, START_SD, made, scenario, start
 pytestmark = pytest.mark.usefixtures("undrawn")
 STEP = 1.1e-2
 """The coarsest step of a file: ranges of PD0 (1 cm), angles of the compass (0.01 deg)."""
-METHODS = ("lc", "tc", "info", "weak_sway", "sway_current", "consistent")
+METHODS = ("lc", "tc", "info", "weak_sway", "sway_current")
 
 
 def shortened(duration_s: float) -> Scenario:

@@ -38,6 +38,7 @@ def navigator(attitude: Rotation, velocity: np.ndarray) -> bottomlock.Navigator:
             attitude_t_p=np.roll(attitude.as_quat(), 1),
             velocity_p_mps=velocity,
         ),
+        method="tc",
     )
 
 

@@ -99,7 +99,7 @@ def filter_sd(motion: Shaken, beams: Array | None, period_ns: int) -> Array:
         "time_ns": 0, "position_t_m": np.zeros(3), "attitude_t_p": motion.quaternion, "velocity_p_mps": motion.velocity,
     }  # fmt: skip
     options = settings.options(covariance_period_ns=period_ns, imu_sampling="averaged")
-    navigator = bottomlock.Navigator(geometry, settings.table_2(), options, start)
+    navigator = bottomlock.Navigator(geometry, settings.table_2(), options, start, method="tc")
     rate, force = motion.averaged(motion.rate), motion.averaged(motion.force)
     time_ns = np.round(np.arange(1, len(rate) + 1) * 1e9 / RATE_HZ).astype(np.int64)
     reading = geometry.beam_velocities(motion.velocity[None])[0]

@@ -87,7 +87,7 @@ def test_the_first_reading_is_the_literal_one(pitch_deg: float) -> None:
 def test_a_bad_push_is_refused_and_changes_nothing(
     options: Options, force: list[float], sd_n: float, words: str
 ) -> None:
-    flown = Navigator(example.janus, MODEL, options, example.initial)
+    flown = Navigator(example.janus, MODEL, options, example.initial, method="tc")
     flown.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -example.gravity])
     before = flown.save()
     with pytest.raises(KernelError, match=words):

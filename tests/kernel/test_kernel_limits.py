@@ -2,7 +2,9 @@
 
 import os
 import pickle
+import re
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +12,15 @@ import pytest
 
 import bottomlock
 from bottomlock import errors, kernel
+from bottomlock.config.scenario import load_scenario
+from bottomlock.errors import ScenarioError
 from bottomlock.kernel import ClosedLoop, KernelError, Method
+from bottomlock.replay.case import load_case
+from bottomlock.replay.tune.run import tune_case
 from tests.analytic import batch_along
 
 WORK = batch_along(4.0)
+DIVE = Path(__file__).parents[2] / "data" / "logs" / "robosub" / "case.toml"
 TRUTH = WORK["truth"]
 
 
@@ -146,7 +153,7 @@ def test_a_closed_loop_that_has_failed_says_so() -> None:
 
 def test_threads_take_turns_with_a_closed_loop() -> None:
     """Two threads that call at once get results or the kernel's errors, and one of them goes on."""
-    one = loop(["tc", "consistent"], vehicles=50)
+    one = loop(["tc", "sway_current"], vehicles=50)
     segments = [
         part(first, first + 5, [int(TRUTH["time_ns"][first + 2])], vehicles=50) for first in range(0, 60, 4)
     ]
@@ -179,6 +186,22 @@ def test_the_error_of_the_kernel_is_one_of_the_package() -> None:
     assert type(caught.value) is KernelError
     copy = pickle.loads(pickle.dumps(caught.value))
     assert (type(copy), str(copy)) == (KernelError, str(caught.value))
+
+
+@pytest.mark.parametrize(("name", "instead"), kernel.REPLACED_METHODS.items())
+def test_a_method_that_is_no_more_says_what_takes_its_place(name: str, instead: str) -> None:
+    """Named to the kernel, to the scenario of a run and to the case of a replay, with the key in the last two."""
+    words = re.escape(f"method '{name}' is no more")
+    with pytest.raises(KernelError, match=f"{words}; {instead} takes its place"):
+        kernel.run_batch(**WORK, methods=[name], runs=1, threads=1)
+    for place, call in (
+        ("methods", load_scenario("straight").with_overrides),
+        ("replay: methods", load_case(DIVE).with_methods),
+    ):
+        with pytest.raises(ScenarioError, match=rf"{place}: {words}; {instead} takes its place"):
+            call(methods=[name])
+    with pytest.raises(KernelError, match=words):
+        tune_case(DIVE, methods=[name])
 
 
 def test_arrays_of_many_dimensions_are_refused() -> None:

@@ -117,9 +117,9 @@ def test_any_arrival_ends_in_the_replay(method: Method) -> None:
         np.testing.assert_array_equal(out["sd"][0, -1], np.sqrt(np.diag(late.covariance())))
 
 
-def under_way(seconds: float = 3.0, **more: Any) -> Navigator:  # noqa: ANN401 - any argument
+def under_way(seconds: float = 3.0, method: Any = "tc", **more: Any) -> Navigator:  # noqa: ANN401 - any argument
     """At rest for a while, at 100 Hz."""
-    to = Navigator(JANUS, settings.table_2(), settings.options(gate="joint"), AT_REST, **more)
+    to = Navigator(JANUS, settings.table_2(), settings.options(gate="joint"), AT_REST, method=method, **more)
     times = np.arange(0, round(seconds * 100) + 1) * 10 * MS
     to.push_imu_block(
         times, omega_p_radps=np.zeros((len(times), 3)), force_p_mps2=np.tile(LEVEL, (len(times), 1))

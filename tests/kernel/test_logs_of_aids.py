@@ -32,7 +32,7 @@ SETTINGS: dict[str, tuple[Any, Any, tuple[str, ...], tuple[Method, ...]]] = {
         test_effort.MODEL,
         test_effort.ON,
         test_effort.AXES,
-        ("ins", "tc", "sway_current", "consistent"),
+        ("ins", "tc", "sway_current"),
     ),
     "water_track": (example.model, test_water_track.LAYERED, ("water_track",), ("tc", "sway_current")),
 }

@@ -28,7 +28,7 @@ def navigator(prior: bottomlock.Motion) -> bottomlock.Navigator:
     start = bottomlock.InitialState(
         time_ns=0, position_t_m=(0.0, 0.0, 0.0), attitude_t_p=(1.0, 0.0, 0.0, 0.0), velocity_p_mps=tuple(VELOCITY)
     )  # fmt: skip
-    return bottomlock.Navigator(JANUS, model, options, start)
+    return bottomlock.Navigator(JANUS, model, options, start, method="tc")
 
 
 def fly(to: bottomlock.Navigator, from_s: int, to_s: int, beams: int) -> list[float]:

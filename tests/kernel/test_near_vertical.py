@@ -41,7 +41,7 @@ def hang(pitch_deg: float, sensor: str, seed: int) -> tuple[Counter[str], float]
         "velocity_p_mps": velocity + rng.normal(size=3) * sd["velocity_sd_mps"],
     }
     options = settings.options(gate="joint", gate_probability=0.9973)
-    navigator = bottomlock.Navigator(geometry, model, options, start)
+    navigator = bottomlock.Navigator(geometry, model, options, start, method="tc")
     earth_p = rotation.T @ earth_rate_tangent(settings.LATITUDE_RAD)
     force = 2 * np.cross(earth_p, velocity) - rotation.T @ [0.0, 0.0, settings.GRAVITY]
     verdicts: Counter[str] = Counter()

@@ -26,7 +26,7 @@ UP = np.array([0.0, 0.0, -9.8])
 
 def still(**options: Any) -> bottomlock.Navigator:  # noqa: ANN401 - any option
     """A navigator at rest, before its first reading."""
-    return bottomlock.Navigator(JANUS, settings.table_2(), settings.options(**options), REST)
+    return bottomlock.Navigator(JANUS, settings.table_2(), settings.options(**options), REST, method="tc")
 
 
 def error_model(model: Any = None, **changed: Any) -> Any:  # noqa: ANN401 - an argument of any kind

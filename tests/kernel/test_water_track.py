@@ -22,7 +22,7 @@ LAYERED = ON.replace(current_layers=CurrentLayers())
 def navigator(options: Any = ON, **changes: Any) -> Navigator:  # noqa: ANN401 - of the initial state
     """At a turned attitude, before any reading."""
     turned = example.initial.replace(attitude_t_p=quaternion_from_euler(*RPY_RAD), **changes)
-    return Navigator(example.janus, example.model, options, turned)
+    return Navigator(example.janus, example.model, options, turned, method="tc")
 
 
 def test_the_row_is_the_literal_equation() -> None:

@@ -146,9 +146,9 @@ BEAMS = "beam_noise_mps = 0.01\n"
         for section, line in (
             ("filter", "gate_probability = 0.9"),
             ("robust", "enabled = false"),
-            ("navigation", 'method = "sway_current"'),
         )
     ]
+    + [('"tc"', '"sway_current"')]
     + [
         ("origin.longitude_deg", "origin.height_m = 1.0\norigin.longitude_deg"),
         ("dvl.geometry", "dvl.errors.beam_bias_mps = 0.01\ndvl.geometry"),

@@ -46,6 +46,8 @@ GPS = '[gps]\n[[source]]\nname = "gps"\naddress = "stdin"\nformat = "gps-csv"\nr
         (NAVIGATION, 'name = "imu"', 'name = "dvl"', "'dvl'"),
         (NAVIGATION, 'format = "imu-csv"', 'format = "depth-csv"', "inertial readings"),
         (NAVIGATION, "heading_sd_deg = 2.0\n", "", "start.heading_sd_deg"),
+        (NAVIGATION, '"tc"', '"consistent"', "sway_current takes its place"),
+        (NAVIGATION, '"tc"', '"vb_exact"', "navigation.method"),
         (NAVIGATION, "[start]", '[imu.limits]\ngap = "refuse"\n[start]', "gap"),
         (NAVIGATION, "[start]", '[start]\nlevel = "attitude"', "[attitude]"),
         (NAVIGATION, "[start]", '[attitude]\naids = "heading"\n[start]', "[attitude]"),

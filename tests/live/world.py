@@ -94,6 +94,7 @@ mode = "navigation"
 dvl.geometry = "waterlinked_a50"
 dvl.beam_noise_mps = 0.01
 origin.latitude_deg = 32.8
+navigation.method = "tc"  # the vehicle moves as no slender one does
 [imu]
 rate_hz = 100
 accel_bias_mg = 1.0

@@ -63,8 +63,8 @@ def noise_densities(model: dict[str, dict[str, float]]) -> tuple[float, ...]:
     )
 
 
-def options(**changed: Any) -> Any:  # noqa: ANN401 - a dict, with a value of any option
-    """The filter's options, with what a test changes."""
+def options(*, exact: bool = False, **changed: Any) -> Any:  # noqa: ANN401 - a dict, with a value of any option
+    """The filter's options, with what a test changes; `exact`: of virtual beams."""
     plain: dict[str, Any] = {
         "gate": "off",
         "inflate_after_rejections": 0,
@@ -74,6 +74,7 @@ def options(**changed: Any) -> Any:  # noqa: ANN401 - a dict, with a value of an
         "estimate_dvl": True,
         "assumptions": {
             "virtual_beam_factor": 1.0,
+            "exact_virtual_beams": exact,
             "nullified_sway_var_m2ps2": 1e-3,
             "weak_sway_var_m2ps2": 2.0,
         },

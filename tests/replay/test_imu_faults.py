@@ -35,7 +35,7 @@ def options(**changed: Any) -> Any:  # noqa: ANN401 - a value of any option
 
 
 def navigator(**changed: Any) -> bottomlock.Navigator:  # noqa: ANN401
-    made = bottomlock.Navigator(JANUS, settings.table_2(), options(**changed), AT_REST)
+    made = bottomlock.Navigator(JANUS, settings.table_2(), options(**changed), AT_REST, method="tc")
     made.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
     return made
 
@@ -114,7 +114,7 @@ def faulty_log(*, gap: bool = False) -> Any:  # noqa: ANN401 - the kernel's dict
     return log | {"force_p_mps2": force}
 
 
-@pytest.mark.parametrize("method", ["ins", "tc", "consistent"])
+@pytest.mark.parametrize("method", ["ins", "tc", "sway_current"])
 @pytest.mark.parametrize("gap", [False, True])
 def test_a_faulty_log_is_the_streaming_navigator(
     method: Any,  # noqa: ANN401
@@ -157,7 +157,7 @@ def test_a_faulty_log_is_the_streaming_navigator(
     assert out["imu_faults"]["clipped"] == int(not gap)
 
 
-QUICK = '[replay]\nmethods = ["tc", "consistent"]\nsmooth = false\nduration_s = 40.0\n'
+QUICK = '[replay]\nmethods = ["tc", "sway_current"]\nsmooth = false\nduration_s = 40.0\n'
 
 
 def write_dive(folder: Path) -> Path:

@@ -21,7 +21,7 @@ from tests.replay.undiagnosed import replay_undiagnosed
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-TRUSTED = ("tc", "weak_sway", "sway_current", "consistent")
+TRUSTED = ("tc", "weak_sway", "sway_current")
 DEAD_RECKONING = "dead_reckoning"
 LARGEST_RATIO = 1.05
 """RMS of a method over that of dead reckoning."""

@@ -60,7 +60,7 @@ velocity = "beams"
 position = "reference"
 position_sd_m = [0.05, 0.05, 0.05]
 [replay]
-methods = ["lc", "tc", "weak_sway", "sway_current", "consistent"]
+methods = ["lc", "tc", "weak_sway", "sway_current"]
 smooth = false
 """
 WHAT_IFS = """
@@ -122,7 +122,7 @@ def test_all_beams(replayed: ReplayTables, method: str) -> None:
 
 def test_partial_beams_are_used(replayed: ReplayTables) -> None:
     """A minute of two beams is better than one of none, with every method; three are as good as four."""
-    for method in ("tc", "weak_sway", "sway_current", "consistent"):
+    for method in ("tc", "weak_sway", "sway_current"):
         whole, three, two, none = (
             row(replayed, name, method)["position_final_m"]
             for name in (RECORDED, "lost_4", "lost_34", "outage")

@@ -19,7 +19,7 @@ from tests.replay.streaming import stream
 
 ASKED = """
 [replay]
-methods = ["ins", "lc", "tc", "info", "vb_exact", "consistent"]
+methods = ["ins", "lc", "tc", "info", "vb", "sway_current"]
 [[what_if]]
 name = "lost_34"
 beams_lost = [3, 4]

@@ -249,7 +249,7 @@ def test_no_two_methods_share_a_dash_or_a_marker() -> None:
     assert len(bare) == len(palette.STROKES)
 
 
-@pytest.mark.parametrize("recommended", [[], ["consistent"], ["vhv", "tc"]])
+@pytest.mark.parametrize("recommended", [[], ["elc"], ["vhv", "tc"]])
 def test_the_first_figures_show_five_methods(recommended: list[str]) -> None:
     """The recommended one and one's own are among them; a smaller campaign is shown whole."""
     shown = featured([*KERNEL_METHODS, "mine"], recommended)

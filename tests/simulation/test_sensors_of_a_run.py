@@ -14,7 +14,7 @@ from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.run_events import Readings
 from tests.simulation.test_acoustic_simulation import kernel_inputs
 
-METHODS: list[Method] = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway", "sway_current"]
+METHODS: list[Method] = ["lc", "tc", "vb", "elc", "info", "weak_sway", "sway_current"]
 ALWAYS = {"depth": {}, "magnetometer": {}, "gps": {"antenna_depth_m": 1e3, "acquire_s": 0.0}}
 SENSORS: dict[str, dict[str, Any]] = {
     "acoustic_position": {

@@ -18,7 +18,7 @@ from tests.oracle import chi_squared
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-METHODS = ("tc", "sway_current", "consistent", "weak_sway")
+METHODS = ("tc", "sway_current", "weak_sway")
 
 
 @pytest.mark.parametrize(

@@ -195,7 +195,7 @@ def lock_outs(numbers: range, methods: list[Method]) -> list[str]:
 
 @pytest.mark.slow
 def test_no_disturbance_locks_the_trusted_methods_out() -> None:
-    assert lock_outs(range(0, len(cases()), 3), ["tc", "weak_sway", "consistent"]) == []
+    assert lock_outs(range(0, len(cases()), 3), ["tc", "weak_sway", "sway_current"]) == []
 
 
 @pytest.mark.slow
@@ -206,7 +206,7 @@ def test_position_fixes_come_back() -> None:
     """
     numbers = [number for number, case in enumerate(cases()) if case[0] == "position" and case[1] != (1,)]
     for number in numbers[:12]:
-        run = disturbed(number, ["tc", "consistent"])
+        run = disturbed(number, ["tc", "sway_current"])
         assert (run.position_error_m[:, -1] < 5.0 * run.position_sd_m[:, -1]).all(), run.name
         assert (run.position_sd_m[:, -1] < 2.5).all(), run.name
         assert np.sqrt(np.mean(run.beam_error_mps[:, 45:] ** 2)) < 0.1, run.name

@@ -4,7 +4,7 @@ Every sensor on, outliers among the beams, a varying current, the IMU of Table 2
 direction once misled the filters; in the figure of eight an assumption on sway is wrong first. All means together have
 a false-alarm rate of 1 %. Seed and runs were written down before the first run; cells and exceptions were not. The
 cells of the first version, four beams and two without an exception, became two beams and one within minutes, with the
-exception of `tc` that the study of another seed shows (docs/survey.md). That of `sway_current` and `consistent` came
+exception of `tc` that the study of another seed shows (docs/survey.md). That of `sway_current` came
 when their prior changed, from runs of this seed.
 """
 
@@ -22,7 +22,7 @@ from bottomlock.studies.study import cells, study
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 SEED = 20170222
-TRUSTED = ("tc", "sway_current", "consistent")
+TRUSTED = ("tc", "sway_current")
 MASKS = [(1, 2), (1,)]
 
 
@@ -43,7 +43,7 @@ def test_trusted_methods_are_consistent(runs: int) -> None:
     """Velocity and attitude in band and nothing overconfident, but for two cells with one beam.
 
     The position of `tc` on the straight leg is claimed too well, after minutes without a second beam
-    (docs/linear_range.md). In the figure of eight `sway_current` and `consistent` may be conservative: their prior lets
+    (docs/linear_range.md). In the figure of eight `sway_current` may be conservative: its prior lets
     the current change within half an hour, and claims 10 % more than the error (docs/methods/sway_current.md).
     """
     trusted = table([*TRUSTED, "nsv"], MASKS, runs).filter(pl.col("method").is_in(TRUSTED))

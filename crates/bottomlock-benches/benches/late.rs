@@ -15,7 +15,7 @@ use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
 use bottomlock::navigator::events::{DepthSample, Event};
-use bottomlock::navigator::{LiveNavigator, Method, NavigatorSet};
+use bottomlock::navigator::{LiveNavigator, Method, Navigator};
 use bottomlock::state::NavState;
 
 const SECOND: i64 = 1_000_000_000;
@@ -122,11 +122,11 @@ fn percentiles(times: &[u64]) -> (f64, f64) {
 }
 
 fn main() {
-    for method in ["tc", "consistent"] {
+    for method in ["tc", "sway_current"] {
         let options = Options::default();
         let aiding = Method::named(method).unwrap().aiding;
         let start = NavState::at_rest(0);
-        let mut unchecked = NavigatorSet::new(start, &janus(), aiding, &Model::table_2(), &options).unwrap();
+        let mut unchecked = Navigator::new(start, janus(), aiding, &Model::table_2(), &options).unwrap();
         let mut alone = Vec::new();
         let mut flights = [
             Flight::new("horizon 0, in order", method, 0, 0),

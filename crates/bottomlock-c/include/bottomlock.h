@@ -242,16 +242,7 @@ typedef struct {
     uint8_t has_beam_weight;
     // Weight of each beam with outlier detection: 0 for a rejected beam, NaN for a lost one.
     double beam_weight[BL_MAX_BEAMS];
-    // Method that the consistent selector took, NULL otherwise, with its reason: "no_gain", "smallest_variance" or
-    // "beams_contradict".
-    const char *selected_method;
-    // The reason, NULL otherwise.
-    const char *selection_reason;
-    // Statistic of the selection, and its threshold.
-    double selection_statistic;
-    // The threshold.
-    double selection_threshold;
-    // Methods that surge, sway and heave come from, by the codes of `bl_velocity`; 0 for none.
+    // Methods that surge, sway and heave come from with the selector of the paper, by the codes of `bl_velocity`; 0 for none.
     uint8_t component_source[3];
     // Why an inertial reading was rejected; empty otherwise.
     char reason[BL_MAX_REASON];
@@ -379,8 +370,8 @@ bl_navigator *bl_navigator_from_json(const char *json);
 
 // A navigator at an initial state.
 //
-// `options` NULL are the default ones. `method` is an aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info,
-// weak_sway, sway_current or consistent; NULL is "tc", which assumes nothing of the vehicle. `horizon_ns` is how late a reading
+// `options` NULL are the default ones. `method` is an aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, info, weak_sway or
+// sway_current; NULL is "sway_current", for a slender vehicle unless the options say otherwise. `horizon_ns` is how late a reading
 // may be behind the last good inertial reading, 0 (none) to 10 s; negative for the default of 2 s. The objects may be freed
 // afterwards. NULL for an error.
 bl_navigator *bl_navigator_new(const bl_geometry *geometry,

@@ -48,6 +48,9 @@ template <class T> T *check(T *made) {
     return made;
 }
 
+/// NULL, which stands for the default, for an empty text.
+inline const char *given(const std::string &text) { return text.empty() ? nullptr : text.c_str(); }
+
 inline void require(std::size_t got, std::size_t expected, const char *what) {
     if (got != expected) {
         throw Error(BL_STATUS_INVALID_VALUE, std::string(what) + ": got " + std::to_string(got) + " numbers, expected " +
@@ -207,13 +210,13 @@ class Navigator {
 public:
     /// From one object of JSON with "geometry", "model", "options", "start", "method" and "horizon_ns".
     explicit Navigator(const std::string &json) : Navigator(bl_navigator_from_json(json.c_str())) {}
-    /// `options` may be left out: Navigator(geometry, model, state, "sway_current").
-    Navigator(const Geometry &geometry, const Model &model, const State &initial, const std::string &method = "tc",
+    /// `options` may be left out: Navigator(geometry, model, state, "tc"). Without `method` it is the recommended one.
+    Navigator(const Geometry &geometry, const Model &model, const State &initial, const std::string &method = {},
               std::int64_t horizon_ns = BL_DEFAULT_HORIZON_NS)
-        : Navigator(bl_navigator_new(geometry.get(), model.get(), nullptr, method.c_str(), &initial, horizon_ns)) {}
+        : Navigator(bl_navigator_new(geometry.get(), model.get(), nullptr, detail::given(method), &initial, horizon_ns)) {}
     Navigator(const Geometry &geometry, const Model &model, const Options &options, const State &initial,
-              const std::string &method = "tc", std::int64_t horizon_ns = BL_DEFAULT_HORIZON_NS)
-        : Navigator(bl_navigator_new(geometry.get(), model.get(), options.get(), method.c_str(), &initial, horizon_ns)) {}
+              const std::string &method = {}, std::int64_t horizon_ns = BL_DEFAULT_HORIZON_NS)
+        : Navigator(bl_navigator_new(geometry.get(), model.get(), options.get(), detail::given(method), &initial, horizon_ns)) {}
     static Navigator load(View<std::uint8_t> bytes) { return Navigator(bl_navigator_load(bytes.data(), bytes.size())); }
     static std::vector<std::string> methods() { return detail::names(bl_method_name); }
 

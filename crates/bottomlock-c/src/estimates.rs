@@ -18,7 +18,7 @@ unsafe fn estimate<T>(
     let missing = || Failure::new(Status::NotAvailable, format!("{what} is not estimated: {remedy}"));
     // SAFETY: as the header asks.
     let held = unsafe { at("navigator", navigator)? }.locked()?;
-    of(held.live.navigators().selected()).ok_or_else(missing)
+    of(held.live.navigator()).ok_or_else(missing)
 }
 
 /// The motion through the water after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
@@ -67,7 +67,7 @@ pub unsafe extern "C" fn bl_navigator_layers(
 ) -> Status {
     call!(status, {
         let held = at("navigator", navigator)?.locked()?;
-        let found = held.live.navigators().selected().layer_estimates();
+        let found = held.live.navigator().layer_estimates();
         put_all(("layers", layers, capacity), ("count", count), &found)
     })
 }

@@ -51,7 +51,11 @@ pub(crate) fn hint(name: &str, known: &[&str]) -> String {
 
 /// The failure of an unknown method, with those words.
 pub(crate) fn unknown(error: &NavError, name: &str, known: &[&str]) -> Failure {
-    Failure::new(Status::UnknownName, format!("{error} ({})", hint(name, known))).about("method")
+    let words = match error {
+        NavError::Replaced { .. } => error.to_string(),
+        _ => format!("{error} ({})", hint(name, known)),
+    };
+    Failure::new(Status::UnknownName, words).about("method")
 }
 
 /// The entry of a name.

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard};
 
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::layout::DIM;
-use bottomlock::navigator::{LiveNavigator, METHODS, Method, Notice, Snapshot};
+use bottomlock::navigator::{LiveNavigator, METHODS, Method, Notice, RECOMMENDED_METHOD, Snapshot};
 use bottomlock::plain_state::PlainState;
 use bottomlock::settings::read;
 use bottomlock::state::{Covariance, NavState};
@@ -22,9 +22,6 @@ use crate::settings::{Settings, parsed};
 
 /// How late a reading may be where `horizon_ns` is negative, ns: 2 s.
 pub const DEFAULT_HORIZON_NS: i64 = 2_000_000_000;
-
-/// The method where none is named.
-const METHOD: &str = "tc";
 
 /// Number of error states: position (tangent), misalignment (tangent), velocity (platform), accelerometer bias, gyro bias, bias
 /// of four beams, scale factor of the DVL.
@@ -65,7 +62,7 @@ impl Navigator {
 
     fn of(snapshot: Snapshot) -> Self {
         Self {
-            beams: snapshot.live.navigators().selected().geometry().beams(),
+            beams: snapshot.live.navigator().geometry().beams(),
             sensors: snapshot.sensors,
             held: Mutex::new(Held {
                 live: snapshot.live,
@@ -110,7 +107,7 @@ impl Given {
         let model = Model::given(self.model.get())?;
         let options = Options::from_json(self.options.as_deref().map_or("{}", RawValue::get))?;
         let start = PlainState::from_json(self.start.as_deref().map_or("{}", RawValue::get))?;
-        let method = self.method.as_deref().unwrap_or(METHOD);
+        let method = self.method.as_deref().unwrap_or(RECOMMENDED_METHOD);
         let horizon_ns = self.horizon_ns.unwrap_or(DEFAULT_HORIZON_NS);
         Navigator::new(&geometry, &model, &options, method, start.state("start")?, horizon_ns)
     }
@@ -133,8 +130,8 @@ pub unsafe extern "C" fn bl_navigator_from_json(json: *const c_char) -> Option<B
 
 /// A navigator at an initial state.
 ///
-/// `options` NULL are the default ones. `method` is an aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info,
-/// weak_sway, sway_current or consistent; NULL is "tc", which assumes nothing of the vehicle. `horizon_ns` is how late a reading
+/// `options` NULL are the default ones. `method` is an aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, info, weak_sway or
+/// sway_current; NULL is "sway_current", for a slender vehicle unless the options say otherwise. `horizon_ns` is how late a reading
 /// may be behind the last good inertial reading, 0 (none) to 10 s; negative for the default of 2 s. The objects may be freed
 /// afterwards. NULL for an error.
 #[unsafe(no_mangle)]
@@ -154,7 +151,7 @@ pub unsafe extern "C" fn bl_navigator_new(
             at("initial", initial)?.state("initial")?,
         );
         let name = if method.is_null() {
-            METHOD
+            RECOMMENDED_METHOD
         } else {
             text("method", method)?
         };
@@ -189,7 +186,7 @@ pub unsafe extern "C" fn bl_navigator_set_covariance(navigator: *mut Navigator, 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_state(navigator: *const Navigator, state: *mut PlainState) -> Status {
     call!(status, {
-        let now = at("navigator", navigator)?.locked()?.live.navigators().state();
+        let now = at("navigator", navigator)?.locked()?.live.navigator().state();
         put("state", state, PlainState::from(&now))
     })
 }
@@ -198,7 +195,7 @@ pub unsafe extern "C" fn bl_navigator_state(navigator: *const Navigator, state: 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_navigator_covariance(navigator: *const Navigator, covariance: *mut f64) -> Status {
     call!(status, {
-        let now = at("navigator", navigator)?.locked()?.live.navigators().covariance();
+        let now = at("navigator", navigator)?.locked()?.live.navigator().covariance();
         put("covariance", covariance.cast(), now.data.0)
     })
 }

@@ -1,13 +1,12 @@
 //! Reports of the last push: innovation, its covariance, NIS, verdict.
 
 use std::ffi::c_char;
-use std::ptr;
 
 use bottomlock::aiding::MAX_ROWS;
 use bottomlock::dvl::fix_row::source_code;
 use bottomlock::dvl::geometry::MAX_BEAMS;
-use bottomlock::filter::report::{Choice, SelectionReason, Verdict as Outcomes};
-use bottomlock::navigator::{Notice, SELECTOR_METHODS, Standing};
+use bottomlock::filter::report::Verdict as Outcomes;
+use bottomlock::navigator::{Notice, Standing};
 
 use crate::calls::{Failure, Status, call};
 use crate::names::c_name;
@@ -74,16 +73,7 @@ pub struct Report {
     pub has_beam_weight: u8,
     /// Weight of each beam with outlier detection: 0 for a rejected beam, NaN for a lost one.
     pub beam_weight: [f64; BEAMS],
-    /// Method that the consistent selector took, NULL otherwise, with its reason: "no_gain", "smallest_variance" or
-    /// "beams_contradict".
-    pub selected_method: *const c_char,
-    /// The reason, NULL otherwise.
-    pub selection_reason: *const c_char,
-    /// Statistic of the selection, and its threshold.
-    pub selection_statistic: f64,
-    /// The threshold.
-    pub selection_threshold: f64,
-    /// Methods that surge, sway and heave come from, by the codes of `bl_velocity`; 0 for none.
+    /// Methods that surge, sway and heave come from with the selector of the paper, by the codes of `bl_velocity`; 0 for none.
     pub component_source: [u8; 3],
     /// Why an inertial reading was rejected; empty otherwise.
     pub reason: [c_char; REASON],
@@ -121,37 +111,11 @@ impl Report {
             charged_to_sensor: update.charged_to_sensor,
             has_beam_weight: u8::from(update.beam_weight.is_some()),
             beam_weight: update.beam_weight.unwrap_or([0.0; BEAMS]),
-            selected_method: ptr::null(),
-            selection_reason: ptr::null(),
-            selection_statistic: 0.0,
-            selection_threshold: 0.0,
-            component_source: [0; 3],
+            component_source: update.choice.unwrap_or_default().map(source_code),
             reason,
         };
         for (i, row) in report.covariance[..rows].iter_mut().enumerate() {
             row[..rows].copy_from_slice(&update.covariance.row(i).transpose().as_slice()[..rows]);
-        }
-        match update.choice {
-            None => {}
-            Some(Choice::Components(sources)) => {
-                report.component_source = sources.map(source_code);
-            }
-            Some(Choice::Method {
-                method,
-                reason,
-                statistic,
-                threshold,
-            }) => {
-                let reason = match reason {
-                    SelectionReason::NoGain => "no_gain",
-                    SelectionReason::SmallestVariance => "smallest_variance",
-                    SelectionReason::BeamsContradict => "beams_contradict",
-                };
-                report.selected_method = c_name(SELECTOR_METHODS[method].0);
-                report.selection_reason = c_name(reason);
-                report.selection_statistic = statistic;
-                report.selection_threshold = threshold;
-            }
         }
         report
     }

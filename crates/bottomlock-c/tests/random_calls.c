@@ -66,7 +66,7 @@ static const double *quaternion(void) {
 }
 static const char *word(const char *(*names)(size_t)) {
     static const char *odd[] = {"", "\xff\xfe", "gaate", "x", "+", "joint", "off", "averaged", "inflate", "huber", "ellipsoid", "tc",
-                                "sway_current", "consistent", "least_squares", "selector", "virtual_beam", "information", "table_2"};
+                                "sway_current", "weak_sway", "least_squares", "selector", "virtual_beam", "information", "table_2"};
     if (one_in(40)) return NULL;
     if (names != NULL && !one_in(5)) {
         size_t count = 0;

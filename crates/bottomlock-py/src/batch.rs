@@ -129,8 +129,8 @@ fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measureme
 /// - nis_mean (NaN without fixes), fixes_accepted, fixes_rejected, fixes_beyond_linear_range (runs, methods);
 /// - final_bias_error, final_bias_sd (runs, methods, 6): accelerometer biases (platform, m/s²) and gyro biases
 ///   (platform, rad/s) at the last sample, NaN without samples;
-/// - choice (runs, methods, pings, 3): for methods that select, the codes of `SOURCES` for surge, sway and heave, or
-///   the codes of `SELECTOR_METHODS` and `SELECTION_REASONS`; 255 elsewhere.
+/// - choice (runs, methods, pings, 3): for the selector of the paper, the codes of `SOURCES` for surge, sway and heave; 255
+///   elsewhere.
 ///
 /// The GIL is released meanwhile; the arrays of the truth must not be written to. A signal (Ctrl-C) ends the batch within
 /// some tenths of a second, and so does `stop`, a `threading.Event` that another thread sets. Raises KernelError, which names

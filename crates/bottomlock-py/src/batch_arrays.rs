@@ -16,12 +16,9 @@ use crate::prelude::*;
 /// Code for a method that does not select.
 pub const NO_CHOICE: u8 = u8::MAX;
 
-/// Codes of a selection: the sources of surge, sway and heave, or the selected method, the reason, and [`NO_CHOICE`].
+/// Codes of a selection: the sources of surge, sway and heave.
 pub fn choice_code(choice: &Choice) -> [u8; 3] {
-    match choice {
-        Choice::Components(sources) => sources.map(source_code),
-        Choice::Method { method, reason, .. } => [*method as u8, *reason as u8, NO_CHOICE],
-    }
+    choice.map(source_code)
 }
 
 /// Number of recorded error states: position, misalignment and velocity.

@@ -52,7 +52,9 @@ mod _kernel {
     };
 
     use bottomlock::aiding::registry::reports;
-    use bottomlock::navigator::{METHODS, SELECTOR_METHODS};
+    use bottomlock::navigator::{METHODS, RECOMMENDED_METHOD, REPLACED_METHODS};
+    use std::collections::BTreeMap;
+
     use pyo3::types::PyTuple;
 
     use super::*;
@@ -64,8 +66,9 @@ mod _kernel {
         module.add("STATES", bottomlock::layout::DIM)?;
         module.add("INERTIAL_STATES", bottomlock::layout::DVL_BIAS)?;
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
+        module.add("RECOMMENDED_METHOD", RECOMMENDED_METHOD)?;
+        module.add("REPLACED_METHODS", BTreeMap::from(REPLACED_METHODS))?;
         let add = |key: &str, names: Vec<&str>| module.add(key, PyTuple::new(module.py(), names)?);
-        add("SELECTOR_METHODS", SELECTOR_METHODS.map(|(name, _)| name).to_vec())?;
         add("FIX_STATUS", bottomlock::replay::FIX_STATUS.to_vec())?;
         add("SENSORS", reports().map(|(_, report)| report.sensor.name()).collect())?;
         add("METHODS", METHODS.iter().map(|method| method.name).collect())

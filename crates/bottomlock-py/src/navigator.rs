@@ -10,7 +10,7 @@ use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES,
     ThrustSample, VelocitySample, WaterSample,
 };
-use bottomlock::navigator::{LiveNavigator, Navigator as Filters, Snapshot};
+use bottomlock::navigator::{LiveNavigator, Navigator as Filters, RECOMMENDED_METHOD, Snapshot};
 use nalgebra::Matrix3;
 use numpy::PyArrayDyn;
 use pyo3::types::{PyBytes, PyType};
@@ -48,9 +48,8 @@ type Estimate<'py> = PyResult<Option<Bound<'py, PyDict>>>;
 ///     model: environment and sensor errors in SI (`Scenario.kernel_model`).
 ///     options: filter options (`Scenario.kernel_options`).
 ///     initial: time_ns, position_t_m, attitude_t_p (scalar first), velocity_p_mps; biases and scale factor are optional.
-///     method: aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway,
-///         sway_current or consistent. The default, tc, assumes nothing of the vehicle; sway_current is
-///         recommended for a slender one.
+///     method: aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, info, weak_sway or sway_current. The default is
+///         `RECOMMENDED_METHOD`, sway_current, for a slender vehicle unless the options say otherwise; tc assumes nothing of it.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
 ///     horizon_ns: how late a measurement may be, behind the last good inertial reading: 0 (none) to 10 s; 2 s by default.
 ///
@@ -79,7 +78,7 @@ impl Navigator {
     #[new]
     #[pyo3(
         signature = (geometry, model, options, initial, *, method=None, covariance=None, horizon_ns=None),
-        text_signature = "(geometry, model, options, initial, *, method='tc', covariance=None, horizon_ns=None)"
+        text_signature = "(geometry, model, options, initial, *, method=None, covariance=None, horizon_ns=None)"
     )]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -95,7 +94,7 @@ impl Navigator {
         let horizon_ns = lock::horizon(horizon_ns)?;
         let geometry = crate::dvl::geometry(geometry)?;
         let aiding = match method {
-            None => settings::method("tc")?.aiding,
+            None => settings::method(RECOMMENDED_METHOD)?.aiding,
             Some(method) => {
                 let named = py.import("bottomlock.own_method")?.call_method1("name_of", (method,))?;
                 settings::method(&named.extract::<String>()?)?.aiding
@@ -123,7 +122,7 @@ impl Navigator {
     ///     latitude_deg: of the place, deg.
     ///     heading_deg: of the platform at the start, deg; None where a section `attitude` gives it.
     ///     heading_sd_deg: its 1 sigma, deg; None is 2.
-    ///     method: of aiding: its name, or a class of one's own.
+    ///     method: of aiding: its name, or a class of one's own; None is `RECOMMENDED_METHOD`.
     ///     sections: keys of further sections of a live configuration, such as depth={"sd_m": 0.1}. `depth` has its defaults where
     ///         it is left out; None takes a section away.
     ///
@@ -135,7 +134,7 @@ impl Navigator {
     #[staticmethod]
     #[pyo3(
         signature = (**given),
-        text_signature = "(*, dvl, imu, latitude_deg, heading_deg=None, heading_sd_deg=None, method='tc', **sections)"
+        text_signature = "(*, dvl, imu, latitude_deg, heading_deg=None, heading_sd_deg=None, method=None, **sections)"
     )]
     fn start<'py>(py: Python<'py>, given: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         py.import("bottomlock.live.started")?.getattr("start")?.call((), given)
@@ -337,16 +336,16 @@ impl Navigator {
 
     /// The estimate at the time of the last IMU sample.
     fn state<'py>(&self, py: Python<'py>) -> Dict<'py> {
-        state_dict(py, &self.with(py, |inner| inner.navigators().state())?)
+        state_dict(py, &self.with(py, |inner| inner.navigator().state())?)
     }
 
     /// The (20, 20) covariance at that time; the call changes nothing.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        entries(py, &[], [self.with(py, |inner| inner.navigators().covariance())?])
+        entries(py, &[], [self.with(py, |inner| inner.navigator().covariance())?])
     }
 
     /// Estimate of the motion through the water after the last update, by every method with `options.water_track` or `thrust`, else by
-    /// "sway_current", and by "consistent" where that is the filter it has selected; None elsewhere.
+    /// "sway_current"; None elsewhere.
     ///
     /// current_t_mps (2,), north and east at the vehicle's depth, with its covariance current_covariance (2, 2), in which the
     /// heading's error is; sway gain and trim; slips with their estimated standard deviations and time constants; the number of

@@ -31,7 +31,7 @@ pub(super) fn horizon(value: Option<Argument>) -> PyResult<i64> {
 impl Navigator {
     pub(super) fn of(snapshot: Snapshot) -> Self {
         Self {
-            beams: snapshot.live.navigators().selected().geometry().beams(),
+            beams: snapshot.live.navigator().geometry().beams(),
             inner: Shared::new(snapshot.live, BROKEN),
             sensors: snapshot.sensors,
         }
@@ -81,7 +81,7 @@ impl Navigator {
         of: impl FnOnce(&Filters) -> Option<T> + Send,
         fill: impl FnOnce(&Bound<'py, PyDict>, T) -> PyResult<()>,
     ) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(estimated) = self.with(py, |inner| of(inner.navigators().selected()))? else {
+        let Some(estimated) = self.with(py, |inner| of(inner.navigator()))? else {
             return Ok(None);
         };
         let out = PyDict::new(py);

@@ -133,7 +133,7 @@ fn numbers(keys: &Keys<'_>, key: &str, count: usize, width: usize) -> PyResult<V
 ///     start: the state at the start (`InitialState`).
 ///     sample_time_ns: (T,) int64, rising; the state at the first inertial reading at or after each is recorded.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
-///     smooth: also smooth every method over the whole log (fixed interval); an error with "consistent", which has no smoother.
+///     smooth: also smooth every method over the whole log (fixed interval).
 ///     covariances: also return the (20, 20) covariance of each sample.
 ///     innovations: also return the innovations of all measurements.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.

@@ -1,8 +1,8 @@
 //! What a push tells, as Python sees it.
 
 use bottomlock::dvl::fix_row::source_code;
-use bottomlock::filter::report::{Choice, SelectionReason, Verdict};
-use bottomlock::navigator::{Notice, SELECTOR_METHODS, Standing};
+use bottomlock::filter::report::{Choice, Verdict};
+use bottomlock::navigator::{Notice, Standing};
 
 use crate::prelude::*;
 use crate::results::entries;
@@ -20,7 +20,7 @@ use crate::results::entries;
 /// `beyond_linear_range`: whether the correction is larger than linearisation allows.
 /// `rejected_rows` (m,): rows of a measurement accepted in part that were not used.
 /// `beam_weight` (beams,): weights of a robust update; None without one.
-/// `choice`: of a selector: sources of surge, sway and heave, or the method with its reason; None without one.
+/// `choice`: of the selector of the paper: sources of surge, sway and heave; None without one.
 #[pyclass(module = "bottomlock", frozen, get_all)]
 pub struct Report {
     sensor: &'static str,
@@ -99,31 +99,11 @@ impl Report {
     }
 }
 
-/// The dict of a selection: source codes of surge, sway and heave, or the selected method with its reason.
+/// The dict of a selection: source codes of surge, sway and heave.
 fn choice_dict<'py>(py: Python<'py>, choice: &Choice) -> Dict<'py> {
     let out = PyDict::new(py);
-    match choice {
-        Choice::Components(sources) => {
-            for (axis, source) in ["surge", "sway", "heave"].into_iter().zip(sources) {
-                out.set_item(axis, source_code(*source))?;
-            }
-        }
-        Choice::Method {
-            method,
-            reason,
-            statistic,
-            threshold,
-        } => {
-            let reason = match reason {
-                SelectionReason::NoGain => "no_gain",
-                SelectionReason::SmallestVariance => "smallest_variance",
-                SelectionReason::BeamsContradict => "beams_contradict",
-            };
-            out.set_item("method", SELECTOR_METHODS[*method].0)?;
-            out.set_item("reason", reason)?;
-            out.set_item("statistic", *statistic)?;
-            out.set_item("threshold", *threshold)?;
-        }
+    for (axis, source) in ["surge", "sway", "heave"].into_iter().zip(choice) {
+        out.set_item(axis, source_code(*source))?;
     }
     Ok(out)
 }

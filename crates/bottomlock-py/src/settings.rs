@@ -2,6 +2,7 @@
 
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::earth::{EarthModel, Environment};
+use bottomlock::error::NavError;
 use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent};
 use bottomlock::mechanisation::Sampling;
@@ -19,6 +20,9 @@ use crate::state;
 /// The aiding method of a short name; the error names the nearest one.
 pub fn method(name: &str) -> PyResult<Method> {
     Method::named(name).map_err(|error| {
+        if let NavError::Replaced { .. } = error {
+            return raise(error);
+        }
         let known: Vec<_> = METHODS.iter().map(|method| method.name).collect();
         let hint = nearest(name, &known).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
         invalid(format!("{error}{hint}"))

@@ -63,6 +63,7 @@ pub fn solve_velocity<'py>(
         virtual_beam_factor,
         nullified_sway_var_m2ps2,
         weak_sway_var_m2ps2,
+        ..Assumptions::default()
     };
     let solve_row = |row: usize| {
         let context = PingContext {

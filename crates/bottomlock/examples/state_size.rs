@@ -7,7 +7,6 @@ use bottomlock::filter::Eskf;
 use bottomlock::filter::options::Options;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::navigator::Navigator;
-use bottomlock::navigator::NavigatorSet;
 use bottomlock::simulation::monte_carlo_run::MonteCarloRun;
 use bottomlock::state::NavState;
 
@@ -19,7 +18,6 @@ fn main() {
         ("  of it state", size_of::<NavState>()),
         ("  of it options", size_of::<Options>()),
         ("navigator around it", size_of::<Navigator>() - size_of::<Eskf>()),
-        ("method's handle", size_of::<NavigatorSet>()),
         (
             "a run's sensors and handles, without the methods",
             size_of::<MonteCarloRun>(),

@@ -14,14 +14,14 @@
 //! use bottomlock::mechanisation::ImuSample;
 //! use bottomlock::model::Model;
 //! use bottomlock::navigator::events::Event;
-//! use bottomlock::navigator::{Method, NavigatorSet};
+//! use bottomlock::navigator::{Method, Navigator};
 //! use bottomlock::state::NavState;
 //!
 //! # fn main() -> Result<(), NavError> {
 //! let geometry = BeamGeometry::janus(Janus::X, 20_f64.to_radians())?;
 //! let (model, method) = (Model::table_2(), Method::named("sway_current")?);
 //! let start = NavState { velocity_p_mps: Vec3::new(2.0, 0.0, 0.0), ..NavState::at_rest(0) };
-//! let mut navigator = NavigatorSet::new(start, &geometry, method.aiding, &model, &Options::default())?;
+//! let mut navigator = Navigator::new(start, geometry.clone(), method.aiding, &model, &Options::default())?;
 //!
 //! let mut ping = BeamSample {
 //!     time_ns: 0,

@@ -18,7 +18,7 @@ from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.config.scenario import Scenario
 from bottomlock.dead_reckoning.sensors import Sensors, reckon
-from bottomlock.kernel import NO_CHOICE, SELECTION_REASONS, SELECTOR_METHODS, SOURCES
+from bottomlock.kernel import NO_CHOICE, SOURCES
 from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.streams import Attitudes, Depths
@@ -33,22 +33,15 @@ _AXES = ("surge", "sway", "heave")
 def choice_counts(
     choice: NDArray[np.uint8], *, trajectory: str, methods: Sequence[str], dvl_time_ns: NDArray[np.int64]
 ) -> pl.DataFrame:
-    """Counts of a batch's choices (runs, methods, pings, 3), `tables.campaign.CHOICES`.
-
-    The selector of the paper has a source for each component, the consistent selector a filter and a reason.
-    """
+    """Counts of a batch's choices (runs, methods, pings, 3), `tables.campaign.CHOICES`."""
     times, counts = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     keys: list[tuple[str, str, str]] = []
     for number, method in enumerate(methods):
         codes = choice[:, number]
         if not codes.size or (codes[..., 0] == NO_CHOICE).all():
             continue
-        words = (
-            (SELECTOR_METHODS, SELECTION_REASONS) if (codes[..., 2] == NO_CHOICE).all() else (SOURCES,) * 3
-        )
-        names = ("filter", "reason") if len(words) == 2 else _AXES
-        for k, (name, known) in enumerate(zip(names, words, strict=True)):
-            for code, source in enumerate(known):
+        for k, name in enumerate(_AXES):
+            for code, source in enumerate(SOURCES):
                 count = (codes[..., k] == code).sum(axis=0)
                 seen = np.flatnonzero(count)
                 times.append(dvl_time_ns[seen])

@@ -28,7 +28,7 @@ class Results(CampaignResults):
         runs: a row per trajectory, run and method: errors over time and at the end, NEES, NIS, counts of fixes.
         ensemble: a row per trajectory, method and second: RMS over runs with intervals.
         consistency: mean NEES with its band.
-        choices: what the selectors chose at each ping.
+        choices: what `elc` chose at each ping.
         paths: the true paths.
         folder: where all of it is; None for a campaign in memory.
         samples_in_memory: `samples`; None for a campaign in a folder.

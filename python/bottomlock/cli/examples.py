@@ -5,7 +5,7 @@ NAME = "bottomlock"
 EXAMPLES = {
     "run": (
         "run straight -o out/first",
-        "run straight lawn_mower -o out/pair -n 500 -m tc,nsv,consistent",
+        "run straight lawn_mower -o out/pair -n 500 -m tc,nsv,sway_current",
         "run straight -o out/gyros --set imu.gyro_bias_deg_per_h=0.01,3,50",
     ),
     "fly": ("fly straight -o out/path",),

@@ -23,7 +23,7 @@ from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, Configuration, models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
-from bottomlock.own_method import known_names
+from bottomlock.own_method import known_names, not_replaced
 from bottomlock.support.nearest import did_you_mean
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -341,7 +341,7 @@ class Initial(Section):
 
 
 class Water(models.Water):
-    """Prior of the methods sway_current and consistent for the motion through the water, 1 sigma.
+    """Prior of the method sway_current for the motion through the water, 1 sigma.
 
     The defaults are of a torpedo of 3 m at 2 m/s; docs/methods/sway_current.md says where each number comes from.
     """
@@ -431,7 +431,7 @@ def check_methods(methods: Iterable[str]) -> None:
     """
     seen: set[str] = set()
     for method in methods:
-        if method not in known_names():
+        if not_replaced(method) not in known_names():
             hint = did_you_mean(method, known_names())
             raise ValueError(
                 f"unknown method '{method}'{hint} (known: {', '.join(known_names())}; your own: MODULE:CLASS)"

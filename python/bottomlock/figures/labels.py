@@ -108,8 +108,8 @@ def wrapped(methods: Sequence[str], width: int = 14) -> str:
 
     >>> wrapped(["tc", "info"])
     'tc = info'
-    >>> wrapped(["tc", "vb_exact", "info", "consistent"])
-    'tc = vb_exact\n= info\n= consistent'
+    >>> wrapped(["tc", "weak_sway", "info", "sway_current"])
+    'tc = weak_sway\n= info\n= sway_current'
     """
     rows = [methods[0]]
     for method in methods[1:]:

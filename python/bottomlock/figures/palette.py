@@ -80,12 +80,6 @@ STROKES = {
         "D",
         "for each component the least variance of vb, nsv, plcf and vhv",
     ),
-    "vb_exact": Stroke(
-        "#f218b2",
-        _dashes(3, 3),
-        "+",
-        "vb with its correlation to the filter kept",
-    ),
     "info": Stroke(
         "#498fe5",
         _dashes(1, 2.6),
@@ -103,12 +97,6 @@ STROKES = {
         _dashes(12, 1.6),
         "*",
         "tc, then sway and heave through the water, with the current as states",
-    ),
-    "consistent": Stroke(
-        "#f56803",
-        _dashes(7, 1.6, 3, 1.6, 3, 1.6),
-        "X",
-        "the most informative of tc, weak_sway and sway_current that the beams do not contradict",
     ),
     "dead_reckoning": Stroke(
         "#989544",

@@ -21,7 +21,7 @@ def shares_table(choices: pl.DataFrame, trajectory: str) -> pl.DataFrame:
         trajectory: one of its trajectories.
     """
     strip = ["method", "component"]
-    rows = choices.filter((pl.col("trajectory") == trajectory) & (pl.col("component") != "reason"))
+    rows = choices.filter(pl.col("trajectory") == trajectory)
     sources = (
         rows.group_by(*strip, "source")
         .agg(pl.col("runs_chosen").sum().alias("all"))

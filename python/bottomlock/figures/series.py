@@ -186,7 +186,7 @@ def scattered_rows(time_ns: Times, value: Floats, parts: int) -> Rows:
 
 
 BEAM_COLOURS = tuple(
-    STROKES[method].colour for method in ("tc", "consistent", "nsv", "elc", "ins", "weak_sway", "vhv", "plcf")
+    STROKES[method].colour for method in ("tc", "info", "nsv", "elc", "ins", "weak_sway", "vhv", "plcf")
 )
 
 

@@ -37,7 +37,8 @@ from bottomlock._kernel import (
     FIX_STATUS,
     INERTIAL_STATES,
     METHODS,
-    SELECTOR_METHODS,
+    RECOMMENDED_METHOD,
+    REPLACED_METHODS,
     SENSORS,
     STATES,
     BeamGeometry,
@@ -80,8 +81,8 @@ __all__ = [
     "FIX_STATUS",
     "INERTIAL_STATES",
     "METHODS",
-    "SELECTION_REASONS",
-    "SELECTOR_METHODS",
+    "RECOMMENDED_METHOD",
+    "REPLACED_METHODS",
     "SENSORS",
     "SOURCES",
     "STATES",
@@ -115,9 +116,7 @@ __all__ = [
     "solve_velocity",
 ]
 
-Method = Literal[
-    "ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"
-]  # fmt: skip
+Method = Literal["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "info", "weak_sway", "sway_current"]
 """Name of an aiding method, one of `METHODS`."""
 
 OwnName = NewType("OwnName", str)
@@ -160,10 +159,6 @@ COMPONENT_STATUS: tuple[str, ...] = (
 
 SOURCES = ("none", "lc", "vb", "nsv", "plcf", "vhv", "info", "weak_sway")
 """Which method a component comes from, by the kernel's code."""
-
-
-SELECTION_REASONS = ("no_gain", "smallest_variance", "beams_contradict")
-"""Why the consistent selector selected its filter, indexed by the kernel's code."""
 
 NO_CHOICE = 255
 """The kernel's code where a method does not choose."""
@@ -239,7 +234,7 @@ def fix_method(name: str) -> FixMethod:
     for short, long in FIX_METHODS.items():
         if name in (short, long):
             return long
-    if name in METHODS:
+    if name in METHODS or name in REPLACED_METHODS:
         raise KernelError(
             f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator)",
             hint=f"of single pings there are {', '.join(FIX_METHODS)}",

@@ -453,6 +453,8 @@ class AssumptionKeys(BaseModel):
     model_config: ClassVar[ConfigDict] = ConfigDict(use_attribute_docstrings=True)
     virtual_beam_factor: Annotated[Positive, _ONE] = 1.0
     """n_f of Eq. 28: inflation of a virtual beam (vb)"""
+    exact_virtual_beams: bool = False
+    """keep the correlation of a virtual beam with the filter (vb): then identical to tc, and the factor is 1"""
     nullified_sway_var_m2ps2: Positive = 1e-3
     """ε of Eq. 36: variance of the sway that is taken for zero (nsv)"""
     weak_sway_var_m2ps2: Positive = 2.0

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
@@ -14,9 +14,10 @@ from bottomlock.config.scenario_sections import Imu, ImuLimits, Section, Vector
 from bottomlock.config.thrust import ThrustErrors
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.formats import LIVE
-from bottomlock.kernel import Method
+from bottomlock.kernel import RECOMMENDED_METHOD, Method
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.live.address import SinkAddress, SourceAddress
+from bottomlock.own_method import not_replaced
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
 from bottomlock.recordings.sensors import INSTRUMENTS
 
@@ -223,7 +224,7 @@ class NavigationSection(Section):
     second, and one after each ping.
     """
 
-    method: Method = "tc"
+    method: Annotated[Method, BeforeValidator(not_replaced)] = RECOMMENDED_METHOD
     """aiding method"""
     horizon_s: Annotated[float, Field(gt=0, le=10)] = 2.0
     """how late a measurement may be and still be put in its place"""

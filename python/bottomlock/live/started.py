@@ -15,14 +15,14 @@ from bottomlock.config.scenario_sections import ImuErrors
 from bottomlock.config.validation import refusal
 from bottomlock.errors import KernelError, ScenarioError
 from bottomlock.io.beams import Instrument
-from bottomlock.kernel import METHODS, Navigator, Report
+from bottomlock.kernel import METHODS, RECOMMENDED_METHOD, Navigator, Report
 from bottomlock.kernel.models import ImuModel
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.readings import ROUNDING
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude
 from bottomlock.live.states import Reasons
-from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of
+from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of, not_replaced
 from bottomlock.recordings.readings import (
     AttitudeReading,
     DepthReading,
@@ -275,7 +275,7 @@ def start(
     latitude_deg: float,
     heading_deg: float | None = None,
     heading_sd_deg: float | None = None,
-    method: AnyMethod = "tc",
+    method: AnyMethod | None = None,
     **sections: Mapping[str, Any] | None,
 ) -> StartedNavigator:
     """A navigator that begins by itself: `Navigator.start`, whose docstring has the arguments.
@@ -285,7 +285,7 @@ def start(
             that nobody gives.
     """
     _each_is_given_once(heading_deg, heading_sd_deg, sections)
-    name = _method(method)
+    name = RECOMMENDED_METHOD if method is None else _method(method)
     beginning: dict[str, Any] = {}
     if heading_deg is not None:
         beginning = {"heading_deg": heading_deg, "heading_sd_deg": HEADING_SD_DEG}
@@ -298,7 +298,10 @@ def start(
         "imu": _imu(imu),
         "origin": {"latitude_deg": latitude_deg, **(sections.get("origin") or {})},
         "start": {**beginning, **(sections.get("start") or {})},
-        "navigation": {"method": name if name in METHODS else "tc", **(sections.get("navigation") or {})},
+        "navigation": {
+            "method": name if name in METHODS else RECOMMENDED_METHOD,
+            **(sections.get("navigation") or {}),
+        },
     }
     try:
         config = NavigatorConfig.model_validate(
@@ -347,7 +350,7 @@ def _each_is_given_once(
 def _method(method: AnyMethod) -> str:
     """Name of a method; one's own is registered."""
     try:
-        name = name_of(method)
+        name = not_replaced(name_of(method))
     except KernelError as error:
         raise ScenarioError(error, place=PLACE) from error
     names = [one for one in known_names() if one != DEAD_RECKONING]

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.support.nearest import did_you_mean
 
 Mode = Literal["velocity", "navigation"]
@@ -129,7 +130,7 @@ AUTOPILOTS = {
     ),
 }
 
-_NAVIGATION = """
+_NAVIGATION = f"""
 # What the inertial filter needs (docs/live.md). The errors are those of the IMU's data sheet, 1 sigma.
 [origin]
 latitude_deg = 0.0   # where you are
@@ -157,11 +158,11 @@ heading_deg = 0.0         # of the vehicle at the start; left out: that of [atti
 heading_sd_deg = 5.0
 
 [navigation]
-# tc assumes nothing of the vehicle; sway_current, which README recommends, is for a slender one (docs/methods/).
-method = "tc"
+# {RECOMMENDED_METHOD}, which README recommends, is for a slender vehicle; tc assumes nothing of it (docs/methods/).
+method = "{RECOMMENDED_METHOD}"
 horizon_s = 2.0           # longest time from a ping's reflection to its arrival
 
-# With lateral thrusters (ROV, hovering AUV) sway_current needs the prior of its kind (docs/hovering.md):
+# With lateral thrusters (ROV, hovering AUV) {RECOMMENDED_METHOD} needs the prior of its kind (docs/hovering.md):
 # [filter.water]
 # vehicle = "hovering"
 

@@ -277,7 +277,7 @@ GROUPS = (
     (("scale factor",), "scale factor, %", 0.01),
 )
 """First words of the states that share a panel, its title, and the size of its unit in SI."""
-_COLOURS = [STROKES[method].colour for method in ("tc", "consistent", "nsv", "weak_sway")]
+_COLOURS = [STROKES[method].colour for method in ("tc", "vhv", "nsv", "weak_sway")]
 _DASHES = ((), (6.0, 2.0), (2.0, 2.0), (6.0, 2.0, 2.0, 2.0))
 _WIDE = 8.0
 """Ratio between greatest and least value from which an axis is logarithmic."""

@@ -34,7 +34,6 @@ ORDER = (
     "ins",
     "vb",
     "sway_current",
-    "consistent",
     "weak_sway",
     "plcf",
     "vhv",
@@ -52,8 +51,8 @@ def featured(methods: Sequence[str], recommended: Sequence[str]) -> list[str]:
         methods: of the campaign.
         recommended: those of them that the report recommends, the best first.
 
-    >>> featured(["ins", "lc", "tc", "vb", "nsv", "plcf", "consistent"], ["consistent"])
-    ['ins', 'lc', 'tc', 'nsv', 'consistent']
+    >>> featured(["ins", "lc", "tc", "vb", "nsv", "plcf", "elc"], ["elc"])
+    ['ins', 'lc', 'tc', 'nsv', 'elc']
     >>> featured(["ins", "lc", "tc", "vb", "nsv", "dead_reckoning"], ["tc"])
     ['ins', 'lc', 'tc', 'nsv', 'dead_reckoning']
     >>> featured(["ins", "lc", "tc", "nsv", "mine"], ["tc"])

@@ -26,7 +26,7 @@ UNITS = ("deg", "deg", "deg", "s", "%")
 _TO_UNITS = np.array([180.0 / np.pi] * 3 + [1.0, 100.0])
 CONTRADICTION = 4.0
 """An estimate of more standard deviations of its prior than this is none that the prior allows."""
-WRITES = ("tc", "info", "vb_exact", "weak_sway", "lc")
+WRITES = ("tc", "info", "weak_sway", "lc")
 """Methods whose estimate is written, the first that was run; none of them assumes anything of the motion but the last
 two of a velocity that the beams leave open."""
 

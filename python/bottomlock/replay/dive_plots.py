@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.figures.palette import STROKES, stroke
+from bottomlock.figures.palette import stroke
 from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of, valid_panel
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
@@ -20,7 +20,7 @@ REFERENCE = "reference"
 REFERENCE_COLOUR = "#8b949e"
 LOST_COLOURS = ("#f0c24b", "#f0862d", "#d6391f", "#9c2a6e")
 """Of a track where one, two, three, four or more beams are lost."""
-PITCH_COLOUR = STROKES["consistent"].colour
+PITCH_COLOUR = "#f56803"
 SPAN = 1.5
 """A method that needs more than this many times the map of the track to take is cut off by its frame."""
 LATE = 3.0

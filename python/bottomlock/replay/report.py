@@ -46,7 +46,7 @@ from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, SMOOTHED, ReplayTables
 
 PAGE = "report.html"
-BEAM_ROWS = ("tc", "sway_current", "consistent")
+BEAM_ROWS = ("tc", "sway_current")
 """Methods whose innovations are of single beams; the first of them that was run is drawn."""
 
 

@@ -21,8 +21,6 @@ from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kerne
 from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
 
-UNSMOOTHED = ("consistent",)
-"""Methods that select between filters; they have no smoother."""
 FEW = 0.01
 """Largest fraction of rejected inertial readings that counts as single faults; more tells of a wrong unit."""
 
@@ -270,11 +268,7 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
             threads=threads,
         )
 
-    smoothed_methods = (
-        tuple(method for method in case.replay.filters if method not in UNSMOOTHED)
-        if case.replay.smooth
-        else ()
-    )
+    smoothed_methods = case.replay.filters if case.replay.smooth else ()
     result = filtered(case.replay.filters, smooth=False)
     return Rerun(
         prepared=_as_sampled(prepared, result["sample_time_ns"]),

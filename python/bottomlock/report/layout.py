@@ -18,8 +18,6 @@ from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
 from bottomlock.tables.results import CampaignTables
 from bottomlock.tables.studies import VIRTUAL_BEAM_FACTOR
 
-_ASSUMING = ("sway_current", "consistent")
-"""Methods that assume how the vehicle moves through the water."""
 _FIRST_CALIBRATION = """\
 The horizontal axis is the σ that the filter claims for its velocity, the vertical axis the error that it makes. A
 method moves along its curve with time, and the ring is where it ends.
@@ -173,9 +171,9 @@ def _summary(content: Content) -> Part:
     blocks: list[Block] = []
     if choice is not None:
         blocks.append(_why(choice, several=several))
-        if set(choice.best) & set(_ASSUMING):
+        if "sway_current" in choice.best:
             blocks.append(
-                "`sway_current` and `consistent` assume a slender vehicle unless `vehicle` in `[filter.water]` names "
+                "`sway_current` assumes a slender vehicle unless `vehicle` in `[filter.water]` names "
                 'another, as "hovering" (docs/hovering.md).'
             )
     blocks += content.pictures("first")

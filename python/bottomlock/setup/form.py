@@ -10,6 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from bottomlock.config.scenario_sections import Section
 from bottomlock.io.beams import geometry_text, read_geometry
+from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.kernel.models import Finite
 from bottomlock.live.sections import Name
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS
@@ -90,7 +91,7 @@ def config_text(form: SetupForm, geometry: str) -> str:
     ]
     if form.mode == "navigation":
         parts += [_source("autopilot", form.imu, "mavlink", IMU_HZ) + f"\nrequest_hz = {IMU_HZ}"]
-        parts += [_NAVIGATION.format(latitude=form.latitude_deg, rate=IMU_HZ)]
+        parts += [_NAVIGATION.format(latitude=form.latitude_deg, rate=IMU_HZ, method=RECOMMENDED_METHOD)]
     port = [line for line in autopilot.port if not line.startswith("to = ")]
     parts += ["\n".join(["[[port]]", f"to = {_quoted(form.to)}", *port])]
     if max(abs(form.mounting_roll_deg), abs(form.mounting_pitch_deg)) < LOOKS_DOWN_DEG:
@@ -141,7 +142,11 @@ yaw_sd_deg = 5.0
 window_s = 5.0
 
 [navigation]
-method = "tc"
+method = "{method}"
+
+# Of a vehicle with lateral thrusters; one without has less sway than this allows.
+[filter.water]
+vehicle = "hovering"
 
 [checkpoint]
 file = "navigator.checkpoint\""""

@@ -15,6 +15,7 @@ from bottomlock.campaign.run import CampaignProgress, check_campaign, run_campai
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.files.output_folder import locked
 from bottomlock.files.records import write_recorded_table
+from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.paper.claims import CauseClaim, load_paper
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
@@ -61,7 +62,7 @@ SETTINGS = (
     Setting(
         "inflate after rejections",
         (0, 5),
-        ("lc", "tc", "vb", "nsv", "vhv", "elc", "consistent"),
+        ("lc", "tc", "vb", "nsv", "vhv", "elc", RECOMMENDED_METHOD),
         _filter("inflate_after_rejections"),
     ),
     Setting(

@@ -7,6 +7,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.figures.by_category import category_figure
+from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.pages.page import Block, Page, Part, Picture, Table, folded, listed
 from bottomlock.pages.pieces import featured, plain
 from bottomlock.statistics.chi_squared import (
@@ -121,7 +122,7 @@ def figure(rows: pl.DataFrame) -> Figure:
     """Velocity error of some methods in every place of a trajectory, with 95 % intervals."""
     places = rows["place"].unique(maintain_order=True).to_list()
     curves, intervals = {}, {}
-    for method in featured(rows["method"].unique(maintain_order=True).to_list(), ["sway_current"]):
+    for method in featured(rows["method"].unique(maintain_order=True).to_list(), [RECOMMENDED_METHOD]):
         part = pl.DataFrame({"place": places}).join(
             rows.filter(pl.col("method") == method), on="place", how="left", maintain_order="left"
         )

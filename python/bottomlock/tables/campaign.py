@@ -139,4 +139,4 @@ CHOICES: Mapping[str, pl.DataType] = {
     "source": pl.String(),
     "runs_chosen": pl.Int64(),
 }
-"""A row per trajectory, selector, ping, component and source: the number of runs in which the source is chosen."""
+"""A row per trajectory, method (`elc`), ping, component and source: number of runs in which the source is chosen."""

@@ -141,12 +141,7 @@ fn partial_loose_by_hand() {
 fn virtual_beam_by_hand() {
     let p_xv = SMatrix::<f64, DIM, 3>::from_fn(|k, axis| (k as f64 + 1.0) * [1.0, 10.0, 100.0][axis]);
     for (beams, missing) in [([0, 2].as_slice(), vec![1]), (&[1], vec![0, 2])] {
-        let (row, plan) = rows_of(
-            PartialMethod::VirtualBeamExact,
-            beams,
-            InformationPort::Axes,
-            Some(&p_xv),
-        );
+        let (row, plan) = rows_of(PartialMethod::VirtualBeam, beams, InformationPort::Axes, Some(&p_xv));
         assert_eq!(
             plan.virtual_beams.iter().flatten().copied().collect::<Vec<_>>(),
             missing

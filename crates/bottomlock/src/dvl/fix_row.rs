@@ -40,7 +40,7 @@ pub fn source_code(method: Option<PartialMethod>) -> u8 {
     match method {
         None | Some(PartialMethod::Selector) => 0,
         Some(PartialMethod::LeastSquares) => 1,
-        Some(PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact) => 2,
+        Some(PartialMethod::VirtualBeam) => 2,
         Some(PartialMethod::NullifiedSway) => 3,
         Some(PartialMethod::PartialLoose) => 4,
         Some(PartialMethod::VirtualHeave) => 5,

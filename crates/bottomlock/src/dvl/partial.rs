@@ -26,10 +26,8 @@ pub type BeamNoise = SMatrix<f64, MAX_BEAMS, MAX_BEAMS>;
 pub enum PartialMethod {
     /// Weighted least squares on three or more independent beams (LC).
     LeastSquares,
-    /// VB, Sect. 3.1, with n_f in place of the correlation of Eq. 26.
+    /// VB, Sect. 3.1, with n_f in place of the correlation of Eq. 26, unless [`Assumptions::exact_virtual_beams`] keeps it.
     VirtualBeam,
-    /// VB with the exact cross-covariance of Eq. 26, which in a filter is identical to tight coupling.
-    VirtualBeamExact,
     /// NSV, Sect. 3.2.
     NullifiedSway,
     /// PLCF, Sect. 3.3.
@@ -50,6 +48,8 @@ pub enum PartialMethod {
 pub struct Assumptions {
     /// n_f of Eq. 28.
     pub virtual_beam_factor: f64,
+    /// Whether the method `vb` keeps the correlation of Eq. 26: it is then identical to tight coupling. n_f is then 1.
+    pub exact_virtual_beams: bool,
     /// ε of Eq. 36, (m/s)².
     pub nullified_sway_var_m2ps2: f64,
     /// Variance of the weak sway row, (m/s)², once a second: pings that follow each other sooner share it.
@@ -62,7 +62,12 @@ impl Assumptions {
     /// # Errors
     /// [`NavError::OutOfRange`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
-        require_positive("options.assumptions.virtual_beam_factor", self.virtual_beam_factor)?;
+        let (field, value) = ("options.assumptions.virtual_beam_factor", self.virtual_beam_factor);
+        require_positive(field, value)?;
+        if self.exact_virtual_beams && value != 1.0 {
+            let expected = "1 with exact_virtual_beams, which keeps the correlation that the factor stands for";
+            return Err(NavError::OutOfRange { field, value, expected });
+        }
         let nullified = self.nullified_sway_var_m2ps2;
         require_positive("options.assumptions.nullified_sway_var_m2ps2", nullified)?;
         require_positive("options.assumptions.weak_sway_var_m2ps2", self.weak_sway_var_m2ps2)
@@ -79,10 +84,11 @@ impl Assumptions {
 }
 
 impl Default for Assumptions {
-    /// n_f = 1 (no compensation), ε = 1e-3 and a weak sway row of 2 (m/s)².
+    /// n_f = 1 (no compensation) without the correlation, ε = 1e-3 and a weak sway row of 2 (m/s)².
     fn default() -> Self {
         Self {
             virtual_beam_factor: 1.0,
+            exact_virtual_beams: false,
             nullified_sway_var_m2ps2: 1e-3,
             weak_sway_var_m2ps2: 2.0,
         }
@@ -251,17 +257,10 @@ fn estimator_beyond_beams(
             })
         }
         PartialMethod::NullifiedSway => nullified_sway(beams, solution, assumptions),
-        PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact => {
-            let factor = if method == PartialMethod::VirtualBeam {
-                assumptions.virtual_beam_factor
-            } else {
-                1.0
-            };
-            match checked_prior(prior_cov)? {
-                None => Ok(FixEstimator::unsolved(method, Reason::PriorRequired, solution)),
-                Some(prior) => virtual_beam(method, geometry, valid, beams, solution, prior, factor),
-            }
-        }
+        PartialMethod::VirtualBeam => match checked_prior(prior_cov)? {
+            None => Ok(FixEstimator::unsolved(method, Reason::PriorRequired, solution)),
+            Some(prior) => virtual_beam(geometry, valid, beams, solution, prior, assumptions.virtual_beam_factor),
+        },
         PartialMethod::VirtualHeave => match checked_prior(prior_cov)? {
             None => Ok(FixEstimator::unsolved(method, Reason::PriorRequired, solution)),
             Some(prior) => virtual_heave(beams, solution, prior),
@@ -304,7 +303,6 @@ fn nullified_sway(rows: &Rows, beams: LeastSquares, assumptions: &Assumptions) -
 ///
 /// σ_v3 = n_f √(b₃ᵀ P_vv b₃) with the whole P_vv (erratum E6).
 fn virtual_beam(
-    method: PartialMethod,
     geometry: &BeamGeometry,
     valid: BeamMask,
     rows: &Rows,
@@ -312,8 +310,8 @@ fn virtual_beam(
     prior_cov: &Matrix3<f64>,
     factor: f64,
 ) -> Result<FixEstimator, NavError> {
-    let mut rows = rows.clone();
-    let mut virtual_beams = [None; 2];
+    let method = PartialMethod::VirtualBeam;
+    let (mut rows, mut virtual_beams) = (rows.clone(), [None; 2]);
     let (mut rank, mut null) = (beams.rank, beams.null);
     while rank < 3 {
         // The missing beam with the largest component along the null space gives the best condition; of equals the

@@ -242,6 +242,14 @@ pub enum NavError {
         /// Names that are known.
         expected: &'static str,
     },
+    /// A method that is no more.
+    #[error("method '{name}' is no more; {instead} takes its place")]
+    Replaced {
+        /// Name given.
+        name: &'static str,
+        /// What takes its place.
+        instead: &'static str,
+    },
     /// An error in one row of a log.
     #[error("{stream} row {row}: {source}")]
     InRow {
@@ -271,12 +279,6 @@ pub enum NavError {
         first_ns: i64,
         /// Time of the last IMU row, ns.
         last_ns: i64,
-    },
-    /// A method cannot be smoothed, since it selects among filters.
-    #[error("a method that selects among filters cannot be smoothed: smooth the methods it selects from, {instead}")]
-    NoSmoother {
-        /// Methods to smooth in its place.
-        instead: &'static str,
     },
     /// Bytes that are no saved object, or a damaged one.
     #[error("{what} not restored: {fault}")]

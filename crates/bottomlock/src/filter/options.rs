@@ -134,13 +134,17 @@ mod tests {
     fn every_part_is_checked() {
         assert_eq!(Options::default().validate(), Ok(()));
         type Fault = (&'static str, fn(&mut Options));
-        let faults: [Fault; 11] = [
+        let faults: [Fault; 12] = [
             ("covariance_period_ns", |options| options.covariance_period_ns = -1),
             ("inflate_after_rejections", |options| {
                 options.inflate_after_rejections = 1
             }),
             ("virtual_beam_factor", |options| {
                 options.assumptions.virtual_beam_factor = 0.0
+            }),
+            ("1 with exact_virtual_beams", |options| {
+                options.assumptions.exact_virtual_beams = true;
+                options.assumptions.virtual_beam_factor = 2.0;
             }),
             ("water.slip_epochs", |options| options.water.slip_epochs = 0.5),
             ("current_layers.way_m", |options| options.current_layers.way_m = 0.0),

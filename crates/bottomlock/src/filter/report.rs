@@ -26,34 +26,8 @@ pub enum Verdict {
     Withheld,
 }
 
-/// Selection of a selector method at one ping.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Choice {
-    /// Method that surge, sway and heave come from; `None` for a component that is not solved.
-    Components([Option<PartialMethod>; 3]),
-    /// Filter selected by the consistent selector.
-    Method {
-        /// Index in [`crate::navigator::SELECTOR_METHODS`].
-        method: usize,
-        /// Reason of the selection.
-        reason: SelectionReason,
-        /// Hausman's statistic of the assumption that decided the selection.
-        statistic: f64,
-        /// Threshold of the statistic.
-        threshold: f64,
-    },
-}
-
-/// Reason for the filter that the consistent selector took.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum SelectionReason {
-    /// No assumption reduces the velocity variance: the filter on the beams alone is taken.
-    NoGain,
-    /// The filter has the smallest velocity variance, and the beams do not contradict it.
-    SmallestVariance,
-    /// The beams contradict every assumption that would reduce the variance: the filter on the beams alone is taken.
-    BeamsContradict,
-}
+/// Method that surge, sway and heave come from at one ping; `None` for a component that is not solved.
+pub type Choice = [Option<PartialMethod>; 3];
 
 /// Report of one measurement update.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,7 +57,7 @@ pub struct UpdateReport {
     /// True where the velocity was so uncertain before the update that the linear model no longer holds in the tangent
     /// frame ([`LINEAR_RANGE_MPS`](crate::filter::linear_range::LINEAR_RANGE_MPS)).
     pub is_beyond_linear_range: bool,
-    /// Selection, for methods that select.
+    /// Selection, for the selector of the paper.
     pub choice: Option<Choice>,
     /// Weight of each beam, with outlier detection on: 0 for a rejected beam, NaN for a lost one.
     pub beam_weight: Option<[f64; MAX_BEAMS]>,

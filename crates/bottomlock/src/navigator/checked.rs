@@ -5,8 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::event_loop::Navigator;
 use super::imu_check::{ImuCheck, Judged};
-use super::navigator_set::NavigatorSet;
 use super::notice::Finding;
 use crate::error::NavError;
 use crate::filter::options::Options;
@@ -17,19 +17,19 @@ use crate::navigator::events::Event;
 /// Navigators and the check of their inertial readings.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Checked {
-    pub(super) navigators: NavigatorSet,
+    pub(super) navigator: Navigator,
     pub(super) check: ImuCheck,
 }
 
 impl Checked {
-    pub(super) fn new(navigators: NavigatorSet, model: &Model, options: &Options) -> Self {
+    pub(super) fn new(navigator: Navigator, model: &Model, options: &Options) -> Self {
         let check = ImuCheck::new(&options.imu_limits, &model.imu);
-        Self { navigators, check }
+        Self { navigator, check }
     }
 
     /// Time of the last good inertial reading, ns; `None` before the first.
     pub(super) fn good_ns(&self) -> Option<i64> {
-        self.navigators.selected().last_imu().map(|last| last.time_ns)
+        self.navigator.last_imu().map(|last| last.time_ns)
     }
 
     /// Time of the last inertial reading, good or not, ns.
@@ -39,7 +39,7 @@ impl Checked {
 
     /// Time of the estimate, ns.
     pub(super) fn now_ns(&self) -> i64 {
-        self.navigators.good_ns()
+        self.navigator.good_ns()
     }
 
     /// Whether everything that it has been fed comes before an event, in the order of a log.
@@ -62,10 +62,10 @@ impl Checked {
     /// motion is plausible.
     ///
     /// # Errors
-    /// As [`NavigatorSet::push`].
+    /// As [`Navigator::push`].
     #[inline]
     pub(super) fn take_plain(&mut self, sample: &ImuSample) -> Result<(), NavError> {
-        self.navigators.push(&Event::Imu(*sample), &mut |_| {})?;
+        self.navigator.push(&Event::Imu(*sample), &mut |_| {})?;
         self.check.note_fault(sample, None);
         Ok(())
     }
@@ -86,10 +86,9 @@ impl Checked {
         run: &mut Vec<ImuSample>,
     ) -> Result<usize, NavError> {
         let Some(last) = self
-            .navigators
-            .selected()
+            .navigator
             .last_imu()
-            .filter(|_| self.navigators.is_far_from_bounds())
+            .filter(|_| self.navigator.is_far_from_bounds())
         else {
             return self.take_plain(first).map(|()| 0);
         };
@@ -107,7 +106,7 @@ impl Checked {
                 _ => break,
             }
         }
-        self.navigators.push_readings(run)?;
+        self.navigator.push_readings(run)?;
         Ok(run.len() - 2)
     }
 
@@ -122,7 +121,7 @@ impl Checked {
     /// Takes a reading that was judged; a good one with the measurements before it, in the order of a log.
     ///
     /// # Errors
-    /// As [`NavigatorSet::push_bridging`]; [`NavError::Implausible`] where it leaves no estimate. It is then spoilt.
+    /// As [`Navigator::push_bridging`]; [`NavError::Implausible`] where it leaves no estimate. It is then spoilt.
     pub(super) fn take<'a>(
         &mut self,
         sample: &ImuSample,
@@ -140,9 +139,9 @@ impl Checked {
                 for event in measurements {
                     self.aid(event, found)?;
                 }
-                self.navigators
+                self.navigator
                     .push_bridging(sample, bridge.as_ref(), &mut |done| found.push(update(done)))?;
-                self.navigators.require_plausible()?;
+                self.navigator.require_plausible()?;
             }
         }
         self.check.note(sample, good_ns, judged);
@@ -152,11 +151,11 @@ impl Checked {
     /// Takes a measurement that is not before the last good reading.
     ///
     /// # Errors
-    /// As [`NavigatorSet::push`]; [`NavError::Implausible`] where it leaves no estimate. It is then spoilt.
+    /// As [`Navigator::push`]; [`NavError::Implausible`] where it leaves no estimate. It is then spoilt.
     pub(super) fn aid(&mut self, event: &Event, found: &mut Vec<Finding>) -> Result<(), NavError> {
-        self.navigators.require_measurable(event)?;
-        self.navigators.push(event, &mut |done| found.push(update(done)))?;
-        self.navigators.require_plausible()
+        self.navigator.require_measurable(event)?;
+        self.navigator.push(event, &mut |done| found.push(update(done)))?;
+        self.navigator.require_plausible()
     }
 
     /// Checks one that was read from bytes: its filters apart, which `restored.rs` checks.
@@ -165,8 +164,8 @@ impl Checked {
     /// [`NavError`] that names the number.
     pub(super) fn check_restored(&self) -> Result<(), NavError> {
         self.check.check_restored()?;
-        self.navigators.require_plausible_settings()?;
-        self.navigators.require_plausible()
+        self.navigator.require_plausible_settings()?;
+        self.navigator.require_plausible()
     }
 }
 

@@ -2,6 +2,8 @@
 
 #[path = "admission.rs"]
 mod admission;
+#[path = "every_filter.rs"]
+mod every_filter;
 #[path = "motion_aiding.rs"]
 mod motion_aiding;
 #[path = "own_aiding.rs"]
@@ -25,7 +27,7 @@ use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
 use crate::error::NavError;
 use crate::filter::Eskf;
 use crate::filter::options::Options;
-use crate::filter::report::{Choice, Sensor, UpdateReport, Verdict};
+use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::filter::water_block::WaterBlock;
 use crate::layout::VELOCITY;
 use crate::mechanisation::{ImuSample, Sampling};
@@ -48,6 +50,14 @@ pub enum BeamAiding {
     SwayCurrent,
     /// What a method from outside the kernel makes of the beams.
     Own(OwnMethod),
+}
+
+impl BeamAiding {
+    /// Returns true if each row of an update is a beam, in the order of the beams.
+    #[must_use]
+    pub fn rows_are_beams(self) -> bool {
+        matches!(self, Self::Tight | Self::SwayCurrent)
+    }
 }
 
 /// A filter with its beam aiding, fed in order of time.
@@ -169,11 +179,6 @@ impl Navigator {
             self.filters.start_constrained(WaterBlock::new(&self.options.water));
         }
         Ok(())
-    }
-
-    /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update left them.
-    pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
-        self.filters.best().velocity()
     }
 
     /// The water states of the filter with assumptions on the motion, where the method has one.
@@ -319,9 +324,9 @@ impl Navigator {
             PartialMethod::Information => self.options.information_port,
             _ => InformationPort::Axes,
         };
-        let cross = is_exact(method, &fix).then_some(&p_xv);
+        let cross = (self.is_exact(method) && fix.virtual_beams[0].is_some()).then_some(&p_xv);
         let mut innovation = aiding::loosely_coupled(&state, geometry, &terms, &fix, port, cross);
-        if is_lossless(method) {
+        if self.is_lossless(method) {
             push_closure(&mut innovation, &terms, valid, geometry.rank_of(valid));
         }
         Ok((innovation, fix))
@@ -356,9 +361,10 @@ impl Navigator {
             BeamAiding::Loose(method) => method,
         };
         let (innovation, fix) = self.loose_innovation(method, ping)?;
+        let virtual_count = fix.virtual_beams.iter().flatten().count();
+        let is_exact = self.is_exact(method) && virtual_count > 0;
         let filter = &mut self.filters.measurements_only;
-        if is_exact(method, &fix) {
-            let virtual_count = fix.virtual_beams.iter().flatten().count();
+        if is_exact {
             return filter
                 .update_correlated(&innovation, 3 - virtual_count, Sensor::Beams)
                 .map(Some);
@@ -366,25 +372,25 @@ impl Navigator {
         let mut report = filter.update(&innovation, Sensor::Beams)?;
         if method == PartialMethod::Selector {
             let source = |k: usize| fix.is_solved(k).then_some(fix.sources[k]);
-            report.choice = Some(Choice::Components(std::array::from_fn(source)));
+            report.choice = Some(std::array::from_fn(source));
         }
         Ok(Some(report))
+    }
+
+    /// Whether a method passes on all that the beams measure: in a filter it is tight coupling by another name.
+    fn is_lossless(&self, method: PartialMethod) -> bool {
+        method == PartialMethod::Information || self.is_exact(method)
+    }
+
+    /// Whether a method keeps the correlation of its virtual beams with the filter.
+    fn is_exact(&self, method: PartialMethod) -> bool {
+        self.options.assumptions.exact_virtual_beams && method == PartialMethod::VirtualBeam
     }
 }
 
 /// A row for each valid beam, for one filter.
 fn tight_innovation(filter: &Eskf, geometry: &BeamGeometry, ping: &BeamSample) -> Innovation {
     aiding::tightly_coupled(&filter.beam_terms(geometry, ping), ping)
-}
-
-/// Returns true for a method that passes on all that the beams measure: in a filter it is tight coupling by another name.
-pub(super) const fn is_lossless(method: PartialMethod) -> bool {
-    matches!(method, PartialMethod::VirtualBeamExact | PartialMethod::Information)
-}
-
-/// Returns true for a virtual beam whose correlation with the filter is kept.
-fn is_exact(method: PartialMethod, fix: &FixEstimator) -> bool {
-    method == PartialMethod::VirtualBeamExact && fix.virtual_beams[0].is_some()
 }
 
 /// The water states of the filter on the measurements alone, where a reading tells of the current.

@@ -49,7 +49,7 @@ impl History {
             if Some(sample.time_ns) <= from_ns.1 {
                 continue;
             }
-            now.navigators.require_plausible_motion()?;
+            now.navigator.require_plausible_motion()?;
             let is_plain = unfed + 1 == next && now.is_plain(sample);
             let judged = if is_plain {
                 Judged::Good(None)

@@ -21,7 +21,7 @@ use crate::mechanisation::IMU_FAULTS;
 use crate::model::Model;
 use crate::navigator::events::{Event, STREAMS};
 use crate::navigator::first_readings::FirstReadings;
-use crate::navigator::{Aiding, NavigatorSet};
+use crate::navigator::{BeamAiding, Navigator};
 use crate::state::{Covariance, NavState};
 
 /// How far a measurement may lie ahead of the navigator, s: longer than any latency that inertial readings are held back for.
@@ -42,21 +42,21 @@ impl LiveNavigator {
     /// events that do not come late.
     ///
     /// # Errors
-    /// As [`NavigatorSet::new`]; [`NavError::Implausible`] for a state, noise or environment that is none;
+    /// As [`Navigator::new`]; [`NavError::Implausible`] for a state, noise or environment that is none;
     /// [`NavError::OutOfRange`] for a horizon that is negative or longer than 10 s.
     pub fn new(
         initial: NavState,
         geometry: &BeamGeometry,
-        aiding: Aiding,
+        aiding: BeamAiding,
         model: &Model,
         options: &Options,
         horizon_ns: i64,
     ) -> Result<Self, NavError> {
         require_horizon(horizon_ns)?;
-        let navigators = NavigatorSet::new(initial, geometry, aiding, model, options)?;
-        navigators.require_plausible_settings()?;
-        navigators.require_plausible()?;
-        let now = Checked::new(navigators, model, options);
+        let navigator = Navigator::new(initial, geometry.clone(), aiding, model, options)?;
+        navigator.require_plausible_settings()?;
+        navigator.require_plausible()?;
+        let now = Checked::new(navigator, model, options);
         Ok(Self {
             history: History::new(now.clone(), horizon_ns),
             now,
@@ -68,20 +68,20 @@ impl LiveNavigator {
     /// Replaces the covariance of every filter. Events before the estimate's time are then too late, whatever the horizon.
     ///
     /// # Errors
-    /// As [`NavigatorSet::set_covariance`]; [`NavError::Implausible`]. The covariance is then as before.
+    /// As [`Navigator::set_covariance`]; [`NavError::Implausible`]. The covariance is then as before.
     pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
         let mut changed = self.now.clone();
-        changed.navigators.set_covariance(covariance)?;
-        changed.navigators.require_plausible()?;
+        changed.navigator.set_covariance(covariance)?;
+        changed.navigator.require_plausible()?;
         self.history.begin_again(&changed);
         self.now = changed;
         Ok(())
     }
 
-    /// The navigators, for their estimates.
+    /// The navigator, for their estimates.
     #[must_use]
-    pub fn navigators(&self) -> &NavigatorSet {
-        &self.now.navigators
+    pub fn navigator(&self) -> &Navigator {
+        &self.now.navigator
     }
 
     /// How late an event may be, ns.
@@ -122,25 +122,25 @@ impl LiveNavigator {
             && !self.history.has_waiting_until(sample.time_ns, self.now.now_ns())
         {
             // Almost every event.
-            self.now.navigators.require_plausible_motion()?;
+            self.now.navigator.require_plausible_motion()?;
             self.history.keep_if_due(&self.now);
             self.now.take_plain(sample)?;
             self.history.note(sample);
             return Ok(());
         }
-        event.validate(self.navigators().selected().geometry())?;
+        event.validate(self.navigator().geometry())?;
         let stream = event.stream().1;
         if let Err(late) = self.history.admit(event, &self.now) {
             self.late_events[stream] += 1;
             return Err(late);
         }
-        self.now.navigators.require_plausible_motion()?;
-        let filter = self.navigators().selected().filter();
+        self.now.navigator.require_plausible_motion()?;
+        let filter = self.navigator().filter();
         let down_p = filter.state().attitude_t_p.inverse() * Vec3::new(0.0, 0.0, 1.0);
         let first = self.first.with(event, filter.gravity_mps2(), Some(&down_p))?;
         if self.waits(event) {
             self.require_room(event)?;
-            self.now.navigators.require_measurable(event)?;
+            self.now.navigator.require_measurable(event)?;
             let (_, replaced) = self.history.insert(event);
             self.late_events[stream] += u64::from(replaced.is_some());
         } else if let Event::Imu(sample) = event

@@ -3,7 +3,6 @@
 use crate::dvl::partial::PartialMethod;
 use crate::error::NavError;
 use crate::navigator::event_loop::BeamAiding;
-use crate::navigator::navigator_set::Aiding;
 use crate::navigator::own_method::{OwnMethod, registered};
 
 /// An aiding method.
@@ -12,95 +11,98 @@ pub struct Method {
     /// Short name, as in scenarios and tables.
     pub name: &'static str,
     /// How the method uses the beams.
-    pub aiding: Aiding,
+    pub aiding: BeamAiding,
     /// True for the reference method, which also receives the beams that a schedule marks lost.
     pub all_beams: bool,
 }
 
 /// All methods.
-pub const METHODS: [Method; 13] = [
+pub const METHODS: [Method; 11] = [
     Method {
         name: "ins",
-        aiding: Aiding::One(BeamAiding::None),
+        aiding: BeamAiding::None,
         all_beams: false,
     },
     Method {
         name: "lc",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::LeastSquares)),
+        aiding: BeamAiding::Loose(PartialMethod::LeastSquares),
         all_beams: true,
     },
     Method {
         name: "tc",
-        aiding: Aiding::One(BeamAiding::Tight),
+        aiding: BeamAiding::Tight,
         all_beams: false,
     },
     Method {
         name: "vb",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::VirtualBeam)),
+        aiding: BeamAiding::Loose(PartialMethod::VirtualBeam),
         all_beams: false,
     },
     Method {
         name: "nsv",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::NullifiedSway)),
+        aiding: BeamAiding::Loose(PartialMethod::NullifiedSway),
         all_beams: false,
     },
     Method {
         name: "plcf",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::PartialLoose)),
+        aiding: BeamAiding::Loose(PartialMethod::PartialLoose),
         all_beams: false,
     },
     Method {
         name: "vhv",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::VirtualHeave)),
+        aiding: BeamAiding::Loose(PartialMethod::VirtualHeave),
         all_beams: false,
     },
     Method {
         name: "elc",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::Selector)),
-        all_beams: false,
-    },
-    Method {
-        name: "vb_exact",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::VirtualBeamExact)),
+        aiding: BeamAiding::Loose(PartialMethod::Selector),
         all_beams: false,
     },
     Method {
         name: "info",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::Information)),
+        aiding: BeamAiding::Loose(PartialMethod::Information),
         all_beams: false,
     },
     Method {
         name: "weak_sway",
-        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::WeakSway)),
+        aiding: BeamAiding::Loose(PartialMethod::WeakSway),
         all_beams: false,
     },
     Method {
         name: "sway_current",
-        aiding: Aiding::One(BeamAiding::SwayCurrent),
-        all_beams: false,
-    },
-    Method {
-        name: "consistent",
-        aiding: Aiding::Consistent,
+        aiding: BeamAiding::SwayCurrent,
         all_beams: false,
     },
 ];
+
+/// Methods that are no more, each with what takes its place.
+pub const REPLACED_METHODS: [(&str, &str); 2] = [
+    ("consistent", "sway_current"),
+    ("vb_exact", "vb with exact_virtual_beams = true"),
+];
+
+/// The method that is recommended, and the default wherever one is used that is not named. It assumes a slender vehicle, unless
+/// the prior of the motion through the water is that of another.
+pub const RECOMMENDED_METHOD: &str = "sway_current";
 
 impl Method {
     /// Finds a method by its short name, also one that was [registered](crate::navigator::own_method::register).
     ///
     /// # Errors
-    /// [`NavError::UnknownName`], which lists the known names.
+    /// [`NavError::UnknownName`], which lists the known names; [`NavError::Replaced`].
     pub fn named(name: &str) -> Result<Self, NavError> {
-        METHODS
-            .iter()
-            .find(|method| method.name == name)
-            .copied()
-            .or_else(|| registered(name).map(OwnMethod::as_method))
-            .ok_or_else(|| NavError::UnknownName {
+        let known = METHODS.iter().find(|method| method.name == name).copied();
+        if let Some(method) = known.or_else(|| registered(name).map(OwnMethod::as_method)) {
+            return Ok(method);
+        }
+        let replaced = REPLACED_METHODS.into_iter().find(|(replaced, _)| *replaced == name);
+        Err(match replaced {
+            Some((name, instead)) => NavError::Replaced { name, instead },
+            None => NavError::UnknownName {
                 what: "method",
                 name: name.into(),
-                expected: "ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway, sway_current, consistent",
-            })
+                expected: "ins, lc, tc, vb, nsv, plcf, vhv, elc, info, weak_sway, sway_current",
+            },
+        })
     }
 }

@@ -1,4 +1,4 @@
-//! Navigators: the event loop, the aiding methods, and the selector among filters.
+//! Navigators: the event loop and the aiding methods.
 //!
 //! Campaign, replay and live use push events to the same [`Navigator`]; a live one checks them first ([`LiveNavigator`]).
 
@@ -14,17 +14,13 @@ mod late;
 pub mod live;
 mod measurable;
 pub mod methods;
-pub mod navigator_set;
 pub mod notice;
 pub mod own_method;
 pub(crate) mod run_events;
 mod saved;
-pub mod selector;
 
 pub use self::event_loop::{BeamAiding, Navigator};
 pub use self::live::LiveNavigator;
-pub use self::methods::{METHODS, Method};
-pub use self::navigator_set::{Aiding, NavigatorSet};
+pub use self::methods::{METHODS, Method, RECOMMENDED_METHOD, REPLACED_METHODS};
 pub use self::notice::{Finding, Notice, Standing};
 pub use self::saved::Snapshot;
-pub use self::selector::SELECTOR_METHODS;

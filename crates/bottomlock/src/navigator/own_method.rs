@@ -17,7 +17,6 @@ use crate::frames::Vec3;
 use crate::layout::DIM;
 use crate::navigator::event_loop::BeamAiding;
 use crate::navigator::methods::{METHODS, Method};
-use crate::navigator::navigator_set::Aiding;
 use crate::state::{Covariance, NavState};
 
 /// A method that says what a ping measures.
@@ -292,7 +291,7 @@ impl OwnMethod {
     pub(super) fn as_method(self) -> Method {
         Method {
             name: self.0.name,
-            aiding: Aiding::One(BeamAiding::Own(self)),
+            aiding: BeamAiding::Own(self),
             all_beams: false,
         }
     }

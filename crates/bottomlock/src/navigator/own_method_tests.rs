@@ -4,7 +4,7 @@ use super::*;
 use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
 use crate::filter::options::Options;
 use crate::navigator::events::Event;
-use crate::navigator::{NavigatorSet, Snapshot};
+use crate::navigator::{Navigator, Snapshot};
 use crate::replay::tests::{Recording, steady_turn};
 
 /// The rows of tight coupling, as a user would write them.
@@ -80,9 +80,9 @@ fn one_row() -> MeasuredRows {
 }
 
 /// The navigator of a method along a recording.
-fn run(method: &Method, turn: &Recording) -> Result<NavigatorSet, NavError> {
+fn run(method: &Method, turn: &Recording) -> Result<Navigator, NavError> {
     let options = Options::default();
-    let mut navigator = NavigatorSet::new(turn.start, &turn.geometry, method.aiding, &turn.model, &options)?;
+    let mut navigator = Navigator::new(turn.start, turn.geometry.clone(), method.aiding, &turn.model, &options)?;
     let mut pings = turn.pings.iter().peekable();
     for sample in &turn.imu {
         while let Some(ping) = pings.next_if(|ping| ping.time_ns <= sample.time_ns) {
@@ -193,8 +193,8 @@ fn a_saved_navigator_needs_its_method() {
     .to_bytes()
     .unwrap();
     assert_eq!(
-        Snapshot::from_bytes(&bytes).unwrap().live.navigators().state(),
-        live().navigators().state()
+        Snapshot::from_bytes(&bytes).unwrap().live.navigator().state(),
+        live().navigator().state()
     );
     ENTRIES.write().unwrap().retain(|one| one.0.name != "saved");
     let refused = Snapshot::from_bytes(&bytes).unwrap_err().to_string();

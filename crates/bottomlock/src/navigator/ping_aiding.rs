@@ -1,6 +1,6 @@
 //! Aiding by a ping: outliers screened, the rest given to the method, rejections counted.
 
-use super::{BeamAiding, Navigator, is_lossless, tight_innovation};
+use super::{BeamAiding, Navigator, tight_innovation};
 use crate::aiding::outliers;
 use crate::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
@@ -77,7 +77,7 @@ impl Navigator {
             return Ok(None);
         }
         let innovation = match self.aiding {
-            BeamAiding::Loose(method) if !is_lossless(method) => self.loose_innovation(method, ping)?.0,
+            BeamAiding::Loose(method) if !self.is_lossless(method) => self.loose_innovation(method, ping)?.0,
             BeamAiding::Own(own) => self.own_innovation(own, ping)?,
             _ => tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
         };

@@ -4,11 +4,6 @@ use super::{BeamAiding, Navigator};
 use crate::error::NavError;
 
 impl Navigator {
-    /// How it uses the beams.
-    pub(crate) fn aiding(&self) -> BeamAiding {
-        self.aiding
-    }
-
     /// Checks that a navigator read from bytes is one that can have been saved.
     ///
     /// # Errors

@@ -3,13 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::checked::Checked;
-use super::event_loop::Navigator;
 use super::events::{Event, STREAMS};
 use super::first_readings::FirstReadings;
 use super::history::{History, order};
 use super::live::{LiveNavigator, require_horizon};
-use super::navigator_set::NavigatorSet;
-use super::selector::SELECTOR_METHODS;
 use crate::aiding::registry::SensorModels;
 use crate::error::NavError;
 use crate::saved::Kind;
@@ -24,7 +21,7 @@ const NAVIGATOR: Kind = Kind {
 /// A clone in memory costs some microseconds; the bytes outlive the process.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
-    /// The navigators: filters, counts of late events, and what they have taken within the horizon.
+    /// The navigator: filters, counts of late events, and what they have taken within the horizon.
     pub live: LiveNavigator,
     /// Errors of the sensors.
     pub sensors: SensorModels,
@@ -87,17 +84,8 @@ impl Saved {
         self.first.check_restored()?;
         require_horizon(self.horizon_ns)?;
         self.oldest.check_restored()?;
-        match &self.oldest.navigators {
-            NavigatorSet::One(navigator) => navigator.check_restored()?,
-            NavigatorSet::Consistent(bank) => {
-                let members = bank.members.iter().map(Navigator::aiding);
-                if !members.eq(SELECTOR_METHODS.map(|(_, aiding)| aiding)) || bank.selected >= bank.members.len() {
-                    return Err(refusal("its filters are not those of the selector"));
-                }
-                bank.members.iter().try_for_each(Navigator::check_restored)?;
-            }
-        }
-        let geometry = self.oldest.navigators.selected().geometry();
+        self.oldest.navigator.check_restored()?;
+        let geometry = self.oldest.navigator.geometry();
         self.events.iter().try_for_each(|event| event.validate(geometry))?;
         if !self.events.is_sorted_by(|one, next| order(one, next).is_lt()) {
             return Err(refusal("its events are not in the order of their times"));

@@ -10,7 +10,7 @@ use crate::error::NavError;
 use crate::filter::BridgeNoise;
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::mechanisation::ImuSample;
-use crate::navigator::NavigatorSet;
+use crate::navigator::Navigator;
 use crate::navigator::events::Event;
 
 /// Innovation z of a measurement and its covariance S, before the gate of the filter.
@@ -49,18 +49,18 @@ impl InnovationRecord {
 
 /// Copies of the filters with a withheld measurement that falls between two inertial readings.
 #[derive(Debug, Default)]
-pub(super) struct Withheld(Vec<(NavigatorSet, Event)>);
+pub(super) struct Withheld(Vec<(Navigator, Event)>);
 
 impl Withheld {
     /// Predicts a measurement without using it.
     pub(super) fn predict(
         &mut self,
-        navigators: &NavigatorSet,
+        navigator: &Navigator,
         event: &Event,
         records: &mut Vec<InnovationRecord>,
     ) -> Result<(), NavError> {
-        let (mut copy, before) = (navigators.clone(), records.len());
-        copy.keep_best();
+        let (mut copy, before) = (navigator.clone(), records.len());
+        copy.filters().keep_best();
         copy.push(event, &mut |report| records.extend(record_of(report, event)))?;
         // Where the copy has the measurement still to take, it takes it with the next inertial reading.
         if records.len() == before {

@@ -8,10 +8,9 @@ use crate::filter::BridgeNoise;
 use crate::filter::filter_group::{FilterSpan, Owner};
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::mechanisation::ImuSample;
-use crate::navigator::dual_filter::DualFilter;
 use crate::navigator::events::Event;
 use crate::navigator::run_events::{Failure, Feed};
-use crate::navigator::{Method, NavigatorSet};
+use crate::navigator::{Method, Navigator};
 use crate::smoother::smooth;
 use crate::stop::Stop;
 
@@ -19,7 +18,7 @@ use crate::stop::Stop;
 #[derive(Debug)]
 pub(super) struct MethodReplay {
     method: Method,
-    navigators: NavigatorSet,
+    navigator: Navigator,
     track: Track,
     withheld: Withheld,
     /// The error that ended it; other methods continue.
@@ -30,21 +29,19 @@ impl MethodReplay {
     pub(super) fn new(request: &Replay<'_>, method: &Method) -> Result<Self, NavError> {
         let (start, model, options) = (request.start, request.model, request.options);
         let in_method = |source| in_method(method, source);
-        let mut navigators =
-            NavigatorSet::new(start, request.geometry, method.aiding, model, options).map_err(in_method)?;
+        let mut navigator =
+            Navigator::new(start, request.geometry.clone(), method.aiding, model, options).map_err(in_method)?;
         if let Some(covariance) = request.covariance {
-            navigators.set_covariance(covariance).map_err(in_method)?;
+            navigator.set_covariance(covariance).map_err(in_method)?;
         }
-        navigators.require_plausible_settings().map_err(in_method)?;
-        navigators.require_plausible().map_err(in_method)?;
+        navigator.require_plausible_settings().map_err(in_method)?;
+        navigator.require_plausible().map_err(in_method)?;
         if request.smooth {
-            let instead = "tc, weak_sway, sway_current";
-            let filters = navigators.filters().ok_or(NavError::NoSmoother { instead });
-            filters.map_err(in_method)?.begin_tape();
+            navigator.filters().begin_tape();
         }
         Ok(Self {
             method: *method,
-            navigators,
+            navigator,
             track: Track {
                 pings: vec![PingRecord::default(); request.log.pings.len()],
                 ..Track::default()
@@ -56,7 +53,7 @@ impl MethodReplay {
 
     /// Number of its filters.
     pub(super) fn filters(&mut self) -> usize {
-        self.navigators.filters_mut().count()
+        self.navigator.filters_mut().count()
     }
 
     fn push(&mut self, event: &Event, bridge: Option<&BridgeNoise>, request: &Replay<'_>) -> Result<(), NavError> {
@@ -75,37 +72,35 @@ impl MethodReplay {
             }
         };
         match event {
-            Event::Imu(sample) => self.navigators.push_bridging(sample, bridge, note)?,
-            _ => self.navigators.push(event, note)?,
+            Event::Imu(sample) => self.navigator.push_bridging(sample, bridge, note)?,
+            _ => self.navigator.push(event, note)?,
         }
-        self.navigators.require_plausible()
+        self.navigator.require_plausible()
     }
 
     /// Predicts a measurement that is not used.
     fn predict(&mut self, event: &Event) -> Result<(), NavError> {
         self.withheld
-            .predict(&self.navigators, event, &mut self.track.innovations)
+            .predict(&self.navigator, event, &mut self.track.innovations)
     }
 
     fn record(&mut self, keep_covariance: bool) {
-        let (state, covariance) = (self.navigators.state(), self.navigators.covariance());
+        let (state, covariance) = (self.navigator.state(), self.navigator.covariance());
         self.track.filtered.push(state, &covariance, keep_covariance);
-        let filter = self.navigators.selected().filter();
+        let filter = self.navigator.filter();
         self.track.attitude_errors.extend(filter.attitude_error_rad());
         self.track.currents.push(filter.current());
         let calibration = filter.calibration();
         let numbers = calibration.map(|(estimate, covariance)| (estimate.numbers(), covariance));
         self.track.calibrations.extend(numbers);
-        if let Some(filters) = self.navigators.filters() {
-            filters.record_sample();
-        }
+        self.navigator.filters().record_sample();
     }
 
     fn into_track(mut self, keep_covariances: bool, stop: &Stop) -> Result<Track, NavError> {
         if let Some(source) = self.failure {
             return Err(in_method(&self.method, source));
         }
-        if let Some(tape) = self.navigators.filters().and_then(DualFilter::take_tape) {
+        if let Some(tape) = self.navigator.filters().take_tape() {
             self.track.tape_bytes = tape.bytes();
             let mut smoothed = Series::default();
             for sample in smooth(tape, stop).map_err(|source| in_method(&self.method, source))? {
@@ -184,7 +179,7 @@ impl<'a> LogFeed<'a> {
         {
             let row = self.next[stream];
             if let Some(one) = self.methods.iter().find(|one| one.failure.is_none()) {
-                one.navigators.require_measurable(&event).map_err(in_row(stream, row))?;
+                one.navigator.require_measurable(&event).map_err(in_row(stream, row))?;
             }
             self.next[stream] += 1;
             self.push((stream, row), &event, None);
@@ -213,7 +208,7 @@ impl Feed for LogFeed<'_> {
         let ahead = self.ahead();
         // The first reading starts the filters.
         let begun = self.methods.iter().find(|one| one.failure.is_none());
-        if begun.is_none_or(|one| one.navigators.selected().last_imu().is_none()) {
+        if begun.is_none_or(|one| one.navigator.last_imu().is_none()) {
             return 0;
         }
         let mut clear = ahead.len();
@@ -259,7 +254,7 @@ impl Feed for LogFeed<'_> {
         let mut spans = Vec::new();
         for (navigator, one) in self.methods.iter_mut().enumerate() {
             if one.failure.is_none() {
-                let filters = one.navigators.filters_mut();
+                let filters = one.navigator.filters_mut();
                 spans
                     .extend(filters.map(|filter| FilterSpan::new(filter, samples).owned_by(Owner { feed, navigator })));
             }
@@ -276,8 +271,8 @@ impl Feed for LogFeed<'_> {
             self.next[IMU] += self.readings.len() - 1;
             let going = self.methods.iter_mut().filter(|one| one.failure.is_none());
             for one in going {
-                one.navigators.has_taken(last);
-                one.failure = one.navigators.require_plausible_motion().err();
+                one.navigator.has_taken(last);
+                one.failure = one.navigator.require_plausible_motion().err();
             }
             self.after_reading(last.time_ns)?;
         }

@@ -125,7 +125,7 @@ pub struct Replayed {
 
 /// Runs every method over the log, on `threads` threads; the bits do not depend on their number.
 ///
-/// Each method ends as a [`crate::navigator::NavigatorSet`] does that is fed the same events one by one, bit for bit.
+/// Each method ends as a [`crate::navigator::Navigator`] does that is fed the same events one by one, bit for bit.
 ///
 /// # Errors
 /// [`NavError::InRow`] for a row that is not valid; [`NavError::WrongCount`] for a log without an inertial reading after the

@@ -38,7 +38,7 @@ pub struct PingRecord {
     /// Weight of each beam: 1 where its reading counted in full, less where it was weighted, 0 where it was taken out, NaN where it
     /// was lost or reached no filter.
     pub beam_weight: [f64; MAX_BEAMS],
-    /// The selection, for a method that selects.
+    /// The selection, for the selector of the paper.
     pub choice: Option<Choice>,
 }
 

@@ -9,7 +9,7 @@ use crate::frames::{Rot, Vec3};
 use crate::mechanisation::ImuSample;
 use crate::mechanisation::Sampling;
 use crate::navigator::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample};
-use crate::navigator::{METHODS, NavigatorSet};
+use crate::navigator::{METHODS, Navigator};
 use nalgebra::Vector3;
 
 const MS: i64 = 1_000_000;
@@ -160,9 +160,9 @@ fn replay_is_streaming_bit_for_bit() {
             .collect();
         events.sort_by_key(Event::time_ns);
         for (method, track) in METHODS.iter().zip(&out.tracks) {
-            let mut guide = NavigatorSet::new(
+            let mut guide = Navigator::new(
                 recording.start,
-                &recording.geometry,
+                recording.geometry.clone(),
                 method.aiding,
                 &recording.model,
                 &options,
@@ -201,7 +201,7 @@ fn odd_times_cost_nothing() {
     let options = Options::default();
     let out = replay(&recording.replay(&options, &[20_000 * MS]), 1).unwrap();
     for (method, track) in METHODS.iter().zip(&out.tracks) {
-        if !matches!(method.name, "ins" | "lc" | "tc" | "info" | "vb_exact" | "plcf") {
+        if !matches!(method.name, "ins" | "lc" | "tc" | "info" | "plcf") {
             continue; // These assume something of sway or heave that the turn does not do.
         }
         let state = track.filtered.states[0];
@@ -250,11 +250,11 @@ fn a_split_step_does_not_make_the_gyro_worse() {
 fn arrival_out_of_order() {
     let recording = steady_turn(3);
     let options = Options::default();
-    let method = crate::navigator::Method::named("consistent").unwrap();
+    let method = crate::navigator::Method::named("sway_current").unwrap();
     let mut guides = [(); 2].map(|()| {
-        NavigatorSet::new(
+        Navigator::new(
             recording.start,
-            &recording.geometry,
+            recording.geometry.clone(),
             method.aiding,
             &recording.model,
             &options,

@@ -24,7 +24,7 @@ pub struct MethodRecord {
     pub fixes_rejected: u64,
     /// DVL fixes before which the velocity was beyond the linear range ([`crate::filter::linear_range`]).
     pub fixes_beyond_linear_range: u64,
-    /// The selection at each ping, for a method that selects.
+    /// The selection at each ping, for the selector of the paper.
     pub choices: Vec<Choice>,
     /// How well the IMU's biases are known at the last sample; none without samples.
     pub biases: Option<BiasRecord>,

@@ -8,7 +8,7 @@ use crate::filter::report::{Sensor, UpdateReport};
 use crate::mechanisation::ImuSample;
 use crate::model::Model;
 use crate::navigator::Method;
-use crate::navigator::NavigatorSet;
+use crate::navigator::Navigator;
 use crate::navigator::events::Event;
 use crate::navigator::run_events::{Failure, Feed};
 use crate::simulation::epochs::{Aid, Epoch, Epochs};
@@ -24,7 +24,7 @@ use crate::state::NavState;
 #[derive(Debug, Clone)]
 struct MethodRun {
     method: Method,
-    navigators: NavigatorSet,
+    navigator: Navigator,
     record: MethodRecord,
     nis_sum: f64,
 }
@@ -32,7 +32,7 @@ struct MethodRun {
 impl MethodRun {
     fn push(&mut self, event: &Event) -> Result<(), NavError> {
         let (record, nis_sum) = (&mut self.record, &mut self.nis_sum);
-        self.navigators.push(event, &mut |report: &UpdateReport| {
+        self.navigator.push(event, &mut |report: &UpdateReport| {
             record.choices.extend(report.choice);
             if report.sensor == Sensor::Beams && report.rows > 0 {
                 *nis_sum += report.nis;
@@ -58,9 +58,9 @@ impl MethodRun {
 
     fn deviation(&self, truth: &NavState) -> Deviation {
         Deviation {
-            error: truth.error_of(&self.navigators.state()),
-            linear_error: self.navigators.selected().filter().linear_error(truth),
-            covariance: self.navigators.covariance(),
+            error: truth.error_of(&self.navigator.state()),
+            linear_error: self.navigator.filter().linear_error(truth),
+            covariance: self.navigator.covariance(),
         }
     }
 }
@@ -91,11 +91,11 @@ impl MonteCarloRun {
     ) -> Result<Self, NavError> {
         let initial = drawn_start(start, simulated, key);
         let methods = methods.iter().map(|&method| {
-            let navigators = NavigatorSet::new(initial, geometry, method.aiding, assumed, options)
+            let navigator = Navigator::new(initial, geometry.clone(), method.aiding, assumed, options)
                 .map_err(|source| in_run(key.run, &method, source))?;
             Ok(MethodRun {
                 method,
-                navigators,
+                navigator,
                 record: MethodRecord::default(),
                 nis_sum: 0.0,
             })
@@ -112,7 +112,7 @@ impl MonteCarloRun {
     /// The estimate of a method.
     #[must_use]
     pub fn state(&self, method: usize) -> Option<NavState> {
-        self.methods.get(method).map(|one| one.navigators.state())
+        self.methods.get(method).map(|one| one.navigator.state())
     }
 
     /// Results of the methods, in their order.
@@ -129,9 +129,7 @@ impl MonteCarloRun {
 
     /// The last reading that the filters have taken.
     fn last_imu(&self) -> Option<ImuSample> {
-        self.methods
-            .first()
-            .and_then(|one| one.navigators.selected().last_imu())
+        self.methods.first().and_then(|one| one.navigator.last_imu())
     }
 
     fn each(&mut self, mut work: impl FnMut(&mut MethodRun) -> Result<(), NavError>) -> Result<(), NavError> {
@@ -318,7 +316,7 @@ impl Feed for RunSegment<'_> {
         let samples = &self.readings[..];
         let mut spans = Vec::new();
         for (navigator, one) in self.run.methods.iter_mut().enumerate() {
-            let filters = one.navigators.filters_mut();
+            let filters = one.navigator.filters_mut();
             spans.extend(filters.map(|filter| FilterSpan::new(filter, samples).owned_by(Owner { feed, navigator })));
         }
         spans
@@ -337,7 +335,7 @@ impl Feed for RunSegment<'_> {
             self.run
                 .methods
                 .iter_mut()
-                .for_each(|one| one.navigators.has_taken(&last));
+                .for_each(|one| one.navigator.has_taken(&last));
         }
         self.after_sample()
     }

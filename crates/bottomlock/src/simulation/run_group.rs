@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use crate::error::NavError;
 use crate::filter::filter_group::width;
 use crate::navigator::run_events::run_events;
-use crate::navigator::{Aiding, BeamAiding, Method, SELECTOR_METHODS};
+use crate::navigator::{BeamAiding, Method};
 use crate::simulation::monte_carlo_run::RunSegment;
 use crate::stop::Stop;
 
@@ -58,9 +58,5 @@ pub(crate) fn size(methods: &[Method], runs: usize, threads: usize) -> NonZeroUs
 }
 
 fn filters_of(method: &Method) -> usize {
-    let of_one = |aiding| if aiding == BeamAiding::SwayCurrent { 2 } else { 1 };
-    match method.aiding {
-        Aiding::One(aiding) => of_one(aiding),
-        Aiding::Consistent => SELECTOR_METHODS.iter().map(|(_, aiding)| of_one(*aiding)).sum(),
-    }
+    1 + usize::from(method.aiding == BeamAiding::SwayCurrent)
 }

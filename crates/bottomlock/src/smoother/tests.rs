@@ -219,7 +219,6 @@ fn smoothed_covariance_is_at_most_the_filtered_one() {
                 .chain([12_000_000_000])
                 .collect();
             let mut request = recording.replay(&options, &samples);
-            request.methods = &METHODS[..12];
             let plain = replay(&request, 1).unwrap();
             request.smooth = true;
             let out = replay(&request, 2).unwrap();
@@ -258,10 +257,11 @@ fn equivalent_methods_have_equal_smoothers() {
         (0..4).for_each(|beam| ping.velocity_mps[beam] += 0.02 * ((7 * k + 3 * beam) as f64).sin());
         ping.valid = [0, 1].into_iter().collect();
     }
-    let options = Options::default();
+    let mut options = Options::default();
+    options.assumptions.exact_virtual_beams = true;
     let samples: Vec<i64> = (0..12).map(|k| k * 1_000_000_000).collect();
     let mut request = recording.replay(&options, &samples);
-    let methods: Vec<_> = ["tc", "info", "vb_exact"]
+    let methods: Vec<_> = ["tc", "info", "vb"]
         .map(|name| crate::navigator::Method::named(name).unwrap())
         .to_vec();
     request.methods = &methods;
@@ -276,18 +276,4 @@ fn equivalent_methods_have_equal_smoothers() {
             (0..DIM).for_each(|k| assert!((a[k] - b[k]).abs() < 1e-9 * (1.0 + a[k])));
         }
     }
-}
-
-/// A method that selects among filters cannot be smoothed.
-#[test]
-fn a_selector_is_rejected() {
-    let recording = steady_turn(2);
-    let options = Options::default();
-    let mut request = recording.replay(&options, &[0]);
-    request.smooth = true;
-    let error = replay(&request, 1).unwrap_err().to_string();
-    assert!(
-        error.starts_with("method consistent: a method that selects among filters cannot be smoothed"),
-        "{error}"
-    );
 }

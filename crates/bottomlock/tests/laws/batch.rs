@@ -7,7 +7,7 @@ use bottomlock::filter::options::Options;
 use bottomlock::mechanisation::Sampling;
 use bottomlock::model::{ImuModel, InitialModel, Model};
 use bottomlock::navigator::events::Event;
-use bottomlock::navigator::{METHODS, Method, NavigatorSet};
+use bottomlock::navigator::{METHODS, Method, Navigator};
 use bottomlock::simulation::batch::{Batch, run_batch};
 use bottomlock::simulation::closed_loop::{ClosedLoop, ClosedLoopSetup, TruthSegment, VehicleStart};
 use bottomlock::simulation::schedule::Schedule;
@@ -115,7 +115,7 @@ fn streaming_is_batch_bit_for_bit() {
     let records = run_batch(&whole, 1).unwrap();
     for (index, method) in METHODS.iter().enumerate() {
         let streams = draw(&turn, &epochs.schedule(), 2017, 7, 2).unwrap();
-        let mut navigator = NavigatorSet::new(streams.initial, &geometry, method.aiding, &model, &options).unwrap();
+        let mut navigator = Navigator::new(streams.initial, geometry.clone(), method.aiding, &model, &options).unwrap();
         let mut events: Vec<Event> = streams.imu.iter().copied().map(Event::Imu).collect();
         let all = BeamMask::all(4);
         events.extend(streams.pings.iter().map(|p| {

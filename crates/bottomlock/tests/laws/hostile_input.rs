@@ -11,7 +11,7 @@ use bottomlock::model::Model;
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample,
 };
-use bottomlock::navigator::{BeamAiding, METHODS, Navigator, NavigatorSet};
+use bottomlock::navigator::{BeamAiding, METHODS, Navigator};
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::Matrix3;
 use proptest::prelude::*;
@@ -164,7 +164,7 @@ proptest! {
     #[test]
     fn hostile_input_never_panics(events in prop::collection::vec(event(), 1..40), index in 0_usize..METHODS.len(), slow in any::<bool>()) {
         let options = Options { covariance_period_ns: if slow { 100_000_000 } else { 0 }, ..Options::default() };
-        let mut navigator = NavigatorSet::new(NavState::at_rest(0), &janus(), METHODS[index].aiding, &Model::table_2(), &options).unwrap();
+        let mut navigator = Navigator::new(NavState::at_rest(0), janus(), METHODS[index].aiding, &Model::table_2(), &options).unwrap();
         for event in &events {
             let failed = navigator.push(event, &mut |_| {}).is_err();
             let finite = navigator.state().validate().is_ok();
@@ -178,7 +178,7 @@ proptest! {
     /// After any sequence of valid updates P is symmetric, bit for bit, with a positive diagonal.
     #[test]
     fn covariance_stays_symmetric(masks in prop::collection::vec(0_usize..16, 1..30), index in 0_usize..METHODS.len()) {
-        let mut navigator = NavigatorSet::new(NavState::at_rest(0), &janus(), METHODS[index].aiding, &Model::table_2(), &Options::default()).unwrap();
+        let mut navigator = Navigator::new(NavState::at_rest(0), janus(), METHODS[index].aiding, &Model::table_2(), &Options::default()).unwrap();
         for (k, mask) in masks.iter().enumerate() {
             let time_ns = (k as i64 + 1) * 100_000_000;
             let imu = ImuSample { time_ns, rate_p_radps: Vec3::new(0.01, 0.0, 0.05), force_p_mps2: Vec3::new(0.0, 0.1, -9.8) };

@@ -218,7 +218,7 @@ fn a_late_push_that_fails_changes_nothing() {
         gate: Gate::Off,
         ..Options::default()
     };
-    for method in ["tc", "sway_current", "consistent"] {
+    for method in ["tc", "sway_current"] {
         let mut navigator = under_way(method, &options, 2_000 * MS, 1);
         navigator.push(&depth(900 * MS, 0.5), &mut |_| {}).unwrap();
         let before = format!("{navigator:?}");
@@ -274,7 +274,7 @@ fn what_waits_can_be_dropped() {
 fn a_new_covariance_begins_anew() {
     let mut navigator = under_way("tc", &Options::default(), 2_000 * MS, 1);
     navigator.push(&depth(1_005 * MS, 0.5), &mut |_| {}).unwrap();
-    let covariance = navigator.navigators().covariance() * 2.0;
+    let covariance = navigator.navigator().covariance() * 2.0;
     navigator.set_covariance(&covariance).unwrap();
     assert!(matches!(
         navigator.push(&depth(1_000 * MS, 0.5), &mut |_| {}),

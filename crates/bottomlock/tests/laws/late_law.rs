@@ -66,7 +66,7 @@ proptest! {
             prop_assert_eq!(reported_restored.text(), reported.text());
         }
 
-        let last_ns = ordered.navigators().state().time_ns;
+        let last_ns = ordered.navigator().state().time_ns;
         let out = replay(&Replay {
             log: Log { imu: &case.imu, pings: &case.pings, sensors: case.sensors.each_ref().map(Vec::as_slice), water_track: &case.water_track },
             geometry: &janus(),
@@ -82,8 +82,8 @@ proptest! {
             withheld: Default::default(),
         }, 1).unwrap();
         let filtered = &out.tracks[0].filtered;
-        prop_assert_eq!(&filtered.states[0], &shuffled.navigators().state());
-        prop_assert_eq!(&filtered.covariances[0], &shuffled.navigators().covariance());
+        prop_assert_eq!(&filtered.states[0], &shuffled.navigator().state());
+        prop_assert_eq!(&filtered.covariances[0], &shuffled.navigator().covariance());
         prop_assert_eq!(&out.imu_faults.counts, shuffled.imu_faults());
     }
 }

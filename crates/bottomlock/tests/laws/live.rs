@@ -73,13 +73,13 @@ fn one_bad_reading_is_rejected_and_bridged() {
                 fault.to_string(),
                 "specific force x is 1000 m/s², beyond the full scale of 100 m/s²: is it in mg or cm/s²?"
             );
-            assert_eq!(with_it.navigators().state().time_ns, 490 * MS);
+            assert_eq!(with_it.navigator().state().time_ns, 490 * MS);
         } else {
             quiet(&mut without, &imu(k * 10 * MS, 0.0)).unwrap();
         }
     }
     assert_eq!(with_it.imu_faults(), &[1, 0, 0, 0]);
-    let (one, other) = (with_it.navigators(), without.navigators());
+    let (one, other) = (with_it.navigator(), without.navigator());
     assert_eq!(one.state(), other.state());
     let further = one.covariance() - other.covariance();
     let sd = |state: usize| further[(state, state)].sqrt();
@@ -114,7 +114,7 @@ fn a_gap_is_refused_or_inflated() {
     ));
     quiet(&mut inflating, &imu(4_000 * MS, 0.0)).unwrap();
     assert_eq!(inflating.imu_faults(), &[0, 0, 0, 1]);
-    let down_sd = inflating.navigators().covariance()[(8, 8)].sqrt();
+    let down_sd = inflating.navigator().covariance()[(8, 8)].sqrt();
     assert!((down_sd - 2.0).abs() < 2e-2, "0.5 m/s² over 4 s: {down_sd}");
 }
 
@@ -123,15 +123,15 @@ fn a_gap_is_refused_or_inflated() {
 fn absurd_readings_move_nothing() {
     let mut navigator = live("tc", &Options::default());
     quiet(&mut navigator, &imu(0, 0.0)).unwrap();
-    let state = navigator.navigators().state();
+    let state = navigator.navigator().state();
     for force in [1e308, -1e308, 1e300] {
         assert!(quiet(&mut navigator, &imu(MS, force)).is_err());
-        assert_eq!(navigator.navigators().state(), state);
+        assert_eq!(navigator.navigator().state(), state);
     }
     for (k, force) in [-1e6, 1e6, 100.0].into_iter().enumerate() {
         let fault = quiet(&mut navigator, &imu((k as i64 + 2) * MS, force)).unwrap();
         assert!(fault.is_some(), "{force}");
-        assert_eq!(navigator.navigators().state(), state);
+        assert_eq!(navigator.navigator().state(), state);
     }
     // A rejected reading has had its time.
     assert!(matches!(
@@ -140,13 +140,7 @@ fn absurd_readings_move_nothing() {
     ));
     assert_eq!(navigator.late_events()[0], 1);
     quiet(&mut navigator, &imu(5 * MS, 0.0)).unwrap();
-    assert!(
-        navigator
-            .navigators()
-            .covariance()
-            .iter()
-            .all(|entry| entry.is_finite())
-    );
+    assert!(navigator.navigator().covariance().iter().all(|entry| entry.is_finite()));
 }
 
 /// Finite numbers that no instrument has are refused as they come, so that they cannot wait for the next reading and spoil it.
@@ -316,12 +310,12 @@ proptest! {
                 }
                 Err(_) => prop_assert_eq!(&seen(&navigator), &before.0),
             }
-            prop_assert!(navigator.navigators().state().validate().is_ok());
-            let covariance = navigator.navigators().covariance();
+            prop_assert!(navigator.navigator().state().validate().is_ok());
+            let covariance = navigator.navigator().covariance();
             prop_assert!((0..DIM * DIM).all(|k| covariance[(k / DIM, k % DIM)].is_finite()));
         }
-        prop_assert_eq!(navigator.navigators().state(), spared.navigators().state());
-        prop_assert_eq!(navigator.navigators().covariance(), spared.navigators().covariance());
+        prop_assert_eq!(navigator.navigator().state(), spared.navigator().state());
+        prop_assert_eq!(navigator.navigator().covariance(), spared.navigator().covariance());
         prop_assert_eq!(navigator.imu_faults(), spared.imu_faults());
     }
 }

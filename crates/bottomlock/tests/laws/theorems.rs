@@ -11,7 +11,7 @@ use bottomlock::aiding::beams::DvlModel;
 use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::dvl::partial::PartialMethod;
+use bottomlock::dvl::partial::{Assumptions, PartialMethod};
 use bottomlock::earth::Environment;
 use bottomlock::filter::gate::Gate;
 use bottomlock::filter::options::Options;
@@ -121,6 +121,7 @@ fn update(case: &Case, aiding: BeamAiding, port: InformationPort, gate: Gate) ->
     let options = Options {
         gate,
         gate_probability: 0.9,
+        assumptions: EXACT,
         information_port: port,
         robust: None,
         ..Options::default()
@@ -182,6 +183,13 @@ fn rank(case: &Case) -> Option<usize> {
 }
 
 const AXES: InformationPort = InformationPort::Axes;
+/// The virtual beam with its correlation.
+const EXACT: Assumptions = Assumptions {
+    virtual_beam_factor: 1.0,
+    exact_virtual_beams: true,
+    nullified_sway_var_m2ps2: 1e-3,
+    weak_sway_var_m2ps2: 2.0,
+};
 
 /// Random cases of a theorem, which is either right in nearly all of them or wrong in nearly all; twenty times as many
 /// with `BOTTOMLOCK_LONG`, as `make test-long` sets it.
@@ -201,7 +209,7 @@ proptest! {
     fn four_names_for_one_update(case in case(true, true)) {
         prop_assume!(rank(&case).is_some());
         let tight = update(&case, BeamAiding::Tight, AXES, Gate::Off);
-        let exact = update(&case, BeamAiding::Loose(PartialMethod::VirtualBeamExact), AXES, Gate::Off);
+        let exact = update(&case, BeamAiding::Loose(PartialMethod::VirtualBeam), AXES, Gate::Off);
         let axes = update(&case, BeamAiding::Loose(PartialMethod::Information), AXES, Gate::Off);
         let full = update(&case, BeamAiding::Loose(PartialMethod::Information), InformationPort::Full, Gate::Off);
         prop_assert!(gap(&tight, &exact) < 1e-9, "exact VB {}", gap(&tight, &exact));
@@ -231,7 +239,7 @@ proptest! {
     fn the_joint_gate_treats_them_alike(case in case(true, true)) {
         prop_assume!(rank(&case).is_some());
         let tight = update(&case, BeamAiding::Tight, AXES, Gate::Joint);
-        let exact = update(&case, BeamAiding::Loose(PartialMethod::VirtualBeamExact), AXES, Gate::Joint);
+        let exact = update(&case, BeamAiding::Loose(PartialMethod::VirtualBeam), AXES, Gate::Joint);
         let axes = update(&case, BeamAiding::Loose(PartialMethod::Information), AXES, Gate::Joint);
         let full = update(&case, BeamAiding::Loose(PartialMethod::Information), InformationPort::Full, Gate::Joint);
         prop_assert!(gap(&tight, &exact) < 1e-9 && gap(&tight, &axes) < 1e-9 && gap(&tight, &full) < 1e-9);
@@ -257,6 +265,7 @@ fn sequence(
 ) -> (NavState, Covariance, f64) {
     let options = Options {
         gate_probability: 0.9,
+        assumptions: EXACT,
         information_port: port,
         robust: Some(Robust::default()),
         inflate_after_rejections: 2,
@@ -308,7 +317,7 @@ proptest! {
         prop_assume!(every_mask_is_well_conditioned);
         let tight = sequence(&case, &pings, BeamAiding::Tight, AXES);
         for (method, port) in [
-            (PartialMethod::VirtualBeamExact, AXES),
+            (PartialMethod::VirtualBeam, AXES),
             (PartialMethod::Information, AXES),
             (PartialMethod::Information, InformationPort::Full),
         ] {

@@ -19,7 +19,7 @@ from bottomlock.recordings.streams import Floats
 from bottomlock.statistics.chi_squared import each_probability
 from bottomlock.tables.replay import FORWARD
 
-TRUSTED = ("tc", "info", "lc", "sway_current", "consistent", "weak_sway")
+TRUSTED = ("tc", "info", "lc", "sway_current", "weak_sway")
 """Methods that claim to be consistent; `ins` has no aid and the others are the paper's."""
 FALSE_ALARM = 1e-4
 TIMES = 20

@@ -58,8 +58,7 @@ class Sway:
             return f"{measured}: it fits this vehicle."
         return (
             f"{measured}: it does not fit this vehicle. Set filter.water.vehicle (hovering, surface), or slip_sd_mps "
-            f"= {self.rms_mps:.2g} and slip_time_s = {self.time_s:.2g}; or take tc, or consistent, which falls back "
-            "to it."
+            f"= {self.rms_mps:.2g} and slip_time_s = {self.time_s:.2g}; or take tc."
         )
 
 

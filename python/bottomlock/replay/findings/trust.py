@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import polars as pl
 
+from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.findings.against_reckoning import AXES, TRUSTED, VAGUE, Agreement, metres
@@ -303,7 +304,7 @@ def recommended(evidence: Evidence) -> str:
     }
     beaten = {one.method for one in evidence.agreements if one.beaten}
     slender = evidence.sway is not None and evidence.sway.fits and evidence.partial > PARTIAL
-    order = ("sway_current", *TRUSTED) if slender else TRUSTED
+    order = (RECOMMENDED_METHOD, *TRUSTED) if slender else TRUSTED
     usable = [one for one in (*order, *evidence.methods) if one in evidence.methods and one not in astray]
     usable.sort(key=lambda one: one in beaten)
     return usable[0] if usable else METHOD if evidence.reckoned else ""

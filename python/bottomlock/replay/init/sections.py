@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.io.beams import geometry_text
+from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.files import Files, Section, joined
 from bottomlock.replay.init.guess import round_up
@@ -50,8 +51,8 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     replay = Section("replay")
     replay.put("methods", ["ins", "lc", "tc"])
     replay.say(
-        "tc assumes nothing of the vehicle. Every method side by side: leave the line above out; sway_current, which "
-        "README recommends, is for a slender vehicle, and for one with "
+        "tc assumes nothing of the vehicle. Every method side by side: leave the line above out; "
+        f"{RECOMMENDED_METHOD}, which README recommends, is for a slender vehicle, and for one with "
         'lateral thrusters (ROV, hovering AUV) with vehicle = "hovering" in [filter.water] (docs/hovering.md)'
     )
     start = Section("start")

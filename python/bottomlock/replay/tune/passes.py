@@ -36,7 +36,7 @@ OUTAGES = 4
 
 METHODS = ("tc",)
 """Methods whose predictions are scored where none are named."""
-MEASURED = ("tc", "vb_exact", "info", "sway_current")
+MEASURED = ("tc", "info", "sway_current")
 """Methods that predict what was measured: no row of theirs has a velocity that they assume."""
 LEFT_OUT = "beam left out"
 """Name of the predictions of a beam that is lost while the others are used."""

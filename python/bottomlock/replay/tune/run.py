@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.own_method import known_names
+from bottomlock.own_method import known_names, not_replaced
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.tune.criterion import DETERMINED, Criterion, Found, search, uncertainty
@@ -128,7 +128,7 @@ def tune_case(
             f"fraction is {fraction:g}", expected="0.2 to 0.8: the rest of the recording judges"
         )
     if not methods or len(set(methods)) < len(methods) or not set(methods) <= set(MEASURED):
-        unknown = [one for one in methods if one not in known_names()]
+        unknown = [one for one in map(not_replaced, methods) if one not in known_names()]
         hint = (did_you_mean(unknown[0], MEASURED) if unknown else "") or ","
         raise ScenarioError(
             f"methods is {', '.join(methods) or 'empty'}{hint} expected some of {', '.join(MEASURED)}, each once: the "

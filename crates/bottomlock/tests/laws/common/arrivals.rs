@@ -390,5 +390,5 @@ impl Reported {
 
 /// All that is to be the same after the same events.
 pub(crate) fn outcome(navigator: &LiveNavigator) -> String {
-    format!("{:?} {:?}", navigator.navigators(), navigator.imu_faults())
+    format!("{:?} {:?}", navigator.navigator(), navigator.imu_faults())
 }
