@@ -1,4 +1,4 @@
-"""Worlds whose magnetic compass deviates with heading, claimed as a grade that has offset and walk but no deviation.
+"""Worlds whose magnetic compass deviates with heading, by two sigma of what its grade claims.
 
 `python -m tests.statistical.compass_worlds` prints every world: as it is, without inflation, by dead reckoning.
 """
@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
+from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.instrument_grades import imu
 from bottomlock.dead_reckoning.sensors import Sensors, reckon
 from bottomlock.kernel import Method
@@ -32,11 +33,9 @@ DEGREE = np.pi / 180.0
 DURATION_S, SPEED_MPS = 600.0, 1.5
 
 WHITE = MagnetometerModel(yaw_sd_rad=0.2 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE)
-CLAIMED = WHITE.replace(
-    yaw_offset_sd_rad=1.0 * DEGREE, roll_pitch_offset_sd_rad=0.5 * DEGREE,
-    yaw_walk_sd_rad=1.7 * DEGREE, roll_pitch_walk_sd_rad=0.5 * DEGREE, walk_time_s=120.0,
-)  # fmt: skip
-"""The packaged grade mti_ahrs."""
+GRADE: Any = AttitudeReference(grade="mti_ahrs").kernel_models()["magnetometer"]
+SURPRISED = GRADE.replace(yaw_semicircular_sd_rad=0.0, yaw_quadrantal_sd_rad=0.0)
+"""The packaged grade without its deviation."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +87,11 @@ class Readings:
     position_t_m: Array
 
 
-def readings(world: World, run: int) -> Readings:
+def readings(world: World, run: int, claimed: MagnetometerModel = SURPRISED) -> Readings:
     """The readings of a run; the start has the errors that it claims, those of the compass."""
     simulation, truth = motion(world.heading_deg)
     scenario = simulation.scenario
-    model = scenario.kernel_model(simulation.gravity_mps2).replace(imu=imu("tactical"), magnetometer=CLAIMED)
+    model = scenario.kernel_model(simulation.gravity_mps2).replace(imu=imu("tactical"), magnetometer=claimed)
     tilt = float(np.hypot(0.5, 0.5)) * DEGREE
     initial = model.initial.replace(
         attitude_sd_rad=[tilt, tilt, float(np.hypot(1.0, 1.7)) * DEGREE], position_sd_m=[0.5] * 3
@@ -180,12 +179,17 @@ def main() -> None:
     parser.add_argument("--heading", type=float, default=0.0)
     parser.add_argument("--without", action="store_true", help="also without inflation and by dead reckoning")
     parser.add_argument("--worlds", default="", help="those whose name has this")
+    parser.add_argument("--surprised", action="store_true", help="claimed as a grade without deviation")
     given = parser.parse_args()
     for name, world in WORLDS.items():
         if given.worlds not in name:
             continue
         of_runs = [
-            readings(World(**(vars(world) | {"heading_deg": given.heading})), run)
+            readings(
+                World(**(vars(world) | {"heading_deg": given.heading})),
+                run,
+                SURPRISED if given.surprised else GRADE,
+            )
             for run in range(given.runs)
         ]
         columns = {method: [filtered(read, method, 5) for read in of_runs] for method in given.methods}

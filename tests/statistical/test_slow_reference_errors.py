@@ -41,14 +41,15 @@ SENSORS = {
         MagnetometerModel(
             yaw_sd_rad=0.5 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE, yaw_offset_sd_rad=2.0 * DEGREE,
             roll_pitch_offset_sd_rad=0.5 * DEGREE, yaw_walk_sd_rad=1.0 * DEGREE, roll_pitch_walk_sd_rad=0.3 * DEGREE,
-            walk_time_s=60.0,
+            walk_time_s=60.0, yaw_semicircular_sd_rad=2.0 * DEGREE, yaw_quadrantal_sd_rad=1.0 * DEGREE,
         ),
         MagnetometerModel(yaw_sd_rad=0.5 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE),
         column="yaw_offset_rad", trajectory_key=47, state=5, least_over=3.0,
     ),
     "heading": Slow(
         HeadingModel(
-            sd_rad=0.1 * DEGREE, offset_sd_rad=0.5 * DEGREE, walk_sd_rad=0.3 * DEGREE, walk_time_s=100.0
+            sd_rad=0.1 * DEGREE, offset_sd_rad=0.5 * DEGREE, walk_sd_rad=0.3 * DEGREE, walk_time_s=100.0,
+            semicircular_sd_rad=1.0 * DEGREE, quadrantal_sd_rad=0.5 * DEGREE,
         ),
         HeadingModel(sd_rad=0.1 * DEGREE),
         column=None, trajectory_key=47, state=5, least_over=3.0,

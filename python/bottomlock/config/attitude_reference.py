@@ -53,6 +53,11 @@ class AttitudeReference(Section):
     """first-order walk of the yaw, likewise"""
     walk_time_s: Positive = models.WALK_TIME_S
     """correlation time of the walks"""
+    yaw_semicircular_sd_deg: NonNegative = 0.0
+    """deviation of a magnetic compass by the cosine and by the sine of the heading, each, 1 sigma; states of the filter
+    unless 0"""
+    yaw_quadrantal_sd_deg: NonNegative = 0.0
+    """deviation by cosine and by sine of twice the heading, likewise"""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -66,9 +71,14 @@ class AttitudeReference(Section):
         return self._start_sd_deg(self.roll_pitch_sd_deg, slow, aided=self.aids == "attitude")
 
     @property
+    def yaw_constant_sd_deg(self) -> float:
+        """1 sigma of what stays of the yaw's error on a heading, deg: offset and deviation."""
+        return math.hypot(self.yaw_offset_sd_deg, self.yaw_semicircular_sd_deg, self.yaw_quadrantal_sd_deg)
+
+    @property
     def start_yaw_sd_deg(self) -> float:
         """1 sigma of the yaw at a start from a reading, deg."""
-        slow = math.hypot(self.yaw_offset_sd_deg, self.yaw_walk_sd_deg)
+        slow = math.hypot(self.yaw_constant_sd_deg, self.yaw_walk_sd_deg)
         return self._start_sd_deg(self.yaw_sd_deg, slow, aided=self.aids != "nothing")
 
     def _start_sd_deg(self, white_deg: float, slow_deg: float, *, aided: bool) -> float:
@@ -99,6 +109,8 @@ class AttitudeReference(Section):
             "sd_rad": units.rad_from_deg(self.yaw_sd_deg),
             "offset_sd_rad": units.rad_from_deg(self.yaw_offset_sd_deg),
             "walk_sd_rad": units.rad_from_deg(self.yaw_walk_sd_deg),
+            "semicircular_sd_rad": units.rad_from_deg(self.yaw_semicircular_sd_deg),
+            "quadrantal_sd_rad": units.rad_from_deg(self.yaw_quadrantal_sd_deg),
         }
         attitude = models.MagnetometerModel(
             roll_pitch_sd_rad=units.rad_from_deg(self.roll_pitch_sd_deg),

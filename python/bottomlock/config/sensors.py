@@ -72,6 +72,10 @@ class Magnetometer(Section):
     """first-order walk of roll and of pitch, likewise"""
     walk_time_s: Positive = models.WALK_TIME_S
     """correlation time of the walks"""
+    yaw_semicircular_sd_deg: NonNegative = 0.0
+    """deviation of the yaw by its cosine and by its sine, each, drawn for each run; states of the filter unless 0"""
+    yaw_quadrantal_sd_deg: NonNegative = 0.0
+    """deviation by cosine and by sine of twice the yaw, likewise"""
     declination_deg: Annotated[
         Annotated[float, Field(ge=-180, le=180)] | Literal["wmm"], shown(range='≥ -180.0, ≤ 180.0, or "wmm"')
     ] = 0.0
@@ -109,6 +113,10 @@ class Heading(Section):
     """first-order walk, likewise"""
     walk_time_s: Positive = models.WALK_TIME_S
     """correlation time of the walk"""
+    semicircular_sd_deg: NonNegative = 0.0
+    """deviation of a magnetic compass by the cosine and by the sine of the heading, each, likewise"""
+    quadrantal_sd_deg: NonNegative = 0.0
+    """deviation by cosine and by sine of twice the heading, likewise"""
 
 
 class Gps(Section):
@@ -201,6 +209,8 @@ MAGNETOMETER = Sensor(
         yaw_walk_sd_rad=units.rad_from_deg(compass.yaw_walk_sd_deg),
         roll_pitch_walk_sd_rad=units.rad_from_deg(compass.roll_pitch_walk_sd_deg),
         walk_time_s=compass.walk_time_s,
+        yaw_semicircular_sd_rad=units.rad_from_deg(compass.yaw_semicircular_sd_deg),
+        yaw_quadrantal_sd_rad=units.rad_from_deg(compass.yaw_quadrantal_sd_deg),
     ),
 )
 HEADING = Sensor(
@@ -214,6 +224,8 @@ HEADING = Sensor(
         offset_sd_rad=units.rad_from_deg(gyrocompass.offset_sd_deg),
         walk_sd_rad=units.rad_from_deg(gyrocompass.walk_sd_deg),
         walk_time_s=gyrocompass.walk_time_s,
+        semicircular_sd_rad=units.rad_from_deg(gyrocompass.semicircular_sd_deg),
+        quadrantal_sd_rad=units.rad_from_deg(gyrocompass.quadrantal_sd_deg),
     ),
 )
 GPS = Sensor(

@@ -8,6 +8,7 @@ While the velocity along the vehicle's axes stays, f − ω × v is the reaction
 time constant τ (`LEVEL_TIME_S`): a gyro bias leaves τ times itself, an accelerometer bias its ratio to gravity.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -179,7 +180,8 @@ def attitude_errors(sensors: Sensors, model: Model) -> AttitudeErrors:
     if own is not None and len(own.time_ns) > 1:
         compass = model.of(MagnetometerModel)
         level = (compass.roll_pitch_offset_sd_rad, compass.roll_pitch_walk_sd_rad, compass.roll_pitch_sd_rad)
-        yaw = (compass.yaw_offset_sd_rad, compass.yaw_walk_sd_rad, compass.yaw_sd_rad)
+        constant = (compass.yaw_offset_sd_rad, compass.yaw_semicircular_sd_rad, compass.yaw_quadrantal_sd_rad)
+        yaw = (math.hypot(*constant), compass.yaw_walk_sd_rad, compass.yaw_sd_rad)
         walk_time_s, held_s = compass.walk_time_s, _interval_s(own.time_ns)
     else:
         imu, initial = model.imu, model.initial.attitude_sd_rad
@@ -191,7 +193,8 @@ def attitude_errors(sensors: Sensors, model: Model) -> AttitudeErrors:
         level, yaw = (float(np.linalg.norm(parts)), 0.0, 0.0), (initial[2], 0.0, 0.0)
         walk_time_s = AttitudeErrors().walk_time_s
     if heading is not None and len(sensors.heading_ns) > 1:
-        yaw = (heading.offset_sd_rad, heading.walk_sd_rad, heading.sd_rad)
+        constant = (heading.offset_sd_rad, heading.semicircular_sd_rad, heading.quadrantal_sd_rad)
+        yaw = (math.hypot(*constant), heading.walk_sd_rad, heading.sd_rad)
         walk_time_s, held_s = heading.walk_time_s, _interval_s(sensors.heading_ns)
     offset, walk, white = ((one, one, other) for one, other in zip(level, yaw, strict=True))
     return AttitudeErrors(offset, walk, white, walk_time_s, held_s or None)

@@ -205,8 +205,8 @@ class DepthModel(Settings):
 class MagnetometerModel(Settings):
     """Errors of an attitude reference (AHRS, magnetometer and tilt sensor), 1 sigma.
 
-    White noise of a reading; and the slow errors that the filter then estimates, 0 for none: a constant offset, and a
-    first-order walk with its correlation time.
+    White noise of a reading; and the slow errors that the filter then estimates, 0 for none: a constant offset, a
+    first-order walk with its correlation time, and the deviation that the vehicle's iron gives a magnetic compass.
     """
 
     place: ClassVar[str] = "magnetometer"
@@ -224,6 +224,10 @@ class MagnetometerModel(Settings):
     """walk of roll and pitch"""
     walk_time_s: float = WALK_TIME_S
     """correlation time of the walks"""
+    yaw_semicircular_sd_rad: float = 0.0
+    """deviation of yaw by its cosine and by its sine, each"""
+    yaw_quadrantal_sd_rad: float = 0.0
+    """deviation of yaw by cosine and by sine of twice it, each"""
 
 
 class HeadingModel(Settings):
@@ -238,6 +242,10 @@ class HeadingModel(Settings):
     """walk"""
     walk_time_s: float = WALK_TIME_S
     """correlation time of the walk"""
+    semicircular_sd_rad: float = 0.0
+    """deviation by the cosine and by the sine of the heading, each"""
+    quadrantal_sd_rad: float = 0.0
+    """deviation by cosine and by sine of twice the heading, each"""
 
 
 class GpsModel(Settings):

@@ -176,7 +176,7 @@ def attitude_errors(stream: AttitudeStream) -> AttitudeErrors:
         return level, level, yaw
 
     single = axes(stream.roll_pitch_sd_deg, stream.yaw_sd_deg)
-    offset = axes(stream.roll_pitch_offset_sd_deg, stream.yaw_offset_sd_deg)
+    offset = axes(stream.roll_pitch_offset_sd_deg, stream.yaw_constant_sd_deg)
     walk = axes(stream.roll_pitch_walk_sd_deg, stream.yaw_walk_sd_deg)
     # Level and yaw are claimed apart: one may have its slow part stated and the other not.
     slow = [o > 0.0 or w > 0.0 for o, w in zip(offset, walk, strict=True)]

@@ -2,13 +2,14 @@
 //!
 //! Its errors are slow: mounting, iron and declination give an offset, and accelerations that are taken for tilt, or
 //! iron that changes with the heading, errors that last for minutes. From one reading to the next it scatters by little.
-//! The error of each angle is an offset, a first-order walk and white noise; the filter estimates the first two
-//! (`filter/gauss_markov.rs`) where they are not zero.
+//! The error of each angle is an offset, a first-order walk and white noise, that of the yaw also a deviation
+//! ([`crate::aiding::deviation`]); the filter estimates all but the noise (`filter/gauss_markov.rs`) where they are not zero.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::aiding::declare::model_section;
-use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FurtherRows};
+use crate::aiding::deviation::{DeviationModel, harmonics};
+use crate::aiding::further::{ATTITUDE_ERROR, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FurtherRows};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
 use crate::aiding::{Innovation, Motion};
@@ -40,6 +41,12 @@ model_section! {
         /// Correlation time of the walks, s.
         #[serde(default)]
         pub walk_time_s: WalkTime,
+        /// Deviation of the yaw by cos ψ and by sin ψ, each, rad; 0 for none.
+        #[serde(default)]
+        pub yaw_semicircular_sd_rad: SlowSd,
+        /// Deviation of the yaw by cos 2ψ and by sin 2ψ, each, rad; 0 for none.
+        #[serde(default)]
+        pub yaw_quadrantal_sd_rad: SlowSd,
     }
 }
 
@@ -70,6 +77,14 @@ impl MagnetometerModel {
             offset_sd_rad: self.roll_pitch_offset_sd_rad.0,
             walk_sd_rad: self.roll_pitch_walk_sd_rad.0,
             walk_time_s: self.walk_time_s.0,
+        }
+    }
+
+    /// Deviation of the yaw.
+    pub(crate) fn deviation(&self) -> DeviationModel {
+        DeviationModel {
+            semicircular_sd_rad: self.yaw_semicircular_sd_rad.0,
+            quadrantal_sd_rad: self.yaw_quadrantal_sd_rad.0,
         }
     }
 
@@ -118,8 +133,8 @@ impl AidingSensor for AttitudeSample {
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "magnetometer",
         offset: Some("yaw_offset_rad"),
-        // White noise, then offset and walk of each angle.
-        random: &[8, 15, 16, 17, 18, 19, 20],
+        // White noise, then offset and walk of each angle, then the deviation's coefficients.
+        random: &[8, 15, 16, 17, 18, 19, 20, 26, 27, 28, 29],
         columns: &[Column::new("magnetometer_attitude_t_p", 4)],
     });
 
@@ -157,12 +172,14 @@ impl AidingSensor for AttitudeSample {
         let [roll, pitch, yaw] = scene.level.to_euler_rad(scene.truth.attitude_t_p);
         let tilt = model.roll_pitch_sd_rad;
         let [noise, slow @ ..] = random else { return None };
+        let (slow, deviation) = slow.split_at_mut_checked(ATTITUDE_ERROR)?;
         let mut error = noise.each(&[tilt, tilt, model.yaw_sd_rad]);
         let angles = [model.roll_pitch(), model.roll_pitch(), model.yaw()];
         for (k, (angle, streams)) in angles.iter().zip(slow.chunks_exact_mut(2)).enumerate() {
             let [offset, walk] = streams else { return None };
             error[k] += angle.draw(offset, walk, scene.time_ns);
         }
+        error.z += model.deviation().draw(deviation, yaw, scene.time_ns);
         let quaternion =
             UnitQuaternion::from_euler_angles(roll + error.x, pitch + error.y, yaw + scene.offset + error.z);
         Some(Self::new(
@@ -216,6 +233,11 @@ pub fn attitude(
     let mut rows = Box::new(FurtherRows::zeros());
     for first in [FIRST_ATTITUDE_ERROR, FIRST_ATTITUDE_ERROR + 3] {
         rows.fixed_view_mut::<3, 3>(0, first).copy_from(&axes);
+    }
+    let [_, _, estimated_yaw] = level.to_euler_rad(motion.state.attitude_t_p);
+    for (k, harmonic) in harmonics(estimated_yaw).into_iter().enumerate() {
+        rows.fixed_view_mut::<3, 1>(0, FIRST_ATTITUDE_DEVIATION + k)
+            .copy_from(&(axes.column(2) * harmonic));
     }
     innovation.by_further = Some(rows);
     innovation

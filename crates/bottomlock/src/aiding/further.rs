@@ -20,6 +20,9 @@ pub const ATTITUDE_ERROR: usize = 6;
 /// Number of states of the error of a heading sensor: offset, then first-order walk.
 pub const HEADING_ERROR: usize = 2;
 
+/// Number of states of the deviation of a compass: its coefficients by cos ψ, sin ψ, cos 2ψ and sin 2ψ.
+pub const DEVIATION: usize = 4;
+
 /// Number of states of the motion of the vehicle.
 pub const MOTION: usize = 6;
 
@@ -29,11 +32,15 @@ pub const DEPTH_BIAS: usize = 0;
 pub const FIRST_CALIBRATION: usize = DEPTH_BIAS + 1;
 /// First index of the error of the attitude reference, rad ([`crate::aiding::attitude`]).
 pub const FIRST_ATTITUDE_ERROR: usize = FIRST_CALIBRATION + CALIBRATION;
+/// First index of the deviation of the attitude reference's yaw, rad ([`crate::aiding::deviation`]).
+pub const FIRST_ATTITUDE_DEVIATION: usize = FIRST_ATTITUDE_ERROR + ATTITUDE_ERROR;
 /// First index of the error of the heading sensor, rad ([`crate::aiding::heading`]).
-pub const FIRST_HEADING_ERROR: usize = FIRST_ATTITUDE_ERROR + ATTITUDE_ERROR;
+pub const FIRST_HEADING_ERROR: usize = FIRST_ATTITUDE_DEVIATION + DEVIATION;
+/// First index of the deviation of the heading sensor, rad.
+pub const FIRST_HEADING_DEVIATION: usize = FIRST_HEADING_ERROR + HEADING_ERROR;
 /// First index of the motion of the vehicle: mean of surge, sway and heave, then their changes, m/s
 /// ([`crate::aiding::motion_prior`]).
-pub const FIRST_MOTION: usize = FIRST_HEADING_ERROR + HEADING_ERROR;
+pub const FIRST_MOTION: usize = FIRST_HEADING_DEVIATION + DEVIATION;
 /// First index of the thrust: advance per revolution, m, then slip, m/s ([`crate::aiding::thrust`]).
 pub const FIRST_THRUST: usize = FIRST_MOTION + MOTION;
 /// First index of what the forces of thrusters make of the speed ([`crate::aiding::effort`]).
@@ -47,11 +54,13 @@ pub const FIRST_LAYERS: usize = FIRST_WATER + WATER;
 pub const FURTHER: usize = FIRST_LAYERS + LAYER_STATES;
 
 /// Name and range of each block, in order.
-pub const FURTHER_BLOCKS: [(&str, Range<usize>); 9] = [
+pub const FURTHER_BLOCKS: [(&str, Range<usize>); 11] = [
     ("depth_bias_m", DEPTH_BIAS..FIRST_CALIBRATION),
     ("dvl_mounting_and_clock", FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR),
-    ("attitude_error_rad", FIRST_ATTITUDE_ERROR..FIRST_HEADING_ERROR),
-    ("heading_error_rad", FIRST_HEADING_ERROR..FIRST_MOTION),
+    ("attitude_error_rad", FIRST_ATTITUDE_ERROR..FIRST_ATTITUDE_DEVIATION),
+    ("attitude_deviation_rad", FIRST_ATTITUDE_DEVIATION..FIRST_HEADING_ERROR),
+    ("heading_error_rad", FIRST_HEADING_ERROR..FIRST_HEADING_DEVIATION),
+    ("heading_deviation_rad", FIRST_HEADING_DEVIATION..FIRST_MOTION),
     ("motion_p_mps", FIRST_MOTION..FIRST_THRUST),
     ("thrust", FIRST_THRUST..FIRST_EFFORT),
     ("effort", FIRST_EFFORT..FIRST_WATER),
@@ -76,6 +85,6 @@ mod tests {
             assert_eq!(range.start, next);
             next = range.end;
         }
-        assert_eq!((next, FURTHER_BLOCKS[7].1.start), (FURTHER, FIRST_WATER));
+        assert_eq!((next, FURTHER_BLOCKS[9].1.start), (FURTHER, FIRST_WATER));
     }
 }

@@ -7,7 +7,8 @@ use nalgebra::Vector3;
 
 use crate::aiding::attitude::SlowAngleModel;
 use crate::aiding::declare::model_section;
-use crate::aiding::further::{FIRST_HEADING_ERROR, FurtherRows};
+use crate::aiding::deviation::{DeviationModel, harmonics};
+use crate::aiding::further::{FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FurtherRows};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
 use crate::aiding::{Innovation, Motion, TangentRows};
@@ -31,10 +32,24 @@ model_section! {
         /// Correlation time of the walk, s.
         #[serde(default)]
         pub walk_time_s: WalkTime,
+        /// Deviation by cos ψ and by sin ψ, each, rad; 0 for none.
+        #[serde(default)]
+        pub semicircular_sd_rad: SlowSd,
+        /// Deviation by cos 2ψ and by sin 2ψ, each, rad; 0 for none.
+        #[serde(default)]
+        pub quadrantal_sd_rad: SlowSd,
     }
 }
 
 impl HeadingModel {
+    /// Its deviation.
+    pub(crate) fn deviation(&self) -> DeviationModel {
+        DeviationModel {
+            semicircular_sd_rad: self.semicircular_sd_rad.0,
+            quadrantal_sd_rad: self.quadrantal_sd_rad.0,
+        }
+    }
+
     /// Its slow error.
     pub(crate) fn yaw(&self) -> SlowAngleModel {
         SlowAngleModel {
@@ -70,8 +85,8 @@ impl AidingSensor for HeadingSample {
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "heading",
         offset: None,
-        // White noise, offset, walk.
-        random: &[14, 21, 22],
+        // White noise, offset, walk, then the deviation's coefficients.
+        random: &[14, 21, 22, 30, 31, 32, 33],
         columns: Self::LOG,
     });
 
@@ -109,10 +124,13 @@ impl AidingSensor for HeadingSample {
 
     #[cfg(feature = "simulation")]
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
-        let [noise, offset, walk] = random else { return None };
+        let [noise, offset, walk, deviation @ ..] = random else {
+            return None;
+        };
         let model = &scene.actual.heading;
-        let slow_rad = model.yaw().draw(offset, walk, scene.time_ns);
         let [_, _, yaw_rad] = scene.level.to_euler_rad(scene.truth.attitude_t_p);
+        let slow_rad =
+            model.yaw().draw(offset, walk, scene.time_ns) + model.deviation().draw(deviation, yaw_rad, scene.time_ns);
         Some(Self {
             time_ns: scene.time_ns,
             yaw_rad: yaw_rad + slow_rad + model.sd_rad * noise.one(),
@@ -151,6 +169,9 @@ pub fn heading(motion: &Motion<'_>, yaw_rad: f64, sd_rad: f64) -> Innovation {
     innovation.noise[(0, 0)] = sd_rad.powi(2);
     let mut rows = Box::new(FurtherRows::zeros());
     rows.fixed_view_mut::<1, 2>(0, FIRST_HEADING_ERROR).fill(1.0);
+    for (k, harmonic) in harmonics(yaw).into_iter().enumerate() {
+        rows[(0, FIRST_HEADING_DEVIATION + k)] = harmonic;
+    }
     innovation.by_further = Some(rows);
     innovation
 }

@@ -11,6 +11,7 @@ pub(crate) mod closure;
 pub mod current_layers;
 pub(crate) mod declare;
 pub mod depth;
+pub(crate) mod deviation;
 pub mod effort;
 pub mod further;
 pub mod gps;

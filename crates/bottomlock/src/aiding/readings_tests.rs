@@ -6,10 +6,12 @@ use nalgebra::{Matrix3, Vector3};
 use super::acoustic_position::{AcousticPositionModel, AcousticPositionSample};
 use super::attitude::{AttitudeSample, MagnetometerModel, attitude};
 use super::depth::{DepthModel, DepthSample};
+use super::deviation::harmonics;
+use super::further::{FIRST_ATTITUDE_DEVIATION, FIRST_HEADING_DEVIATION};
 use super::gps::{GpsModel, GpsSample, GpsVelocity};
-use super::heading::{HeadingModel, HeadingSample};
+use super::heading::{HeadingModel, HeadingSample, heading};
 use super::registry::{Sensor, SensorModels};
-use super::sensor::{AidingSensor, Fraction, Scene, TimeConstant, TrueMotion};
+use super::sensor::{AidingSensor, Fraction, Scene, SlowSd, TimeConstant, TrueMotion};
 use super::thrust::{ThrustModel, ThrustSample};
 use super::velocity::VelocitySample;
 use crate::earth::LocalLevel;
@@ -36,10 +38,14 @@ fn models() -> SensorModels {
         magnetometer: MagnetometerModel {
             roll_pitch_sd_rad: 0.01,
             yaw_sd_rad: 0.05,
+            yaw_semicircular_sd_rad: SlowSd(0.02),
+            yaw_quadrantal_sd_rad: SlowSd(0.01),
             ..MagnetometerModel::default()
         },
         heading: HeadingModel {
             sd_rad: 0.03,
+            semicircular_sd_rad: SlowSd(0.02),
+            quadrantal_sd_rad: SlowSd(0.01),
             ..HeadingModel::default()
         },
         gps: GpsModel {
@@ -161,11 +167,18 @@ fn depths() {
     );
 }
 
-/// Yaw alone, with noise.
+/// The deviation at the true yaw, by the coefficients that the streams draw.
+fn deviation(draws: &mut [Normals]) -> f64 {
+    let drawn = draws.iter_mut().zip([0.02, 0.02, 0.01, 0.01]).zip(harmonics(ANGLES[2]));
+    drawn.map(|((draw, sd), harmonic)| sd * draw.one() * harmonic).sum()
+}
+
+/// Yaw alone, with noise and deviation.
 #[test]
 fn headings() {
     let (reading, mut draws) = simulated::<HeadingSample>(0.0);
-    assert!((reading.yaw_rad - (ANGLES[2] + 0.03 * draws[0].one())).abs() < 1e-12);
+    let error = 0.03 * draws[0].one() + deviation(&mut draws[3..]);
+    assert!((reading.yaw_rad - (ANGLES[2] + error)).abs() < 1e-12);
     assert_eq!(reading.sd_rad, 0.003);
     assert_eq!(reading.numbers(), [reading.yaw_rad]);
     let read: HeadingSample = of_row(&[Some(&[0.25])]);
@@ -174,13 +187,13 @@ fn headings() {
     assert!((read.yaw_rad - ANGLES[2]).abs() < 1e-12 && read.sd_rad == 0.003);
 }
 
-/// Each angle with its own noise, the yaw with its offset besides.
+/// Each angle with its own noise, the yaw with its offset and its deviation besides.
 #[test]
 fn attitudes() {
     let (reading, mut draws) = simulated::<AttitudeSample>(0.7);
     let noise = draws[0].each(&[0.01, 0.01, 0.05]);
     let measured = reading.attitude_t_p.to_euler_rad();
-    for (k, offset) in [0.0, 0.0, 0.7].into_iter().enumerate() {
+    for (k, offset) in [0.0, 0.0, 0.7 + deviation(&mut draws[7..])].into_iter().enumerate() {
         assert!((measured[k] - (ANGLES[k] + offset + noise[k])).abs() < 1e-12, "{k}");
     }
     assert_eq!((reading.roll_pitch_sd_rad, reading.yaw_sd_rad), (0.001, 0.005));
@@ -189,6 +202,39 @@ fn attitudes() {
     assert_eq!(read, of_truth());
     assert_eq!(read.attitude_t_p, truth().attitude_t_p);
     assert_eq!((read.roll_pitch_sd_rad, read.yaw_sd_rad), (0.001, 0.005));
+}
+
+/// What each coefficient of a deviation adds to the yaw moves the residual by its column, also near the vertical.
+#[test]
+fn a_deviation_moves_the_residual_by_its_columns() {
+    const STEP: f64 = 1e-6;
+    for (pitch, own_yaw) in [(0.3, 0.4), (-0.5, 2.0), (1.5, -1.0)] {
+        let mut state = NavState::at_rest(0);
+        state.attitude_t_p = Rot::from_euler_rad(0.2, pitch, own_yaw);
+        for (k, harmonic) in harmonics(own_yaw).into_iter().enumerate() {
+            let moved = [0.0, STEP].map(|step| {
+                let measured = Rot::from_euler_rad(0.2, pitch, own_yaw + step * harmonic);
+                attitude(&still(&state), &measured, 0.01, 0.01)
+            });
+            let by_step = (moved[1].residual - moved[0].residual) / STEP;
+            let column = moved[0]
+                .by_further
+                .as_ref()
+                .unwrap()
+                .column(FIRST_ATTITUDE_DEVIATION + k)
+                .into_owned();
+            assert!((by_step - column).amax() < 1e-8, "{pitch} {k}");
+            let moved = [0.0, STEP].map(|step| heading(&still(&state), own_yaw + step * harmonic, 0.01));
+            let by_step = (moved[1].residual - moved[0].residual) / STEP;
+            let column = moved[0]
+                .by_further
+                .as_ref()
+                .unwrap()
+                .column(FIRST_HEADING_DEVIATION + k)
+                .into_owned();
+            assert!((by_step - column).amax() < 1e-8, "{pitch} {k}");
+        }
+    }
 }
 
 /// A position and a velocity with noise of their own; a log has the position alone.

@@ -5,7 +5,10 @@ use std::ops::Range;
 use nalgebra::SMatrix;
 
 use super::Eskf;
-use crate::aiding::further::{FURTHER, FURTHER_BLOCKS, FurtherVector};
+use crate::aiding::further::{
+    FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FIRST_MOTION,
+    FURTHER, FURTHER_BLOCKS, FurtherVector,
+};
 use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, MAX_ROWS};
 use crate::filter::gate::FIVE_SIGMA_FACTOR;
@@ -200,7 +203,8 @@ impl Eskf {
         })
     }
 
-    /// Without states that another one of their block has the same column as, and changes faster: of an offset and a walk the walk.
+    /// Without states that another one of their block has the same column as, and changes faster: of an offset and a walk the
+    /// walk. A deviation is not charged where the sensor has an offset or a walk.
     fn changing(&self, innovation: &Innovation, slow: &FurtherVector) -> FurtherVector {
         let (rates, rows) = (
             self.extensions.processes.rate_per_s(),
@@ -208,9 +212,16 @@ impl Eskf {
         );
         let is_of_one = |j: usize, k: usize| FURTHER_BLOCKS.iter().any(|(_, b)| b.contains(&j) && b.contains(&k));
         let is_like = |j: usize, k: usize| is_of_one(j, k) && rows.is_some_and(|rows| rows.column(j) == rows.column(k));
+        let others = |block: Range<usize>| slow.rows_range(block).amax() > 0.0;
+        let has_others = |k: usize| {
+            (FIRST_ATTITUDE_DEVIATION..FIRST_HEADING_ERROR).contains(&k)
+                && others(FIRST_ATTITUDE_ERROR..FIRST_ATTITUDE_DEVIATION)
+                || (FIRST_HEADING_DEVIATION..FIRST_MOTION).contains(&k)
+                    && others(FIRST_HEADING_ERROR..FIRST_HEADING_DEVIATION)
+        };
         FurtherVector::from_fn(|k, _| {
             let is_slower = (0..FURTHER).any(|j| slow[j] > 0.0 && rates[j] > rates[k] && is_like(j, k));
-            if is_slower { 0.0 } else { slow[k] }
+            if is_slower || has_others(k) { 0.0 } else { slow[k] }
         })
     }
 

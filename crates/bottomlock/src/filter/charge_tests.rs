@@ -30,6 +30,7 @@ fn with_reference() -> Eskf {
         yaw_walk_sd_rad: SlowSd(2.0 * DEGREE),
         roll_pitch_walk_sd_rad: SlowSd(2.0 * DEGREE),
         walk_time_s: WalkTime(100.0),
+        ..MagnetometerModel::default()
     };
     let options = Options {
         inflate_after_rejections: 2,

@@ -49,6 +49,8 @@ fn filter() -> Eskf {
         yaw_walk_sd_rad: SlowSd(0.02),
         roll_pitch_walk_sd_rad: SlowSd(0.005),
         walk_time_s: WalkTime(60.0),
+        yaw_semicircular_sd_rad: SlowSd(0.02),
+        yaw_quadrantal_sd_rad: SlowSd(0.01),
         ..model.sensors.magnetometer
     };
     model.sensors.heading = HeadingModel {
@@ -56,6 +58,8 @@ fn filter() -> Eskf {
         offset_sd_rad: SlowSd(0.02),
         walk_sd_rad: SlowSd(0.01),
         walk_time_s: WalkTime(200.0),
+        semicircular_sd_rad: SlowSd(0.01),
+        quadrantal_sd_rad: SlowSd(0.005),
     };
     model.sensors.thrust = ThrustModel {
         advance_m: 0.1,

@@ -15,8 +15,8 @@
 use crate::aiding::attitude::SlowAngleModel;
 use crate::aiding::effort::{self, INERTIA, SPEED_SCALE};
 use crate::aiding::further::{
-    DEPTH_BIAS, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_EFFORT, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST,
-    FIRST_WATER, FurtherVector,
+    DEPTH_BIAS, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_EFFORT,
+    FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST, FIRST_WATER, FurtherVector,
 };
 use crate::aiding::registry::SensorModels;
 use crate::aiding::thrust::{ADVANCE, SLIP, ThrustUse};
@@ -25,10 +25,12 @@ use crate::filter::options::Options;
 use std::ops::Range;
 
 /// Blocks of such states.
-pub(super) const BLOCKS: [Range<usize>; 6] = [
+pub(super) const BLOCKS: [Range<usize>; 8] = [
     DEPTH_BIAS..FIRST_CALIBRATION,
-    FIRST_ATTITUDE_ERROR..FIRST_HEADING_ERROR,
-    FIRST_HEADING_ERROR..FIRST_MOTION,
+    FIRST_ATTITUDE_ERROR..FIRST_ATTITUDE_DEVIATION,
+    FIRST_ATTITUDE_DEVIATION..FIRST_HEADING_ERROR,
+    FIRST_HEADING_ERROR..FIRST_HEADING_DEVIATION,
+    FIRST_HEADING_DEVIATION..FIRST_MOTION,
     FIRST_MOTION..FIRST_THRUST,
     FIRST_THRUST..FIRST_EFFORT,
     FIRST_EFFORT..FIRST_WATER,
@@ -65,6 +67,14 @@ impl GaussMarkovStates {
         };
         put(FIRST_ATTITUDE_ERROR, &axes);
         put(FIRST_HEADING_ERROR, &[models.heading.yaw()]);
+        for (first, deviation) in [
+            (FIRST_ATTITUDE_DEVIATION, attitude.deviation()),
+            (FIRST_HEADING_DEVIATION, models.heading.deviation()),
+        ] {
+            for (k, sd) in deviation.sd_rad().into_iter().enumerate() {
+                variance[first + k] = sd.powi(2);
+            }
+        }
         for axis in 0..3 {
             let (mean, change) = (FIRST_MOTION + axis, FIRST_MOTION + 3 + axis);
             variance[mean] = motion.mean_sd_mps[axis].powi(2);

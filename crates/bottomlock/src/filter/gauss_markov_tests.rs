@@ -98,6 +98,7 @@ fn each_angle_of_an_attitude_has_its_own_error() {
         yaw_walk_sd_rad: SlowSd(0.02),
         roll_pitch_walk_sd_rad: SlowSd(0.02),
         walk_time_s: WalkTime(50.0),
+        ..MagnetometerModel::default()
     };
     for angle in 0..3 {
         let mut filter = filter_of(|model| model.sensors.magnetometer = models);
@@ -133,6 +134,7 @@ fn offsets_stay_and_walks_decay() {
             offset_sd_rad: SlowSd(0.03),
             walk_sd_rad: SlowSd(0.03),
             walk_time_s: WalkTime(2.0),
+            ..HeadingModel::default()
         };
     });
     let reading = heading(&Motion::still(&filter.state()), 0.1, 0.01);
@@ -145,6 +147,45 @@ fn offsets_stay_and_walks_decay() {
     let left = after[FIRST_HEADING_ERROR + 1] / before[FIRST_HEADING_ERROR + 1];
     assert!((left - (-4.01_f64 / 2.0).exp()).abs() < 1e-12, "{left}");
     assert!(before[FIRST_HEADING_ERROR] > 0.001);
+}
+
+/// Exact yaw but for the deviation, read at rest on the headings of a circle: the filter finds both coefficients of each part,
+/// and its estimate of the error is that of its heading.
+#[test]
+fn a_deviation_is_learnt_on_the_headings_of_a_circle() {
+    let coefficients = [0.03, -0.02, 0.01, 0.015];
+    let deviation = |yaw: f64| -> f64 {
+        let [semi, quad] = [[yaw.cos(), yaw.sin()], [(2.0 * yaw).cos(), (2.0 * yaw).sin()]];
+        coefficients[0] * semi[0] + coefficients[1] * semi[1] + coefficients[2] * quad[0] + coefficients[3] * quad[1]
+    };
+    let mut filter = filter_of(|model| {
+        model.sensors.heading = HeadingModel {
+            sd_rad: 1e-4,
+            semicircular_sd_rad: SlowSd(0.1),
+            quadrantal_sd_rad: SlowSd(0.1),
+            ..HeadingModel::default()
+        };
+    });
+    for (k, yaw) in (0..24).map(|k| (k, f64::from(k) * std::f64::consts::TAU / 24.0)) {
+        filter.state.attitude_t_p = Rot::from_euler_rad(0.0, 0.0, yaw);
+        filter.kinematics = filter.state.kinematics();
+        let reading = heading(&Motion::still(&filter.state()), yaw + deviation(yaw), 1e-4);
+        filter.covariance.fill_row(ATTITUDE + 2, 0.0);
+        filter.covariance.fill_column(ATTITUDE + 2, 0.0);
+        filter.update(&reading, Sensor::Heading).unwrap();
+        if k > 12 {
+            let (value, sd) = filter.heading_error_rad().unwrap();
+            assert!(
+                (value - deviation(yaw)).abs() < 5e-4 && sd < 5e-4,
+                "{yaw}: {value}, {sd}"
+            );
+        }
+    }
+    let estimate = filter.extensions.processes.estimate();
+    for (k, expected) in coefficients.into_iter().enumerate() {
+        assert!((estimate[FIRST_HEADING_DEVIATION + k] - expected).abs() < 2e-4, "{k}");
+    }
+    assert!(filter.attitude_error_rad().is_none());
 }
 
 /// A vehicle that has gone 2 m/s for long and now does 2.5: the mean follows by little, the change by the most, and without

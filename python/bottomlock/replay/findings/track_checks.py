@@ -124,7 +124,7 @@ def _claimed_yaw_rad(case: Case) -> float:
     attitude = case.attitude
     if attitude is None or attitude.aids == "nothing":
         return 0.0
-    return float(np.deg2rad(np.hypot(attitude.yaw_offset_sd_deg, attitude.yaw_walk_sd_deg)))
+    return float(np.deg2rad(np.hypot(attitude.yaw_constant_sd_deg, attitude.yaw_walk_sd_deg)))
 
 
 def _other_dive(one: Fit, beside: Fit | None) -> Finding:
