@@ -1,5 +1,6 @@
 //! Doppler velocity log (DVL): beam geometry, velocity from beams, and the methods for partial measurements.
 
+mod beam_mask;
 pub mod fix;
 pub mod fix_row;
 pub mod geometry;

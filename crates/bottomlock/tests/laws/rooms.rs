@@ -23,6 +23,7 @@ const ROOMS: [&str; 23] = [
     "model",
     "filter",
     "settings",
+    "presets",
     "navigator",
     "smoother",
     "simulation",
