@@ -6,7 +6,9 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
+import threading
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -22,7 +24,8 @@ pub(crate) fn fault(number: u32) -> bool {{
     *ON.get_or_init(read) == number
 }}
 """
-TEST = ["cargo", "test", "--quiet", "--locked", "--offline", "--package", "bottomlock", "--lib"]
+TEST = ["cargo", "test", "--quiet", "--locked", "--offline", "--release", "--package", "bottomlock", "--lib"]
+"""As `make test` has them."""
 _TOKEN = re.compile(
     rb"""//[^\n]*|/\*.*?\*/|r(\#*)".*?"\1|b?"(?:\\.|[^"\\])*"|b?'(?:\\[^\n]+?|[^\\'\n])'|[{}]""", re.DOTALL
 )
@@ -170,11 +173,18 @@ def blamed(messages: Iterable[dict[str, Any]], files: dict[str, Written]) -> tup
 def outcome(program: Path, number: int, tree: Path, limit_s: float) -> str:
     """What the tests make of a fault: "killed", "survived" or "timeout"."""
     environment = os.environ | {SWITCH: str(number), "CARGO_MANIFEST_DIR": str(tree / "crates/bottomlock")}
-    try:
-        done = subprocess.run(  # noqa: S603
-            [program, "--quiet"], cwd=tree / "crates/bottomlock", env=environment, capture_output=True,
-            timeout=limit_s, check=False,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
+    tests = subprocess.Popen(  # noqa: S603
+        [program], cwd=tree / "crates/bottomlock", env=environment, stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL, text=True,
+    )  # fmt: skip
+    stop = threading.Timer(limit_s, tests.kill)
+    stop.start()
+    assert tests.stdout is not None
+    with tests:
+        failed = any(line.endswith("... FAILED\n") for line in tests.stdout)
+        if failed:
+            tests.kill()
+    stop.cancel()
+    if not failed and tests.returncode == -signal.SIGKILL:
         return "timeout"
-    return "survived" if done.returncode == 0 else "killed"
+    return "killed" if failed or tests.returncode else "survived"
