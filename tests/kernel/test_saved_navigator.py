@@ -183,8 +183,8 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda _: JANUS.save(), "navigator not restored: the bytes begin otherwise"),
         (lambda data: data[:30], "30 bytes are too few"),
         (
-            lambda data: data[:8] + struct.pack("<H", 15) + data[10:],
-            "format 15, expected 16: another version",
+            lambda data: data[:8] + struct.pack("<H", 16) + data[10:],
+            "format 16, expected 17: another version",
         ),
     ],
 )
