@@ -165,7 +165,7 @@ def _push_attitude(
     """The whole attitude, or its heading alone."""
     yaw_sd_rad = units.rad_from_deg(section.yaw_sd_deg)
     if section.aids == "heading":
-        _, _, yaw = angles(reading.attitude_t_s)
+        yaw = angles(reading.attitude_t_s)[2]
         return navigator.push_heading(reading.time_ns, yaw, sd_rad=yaw_sd_rad)
     if section.aids == "nothing":
         return ()
