@@ -24,7 +24,7 @@ Entry = tuple[int, int, bytes]
 """Arrival, source (0 DVL, 1 IMU, -1 and -2 their new connections), bytes."""
 
 SECONDS = 9.0
-SETTINGS = "[navigation]\nhorizon_s = 0.5\n"
+SHORT = ('navigation.method = "tc"', 'navigation.method = "tc"\nnavigation.horizon_s = 0.5')
 """What the configuration of every case has besides that of the tests."""
 LOSSES: tuple[Callable[[float], tuple[int, ...]], ...] = (
     lambda _: (),
@@ -164,7 +164,7 @@ def run_case(number: int) -> Outcome:
     """One case, given to the engine without sockets."""
     case = case_of(number)
     names = case.names
-    engine = Engine(config("navigation", format=case.form, extra=SETTINGS))
+    engine = Engine(config("navigation", format=case.form, change=SHORT))
     sent: list[Sent] = []
     seen: set[str] = set()
     now = START_NS

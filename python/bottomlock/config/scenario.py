@@ -47,7 +47,7 @@ class Scenario(SensorSections):
     Examples:
         >>> scenario = load_scenario("straight")
         >>> scenario
-        <Scenario straight: straight at 2 m/s for 250 s, 4 beams without 3, 4, 100 runs of 13 methods>
+        <Scenario straight: straight at 2 m/s for 250 s, 4 beams without 3, 4, 100 runs of 11 methods>
         >>> scenario.dvl.beams_lost
         (3, 4)
         >>> round(scenario.kernel_model(9.8).initial.attitude_sd_rad[2], 3)
