@@ -3,7 +3,7 @@
 //! Its errors are slow: mounting, iron and declination give an offset, and accelerations that are taken for tilt, or
 //! iron that changes with the heading, errors that last for minutes. From one reading to the next it scatters by little.
 //! The error of each angle is an offset, a first-order walk and white noise, that of the yaw also a deviation
-//! ([`crate::aiding::deviation`]); the filter estimates all but the noise (`filter/gauss_markov.rs`) where they are not zero.
+//! (`aiding/deviation.rs`); the filter estimates all but the noise (`filter/gauss_markov.rs`) where they are not zero.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 

@@ -32,7 +32,7 @@ pub const DEPTH_BIAS: usize = 0;
 pub const FIRST_CALIBRATION: usize = DEPTH_BIAS + 1;
 /// First index of the error of the attitude reference, rad ([`crate::aiding::attitude`]).
 pub const FIRST_ATTITUDE_ERROR: usize = FIRST_CALIBRATION + CALIBRATION;
-/// First index of the deviation of the attitude reference's yaw, rad ([`crate::aiding::deviation`]).
+/// First index of the deviation of the attitude reference's yaw, rad (`aiding/deviation.rs`).
 pub const FIRST_ATTITUDE_DEVIATION: usize = FIRST_ATTITUDE_ERROR + ATTITUDE_ERROR;
 /// First index of the error of the heading sensor, rad ([`crate::aiding::heading`]).
 pub const FIRST_HEADING_ERROR: usize = FIRST_ATTITUDE_DEVIATION + DEVIATION;
