@@ -57,8 +57,7 @@ def test_every_grade_has_the_same_keys_and_a_source(kind: Kind) -> None:
     first = next(iter(found.values()))
     for one in found.values():
         assert one.keys.keys() == first.keys.keys(), one.name
-        iron = {"yaw_semicircular_sd_deg", "yaw_quadrantal_sd_deg"} if one.name == "gyrocompass" else set()
-        assert {key for key, value in one.keys.items() if not value > 0.0} == iron, one.name
+        assert min(one.keys.values()) > 0.0, one.name
         assert len(one.source) > 20, one.name
         assert tuple(one.full_scales) == (FULL_SCALES if kind == "imu" else ()), one.name
 

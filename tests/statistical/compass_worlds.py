@@ -1,4 +1,4 @@
-"""Worlds whose magnetic compass deviates with heading, by two sigma of what its grade claims.
+"""Worlds whose magnetic compass deviates with heading, by two sigma of the deviation that is claimed.
 
 `python -m tests.statistical.compass_worlds` prints every world: as it is, without inflation, by dead reckoning.
 """
@@ -33,9 +33,9 @@ DEGREE = np.pi / 180.0
 DURATION_S, SPEED_MPS = 600.0, 1.5
 
 WHITE = MagnetometerModel(yaw_sd_rad=0.2 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE)
-GRADE: Any = AttitudeReference(grade="mti_ahrs").kernel_models()["magnetometer"]
-SURPRISED = GRADE.replace(yaw_semicircular_sd_rad=0.0, yaw_quadrantal_sd_rad=0.0)
-"""The packaged grade without its deviation."""
+SURPRISED: Any = AttitudeReference(grade="mti_ahrs").kernel_models()["magnetometer"]
+"""The packaged grade, which claims no deviation."""
+CLAIMED = SURPRISED.replace(yaw_semicircular_sd_rad=1.5 * DEGREE, yaw_quadrantal_sd_rad=0.75 * DEGREE)
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def main() -> None:
             readings(
                 World(**(vars(world) | {"heading_deg": given.heading})),
                 run,
-                SURPRISED if given.surprised else GRADE,
+                SURPRISED if given.surprised else CLAIMED,
             )
             for run in range(given.runs)
         ]
