@@ -189,8 +189,7 @@ def fit(
     if motion is None:
         return None
     strong = np.ones(SIZE, dtype=bool)
-    sigma = sigma_mps
-    result = None
+    last = None
     for _ in range(PASSES):
         if (
             isinstance(motion, Segments)
@@ -201,7 +200,7 @@ def fit(
             assert motion is not None  # the same readings as before
         at = motion.at(recorded.time_ns + round(float(p[4]) * 1e9))
         if at.kept.sum() < 4 * LEAST_PINGS:
-            return result
+            break
         stated = recorded.velocity_p_mps[at.kept] @ (rotation_matrices(p[:3]) @ M).T
         felt = applied(at.C, _skew(at.omega) @ p[11:14]) + at.S - at.J @ p[8:11]
         X = _columns(at, stated, felt, p)
@@ -214,30 +213,61 @@ def fit(
             Z = _around(A, at)
             strong &= _strength(A, Z, at.segment) > LEAST_STRENGTH
             A, Z = A * strong, Z * strong
-        scale = sigma_mps or max(float(sd_about_zero(r)), 1e-4)
-        sigma = scale
-        size = np.sqrt((r**2).sum(axis=1)) / (scale * np.sqrt(3.0))
+        sigma = sigma_mps or max(float(sd_about_zero(r)), 1e-4)
+        size = np.sqrt((r**2).sum(axis=1)) / (sigma * np.sqrt(3.0))
         weight = np.where(size > HUBER, HUBER / np.maximum(size, 1e-12), 1.0)
-        normal = np.einsum("p,pki,pkj->ij", weight, Z, A) / scale**2 + np.diag(sd0**-2)
-        scores = np.einsum("p,pki,pk->pi", weight, Z, r) / scale**2
+        normal = np.einsum("p,pki,pkj->ij", weight, Z, A) / sigma**2 + np.diag(sd0**-2)
+        scores = np.einsum("p,pki,pk->pi", weight, Z, r) / sigma**2
+        last = _Pass(
+            at, p, sigma, r, r + left[:, :, 4] * (1.0 + p[3]), slope[:, :, 0], size, weight, normal, scores
+        )
         step = -np.linalg.solve(normal, scores.sum(axis=0) + p / sd0**2) * strong
-        loss = np.where(size > HUBER, HUBER * (2.0 * size - HUBER), size**2)
-        member = correlation_blocks(scores) if around else at.segment
-        blocks = len(np.unique(member))
-        signal = r + left[:, :, 4] * (1.0 + p[3])
-        result = Match(
-            axes=M, values=p.copy(), sd=_sd(normal, scores, member, strong.sum() if around else 0),
-            cost=float(3.0 * loss.sum() + ((p / sd0) ** 2).sum()), sigma_mps=sigma,
-            gravity_mps2=np.linalg.norm(slope[:, :, 0], axis=1),
-            level_p=slope[:, :, 0] / np.maximum(np.linalg.norm(slope[:, :, 0], axis=1), 1e-9)[:, None],
-            begins_ns=at.begins_ns, pings=int(at.kept.sum()), blocks=blocks,
-            residual_mps=sd_about_median(np.einsum("pji,pj->pi", at.C, r), axis=0),
-            explained=1.0 - float((weight @ r**2).sum() / max((weight @ signal**2).sum(), 1e-12)),
-            rate_rms_radps=np.sqrt((at.omega**2).mean(axis=0)),
-        )  # fmt: skip
         p = p + np.clip(step, -_LARGEST, _LARGEST)
         p[3] = max(p[3], -0.9)
-    return result
+    if last is None:
+        return None
+    member = correlation_blocks(last.scores) if around else last.at.segment
+    sd = _sd(last.normal, last.scores, member, strong.sum() if around else 0)
+    return last.match(M, sd, sd0, len(np.unique(member)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Pass:
+    """A pass of the fit: the integrals, its parameters before the step (14,) and what they leave.
+
+    Attributes:
+        sigma_mps: of a ping and axis.
+        left, signal: (p, 3) residuals, and what the parameters but the scale leave of the velocity.
+        slope: (s, 3) of the lines.
+        size, weight: (p,) residuals over sigma, and their weight.
+        normal, scores: (14, 14) matrix and (p, 14) right sides of the step.
+    """
+
+    at: AtPings
+    values: Floats
+    sigma_mps: float
+    left: Floats
+    signal: Floats
+    slope: Floats
+    size: Floats
+    weight: Floats
+    normal: Floats
+    scores: Floats
+
+    def match(self, axes: Floats, sd: Floats, prior_sd: Floats, blocks: int) -> Match:
+        """The result, were it the last pass."""
+        at, r, weight = self.at, self.left, self.weight
+        loss = np.where(self.size > HUBER, HUBER * (2.0 * self.size - HUBER), self.size**2)
+        gravity = np.linalg.norm(self.slope, axis=1)
+        return Match(
+            axes=axes, values=self.values, sd=sd,
+            cost=float(3.0 * loss.sum() + ((self.values / prior_sd) ** 2).sum()), sigma_mps=self.sigma_mps,
+            gravity_mps2=gravity, level_p=self.slope / np.maximum(gravity, 1e-9)[:, None],
+            begins_ns=at.begins_ns, pings=int(at.kept.sum()), blocks=blocks,
+            residual_mps=sd_about_median(np.einsum("pji,pj->pi", at.C, r), axis=0),
+            explained=1.0 - float((weight @ r**2).sum() / max((weight @ self.signal**2).sum(), 1e-12)),
+            rate_rms_radps=np.sqrt((at.omega**2).mean(axis=0)),
+        )  # fmt: skip
 
 
 _LARGEST = np.array([0.5] * 3 + [0.5, 0.5] + [0.05] * 3 + [1.0] * 3 + [2.0] * 3)
