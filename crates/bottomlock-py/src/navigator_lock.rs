@@ -37,7 +37,7 @@ impl Navigator {
         }
     }
 
-    /// Calls the navigators, when no other thread does.
+    /// Calls the navigator, when no other thread does.
     pub(super) fn with<T: Send>(
         &self,
         py: Python<'_>,
@@ -74,7 +74,7 @@ impl Navigator {
         Err(error)
     }
 
-    /// A dict that `fill` makes of what `of` takes of the navigators.
+    /// A dict that `fill` makes of what `of` takes of the navigator.
     pub(super) fn estimate<'py, T: Send>(
         &self,
         py: Python<'py>,

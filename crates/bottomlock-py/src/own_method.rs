@@ -9,7 +9,7 @@ use crate::arrays::{floats, vector};
 use crate::errors::raise_timeless;
 use crate::prelude::*;
 
-/// Registers a method: a name of its own for scenarios, replays and navigator.
+/// Registers a method: a name of its own for scenarios, replays and navigators.
 ///
 /// `call` gets a dict of arrays for each ping and returns None, a velocity with its covariance ((3,), (3, 3)), or rows
 /// ((m,), (m, 20), (m, m)); `bottomlock.own_method` makes it from a class. It is called with the GIL, on the kernel's threads.

@@ -167,12 +167,7 @@ impl<To, From> Rot<To, From> {
         if (norm - 1.0).abs() < 1e-6 {
             return Ok(Self::from_quaternion_wxyz(quaternion));
         }
-        Err(NavError::Setting {
-            key: name.into(),
-            found: format!("has norm {norm}"),
-            expected: "1 (scalar first)".into(),
-            hint: String::new(),
-        })
+        Err(NavError::setting(name, format!("has norm {norm}"), "1 (scalar first)"))
     }
     /// The quaternion, scalar first.
     #[must_use]

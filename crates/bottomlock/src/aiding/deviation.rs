@@ -1,14 +1,14 @@
 //! Deviation of a magnetic compass: what the vehicle's own iron adds to its yaw, by the heading.
 //!
 //! Permanent magnetism of the vehicle turns with it against the field, which gives the semicircular part, and iron that the
-//! field magnetises gives the quadrantal one (NGA Pub. 226, Handbook of Magnetic Compass Adjustment, ch. III):
+//! field magnetises gives the quadrantal one (NGA, Handbook of Magnetic Compass Adjustment, 2004, ch. V):
 //!
 //! ```text
 //! δ(ψ) = C cos ψ + B sin ψ + E cos 2ψ + D sin 2ψ
 //! ```
 //!
 //! The coefficients are constants. A filter that has them as states learns them in turns, whose angle the gyros know.
-//! ψ is the estimated yaw; what its error changes in δ, a twentieth of it at 3°, is left out.
+//! ψ is the estimated yaw. That δ changes with an error of it is left out: at 3° of deviation, by a twentieth of the error.
 
 use crate::aiding::further::DEVIATION;
 #[cfg(feature = "simulation")]

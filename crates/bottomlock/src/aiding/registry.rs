@@ -183,12 +183,8 @@ impl Levers {
                 .into_iter()
                 .find(|value| !(value.abs() < LARGEST))
             {
-                return Err(NavError::Setting {
-                    key: format!("{place}.{key}"),
-                    found: format!("is {value}"),
-                    expected: "numbers of metres".into(),
-                    hint: String::new(),
-                });
+                let found = format!("is {value}");
+                return Err(NavError::setting(format!("{place}.{key}"), found, "numbers of metres"));
             }
         }
         Ok(())

@@ -143,12 +143,11 @@ impl BeamGeometry {
     pub fn mounted_by(self, name: &str, [roll, pitch, yaw]: [f64; 3]) -> Result<Self, NavError> {
         match [roll, pitch, yaw].into_iter().find(|angle| !(angle.abs() <= TAU)) {
             None => Ok(self.mounted(Rot::from_euler_rad(roll, pitch, yaw))),
-            Some(angle) => Err(NavError::Setting {
-                key: name.into(),
-                found: format!("has {angle}"),
-                expected: "three angles of -2 pi to 2 pi: is it in degrees?".into(),
-                hint: String::new(),
-            }),
+            Some(angle) => Err(NavError::setting(
+                name,
+                format!("has {angle}"),
+                "three angles of -2 pi to 2 pi: is it in degrees?",
+            )),
         }
     }
 
@@ -277,12 +276,7 @@ impl Janus {
         match name {
             "x" => Ok(Self::X),
             "+" => Ok(Self::Plus),
-            other => Err(NavError::Setting {
-                key: key.into(),
-                found: format!("is '{other}'"),
-                expected: "'x' or '+'".into(),
-                hint: String::new(),
-            }),
+            other => Err(NavError::setting(key, format!("is '{other}'"), "'x' or '+'")),
         }
     }
 }

@@ -74,6 +74,18 @@ fn refusal(place: &str, path: &str, text: &str) -> NavError {
     }
 }
 
+impl NavError {
+    /// The refusal of a setting, without a likely mistake.
+    pub(crate) fn setting(key: impl Into<String>, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self::Setting {
+            key: key.into(),
+            found: found.into(),
+            expected: expected.into(),
+            hint: String::new(),
+        }
+    }
+}
+
 /// The value in Serde's words for it.
 fn value(words: &str) -> String {
     let words = words.split_once(": ").map_or(words, |(_, value)| value);

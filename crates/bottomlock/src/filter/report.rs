@@ -57,7 +57,7 @@ pub struct UpdateReport {
     /// True where the velocity was so uncertain before the update that the linear model no longer holds in the tangent
     /// frame ([`LINEAR_RANGE_MPS`](crate::filter::linear_range::LINEAR_RANGE_MPS)).
     pub is_beyond_linear_range: bool,
-    /// Selection, for the selector of the paper.
+    /// Selection, of the covariance selector `elc`.
     pub choice: Option<Choice>,
     /// Weight of each beam, with outlier detection on: 0 for a rejected beam, NaN for a lost one.
     pub beam_weight: Option<[f64; MAX_BEAMS]>,

@@ -68,12 +68,8 @@ pub fn integrate_segments(
     readings: usize,
 ) -> Result<Vec<SegmentIntegrals>, NavError> {
     if readings == 0 || !time_ns.len().is_multiple_of(readings) {
-        return Err(NavError::Setting {
-            key: "readings".into(),
-            found: format!("is {readings}"),
-            expected: format!("a number by which the {} readings divide into segments", time_ns.len()),
-            hint: String::new(),
-        });
+        let expected = format!("a number by which the {} readings divide into segments", time_ns.len());
+        return Err(NavError::setting("readings", format!("is {readings}"), expected));
     }
     let motions = force_p_mps2.chunks(readings).zip(omega_p_radps.chunks(readings));
     let mut integrals = Vec::with_capacity(time_ns.len());

@@ -55,7 +55,7 @@ impl History {
         }
     }
 
-    /// Checks that an event can be put in its place; `now` being the navigators after all events.
+    /// Checks that an event can be put in its place; `now` being the navigator after all events.
     ///
     /// # Errors
     /// [`NavError::TooLate`] for one beyond the horizon, [`NavError::TimeNotIncreasing`] for one before the start, for one of a
@@ -186,7 +186,7 @@ impl History {
         after.filter_map(move |(k, event)| (!matches!(event, Event::Imu(_))).then_some(first + k))
     }
 
-    /// Keeps navigators as a checkpoint where one is due, before they take a good reading.
+    /// Keeps a navigator as a checkpoint where one is due, before it takes a good reading.
     #[inline]
     pub(super) fn keep_if_due(&mut self, now: &Checked) {
         if now.now_ns() >= self.due_ns {

@@ -14,7 +14,7 @@ use crate::navigator::events::Event;
 
 /// What a replay ends in.
 pub(super) struct Replayed {
-    /// The navigators after all events.
+    /// The navigator after all events.
     pub(super) now: Checked,
     checkpoints: Vec<Arc<Checked>>,
     found: Vec<Finding>,
@@ -25,8 +25,8 @@ pub(super) struct Replayed {
 }
 
 impl History {
-    /// Feeds a copy of navigators with the events from the place `first` on that they have not been fed; `after` is the
-    /// number of the checkpoint that they are, or that they come after.
+    /// Feeds a copy of a navigator with the events from the place `first` on that it has not been fed; `after` is the
+    /// number of the checkpoint that it is, or that it comes after.
     ///
     /// # Errors
     /// As [`Checked::take`] and [`Checked::judge`].

@@ -78,7 +78,7 @@ impl LiveNavigator {
         Ok(())
     }
 
-    /// The navigator, for their estimates.
+    /// The navigator, for its estimates.
     #[must_use]
     pub fn navigator(&self) -> &Navigator {
         &self.now.navigator

@@ -1,4 +1,4 @@
-//! The one event loop over many navigator: their filters go side by side from one measurement to the next.
+//! The one event loop over many navigators: their filters go side by side from one measurement to the next.
 //!
 //! A run of a campaign and a recorded log are both [`Feed`]s; an event at a time, as in live use, is
 //! [`super::Navigator::push`].

@@ -21,7 +21,7 @@ const NAVIGATOR: Kind = Kind {
 /// A clone in memory costs some microseconds; the bytes outlive the process.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
-    /// The navigator: filters, counts of late events, and what they have taken within the horizon.
+    /// The navigator: its filters, counts of late events, and what it has taken within the horizon.
     pub live: LiveNavigator,
     /// Errors of the sensors.
     pub sensors: SensorModels,

@@ -22,16 +22,6 @@ pub enum Kind {
     Paper(Sign),
 }
 
-/// The refusal of a setting.
-fn refused(key: &str, found: impl Into<String>, expected: &str) -> NavError {
-    NavError::Setting {
-        key: key.into(),
-        found: found.into(),
-        expected: expected.into(),
-        hint: String::new(),
-    }
-}
-
 impl Kind {
     /// The model of a name.
     ///
@@ -43,7 +33,7 @@ impl Kind {
             "inertial" => Ok(Self::Filter { estimate_dvl: false }),
             "paper" => Ok(Self::Paper(Sign::Consistent)),
             "paper_printed" => Ok(Self::Paper(Sign::Printed)),
-            other => Err(refused(
+            other => Err(NavError::setting(
                 "kind",
                 format!("is '{other}'"),
                 "'full', 'inertial', 'paper' or 'paper_printed'",
@@ -58,7 +48,7 @@ impl Kind {
     pub fn check(self, sets: &[Aiding], epochs: Epochs<'_>) -> Result<(), NavError> {
         if matches!((self, epochs), (Self::Paper(_), Epochs::Scheduled(_))) {
             let found = "cannot be followed: the 2015 model has periodic epochs only";
-            return Err(refused("schedule", found, "period_ns in its place"));
+            return Err(NavError::setting("schedule", found, "period_ns in its place"));
         }
         let known = |set: &Aiding| {
             let sensors = [Sensor::Velocity, Sensor::Depth].into_iter();
@@ -70,7 +60,7 @@ impl Kind {
         };
         if matches!(self, Self::Paper(_)) && !sets.iter().all(known) {
             let found = "has other sensors: the 2015 model has velocity and depth aiding only";
-            return Err(refused("aiding", found, "no other sensor"));
+            return Err(NavError::setting("aiding", found, "no other sensor"));
         }
         Ok(())
     }

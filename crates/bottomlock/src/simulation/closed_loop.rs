@@ -38,14 +38,8 @@ impl<'a> VehicleStart<'a> {
         methods: &'a [Method],
         vehicle_per_method: bool,
     ) -> Result<Vec<Self>, NavError> {
-        let refused = |key: &str, found: String, expected: String| NavError::Setting {
-            key: key.into(),
-            found,
-            expected,
-            hint: String::new(),
-        };
         if methods.is_empty() {
-            return Err(refused("methods", "is empty".into(), "at least one".into()));
+            return Err(NavError::setting("methods", "is empty", "at least one"));
         }
         let vehicles: Vec<&[Method]> = if vehicle_per_method {
             methods.chunks(1).collect()
@@ -54,12 +48,16 @@ impl<'a> VehicleStart<'a> {
         };
         if !starts.len().is_multiple_of(vehicles.len()) {
             let expected = format!("a multiple of {} methods", vehicles.len());
-            return Err(refused("start", format!("has {} rows", starts.len()), expected));
+            return Err(NavError::setting(
+                "start",
+                format!("has {} rows", starts.len()),
+                expected,
+            ));
         }
         let vehicle = |(k, &start): (usize, &NavState)| {
             let run = first_run.checked_add((k / vehicles.len()) as u64).ok_or_else(|| {
-                let expected = "room for the runs after it".into();
-                refused("first_run", format!("is {first_run}"), expected)
+                let expected = "room for the runs after it";
+                NavError::setting("first_run", format!("is {first_run}"), expected)
             })?;
             let methods = vehicles[k % vehicles.len()];
             Ok(Self { run, start, methods })
