@@ -16,12 +16,12 @@ from pydantic import (
 )
 
 from bottomlock import units
-from bottomlock.config.beam_tilt import BeamTilt, check_tilts
+from bottomlock.config.beam_layout import BeamLayout, BeamTilt
 from bottomlock.config.instrument_grades import filled_from_grade, imu_model
 from bottomlock.config.meaning import shown
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
-from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, Configuration, models
+from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import known_names, not_replaced
 from bottomlock.support.nearest import did_you_mean
@@ -212,7 +212,7 @@ class AltitudeLoss(Section):
     """mean time that it is not, and no beam returns"""
 
 
-class Dvl(Section):
+class Dvl(BeamLayout):
     """Doppler velocity log: geometry, rate, errors (1 sigma), limits over the seabed, and which beams are lost.
 
     The defaults of bias and scale factor are those of the paper's Table 2, as in a replay. Every rule of loss must let
@@ -221,37 +221,8 @@ class Dvl(Section):
 
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 1.0
     """rate of the pings"""
-    configuration: Configuration = "x"
-    """beams in an x (azimuths 45, 135, 225, 315 deg), in a + (0, 90, 180, 270), by angles, or by directions"""
     tilt_deg: Annotated[BeamTilt, shown(range="≥ 2.0, < 90.0")] = 20.0
     """tilt of every beam from the vertical, for x and +"""
-    tilts_deg: Annotated[
-        tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None, shown(example=[22.5, 22.5, 22.5, 22.5])
-    ] = None
-    """tilt of each beam, for angles"""
-    azimuths_deg: Annotated[
-        tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None,
-        shown(example=[135.0, -135.0, -45.0, 45.0]),
-    ] = None
-    """azimuth of each beam from forward to starboard, for angles"""
-    directions: Annotated[
-        tuple[Vector, ...] | None,
-        shown(unit="1", example=[[0.342, 0.0, 0.94], [-0.171, 0.296, 0.94], [-0.171, -0.296, 0.94]]),
-    ] = None
-    """unit vector of each beam, instrument axes, pointing away from it, for directions"""
-    lever_arms_m: Annotated[
-        tuple[Vector, ...] | None,
-        shown(example=[[0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1]]),
-    ] = None
-    """position of each transducer from the IMU, platform axes; none: at the IMU"""
-    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    """rotation from instrument to platform axes: roll"""
-    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    """rotation from instrument to platform axes: pitch"""
-    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """rotation from instrument to platform axes: yaw"""
-    sound_speed_scale: Annotated[Positive, shown(unit="1")] = 1.0
-    """factor of the readings, for instance true over assumed speed of sound"""
     beam_noise_mps: Annotated[Positive, shown(example=0.042)]
     """white noise of a beam"""
     beam_bias_mps: NonNegative = 0.005
@@ -282,29 +253,8 @@ class Dvl(Section):
     replay_validity: Annotated[str | None, shown(example="dive.parquet")] = None
     """beam table of a recorded log whose validity is repeated end to end, from the scenario's folder"""
 
-    @property
-    def beams(self) -> int:
-        """Number of beams."""
-        if self.configuration == "angles":
-            return len(self.azimuths_deg or ())
-        if self.configuration == "directions":
-            return len(self.directions or ())
-        return 4
-
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.configuration == "angles" and (
-            not self.azimuths_deg or not self.tilts_deg or len(self.azimuths_deg) != len(self.tilts_deg)
-        ):
-            raise ValueError("configuration 'angles' needs azimuths_deg and tilts_deg of the same length")
-        if self.configuration == "angles":
-            check_tilts(self.tilts_deg or ())
-        if self.configuration == "directions" and not self.directions:
-            raise ValueError("configuration 'directions' needs directions, one unit vector per beam")
-        if self.lever_arms_m is not None and len(self.lever_arms_m) != self.beams:
-            raise ValueError(
-                f"lever_arms_m has {len(self.lever_arms_m)} entries, expected {self.beams}, one per beam"
-            )
+    def _loses_beams_that_exist(self) -> Self:
         named = [*self.beams_lost, *(beam for outage in self.outages for beam in outage.beams)]
         coming_and_going = [beam for dropout in self.dropouts for beam in dropout.beams]
         for beam in named + coming_and_going:

@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 from pydantic import ValidationError
 
+from bottomlock.config.beam_layout import BeamLayout
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.config.validation import refusal
@@ -24,11 +25,6 @@ from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth.truth import Truth
 
-_INSTRUMENT = (
-    "configuration", "tilt_deg", "tilts_deg", "azimuths_deg", "directions", "lever_arms_m", "mounting_roll_deg",
-    "mounting_pitch_deg", "mounting_yaw_deg", "sound_speed_scale",
-)  # fmt: skip
-
 
 def with_geometry(scenario: Scenario, geometry: str) -> Scenario:
     """The scenario with the beams of another DVL; its errors and its rules of loss stay.
@@ -37,8 +33,12 @@ def with_geometry(scenario: Scenario, geometry: str) -> Scenario:
         ScenarioError: for a geometry that cannot be read, or rules that name beams that it does not have.
     """
     other = read_instrument_file(geometry)
-    kept = {k: v for k, v in scenario.dvl.model_dump(exclude_unset=True).items() if k not in _INSTRUMENT}
-    beams = {key: value for key in _INSTRUMENT if (value := getattr(other, key)) is not None}
+    kept = {
+        k: v
+        for k, v in scenario.dvl.model_dump(exclude_unset=True).items()
+        if k not in BeamLayout.model_fields
+    }
+    beams = {key: value for key in BeamLayout.model_fields if (value := getattr(other, key)) is not None}
     try:
         dvl = Dvl.model_validate(kept | beams)
     except ValidationError as error:

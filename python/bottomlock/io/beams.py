@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from bottomlock import units
-from bottomlock.config.beam_tilt import BeamTilt, check_tilts
+from bottomlock.config.beam_layout import BeamLayout
 from bottomlock.config.calibration import StatedCalibration
 from bottomlock.config.meaning import shown
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
@@ -33,12 +32,9 @@ from bottomlock.io.columns import (
     number_series,
     read_rows,
 )
-from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
+from bottomlock.kernel import BeamGeometry, Configuration, KernelError
 from bottomlock.support.later import pl
 from bottomlock.support.nearest import guess
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Vector = tuple[Finite, Finite, Finite]
 
 
 class Columns(BaseModel):
@@ -78,64 +74,19 @@ class Columns(BaseModel):
         return self
 
 
-class InstrumentFile(BaseModel):
+class InstrumentFile(BeamLayout):
     """Contents of a DVL's TOML file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     name: Annotated[str, shown(example="Water Linked A50")] = ""
     """name for pages"""
     configuration: Annotated[Configuration, shown(example="x")]
     """beams in an x (azimuths 45, 135, 225, 315 deg), in a + (0, 90, 180, 270), by angles, or by directions"""
-    tilt_deg: Annotated[BeamTilt | None, shown(range="≥ 2.0, < 90.0", example=20.0)] = None
-    """tilt of every beam from the vertical; needed for x and +"""
-    tilts_deg: Annotated[
-        tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None, shown(example=[22.5, 22.5, 22.5, 22.5])
-    ] = None
-    """tilt of each beam; needed for angles"""
-    azimuths_deg: Annotated[
-        tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None,
-        shown(example=[135.0, -135.0, -45.0, 45.0]),
-    ] = None
-    """azimuth of each beam from forward to starboard; needed for angles"""
-    directions: Annotated[
-        tuple[Vector, ...] | None,
-        shown(unit="1", example=[[0.342, 0.0, 0.94], [-0.171, 0.296, 0.94], [-0.171, -0.296, 0.94]]),
-    ] = None
-    """unit vector of each beam, instrument axes, pointing away from it; needed for directions"""
-    lever_arms_m: Annotated[
-        tuple[Vector, ...] | None,
-        shown(example=[[0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1]]),
-    ] = None
-    """position of each transducer from the IMU, platform axes; none: at the IMU"""
-    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    """rotation from instrument to platform axes: roll"""
-    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    """rotation from instrument to platform axes: pitch"""
-    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """rotation from instrument to platform axes: yaw"""
-    sound_speed_scale: Annotated[float, Field(gt=0, allow_inf_nan=False), shown(unit="1")] = 1.0
-    """factor of the readings, for instance true over assumed speed of sound"""
     beam_noise_mps: Annotated[
         tuple[Annotated[float, Field(gt=0)], ...] | Annotated[float, Field(gt=0)], shown(example=0.02)
     ]
     """white noise, 1 sigma, of every beam, or of each"""
     columns: Columns = Columns()
     calibration: StatedCalibration | None = None
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        needed = {
-            "x": ("tilt_deg",),
-            "+": ("tilt_deg",),
-            "angles": ("tilts_deg", "azimuths_deg"),
-            "directions": ("directions",),
-        }[self.configuration]
-        for key in needed:
-            if getattr(self, key) is None:
-                raise ValueError(f"configuration '{self.configuration}' needs {key}")
-        if self.configuration == "angles":
-            check_tilts(self.tilts_deg or ())
-        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,16 +213,7 @@ def instrument_of(settings: InstrumentFile, *, place: str) -> Instrument:
     calibration = settings.calibration
     scale = 1.0 if calibration is None else 1.0 + units.fraction_from_percent(calibration.scale_percent)
     try:
-        geometry = make_geometry(
-            settings.configuration,
-            tilt_rad=None if settings.tilt_deg is None else math.radians(settings.tilt_deg),
-            tilts_rad=np.deg2rad(settings.tilts_deg or ()),
-            azimuths_rad=np.deg2rad(settings.azimuths_deg or ()),
-            directions=settings.directions,
-            lever_arms_p_m=settings.lever_arms_m,
-            mounting_rpy_rad=mounting,
-            sound_speed_scale=settings.sound_speed_scale * scale,
-        )
+        geometry = settings.geometry(scale)
     except KernelError as error:
         raise ScenarioError(error, place=place) from error
     noise = settings.beam_noise_mps

@@ -233,20 +233,8 @@ def geometry_of(scenario: Scenario) -> kernel.BeamGeometry:
     Raises:
         ScenarioError: for directions that are not unit vectors, and beams that lie in a plane.
     """
-    dvl = scenario.dvl
     try:
-        return kernel.make_geometry(
-            dvl.configuration,
-            tilt_rad=units.rad_from_deg(dvl.tilt_deg),
-            tilts_rad=np.deg2rad(dvl.tilts_deg or ()),
-            azimuths_rad=np.deg2rad(dvl.azimuths_deg or ()),
-            directions=dvl.directions,
-            lever_arms_p_m=dvl.lever_arms_m,
-            mounting_rpy_rad=np.deg2rad(
-                [dvl.mounting_roll_deg, dvl.mounting_pitch_deg, dvl.mounting_yaw_deg]
-            ),
-            sound_speed_scale=dvl.sound_speed_scale,
-        )
+        return scenario.dvl.geometry()
     except kernel.KernelError as error:
         raise ScenarioError(f"dvl: {error}", place=f"scenario {scenario.name}") from error
 
