@@ -126,8 +126,9 @@ def test_the_page_is_asked_under_its_own_name(host: bytes, code: int) -> None:
 
     async def use() -> bytes:
         server = HealthServer(lambda: shown, "127.0.0.1", 0, names=["rov.local"])
-        task = asyncio.create_task(server.run())
-        await server.opened.wait()
+        opened = asyncio.Event()
+        task = asyncio.create_task(server.run(opened.set))
+        await opened.wait()
         port = int(server.url.rstrip("/").rsplit(":", 1)[1])
         answers = [
             await ask(port, b"GET %s HTTP/1.1\r\n%s\r\n" % (path, host)) for path in (b"/", b"/health")

@@ -55,8 +55,9 @@ def served(show: Callable[[], dict[str, Any]], use: Callable[[int], Awaitable[An
 
     async def both() -> Any:  # noqa: ANN401
         server = HealthServer(show, "127.0.0.1", 0)
-        task = asyncio.create_task(server.run())
-        await asyncio.wait_for(server.opened.wait(), 5.0)
+        opened = asyncio.Event()
+        task = asyncio.create_task(server.run(opened.set))
+        await asyncio.wait_for(opened.wait(), 5.0)
         try:
             return await use(int(server.url.rstrip("/").rsplit(":", 1)[1]))
         finally:

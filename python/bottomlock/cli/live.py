@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import gc
-import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +17,7 @@ from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.live.cautions import cautions
 from bottomlock.live.config import LiveConfig, load_config
+from bottomlock.live.connections import cancel_at_signals
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import Replayed, replay_log
@@ -137,11 +137,7 @@ def _shown(settings: LiveConfig, engine: Engine) -> Callable[[Message], None]:
 
 def _run(running: Live) -> None:
     async def until_stopped() -> None:
-        loop, task = asyncio.get_running_loop(), asyncio.current_task()
-        assert task is not None
-        for name in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(NotImplementedError):
-                loop.add_signal_handler(name, task.cancel)
+        cancel_at_signals()
         others = [asyncio.create_task(serve_page(running, _say))]
         if sys.stderr.isatty() and running.sinks:
             from bottomlock.cli.live_view import show  # noqa: PLC0415 - a restart without a terminal is sooner there
@@ -173,18 +169,10 @@ async def serve_page(running: Live, say: Say) -> None:
         names=section.names,
         say=lambda words: say(f"health page: {words}"),
     )
-    serving = asyncio.create_task(server.run())
-    opened = asyncio.create_task(server.opened.wait())
     try:
-        await asyncio.wait({serving, opened}, return_when=asyncio.FIRST_COMPLETED)
-        if server.opened.is_set():
-            say(f"health page {server.url}")
-        await serving
+        await server.run(lambda: say(f"health page {server.url}"))
     except OSError as error:
         say(f"no health page on {section.host}:{section.port}: {error.strerror or error}")
-    finally:
-        for task in (serving, opened):
-            task.cancel()
 
 
 def _export(config: Path, settings: LiveConfig, log: Path, formats: str, *, force: bool) -> None:

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import math
-import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
@@ -24,7 +23,7 @@ from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record, depth_lines, imu_lines, records
 from bottomlock.instruments.sources import readings_of_scenario, with_geometry
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.connections import cancel
+from bottomlock.live.connections import cancel, cancel_at_signals
 from bottomlock.live.engine import Engine
 from bottomlock.live.health import status
 from bottomlock.live.runner import Live, host_clock
@@ -215,11 +214,7 @@ class _Demo:
 
     async def run(self) -> None:
         """Runs for so many seconds, or until Ctrl-C."""
-        loop, task = asyncio.get_running_loop(), asyncio.current_task()
-        assert task is not None
-        for name in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(NotImplementedError):
-                loop.add_signal_handler(name, task.cancel)
+        cancel_at_signals()
         with contextlib.suppress(asyncio.CancelledError):
             await self._chain()
 

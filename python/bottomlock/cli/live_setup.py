@@ -1,8 +1,6 @@
 """The command `bottomlock live-setup`: the set-up page, and the live process that it starts and stops."""
 
 import asyncio
-import contextlib
-import signal
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +8,7 @@ from cyclopts import Parameter
 
 from bottomlock.cli.console import errors
 from bottomlock.errors import BottomlockError, OutputError
+from bottomlock.live.connections import cancel, cancel_at_signals
 from bottomlock.setup.folder import SetupFolder
 from bottomlock.setup.process import LiveProcess
 from bottomlock.setup.server import PORT, SetupServer
@@ -59,23 +58,18 @@ async def _serve(folder: Path, host: str, port: int, names: tuple[str, ...] | No
     kept = SetupFolder(folder)
     process = LiveProcess(kept.config, _say)
     server = SetupServer(kept, process, host, port, names=names, say=_say)
-    serving, living = asyncio.create_task(server.run()), asyncio.create_task(process.run())
-    opened = asyncio.create_task(server.opened.wait())
-    loop = asyncio.get_running_loop()
-    for name in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):
-            loop.add_signal_handler(name, serving.cancel)
+
+    def opened() -> None:
+        _say(f"bottomlock: set-up page {server.url}, configuration in {kept.folder}")
+        _go_on(kept, process)
+
+    cancel_at_signals()
+    living = asyncio.create_task(process.run())
     try:
-        await asyncio.wait({serving, opened}, return_when=asyncio.FIRST_COMPLETED)
-        if server.opened.is_set():
-            _say(f"bottomlock: set-up page {server.url}, configuration in {kept.folder}")
-            _go_on(kept, process)
-        await serving
+        await server.run(opened)
     except asyncio.CancelledError:
         pass
     except OSError as error:
         raise OutputError(f"no set-up page on {host}:{port}: {error.strerror or error}") from error
     finally:
-        for task in (opened, living):
-            task.cancel()
-        await asyncio.gather(opened, living, return_exceptions=True)
+        await cancel(living)

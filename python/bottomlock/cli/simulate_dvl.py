@@ -1,10 +1,8 @@
 """The command `bottomlock simulate-dvl`: a simulated instrument that sends a maker's bytes."""
 
 import asyncio
-import contextlib
 import datetime as dt
 import math
-import signal
 import time
 import tomllib
 from collections.abc import Callable, Iterator
@@ -32,6 +30,7 @@ from bottomlock.instruments.sources import (
     readings_of_scenario,
     with_geometry,
 )
+from bottomlock.live.connections import cancel_at_signals
 from bottomlock.replay.case import load_case
 
 DEFAULT_START = "2026-01-01T00:00:00"
@@ -180,12 +179,7 @@ async def _run(
         if part.name == "dvl":
             tally.add(record)
 
-    task = asyncio.current_task()
-    loop = asyncio.get_running_loop()
-    if task is not None:
-        # Not every system has it; there, the process ends as it would.
-        with contextlib.suppress(NotImplementedError):
-            loop.add_signal_handler(signal.SIGTERM, task.cancel)
+    cancel_at_signals()
     try:
         await play(parts, speed=pace, opened=opened, offset_ns=shift, sent=sent, wait=wait)
     except asyncio.CancelledError:

@@ -5,6 +5,7 @@ import contextlib
 import errno
 import math
 import os
+import signal
 import socket
 import stat
 import sys
@@ -373,6 +374,15 @@ def _serial_connection() -> Any:  # noqa: ANN401 - an extra
     except ImportError as error:
         raise DataError(f"serial lines need pyserial-asyncio-fast: {install('live')}") from error
     return serial_asyncio_fast.create_serial_connection
+
+
+def cancel_at_signals() -> None:
+    """Cancels this task at SIGINT and SIGTERM; not every system has such handlers."""
+    task = asyncio.current_task()
+    assert task is not None
+    for name in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):
+            asyncio.get_running_loop().add_signal_handler(name, task.cancel)
 
 
 async def cancel(task: "asyncio.Task[Any]") -> None:

@@ -57,10 +57,9 @@ class HttpServer:
         self._silent: dict[asyncio.StreamWriter, None] = {}
         self._clients: dict[asyncio.StreamWriter, asyncio.Task[None]] = {}
         self.url = ""
-        self.opened = asyncio.Event()
 
-    async def run(self) -> None:
-        """Serves until it is cancelled.
+    async def run(self, opened: Callable[[], None] = lambda: None) -> None:
+        """Serves until it is cancelled; `opened` is called once `url` is known.
 
         Raises:
             OSError: where the address cannot be used.
@@ -68,7 +67,7 @@ class HttpServer:
         servers = await listen(self._host, self._port)
         host = f"[{self._host}]" if ":" in self._host else self._host
         self.url = f"http://{host}:{servers[0].getsockname()[1]}/"
-        self.opened.set()
+        opened()
         try:
             await asyncio.gather(*(accept(server, self._add, self._say) for server in servers))
         finally:
