@@ -4,7 +4,7 @@ import contextlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
@@ -35,7 +35,7 @@ from bottomlock.io.beam_table import (
 )
 from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.progress import progress_to
-from bottomlock.io.rows import Options
+from bottomlock.io.rows import PLAIN, Options
 from bottomlock.replay.init.column_map import write_map
 
 SHOWN = 28
@@ -60,39 +60,7 @@ def convert(
         str | None,
         Parameter(help=f"Format of the file, by default found from its content: {', '.join(NAMES)}."),
     ] = None,
-    columns: Annotated[
-        Path | None, Parameter(help="TOML file with the column map of a CSV or Parquet table.")
-    ] = None,
-    topic: Annotated[
-        str | None, Parameter(help="Topic of a bag that holds several topics of the message.")
-    ] = None,
-    instrument_only: Annotated[
-        bool, Parameter(negative="", help="Keep records without beams, for the instrument's own velocity.")
-    ] = False,
-    keep_stale: Annotated[
-        bool, Parameter(negative="", help="Keep beams valid that repeat the previous record unchanged.")
-    ] = False,
-    negate_beams: Annotated[
-        bool,
-        Parameter(
-            negative="", help="Reverse the sign of beam velocities that are positive away from the bottom."
-        ),
-    ] = False,
-    beams_from_axes: Annotated[
-        bool,
-        Parameter(
-            negative="", help="Recover the beams of PD0 in other coordinates from solutions of four beams."
-        ),
-    ] = False,
-    ignore_checksum: Annotated[
-        bool, Parameter(negative="", help="Keep text records with a wrong checksum, flagged.")
-    ] = False,
-    clock: Annotated[
-        Literal["reports", "distinct"],
-        Parameter(
-            help="Where the clock is the sum of intervals: that of every report, or not of reports that repeat."
-        ),
-    ] = "reports",
+    options: Annotated[Options, Parameter(name="*", negative="")] = PLAIN,
     force: Force = False,
 ) -> None:
     """Convert a recorded DVL log to a beam table.
@@ -115,18 +83,8 @@ def convert(
     if out.suffix.lower() != ".parquet":
         raise OutputError(place=out, expected="a name that ends in .parquet")
     _check_account(file, out)
-    inputs = [file, *(file.iterdir() if file.is_dir() else ()), *([] if columns is None else [columns])]
+    inputs = [file, *(file.iterdir() if file.is_dir() else ()), *map(Path, filter(None, [options.columns]))]
     check_free(out, sidecar(out), water_file(out), inputs=inputs, force=force)
-    options = Options(
-        instrument_only=instrument_only,
-        keep_stale=keep_stale,
-        negate_beams=negate_beams,
-        beams_from_axes=beams_from_axes,
-        ignore_checksum=ignore_checksum,
-        clock=clock,
-        topic=topic,
-        columns=None if columns is None else str(columns),
-    )
     with _bar(file):
         recording = read_recording(file, format=format, options=options)
     write_recording(recording, out, source=file)

@@ -8,7 +8,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,29 +23,35 @@ NAN = math.nan
 
 @dataclass(frozen=True)
 class Options:
-    """Settings of the readers.
+    """Settings of the readers; `bottomlock convert` has them as options, with these words.
 
     Attributes:
-        instrument_only: accept records without beam velocities, for the instrument's own velocity.
-        keep_stale: keep beams valid that repeat the record before.
-        negate_beams: beam velocities are positive away from the bottom in this file.
-        beams_from_axes: recover beams from velocities in axes and their error velocity.
-        ignore_checksum: keep text records whose checksum does not fit, flagged.
-        clock: of a sum of intervals: "reports" adds that of every report, "distinct" not those of exact repeats.
-        water_alone: accept records of the water without any ping of the bottom.
-        topic: of a bag or MCAP file with several.
-        columns: TOML file with the column map of a table.
+        columns: TOML file with the column map of a CSV or Parquet table.
+        topic: Topic of a bag that holds several topics of the message.
+        instrument_only: Keep records without beams, for the instrument's own velocity.
+        keep_stale: Keep beams valid that repeat the previous record unchanged.
+        negate_beams: Reverse the sign of beam velocities that are positive away from the bottom.
+        beams_from_axes: Recover the beams of PD0 in other coordinates from solutions of four beams.
+        ignore_checksum: Keep text records with a wrong checksum, flagged.
+        clock: Where the clock is the sum of intervals: that of every report, or not of reports that repeat.
     """
 
+    columns: str | None = None
+    topic: str | None = None
     instrument_only: bool = False
     keep_stale: bool = False
     negate_beams: bool = False
     beams_from_axes: bool = False
     ignore_checksum: bool = False
-    water_alone: bool = False
     clock: Literal["reports", "distinct"] = "reports"
-    topic: str | None = None
-    columns: str | None = None
+    water_alone: ClassVar[bool] = False
+    """Whether water without any ping of the bottom is accepted."""
+
+
+class RecordOptions(Options):
+    """Settings for one record of a stream, which may be of the water alone."""
+
+    water_alone: ClassVar[bool] = True
 
 
 PLAIN = Options()

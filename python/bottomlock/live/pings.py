@@ -7,7 +7,7 @@ record of its own holds comes with the next ping of the bottom.
 """
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable, WaterTable, joined
 from bottomlock.io.formats import LIVE
-from bottomlock.io.rows import Options
+from bottomlock.io.rows import Options, RecordOptions
 from bottomlock.live.states import Reasons
 from bottomlock.recordings.readings import Ping
 
@@ -59,7 +59,7 @@ class PingReader:
         self.framer = self._stream.frame(self.beams)
         # A report whose transducers are all missing is a ping with all beams lost, not a log without beams.
         only = self._stream.lost or self.options.instrument_only
-        self._settings = replace(self.options, instrument_only=only, water_alone=True)
+        self._settings = RecordOptions(**asdict(replace(self.options, instrument_only=only)))
         self._water: list[WaterTable] = []
         self._before: tuple[bytes, ...] | None = None
         self._absolute: bool | None = None
