@@ -16,7 +16,7 @@ from bottomlock.live.config import LiveConfig
 from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.live.pings import PingReader
-from bottomlock.live.readings import LineReader, MavlinkReader
+from bottomlock.live.readings import LineReader, MavlinkReader, Reader
 from bottomlock.live.ros_readings import RosReader
 from bottomlock.live.sections import DVL_FORMATS, ROS_TYPES, ImuFromAttitude, ImuSection, SourceSection
 from bottomlock.live.states import Facts, Reasons, StateMachine
@@ -57,7 +57,7 @@ class SourceState:
     """
 
     section: SourceSection
-    reader: PingReader | LineReader | MavlinkReader | RosReader
+    reader: Reader[Ping] | Reader[Reading]
     clock: ClockMap
     last_ns: int | None = None
     used: int = 0
@@ -119,7 +119,7 @@ class Engine:
         self.now_ns = 0
 
     def _source(self, section: SourceSection) -> SourceState:
-        reader: PingReader | LineReader | MavlinkReader | RosReader
+        reader: Reader[Ping] | Reader[Reading]
         if section.format in DVL_FORMATS:
             options = Options(negate_beams=section.negate_beams, keep_stale=section.keep_stale)
             reader = PingReader(section.format, self.beams, options)

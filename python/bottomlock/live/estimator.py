@@ -10,7 +10,6 @@ than three are redundant, and the combinations that no velocity causes hold nois
 import math
 from collections import deque
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,77 +131,6 @@ class BeamJumps:
 Floats = NDArray[np.float64]
 
 
-class Estimator(Protocol):
-    """Readings in, at times of the host's clock; estimates out.
-
-    Attributes:
-        fault: why the estimate cannot be used at all; "" if it can.
-        rank: directions that the used beams of the last ping with a valid beam determine.
-        closure: of the beams, against their claimed noise.
-        rejected: pings in a row that the gate has rejected.
-        resets: discontinuities that no measurement explains, since the start.
-        ping_used_ns: arrival of what made a beam used the last time; None before the first.
-        imu_used_ns: the same of inertial readings, or of attitudes in their place.
-        water_used_ns: the same of beams of the water that determine the whole velocity through it.
-        last: what is known of the last ping, for the health page.
-        gated: measurements beside the pings that the gate has rejected, by sensor.
-    """
-
-    fault: str
-    rank: int
-    rejected: int
-    resets: int
-    ping_used_ns: int | None
-    imu_used_ns: int | None
-    water_used_ns: int | None
-    last: "LastPing"
-    gated: Reasons
-    closure: Closure
-
-    @property
-    def imu_fault(self) -> str:
-        """Why the last inertial reading was rejected; "" if it was not."""
-
-    @property
-    def water_counts(self) -> CellCounts:
-        """What became of the cells of the water."""
-
-    @property
-    def waiting_for(self) -> str:
-        """What the start still lacks; "" once there is an estimate."""
-
-    @property
-    def velocity_sd_mps(self) -> float | None:
-        """Largest 1 sigma of a velocity axis, m/s; None where the beams alone give the velocity."""
-
-    @property
-    def time_ns(self) -> int | None:
-        """Time of the estimate; None without one."""
-
-    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
-        """Takes a ping of a time of validity, and when it came."""
-
-    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
-        """Takes an inertial reading."""
-
-    def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
-        """Takes an attitude: aiding, or in place of an inertial reading."""
-
-    @property
-    def current(self) -> tuple[Floats, Floats] | None:
-        """Current at the vehicle, north and east, and 1 sigma, m/s; None without water track."""
-
-    @property
-    def reference_error(self) -> tuple[Floats, Floats] | None:
-        """Slow error found of the aiding attitude (roll, pitch, yaw) or heading, and 1 sigma, rad; None without one."""
-
-    def aid(self, time_ns: int, reading: AidingReading) -> None:
-        """Takes a measurement beside pings and attitudes."""
-
-    def estimate(self, state: State, reset_counter: int) -> Estimate | None:
-        """The estimate as it is now; None without one."""
-
-
 class LastPing:
     """The last ping: beams, what was used of them, and how well they fitted.
 
@@ -248,37 +176,113 @@ def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(values > 0.0, values, np.nan)
 
 
-class VelocityEstimator:
-    """Mode velocity: what the beams of the last ping determine, and nothing else. See `Estimator`."""
+class Estimator:
+    """Readings in, at times of the host's clock; estimates out.
+
+    Attributes:
+        fault: why the estimate cannot be used at all; "" if it can.
+        rank: directions that the used beams of the last ping with a valid beam determine.
+        closure: of the beams, against their claimed noise.
+        rejected: pings in a row that the gate has rejected.
+        resets: discontinuities that no measurement explains, since the start.
+        ping_used_ns: arrival of what made a beam used the last time; None before the first.
+        imu_used_ns: the same of inertial readings, or of attitudes in their place.
+        water_used_ns: the same of beams of the water that determine the whole velocity through it.
+        last: what is known of the last ping, for the health page.
+        gated: measurements beside the pings that the gate has rejected, by sensor.
+    """
 
     def __init__(self, config: LiveConfig) -> None:
         self._config, self._instrument = config, config.instrument()
-        geometry = self._instrument.geometry
-        self._jumps = BeamJumps(geometry, config.velocity.acceleration_mps2)
         self._fixes: VelocityFixes | None = None
         self._beams: Beams | None = None
-        self._time_ns: int | None = None
         self.fault = ""
-        self.waiting_for = "a ping that determines the whole velocity"
-        self.velocity_sd_mps: float | None = None
         self.rank = self.rejected = self.resets = 0
         self.ping_used_ns: int | None = None
         self.imu_used_ns: int | None = None
         self.water_used_ns: int | None = None
-        self.water_counts = CellCounts()
-        self.last = LastPing(geometry.beams)
+        self.last = LastPing(self._instrument.geometry.beams)
         self.gated = Reasons()
-        self.closure = Closure(geometry)
-        self.imu_fault = ""
-        self.reference_error: tuple[Floats, Floats] | None = None
-        self.current: tuple[Floats, Floats] | None = None
+        self.closure = Closure(self._instrument.geometry)
+
+    @property
+    def imu_fault(self) -> str:
+        """Why the last inertial reading was rejected; "" if it was not."""
+        return ""
+
+    @property
+    def water_counts(self) -> CellCounts:
+        """What became of the cells of the water."""
+        return CellCounts()
+
+    @property
+    def waiting_for(self) -> str:
+        """What the start still lacks; "" once there is an estimate."""
+        raise NotImplementedError
+
+    @property
+    def velocity_sd_mps(self) -> float | None:
+        """Largest 1 sigma of a velocity axis, m/s; None where the beams alone give the velocity."""
+        return None
+
+    @property
+    def time_ns(self) -> int | None:
+        """Time of the estimate; None without one."""
+        raise NotImplementedError
+
+    @property
+    def current(self) -> tuple[Floats, Floats] | None:
+        """Current at the vehicle, north and east, and 1 sigma, m/s; None without water track."""
+        return None
+
+    @property
+    def reference_error(self) -> tuple[Floats, Floats] | None:
+        """Slow error found of the aiding attitude (roll, pitch, yaw) or heading, and 1 sigma, rad; None without one."""
+        return None
 
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
-        """Solves a ping.
+        """Takes a ping of a time of validity, and when it came.
 
         Raises:
-            KernelError: as `NavigatorConfig.with_noise`.
+            KernelError: as `NavigatorConfig.with_noise`, and of a navigator for one that is older than its horizon.
         """
+        raise NotImplementedError
+
+    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
+        """Takes an inertial reading; mode velocity uses none, as of the following."""
+
+    def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
+        """Takes an attitude: aiding, or in place of an inertial reading."""
+
+    def aid(self, time_ns: int, reading: AidingReading) -> None:
+        """Takes a measurement beside pings and attitudes."""
+
+    def estimate(self, state: State, reset_counter: int) -> Estimate | None:
+        """The estimate as it is now; None without one."""
+        raise NotImplementedError
+
+
+class VelocityEstimator(Estimator):
+    """Mode velocity: what the beams of the last ping determine, and nothing else."""
+
+    def __init__(self, config: LiveConfig) -> None:
+        super().__init__(config)
+        self._jumps = BeamJumps(self._instrument.geometry, config.velocity.acceleration_mps2)
+        self._time_ns: int | None = None
+        self._whole = False
+
+    @property
+    def waiting_for(self) -> str:
+        """A first ping that gives all of the velocity."""
+        return "" if self._whole else "a ping that determines the whole velocity"
+
+    @property
+    def time_ns(self) -> int | None:
+        """Time of the last ping."""
+        return self._time_ns
+
+    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
+        """Solves a ping."""
         ping = self._config.with_noise(ping, self._instrument)
         self.closure.add(ping.velocity_mps, ping.valid, ping.sd_mps)
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
@@ -292,24 +296,9 @@ class VelocityEstimator:
         self._fixes = fixes
         self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns)
         self._time_ns = time_ns
-        if rank == 3:
-            self.waiting_for = ""
+        self._whole |= rank == 3
         if rank:
             self.rank, self.ping_used_ns = rank, arrival_ns
-
-    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
-        """Not used in this mode."""
-
-    def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
-        """Not used in this mode."""
-
-    def aid(self, time_ns: int, reading: AidingReading) -> None:
-        """Not used in this mode."""
-
-    @property
-    def time_ns(self) -> int | None:
-        """Time of the last ping."""
-        return self._time_ns
 
     def estimate(self, state: State, reset_counter: int) -> Estimate | None:
         """What the last ping determines; None if that is nothing."""

@@ -9,10 +9,9 @@ import numpy as np
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.estimator import Closure, LastPing, beams_of, solve_ping
+from bottomlock.live.estimator import Estimator, beams_of, solve_ping
 from bottomlock.live.navigator_config import kernel_settings
-from bottomlock.live.states import Reasons
-from bottomlock.ports.estimate import Beams, Estimate, State
+from bottomlock.ports.estimate import Estimate, State
 from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.streams import Flags, Floats
@@ -35,8 +34,8 @@ def _wait(waiting: dict[int, T], time_ns: int, what: T) -> None:
         del waiting[next(iter(waiting))]
 
 
-class NavigationEstimator:
-    """Mode navigation. See `live.estimator.Estimator`.
+class NavigationEstimator(Estimator):
+    """Mode navigation.
 
     A ping that arrives after the readings of its time of validity is put in its place, up to `navigation.horizon_s`. A
     reading that the navigator refuses (not one that it rejects, which is a value) ends it: a fresh alignment follows,
@@ -44,8 +43,8 @@ class NavigationEstimator:
     """
 
     def __init__(self, config: LiveConfig) -> None:
-        self._instrument = config.instrument()
-        self._config, self._attitude = config, config.attitude
+        super().__init__(config)
+        self._attitude = config.attitude
         # A slow attitude in place of inertial readings is no gap.
         period_s = 1.0 / min(one.rate_hz for one in config.sources_of(config.motion))
         self._aligned = AlignedNavigator(
@@ -56,20 +55,8 @@ class NavigationEstimator:
         )
         self._pings: dict[int, tuple[Ping, VelocityFixes]] = {}
         self._waters: dict[int, Flags] = {}
-        self._fixes: VelocityFixes | None = None
-        self._beams: Beams | None = None
         self._now_ns = 0
         self._rejected_reading = ""
-        self.fault = ""
-        self.rank = 0
-        self.rejected = 0
-        self.resets = 0
-        self.ping_used_ns: int | None = None
-        self.imu_used_ns: int | None = None
-        self.water_used_ns: int | None = None
-        self.last = LastPing(self._instrument.geometry.beams)
-        self.gated = Reasons()
-        self.closure = Closure(self._instrument.geometry)
 
     @property
     def navigator(self) -> Navigator | None:

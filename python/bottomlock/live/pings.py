@@ -7,7 +7,7 @@ record of its own holds comes with the next ping of the bottom.
 """
 
 import re
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable, WaterTable, joined
 from bottomlock.io.formats import LIVE
-from bottomlock.io.rows import Options, RecordOptions
-from bottomlock.live.states import Reasons
+from bottomlock.io.rows import PLAIN, Options, RecordOptions
+from bottomlock.live.readings import Reader
 from bottomlock.recordings.readings import Ping
 
 _MOST_HELD = 16
@@ -24,24 +24,18 @@ _MOST_HELD = 16
 
 
 @dataclass
-class PingReader:
+class PingReader(Reader[Ping]):
     """The pings of a byte stream in one format.
 
     Args:
         format: a key of `io.formats.LIVE`.
         beams: number of beams of the geometry.
         options: of the reader.
-
-    Attributes:
-        records: whole records so far.
-        skipped: records without a ping, by what was wrong.
     """
 
     format: str
     beams: int
-    options: Options = field(default_factory=Options)
-    records: int = 0
-    skipped: Reasons = field(default_factory=Reasons)
+    options: Options = PLAIN
 
     def __post_init__(self) -> None:
         """Chooses framer and reader.
@@ -56,7 +50,7 @@ class PingReader:
         chosen = LIVE[self.format]
         assert chosen.stream is not None
         self._read, self._stream = chosen.read, chosen.stream
-        self.framer = self._stream.frame(self.beams)
+        self.framer = self._cut = self._stream.frame(self.beams)
         # A report whose transducers are all missing is a ping with all beams lost, not a log without beams.
         only = self._stream.lost or self.options.instrument_only
         self._settings = RecordOptions(**asdict(replace(self.options, instrument_only=only)))
@@ -67,11 +61,11 @@ class PingReader:
 
     def feed(self, data: bytes) -> list[Ping]:
         """The pings that `data` completes."""
-        return [ping for record in self.framer.feed(data) for ping in self._pings(record)]
+        return [ping for record in self._cut.feed(data) for ping in self._pings(record)]
 
     def flush(self) -> list[Ping]:
         """The ping whose lines are held, where no more of them have come for a while."""
-        return [ping for record in self.framer.flush() for ping in self._pings(record)]
+        return [ping for record in self._cut.flush() for ping in self._pings(record)]
 
     def _pings(self, record: bytes) -> list[Ping]:
         self.records += 1

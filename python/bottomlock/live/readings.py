@@ -2,9 +2,9 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from bottomlock.io.framing import Lines
+from bottomlock.io.framing import Framer, Lines
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
 from bottomlock.live.sections import AttitudeMessage, DepthSection
 from bottomlock.live.states import Reasons
@@ -31,10 +31,34 @@ ROUNDING = 1e-3
 
 
 _LINES = {one.line: one for one in INSTRUMENTS if one.line}
+Given = TypeVar("Given")
 
 
 @dataclass
-class LineReader:
+class Reader(Generic[Given]):
+    """Bytes to readings or pings.
+
+    Attributes:
+        framer: cuts the bytes into records; made at the start.
+        records: whole records so far.
+        skipped: records without a reading, by what was wrong.
+    """
+
+    framer: "Framer | MavlinkFramer" = field(init=False)
+    records: int = field(default=0, init=False)
+    skipped: Reasons = field(default_factory=Reasons, init=False)
+
+    def feed(self, data: bytes) -> list[Given]:
+        """The readings that `data` completes."""
+        raise NotImplementedError
+
+    def flush(self) -> list[Given]:
+        """What the lines that are held give, where no more of them have come for a while."""
+        return []
+
+
+@dataclass
+class LineReader(Reader[Reading]):
     """Readings from lines: a time in ns, and numbers in SI; with `*` and the exclusive or of what stands before it.
 
     The checksum is optional until the first line that has one: from then on every line must, since one that lost its
@@ -45,32 +69,22 @@ class LineReader:
         format: the line of one of `recordings.sensors.INSTRUMENTS`.
         checksum: whether every line must have one, the first too.
         within: whether the stream may begin in the middle of a line.
-
-    Attributes:
-        records: lines so far.
-        skipped: lines without a reading, by what was wrong.
     """
 
     format: str
     checksum: bool = False
     within: bool = False
-    records: int = 0
-    skipped: Reasons = field(default_factory=Reasons)
 
     def __post_init__(self) -> None:
         """Chooses the columns of the format."""
         made = _LINES[self.format]
         self._counts = {len(made.columns), len(made.columns) + len(made.more)}
         self._columns, self._make = made.header, made.of_line
-        self.framer = Lines(within=self.within)
+        self.framer = self._lines = Lines(within=self.within)
 
     def feed(self, data: bytes) -> list[Reading]:
         """The readings that `data` completes."""
-        return [reading for line in self.framer.feed(data) if (reading := self._reading(line)) is not None]
-
-    def flush(self) -> list[Reading]:
-        """Nothing: half a line is no reading."""
-        return []
+        return [reading for line in self._lines.feed(data) if (reading := self._reading(line)) is not None]
 
     def _reading(self, line: bytes) -> Reading | None:
         self.records += 1
@@ -97,7 +111,7 @@ class LineReader:
         return reading
 
 
-class _MavlinkFramer:
+class MavlinkFramer:
     """What a reader of MAVLink shows of its framing: pymavlink does it."""
 
     waiting = False
@@ -116,7 +130,7 @@ class _MavlinkFramer:
 
 
 @dataclass
-class MavlinkReader:
+class MavlinkReader(Reader[Reading]):
     """Readings from MAVLink: HIGHRES_IMU (forward, starboard, down), an attitude, the water's pressure, and GPS.
 
     Args:
@@ -127,8 +141,6 @@ class MavlinkReader:
         gps: whether GPS_RAW_INT is read.
 
     Attributes:
-        records: messages so far, of any kind.
-        skipped: messages that cannot be used, by what was wrong.
         bad_bytes: bytes that belonged to no message.
     """
 
@@ -137,8 +149,6 @@ class MavlinkReader:
     attitude: AttitudeMessage | None = None
     inertial: bool = True
     gps: bool = False
-    records: int = 0
-    skipped: Reasons = field(default_factory=Reasons)
     bad_bytes: int = 0
 
     def __post_init__(self) -> None:
@@ -148,7 +158,7 @@ class MavlinkReader:
             ScenarioError: where pymavlink is not installed.
         """
         self._dialect = dialect()
-        self.framer = _MavlinkFramer(self)
+        self.framer = MavlinkFramer(self)
         self.restart()
 
     def wanted(self, rate_hz: float) -> dict[str, float]:
@@ -181,10 +191,6 @@ class MavlinkReader:
             if reading is not None:
                 found.append(reading)
         return found
-
-    def flush(self) -> list[Reading]:
-        """Nothing: half a message is no reading."""
-        return []
 
     def _reading(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
         if kind == self.attitude:

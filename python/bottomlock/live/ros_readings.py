@@ -6,14 +6,14 @@ north, east, down. A number that its message marks as missing (a covariance that
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from bottomlock.errors import DataError
 from bottomlock.io.framing import Framer
 from bottomlock.io.ros_messages import decode, stamp_ns
+from bottomlock.live.readings import Reader
 from bottomlock.live.sections import ROS_TYPES, DepthSection
-from bottomlock.live.states import Reasons
 from bottomlock.recordings.readings import (
     AcousticPositionReading,
     AttitudeReading,
@@ -104,24 +104,18 @@ _MAKERS: dict[str, Callable[[Message], Reading]] = {
 
 
 @dataclass
-class RosReader:
+class RosReader(Reader[Reading]):
     """Readings from the messages of a topic.
 
     Args:
         format: "ros-pressure" or a key of `_MAKERS`.
         depth: turns a pressure into a depth; needed for "ros-pressure" alone.
         gravity_mps2: for that.
-
-    Attributes:
-        records: messages so far.
-        skipped: messages without a reading, by what was wrong.
     """
 
     format: str
     depth: DepthSection | None = None
     gravity_mps2: float = math.nan
-    records: int = 0
-    skipped: Reasons = field(default_factory=Reasons)
 
     def __post_init__(self) -> None:
         """Chooses the message."""
@@ -137,10 +131,6 @@ class RosReader:
         except (DataError, _NoReadingError) as error:
             self.skipped.add(str(error))
             return []
-
-    def flush(self) -> list[Reading]:
-        """Nothing: no part of a message is held."""
-        return []
 
     def _under_water(self, message: Message) -> Reading:
         assert self.depth is not None
