@@ -86,7 +86,7 @@ def key_of(model: type[BaseModel], name: str, field: FieldInfo) -> Key:
         default=_default(field),
         range=_stated(field, "range") or span,
         meaning=" ".join(field.description.split()),
-        example=f"{name} = {toml_value(example_of(name, field))}",
+        example=f"{name} = {toml_value(_example(model, name, field))}",
     )
 
 
@@ -95,14 +95,16 @@ def _stated(field: FieldInfo, name: str) -> str:
     return str(extra.get(name, "")) if isinstance(extra, dict) else ""
 
 
-def example_of(name: str, field: FieldInfo) -> Any:  # noqa: ANN401 - of any key
-    """The value of the example: the stated one, else the default, else the first of a choice.
+def _example(model: type[BaseModel], name: str, field: FieldInfo) -> Any:  # noqa: ANN401 - of any key
+    """The value of the example: the stated one, that of a packaged file, else the default, else the first of a choice.
 
     Raises:
         LookupError: for a key that has none of them.
     """
     if field.examples:
         return field.examples[0]
+    if of_packaged := getattr(model, "example_of", None):
+        return of_packaged(name)
     default = None if field.is_required() else field.get_default(call_default_factory=True)
     if default is not None and default not in ((), {}):
         return default

@@ -3,12 +3,11 @@
 SNAME notation in the platform frame (FRD) with its origin at the centre of buoyancy; all fields are SI floats.
 """
 
-from typing import Annotated, Self, TypeAlias
+from typing import Self, TypeAlias
 
 import numpy as np
 from pydantic import model_validator
 
-from bottomlock.config.meaning import shown
 from bottomlock.plant import coefficients as coef
 from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.vehicle import AddedMass, Limits, RigidBody, Table, Vehicle, Water, check_body
@@ -17,51 +16,29 @@ from bottomlock.plant.vehicle import AddedMass, Limits, RigidBody, Table, Vehicl
 class Damping(Table):
     """Drag of each axis by itself: linear and quadratic in its velocity through the water."""
 
-    surge_linear: Annotated[
-        coef.LinearDrag, shown(example={"value": 13.7, "unit": "N s/m", "source": "basin"})
-    ]
+    surge_linear: coef.LinearDrag
     """drag in surge over speed"""
-    surge_quadratic: Annotated[
-        coef.QuadraticDrag, shown(example={"value": 141.0, "unit": "kg/m", "source": "basin"})
-    ]
+    surge_quadratic: coef.QuadraticDrag
     """drag in surge over speed squared"""
-    sway_linear: Annotated[coef.LinearDrag, shown(example={"value": 0.0, "unit": "N s/m", "source": "basin"})]
+    sway_linear: coef.LinearDrag
     """drag in sway over speed"""
-    sway_quadratic: Annotated[
-        coef.QuadraticDrag, shown(example={"value": 217.0, "unit": "kg/m", "source": "basin"})
-    ]
+    sway_quadratic: coef.QuadraticDrag
     """drag in sway over speed squared"""
-    heave_linear: Annotated[
-        coef.LinearDrag, shown(example={"value": 33.0, "unit": "N s/m", "source": "basin"})
-    ]
+    heave_linear: coef.LinearDrag
     """drag in heave over speed"""
-    heave_quadratic: Annotated[
-        coef.QuadraticDrag, shown(example={"value": 190.0, "unit": "kg/m", "source": "basin"})
-    ]
+    heave_quadratic: coef.QuadraticDrag
     """drag in heave over speed squared"""
-    roll_linear: Annotated[
-        coef.LinearRotaryDrag, shown(example={"value": 0.0, "unit": "N m s/rad", "source": "basin"})
-    ]
+    roll_linear: coef.LinearRotaryDrag
     """damping of roll over its rate"""
-    roll_quadratic: Annotated[
-        coef.RotaryDrag, shown(example={"value": 1.19, "unit": "kg m2", "source": "basin"})
-    ]
+    roll_quadratic: coef.RotaryDrag
     """damping of roll over its rate squared"""
-    pitch_linear: Annotated[
-        coef.LinearRotaryDrag, shown(example={"value": 0.8, "unit": "N m s/rad", "source": "basin"})
-    ]
+    pitch_linear: coef.LinearRotaryDrag
     """damping of pitch over its rate"""
-    pitch_quadratic: Annotated[
-        coef.RotaryDrag, shown(example={"value": 0.47, "unit": "kg m2", "source": "basin"})
-    ]
+    pitch_quadratic: coef.RotaryDrag
     """damping of pitch over its rate squared"""
-    yaw_linear: Annotated[
-        coef.LinearRotaryDrag, shown(example={"value": 0.0, "unit": "N m s/rad", "source": "basin"})
-    ]
+    yaw_linear: coef.LinearRotaryDrag
     """damping of yaw over its rate"""
-    yaw_quadratic: Annotated[
-        coef.RotaryDrag, shown(example={"value": 1.5, "unit": "kg m2", "source": "basin"})
-    ]
+    yaw_quadratic: coef.RotaryDrag
     """damping of yaw over its rate squared"""
 
     def axes(self) -> list[tuple[float, float]]:
@@ -73,33 +50,19 @@ class Damping(Table):
 class Thrusters(Table):
     """Place and direction of each thruster, their greatest thrust and lag; a list has an entry a thruster."""
 
-    position_x: Annotated[
-        tuple[coef.Length, ...], shown(example=[{"value": 0.156, "unit": "m", "source": "drawing"}])
-    ]
+    position_x: tuple[coef.Length, ...]
     """where each thruster stands, forward of the centre of buoyancy; six or more"""
-    position_y: Annotated[
-        tuple[coef.Length, ...], shown(example=[{"value": 0.111, "unit": "m", "source": "drawing"}])
-    ]
+    position_y: tuple[coef.Length, ...]
     """the same, starboard"""
-    position_z: Annotated[
-        tuple[coef.Length, ...], shown(example=[{"value": 0.0, "unit": "m", "source": "drawing"}])
-    ]
+    position_z: tuple[coef.Length, ...]
     """the same, down"""
-    azimuth: Annotated[
-        tuple[coef.Angle, ...], shown(example=[{"value": -45.0, "unit": "deg", "source": "drawing"}])
-    ]
+    azimuth: tuple[coef.Angle, ...]
     """direction in which each one pushes the vehicle, from forward to starboard"""
-    elevation: Annotated[
-        tuple[coef.Angle, ...], shown(example=[{"value": 0.0, "unit": "deg", "source": "drawing"}])
-    ]
+    elevation: tuple[coef.Angle, ...]
     """the same, above the level"""
-    max_thrust: Annotated[
-        coef.PositiveForce, shown(example={"value": 40.0, "unit": "N", "source": "data sheet"})
-    ]
+    max_thrust: coef.PositiveForce
     """greatest thrust of each, both ways"""
-    time_constant: Annotated[
-        coef.PositiveTime, shown(example={"value": 0.15, "unit": "s", "source": "assumed"})
-    ]
+    time_constant: coef.PositiveTime
     """first-order lag of the thrust"""
 
     def wrenches(self) -> FloatArray:
@@ -114,42 +77,28 @@ class Thrusters(Table):
 class VelocityPi(Table):
     """A PI controller from a velocity error to a force, with its limit."""
 
-    proportional: Annotated[
-        coef.ForcePerSpeed, shown(example={"value": 60.0, "unit": "N s/m", "source": "design"})
-    ]
+    proportional: coef.ForcePerSpeed
     """force for each m/s of error"""
-    integral: Annotated[
-        coef.ForcePerDistance, shown(example={"value": 60.0, "unit": "N/m", "source": "design"})
-    ]
+    integral: coef.ForcePerDistance
     """force for each metre of integrated error"""
-    tracking_time: Annotated[
-        coef.PositiveTime, shown(example={"value": 1.0, "unit": "s", "source": "design"})
-    ]
+    tracking_time: coef.PositiveTime
     """time in which anti-windup unwinds the integral"""
-    limit: Annotated[coef.PositiveForce, shown(example={"value": 80.0, "unit": "N", "source": "design"})]
+    limit: coef.PositiveForce
     """greatest force that it asks for"""
 
 
 class AnglePid(Table):
     """A PID controller from an angle error to a moment, with its limit."""
 
-    proportional: Annotated[
-        coef.MomentPerAngle, shown(example={"value": 4.0, "unit": "N m/rad", "source": "design"})
-    ]
+    proportional: coef.MomentPerAngle
     """moment for each rad of error"""
-    integral: Annotated[
-        coef.MomentPerAngleSecond, shown(example={"value": 1.0, "unit": "N m/(rad s)", "source": "design"})
-    ]
+    integral: coef.MomentPerAngleSecond
     """moment for each rad s of integrated error"""
-    derivative: Annotated[
-        coef.MomentPerRate, shown(example={"value": 3.0, "unit": "N m s/rad", "source": "design"})
-    ]
+    derivative: coef.MomentPerRate
     """moment for each rad/s of error"""
-    tracking_time: Annotated[
-        coef.PositiveTime, shown(example={"value": 3.0, "unit": "s", "source": "design"})
-    ]
+    tracking_time: coef.PositiveTime
     """time in which anti-windup unwinds the integral"""
-    limit: Annotated[coef.PositiveMoment, shown(example={"value": 10.0, "unit": "N m", "source": "design"})]
+    limit: coef.PositiveMoment
     """greatest moment that it asks for"""
 
 
@@ -171,22 +120,21 @@ class HoveringAutopilot(Table):
 class HoveringGuidance(Table):
     """Line-of-sight look-ahead, target approach speed, and the gain from depth error to sink rate."""
 
-    look_ahead: Annotated[coef.PositiveLength, shown(example={"value": 2.0, "unit": "m", "source": "design"})]
+    look_ahead: coef.PositiveLength
     """look-ahead of line-of-sight guidance"""
-    approach_speed: Annotated[
-        coef.PositiveSpeed, shown(example={"value": 0.2, "unit": "m/s", "source": "design"})
-    ]
+    approach_speed: coef.PositiveSpeed
     """greatest approach speed of constant-bearing guidance"""
-    depth_gain: Annotated[coef.PerTime, shown(example={"value": 0.5, "unit": "1/s", "source": "design"})]
+    depth_gain: coef.PerTime
     """sink rate for each metre of depth error"""
 
 
 class HoveringVehicle(Table):
     """Every coefficient of a vehicle that thrusters move in every direction, SI; see `load_vehicle`."""
 
-    name: Annotated[str, shown(example="bluerov2_heavy")]
+    packaged = "bluerov2_heavy"
+    name: str
     """name of the vehicle"""
-    description: Annotated[str, shown(example="ROV with eight thrusters")]
+    description: str
     """one sentence for pages"""
     water: Water
     rigid_body: RigidBody

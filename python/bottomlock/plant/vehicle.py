@@ -3,7 +3,10 @@
 SNAME notation in the platform frame (FRD) with its origin at the centre of buoyancy; all fields are SI floats.
 """
 
-from typing import Annotated, Self
+import tomllib
+from functools import cache
+from importlib import resources
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -11,296 +14,225 @@ from bottomlock.config.meaning import shown
 from bottomlock.plant import coefficients as coef
 
 
-class Table(BaseModel):
-    """A table of a vehicle file."""
+def _with_examples(schema: dict[str, Any], model: type["Table"]) -> None:
+    """Adds the examples to a JSON schema."""
+    for name, described in schema["properties"].items():
+        if "$ref" not in described:
+            described["examples"] = [model.example_of(name)]
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+class Table(BaseModel):
+    """A table of a vehicle file.
+
+    Attributes:
+        packaged: of a whole file, the packaged vehicle whose values are the examples of its keys.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, use_attribute_docstrings=True, json_schema_extra=_with_examples
+    )
+    packaged: ClassVar[str] = ""
+
+    @classmethod
+    def example_of(cls, name: str) -> Any:  # noqa: ANN401 - of any key
+        """The value of a key in the packaged vehicle."""
+        return _packaged()[cls][name]
+
+
+@cache
+def _packaged() -> dict[type[Table], dict[str, Any]]:
+    """Every table with its content in a packaged vehicle, the first that has it."""
+    found: dict[type[Table], dict[str, Any]] = {}
+
+    def add(table: type[Table], content: dict[str, Any]) -> None:
+        found.setdefault(table, content)
+        for name, field in table.model_fields.items():
+            if isinstance(field.annotation, type) and issubclass(field.annotation, Table):
+                add(field.annotation, content[name])
+
+    for kind in Table.__subclasses__():
+        if kind.packaged:
+            file = resources.files("bottomlock.config") / "vehicles" / f"{kind.packaged}.toml"
+            add(kind, tomllib.loads(file.read_text(encoding="utf-8")))
+    return found
 
 
 class Water(Table):
     """The water for which the coefficients hold."""
 
-    density: Annotated[
-        coef.PositiveDensity, shown(example={"value": 1026.0, "unit": "kg/m3", "source": "sea water"})
-    ]
+    density: coef.PositiveDensity
     """density of the water for which the coefficients hold"""
 
 
 class RigidBody(Table):
     """Mass, displaced volume, centre of gravity and inertia about the origin (centre of buoyancy)."""
 
-    mass: Annotated[coef.PositiveMass, shown(example={"value": 185.0, "unit": "kg", "source": "weighed"})]
+    mass: coef.PositiveMass
     """mass; buoyancy within 10 % of the weight"""
-    displaced_volume: Annotated[
-        coef.PositiveVolume, shown(example={"value": 0.1809, "unit": "m3", "source": "drawing"})
-    ]
+    displaced_volume: coef.PositiveVolume
     """displaced volume"""
-    centre_of_gravity_x: Annotated[
-        coef.Length, shown(example={"value": 0.0, "unit": "m", "source": "trimmed"})
-    ]
+    centre_of_gravity_x: coef.Length
     """centre of gravity from the centre of buoyancy, forward"""
-    centre_of_gravity_y: Annotated[
-        coef.Length, shown(example={"value": 0.0, "unit": "m", "source": "trimmed"})
-    ]
+    centre_of_gravity_y: coef.Length
     """centre of gravity from the centre of buoyancy, starboard"""
-    centre_of_gravity_z: Annotated[
-        coef.Length, shown(example={"value": 0.02, "unit": "m", "source": "inclining test"})
-    ]
+    centre_of_gravity_z: coef.Length
     """centre of gravity from the centre of buoyancy, down; above 0, or the vehicle capsizes"""
-    inertia_xx: Annotated[
-        coef.PositiveInertia, shown(example={"value": 1.97, "unit": "kg m2", "source": "drawing"})
-    ]
+    inertia_xx: coef.PositiveInertia
     """inertia in roll about the centre of buoyancy"""
-    inertia_yy: Annotated[
-        coef.PositiveInertia, shown(example={"value": 105.0, "unit": "kg m2", "source": "drawing"})
-    ]
+    inertia_yy: coef.PositiveInertia
     """inertia in pitch about the centre of buoyancy"""
-    inertia_zz: Annotated[
-        coef.PositiveInertia, shown(example={"value": 105.0, "unit": "kg m2", "source": "drawing"})
-    ]
+    inertia_zz: coef.PositiveInertia
     """inertia in yaw about the centre of buoyancy"""
 
 
 class Hull(Table):
     """Shape (Myring nose and tail), drag and lift of the bare hull."""
 
-    length: Annotated[coef.PositiveLength, shown(example={"value": 3.0, "unit": "m", "source": "measured"})]
+    length: coef.PositiveLength
     """length of the hull"""
-    diameter: Annotated[
-        coef.PositiveLength, shown(example={"value": 300.0, "unit": "mm", "source": "measured"})
-    ]
+    diameter: coef.PositiveLength
     """diameter of the hull"""
-    nose_length: Annotated[
-        coef.PositiveLength, shown(example={"value": 0.35, "unit": "m", "source": "drawing"})
-    ]
+    nose_length: coef.PositiveLength
     """length of the nose"""
-    tail_length: Annotated[
-        coef.PositiveLength, shown(example={"value": 0.75, "unit": "m", "source": "drawing"})
-    ]
+    tail_length: coef.PositiveLength
     """length of the tail"""
-    nose_exponent: Annotated[
-        coef.PositiveNumber, shown(example={"value": 2.0, "unit": "1", "source": "drawing"})
-    ]
+    nose_exponent: coef.PositiveNumber
     """exponent of the Myring nose"""
-    tail_angle: Annotated[
-        coef.PositiveAngle, shown(example={"value": 25.0, "unit": "deg", "source": "drawing"})
-    ]
+    tail_angle: coef.PositiveAngle
     """angle of the Myring tail"""
-    centre_of_buoyancy_from_nose: Annotated[
-        coef.PositiveLength, shown(example={"value": 1.4, "unit": "m", "source": "drawing"})
-    ]
+    centre_of_buoyancy_from_nose: coef.PositiveLength
     """centre of buoyancy behind the nose"""
-    axial_drag: Annotated[
-        coef.QuadraticDrag, shown(example={"value": 6.1, "unit": "kg/m", "source": "ITTC-57"})
-    ]
+    axial_drag: coef.QuadraticDrag
     """drag along the hull over speed squared"""
-    lift: Annotated[coef.QuadraticDrag, shown(example={"value": 79.4, "unit": "kg/m", "source": "Hoerner"})]
+    lift: coef.QuadraticDrag
     """lift of the bare hull over speed squared, for each rad"""
-    centre_of_pressure_x: Annotated[
-        coef.Length, shown(example={"value": -0.55, "unit": "m", "source": "Hoerner"})
-    ]
+    centre_of_pressure_x: coef.Length
     """where that lift acts, forward of the centre of buoyancy"""
-    cross_flow_drag: Annotated[
-        coef.NotNegativeNumber, shown(example={"value": 1.1, "unit": "1", "source": "circular cylinder"})
-    ]
+    cross_flow_drag: coef.NotNegativeNumber
     """drag coefficient of the cross flow"""
-    roll_drag: Annotated[
-        coef.RotaryDrag, shown(example={"value": 0.024, "unit": "kg m2", "source": "friction"})
-    ]
+    roll_drag: coef.RotaryDrag
     """moment over roll rate squared"""
-    pitch_drag: Annotated[
-        coef.RotaryDrag, shown(example={"value": 0.0, "unit": "kg m2", "source": "cross-flow strips have it"})
-    ]
+    pitch_drag: coef.RotaryDrag
     """moment over pitch rate squared beside the cross flow"""
-    yaw_drag: Annotated[
-        coef.RotaryDrag, shown(example={"value": 0.0, "unit": "kg m2", "source": "cross-flow strips have it"})
-    ]
+    yaw_drag: coef.RotaryDrag
     """moment over yaw rate squared beside the cross flow"""
 
 
 class AddedMass(Table):
     """Added-mass derivatives, SNAME signs; y_rdot = n_vdot and z_qdot = m_wdot by symmetry."""
 
-    x_udot: Annotated[coef.Mass, shown(example={"value": -3.83, "unit": "kg", "source": "Lamb"})]
+    x_udot: coef.Mass
     """added mass in surge; not positive"""
-    y_vdot: Annotated[coef.Mass, shown(example={"value": -200.0, "unit": "kg", "source": "strips"})]
+    y_vdot: coef.Mass
     """added mass in sway; not positive"""
-    z_wdot: Annotated[coef.Mass, shown(example={"value": -200.0, "unit": "kg", "source": "strips"})]
+    z_wdot: coef.Mass
     """added mass in heave; not positive"""
-    k_pdot: Annotated[coef.Inertia, shown(example={"value": -0.214, "unit": "kg m2", "source": "strips"})]
+    k_pdot: coef.Inertia
     """added inertia in roll; not positive"""
-    m_qdot: Annotated[coef.Inertia, shown(example={"value": -129.0, "unit": "kg m2", "source": "strips"})]
+    m_qdot: coef.Inertia
     """added inertia in pitch; not positive"""
-    n_rdot: Annotated[coef.Inertia, shown(example={"value": -129.0, "unit": "kg m2", "source": "strips"})]
+    n_rdot: coef.Inertia
     """added inertia in yaw; not positive"""
-    y_rdot: Annotated[
-        coef.AddedMassMoment, shown(example={"value": 18.6, "unit": "kg m", "source": "strips"})
-    ]
+    y_rdot: coef.AddedMassMoment
     """coupling of sway and yaw"""
-    z_qdot: Annotated[
-        coef.AddedMassMoment, shown(example={"value": -18.6, "unit": "kg m", "source": "strips"})
-    ]
+    z_qdot: coef.AddedMassMoment
     """coupling of heave and pitch"""
 
 
 class Fins(Table):
     """Equal all-moving fins round the tail; azimuth from starboard (+y) towards down (+z)."""
 
-    azimuth: Annotated[
-        tuple[coef.Angle, ...],
-        Field(min_length=4, max_length=4),
-        shown(
-            example=[
-                {"value": 45.0, "unit": "deg", "source": "drawing"},
-                {"value": 135.0, "unit": "deg", "source": "drawing"},
-                {"value": 225.0, "unit": "deg", "source": "drawing"},
-                {"value": 315.0, "unit": "deg", "source": "drawing"},
-            ]
-        ),
-    ]
+    azimuth: Annotated[tuple[coef.Angle, ...], Field(min_length=4, max_length=4)]
     """azimuth of each of the four fins, from starboard towards down"""
-    position_x: Annotated[coef.Length, shown(example={"value": -1.32, "unit": "m", "source": "drawing"})]
+    position_x: coef.Length
     """quarter chord of the fins, forward of the centre of buoyancy"""
-    centre_radius: Annotated[
-        coef.PositiveLength, shown(example={"value": 0.16, "unit": "m", "source": "drawing"})
-    ]
+    centre_radius: coef.PositiveLength
     """distance of a fin's mid-span from the axis"""
-    area: Annotated[coef.PositiveArea, shown(example={"value": 171.0, "unit": "cm2", "source": "drawing"})]
+    area: coef.PositiveArea
     """area of a fin"""
-    aspect_ratio: Annotated[
-        coef.PositiveNumber, shown(example={"value": 1.74, "unit": "1", "source": "drawing"})
-    ]
+    aspect_ratio: coef.PositiveNumber
     """effective aspect ratio"""
-    lift_slope: Annotated[
-        coef.PositiveSlope, shown(example={"value": 2.78, "unit": "1/rad", "source": "Hoerner"})
-    ]
+    lift_slope: coef.PositiveSlope
     """lift coefficient over angle of attack"""
-    zero_lift_drag: Annotated[
-        coef.NotNegativeNumber, shown(example={"value": 0.015, "unit": "1", "source": "NACA 0012"})
-    ]
+    zero_lift_drag: coef.NotNegativeNumber
     """drag coefficient without lift"""
-    oswald_efficiency: Annotated[
-        coef.PositiveNumber, shown(example={"value": 0.9, "unit": "1", "source": "Hoerner"})
-    ]
+    oswald_efficiency: coef.PositiveNumber
     """efficiency of the induced drag"""
-    stall_angle: Annotated[
-        coef.PositiveAngle, shown(example={"value": 20.0, "unit": "deg", "source": "NACA 0012"})
-    ]
+    stall_angle: coef.PositiveAngle
     """angle of attack at which a fin stalls"""
-    stall_width: Annotated[
-        coef.PositiveAngle, shown(example={"value": 3.0, "unit": "deg", "source": "NACA 0012"})
-    ]
+    stall_width: coef.PositiveAngle
     """range of angles over which it does"""
 
 
 class FinActuator(Table):
     """Limits and first-order lag of each fin's servo."""
 
-    max_deflection: Annotated[
-        coef.PositiveAngle, shown(example={"value": 25.0, "unit": "deg", "source": "data sheet"})
-    ]
+    max_deflection: coef.PositiveAngle
     """greatest angle of a fin"""
-    max_rate: Annotated[
-        coef.PositiveAngularRate, shown(example={"value": 60.0, "unit": "deg/s", "source": "data sheet"})
-    ]
+    max_rate: coef.PositiveAngularRate
     """greatest rate of a fin"""
-    time_constant: Annotated[
-        coef.PositiveTime, shown(example={"value": 0.1, "unit": "s", "source": "data sheet"})
-    ]
+    time_constant: coef.PositiveTime
     """lag of the servo"""
 
 
 class Propeller(Table):
     """Open-water line K = K0 + K1 J, hull interaction, limits; rotation +1 is clockwise from aft."""
 
-    diameter: Annotated[coef.PositiveLength, shown(example={"value": 0.2, "unit": "m", "source": "measured"})]
+    diameter: coef.PositiveLength
     """diameter of the propeller"""
-    thrust_at_rest: Annotated[
-        coef.PositiveNumber, shown(example={"value": 0.45, "unit": "1", "source": "series"})
-    ]
+    thrust_at_rest: coef.PositiveNumber
     """thrust coefficient at rest, K_T0"""
-    thrust_slope: Annotated[coef.Number, shown(example={"value": -0.4, "unit": "1", "source": "series"})]
+    thrust_slope: coef.Number
     """slope of the thrust coefficient over the advance ratio"""
-    torque_at_rest: Annotated[
-        coef.NotNegativeNumber, shown(example={"value": 0.06, "unit": "1", "source": "series"})
-    ]
+    torque_at_rest: coef.NotNegativeNumber
     """torque coefficient at rest, K_Q0"""
-    torque_slope: Annotated[coef.Number, shown(example={"value": -0.04, "unit": "1", "source": "series"})]
+    torque_slope: coef.Number
     """slope of the torque coefficient over the advance ratio"""
-    wake_fraction: Annotated[coef.Fraction, shown(example={"value": 0.15, "unit": "1", "source": "assumed"})]
+    wake_fraction: coef.Fraction
     """part of the speed that the hull's wake takes"""
-    thrust_deduction: Annotated[
-        coef.Fraction, shown(example={"value": 0.1, "unit": "1", "source": "assumed"})
-    ]
+    thrust_deduction: coef.Fraction
     """part of the thrust that the hull takes"""
-    rotation: Annotated[
-        coef.Number, shown(range="1 or -1", example={"value": 1.0, "unit": "1", "source": "seen"})
-    ]
+    rotation: Annotated[coef.Number, shown(range="1 or -1")]
     """sense of rotation: 1 clockwise seen from aft, -1 the other"""
-    max_speed: Annotated[
-        coef.PositiveShaftSpeed, shown(example={"value": 1200.0, "unit": "rpm", "source": "data sheet"})
-    ]
+    max_speed: coef.PositiveShaftSpeed
     """greatest shaft speed"""
-    max_acceleration: Annotated[
-        coef.PositiveShaftAcceleration,
-        shown(example={"value": 20.0, "unit": "rev/s2", "source": "data sheet"}),
-    ]
+    max_acceleration: coef.PositiveShaftAcceleration
     """greatest rate of the shaft speed"""
-    time_constant: Annotated[
-        coef.PositiveTime, shown(example={"value": 0.3, "unit": "s", "source": "data sheet"})
-    ]
+    time_constant: coef.PositiveTime
     """lag of the motor"""
 
 
 class AttitudePid(Table):
     """A PID from an angle error to an equivalent fin angle at cruise speed."""
 
-    proportional: Annotated[coef.FinPerAngle, shown(example={"value": 1.0, "unit": "1", "source": "design"})]
+    proportional: coef.FinPerAngle
     """fin angle for each angle of error, at cruise speed"""
-    integral: Annotated[
-        coef.FinPerAngleSecond, shown(example={"value": 0.1, "unit": "1/s", "source": "design"})
-    ]
+    integral: coef.FinPerAngleSecond
     """fin angle for each angle and second of error"""
-    derivative: Annotated[coef.FinPerRate, shown(example={"value": 1.0, "unit": "s", "source": "design"})]
+    derivative: coef.FinPerRate
     """fin angle for each rate of error"""
-    derivative_filter: Annotated[
-        coef.PositiveTime, shown(example={"value": 0.1, "unit": "s", "source": "design"})
-    ]
+    derivative_filter: coef.PositiveTime
     """time constant of the filter of the rate"""
-    tracking_time: Annotated[
-        coef.PositiveTime, shown(example={"value": 1.0, "unit": "s", "source": "design"})
-    ]
+    tracking_time: coef.PositiveTime
     """time constant of anti-windup"""
-    limit: Annotated[coef.PositiveAngle, shown(example={"value": 20.0, "unit": "deg", "source": "design"})]
+    limit: coef.PositiveAngle
     """greatest fin angle that is asked for"""
 
 
 class SpeedPid(Table):
     """A PID from a speed error to a shaft speed, about a feed-forward proportional to the wanted speed."""
 
-    proportional: Annotated[
-        coef.ShaftPerSpeed, shown(example={"value": 2.0, "unit": "rev/m", "source": "design"})
-    ]
+    proportional: coef.ShaftPerSpeed
     """shaft speed for each error of speed"""
-    integral: Annotated[
-        coef.ShaftPerDistance, shown(example={"value": 0.5, "unit": "rev/(m s)", "source": "design"})
-    ]
+    integral: coef.ShaftPerDistance
     """shaft speed for each error of distance"""
-    derivative: Annotated[
-        coef.ShaftPerAcceleration, shown(example={"value": 0.0, "unit": "rev s/m", "source": "design"})
-    ]
+    derivative: coef.ShaftPerAcceleration
     """shaft speed for each acceleration"""
-    derivative_filter: Annotated[
-        coef.PositiveTime, shown(example={"value": 0.5, "unit": "s", "source": "design"})
-    ]
+    derivative_filter: coef.PositiveTime
     """time constant of the filter of the acceleration"""
-    tracking_time: Annotated[
-        coef.PositiveTime, shown(example={"value": 2.0, "unit": "s", "source": "design"})
-    ]
+    tracking_time: coef.PositiveTime
     """time constant of anti-windup"""
-    feed_forward: Annotated[
-        coef.ShaftPerSpeed, shown(example={"value": 5.0, "unit": "rev/m", "source": "trim"})
-    ]
+    feed_forward: coef.ShaftPerSpeed
     """shaft speed for each wanted speed"""
 
 
@@ -316,53 +248,40 @@ class Autopilot(Table):
 class GuidanceGains(Table):
     """Line-of-sight look-ahead, target approach speed, depth loop and crab-angle filter."""
 
-    look_ahead: Annotated[
-        coef.PositiveLength, shown(example={"value": 12.0, "unit": "m", "source": "design"})
-    ]
+    look_ahead: coef.PositiveLength
     """distance ahead on the path that is steered for"""
-    approach_speed: Annotated[
-        coef.PositiveSpeed, shown(example={"value": 0.5, "unit": "m/s", "source": "design"})
-    ]
+    approach_speed: coef.PositiveSpeed
     """speed at which a moving target is closed with"""
-    depth_gain: Annotated[coef.PerTime, shown(example={"value": 0.2, "unit": "1/s", "source": "design"})]
+    depth_gain: coef.PerTime
     """sink rate for each error of depth"""
-    depth_integral: Annotated[
-        coef.PerTimeSquared, shown(example={"value": 0.01, "unit": "1/s2", "source": "design"})
-    ]
+    depth_integral: coef.PerTimeSquared
     """sink rate for each error of depth and second"""
-    max_pitch: Annotated[
-        coef.PositiveAngle, shown(example={"value": 20.0, "unit": "deg", "source": "design"})
-    ]
+    max_pitch: coef.PositiveAngle
     """greatest pitch that is asked for"""
-    crab_time_constant: Annotated[
-        coef.PositiveTime, shown(example={"value": 5.0, "unit": "s", "source": "design"})
-    ]
+    crab_time_constant: coef.PositiveTime
     """time constant of the filter of the crab angle"""
 
 
 class Limits(Table):
     """Cruise speed, the range of speeds the autopilot serves, and the greatest depth."""
 
-    cruise_speed: Annotated[
-        coef.PositiveSpeed, shown(example={"value": 2.0, "unit": "m/s", "source": "design"})
-    ]
+    cruise_speed: coef.PositiveSpeed
     """speed at which the gains hold"""
-    min_speed: Annotated[coef.PositiveSpeed, shown(example={"value": 1.0, "unit": "m/s", "source": "design"})]
+    min_speed: coef.PositiveSpeed
     """least speed that the autopilot serves"""
-    max_speed: Annotated[coef.PositiveSpeed, shown(example={"value": 3.0, "unit": "m/s", "source": "design"})]
+    max_speed: coef.PositiveSpeed
     """greatest speed that the autopilot serves"""
-    max_depth: Annotated[
-        coef.PositiveLength, shown(example={"value": 200.0, "unit": "m", "source": "design"})
-    ]
+    max_depth: coef.PositiveLength
     """greatest depth"""
 
 
 class Vehicle(Table):
     """Every coefficient of a vehicle with fins and a propeller, SI; see `load_vehicle`."""
 
-    name: Annotated[str, shown(example="tauv")]
+    packaged = "tauv"
+    name: str
     """name of the vehicle"""
-    description: Annotated[str, shown(example="Torpedo of 3 m, four fins in an x")]
+    description: str
     """one sentence for pages"""
     water: Water
     rigid_body: RigidBody
