@@ -31,9 +31,6 @@ class Probe(Port):
 
     name = "probe"
 
-    def __init__(self, *, max_rate_hz: float | None = None) -> None:
-        super().__init__(max_rate_hz=max_rate_hz)
-
     def _refuses(self, estimate: Estimate) -> str | None:
         return "no component" if not estimate.rank and estimate.mode == "velocity" else None
 

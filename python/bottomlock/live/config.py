@@ -1,6 +1,5 @@
 """The configuration of `bottomlock live`: read from TOML, checked as a whole, and turned into what the kernel takes."""
 
-import inspect
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -197,7 +196,7 @@ class LiveConfig(NavigatorConfig):
         ports = tuple(self._port(one) for one in self.port)
         for section, one in zip(self.port, ports, strict=True):
             if section.to.startswith("ros:") and not one.ros_type:
-                named = ", ".join(name for name, make in PORTS.items() if getattr(make, "ros_type", ""))
+                named = ", ".join(name for name, make in PORTS.items() if make.ros_type)
                 raise ScenarioError(
                     f"is sent to '{section.to}', and is no message of ROS 2",
                     place=f"port {section.port}",
@@ -212,7 +211,7 @@ class LiveConfig(NavigatorConfig):
     def _port(self, section: PortSection) -> Port:
         """A port with its settings; the geometry and the rate are known here."""
         make = PORTS.get(section.port)
-        known = [] if make is None else list(inspect.signature(make).parameters)
+        known = {} if make is None else make.model_fields
         settings = dict(section.settings)
         for key in ("geometry", "max_rate_hz"):
             if key in settings:

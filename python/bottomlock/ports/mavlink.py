@@ -9,12 +9,14 @@ NavEKF3_core::writeBodyFrameOdom, and PX4's ekf2 (docs/ports.md).
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, Self
+from typing import Annotated, Any, Self
+
+from pydantic import Field
 
 from bottomlock.errors import ScenarioError, note
+from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import Port
 from bottomlock.support.extras import install
@@ -79,40 +81,28 @@ def dialect() -> Any:  # noqa: ANN401 - the library is not typed
     return ardupilotmega
 
 
-@dataclass(kw_only=True, eq=False)
+_Address = Annotated[int, Field(ge=1, le=255)]
+
+
 class MavlinkPort(Port):
     """Base of the MAVLink ports.
 
-    Args:
-        max_rate_hz: most messages a second in mode navigation, where the autopilot estimates from the same inertial
-            sensors: consecutive errors of ours are alike, and each message counts as a new one. In mode velocity
-            every ping is a new measurement, and none is held back.
-        variance_factor: factor on the covariance in mode navigation, for the same reason.
-        system_id: of the sender.
-        component_id: of the sender.
+    The autopilot estimates from the same inertial sensors as mode navigation: consecutive errors of ours are alike, and
+    each message counts as a new one. In mode velocity every ping is a new measurement, and none is held back.
     """
 
-    max_rate_hz: float = MAX_RATE_HZ
-    variance_factor: float = VARIANCE_FACTOR
-    system_id: int = 1
-    component_id: int = VISUAL_INERTIAL_ODOMETRY
+    max_rate_hz: Positive | None = MAX_RATE_HZ
+    """most messages a second in mode navigation"""
+    system_id: _Address = 1
+    """of the sender"""
+    component_id: _Address = VISUAL_INERTIAL_ODOMETRY
+    """of the sender"""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._factor = self._positive("variance_factor", self.variance_factor)
-        if self._factor < 1.0:
-            raise ScenarioError(
-                f"is {self.variance_factor}",
-                place=f"port {self.name}",
-                key="variance_factor",
-                expected=">= 1",
-            )
+    def model_post_init(self, _context: Any, /) -> None:  # noqa: ANN401 - pydantic's
+        """Begins a sequence of messages."""
+        super().model_post_init(_context)
         self._dialect = dialect()
-        self._link = self._dialect.MAVLink(
-            None,
-            srcSystem=self._whole("system_id", self.system_id, 1, 255),
-            srcComponent=self._whole("component_id", self.component_id, 1, 255),
-        )
+        self._link = self._dialect.MAVLink(None, srcSystem=self.system_id, srcComponent=self.component_id)
 
     @property
     def sender(self) -> tuple[int, int]:
@@ -126,9 +116,21 @@ class MavlinkPort(Port):
     def _waits(self, estimate: Estimate) -> str | None:
         return super()._waits(estimate) if estimate.mode == "navigation" else None
 
+    def _pack(self, message: Any) -> bytes:  # noqa: ANN401 - the library is not typed
+        data = bytes(message.pack(self._link))
+        self._link.seq = (self._link.seq + 1) % 256
+        return data
+
+
+class MavlinkVelocity(MavlinkPort):
+    """Base of those that send a velocity with its covariance."""
+
+    variance_factor: Annotated[float, Field(ge=1, allow_inf_nan=False)] = VARIANCE_FACTOR
+    """factor on the covariance in mode navigation"""
+
     def _covariance(self, estimate: Estimate) -> Floats:
         """(3, 3) of the velocity, with the factor of mode navigation."""
-        factor = self._factor if estimate.mode == "navigation" else 1.0
+        factor = self.variance_factor if estimate.mode == "navigation" else 1.0
         return estimate.covariance_m2ps2 * factor
 
     def _above(self, sd_mps: float, noise_mps: float | None) -> str | None:
@@ -136,11 +138,6 @@ class MavlinkPort(Port):
         if noise_mps is None or sd_mps <= noise_mps:
             return None
         return f"σ is {sd_mps:.3f} m/s, above receiver_noise_mps, {noise_mps}, which the receiver would use"
-
-    def _pack(self, message: Any) -> bytes:  # noqa: ANN401 - the library is not typed
-        data = bytes(message.pack(self._link))
-        self._link.seq = (self._link.seq + 1) % 256
-        return data
 
 
 ONBOARD_COMPUTER = 191

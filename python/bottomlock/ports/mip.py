@@ -9,12 +9,14 @@ comes before; numbers are big-endian. Source: MicroStrain's MIP SDK, commands_ai
 
 import math
 import struct
-from dataclasses import dataclass
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel.models import Finite, Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import diagonal_bound, single_at_least
 from bottomlock.ports.port import Port
@@ -28,47 +30,38 @@ _FIELD = struct.Struct(">BBQB3f3fH")
 _IN_ROW_SPACE = 1.0 - 1e-9
 
 
-@dataclass(kw_only=True, eq=False)
 class MicroStrain(Port):
-    """VelBodyFrame of the CV7 and GQ7.
-
-    Args:
-        frame_id: of the aiding frame that is configured in the receiver for our platform axes (1 to 255).
-        timebase: "external": our time since 1970 plus `time_offset_s`, for a receiver synchronised to that clock;
-            "arrival": `latency_s` before its arrival.
-        time_offset_s: see `timebase`.
-        latency_s: see `timebase`; needed with "arrival" and only there.
-        unseen: in mode navigation, "omit" axes that the beams of the last ping do not determine, or send the
-            "estimate" of them too, with its own σ.
-        max_rate_hz: most messages a second; None for every estimate.
-    """
+    """VelBodyFrame of the CV7 and GQ7."""
 
     name = "microstrain"
 
-    frame_id: int = 1
-    timebase: str = "external"
-    time_offset_s: float = 0.0
-    latency_s: float | None = None
-    unseen: str = "omit"
+    frame_id: Annotated[int, Field(ge=1, le=255)] = 1
+    """of the aiding frame that is configured in the receiver for our platform axes"""
+    timebase: Literal["external", "arrival"] = "external"
+    """external: our time since 1970 plus `time_offset_s`, for a receiver synchronised to that clock; arrival:
+    `latency_s` before its arrival"""
+    time_offset_s: Finite = 0.0
+    """see `timebase`"""
+    latency_s: Positive | None = None
+    """see `timebase`; needed with arrival and only there"""
+    unseen: Literal["omit", "estimate"] = "omit"
+    """in mode navigation, omit axes that the beams of the last ping do not determine, or send the estimate of them
+    too, with its own σ"""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._frame = self._whole("frame_id", self.frame_id, 1, 255)
-        self._timebase = self._one_of("timebase", self.timebase, ("external", "arrival"))
-        if (self._timebase == "arrival") != (self.latency_s is not None):
+    @model_validator(mode="after")
+    def _latency_is_of_arrival(self) -> Self:
+        if (self.timebase == "arrival") != (self.latency_s is not None):
             raise ScenarioError(
                 f"is {self.latency_s!r} with timebase '{self.timebase}'",
                 place=f"port {self.name}",
                 key="latency_s",
                 expected="seconds with 'arrival' and nothing with 'external'",
             )
-        self._latency_ns = ns_from_s(self._positive_or_none("latency_s", self.latency_s) or 0.0)
-        self._offset_ns = ns_from_s(self._finite("time_offset_s", self.time_offset_s))
-        self._estimated = self._one_of("unseen", self.unseen, ("omit", "estimate")) == "estimate"
+        return self
 
     def _axes(self, estimate: Estimate) -> NDArray[np.bool_]:
         """(3,) the platform axes that are sent."""
-        if estimate.mode == "velocity" or self._estimated:
+        if estimate.mode == "velocity" or self.unseen == "estimate":
             return estimate.components
         axes, _, _ = estimate.observable_axes()
         return np.asarray((axes**2).sum(axis=0) > _IN_ROW_SPACE)
@@ -90,9 +83,11 @@ class MicroStrain(Port):
         there = [math.isfinite(variance) for variance in variances]
         velocity = [v if ok else 0.0 for v, ok in zip(estimate.velocity_p_mps.tolist(), there, strict=True)]
         sd = [single_at_least(math.sqrt(v)) if ok else 0.0 for v, ok in zip(variances, there, strict=True)]
-        time_ns = self._latency_ns if self._timebase == "arrival" else estimate.time_ns + self._offset_ns
+        time_ns = estimate.time_ns + ns_from_s(self.time_offset_s)
+        if self.latency_s is not None:
+            time_ns = ns_from_s(self.latency_s)
         flags = sum(1 << axis for axis, ok in enumerate(there) if ok)
-        field = _FIELD.pack(_TIMEBASE[self._timebase], 1, time_ns, self._frame, *velocity, *sd, flags)
+        field = _FIELD.pack(_TIMEBASE[self.timebase], 1, time_ns, self.frame_id, *velocity, *sd, flags)
         length = len(field) + 2
         packet = _SYNC + bytes([_AIDING, length, length, _VELOCITY]) + field
         return packet + fletcher(packet)

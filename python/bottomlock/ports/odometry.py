@@ -1,11 +1,14 @@
 """ODOMETRY: PX4's external vision, and ArduPilot's external navigation."""
 
 import math
-from dataclasses import dataclass
+from typing import Literal, Self
+
+from pydantic import model_validator
 
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
-from bottomlock.ports.mavlink import MavlinkPort
+from bottomlock.ports.mavlink import MavlinkVelocity
 from bottomlock.ports.over_bound import diagonal_bound, scalar_bound, single_at_least
 from bottomlock.ports.port import incomplete
 
@@ -15,45 +18,39 @@ _ESTIMATOR_VIO = 3
 _DIAGONAL = (0, 6, 11, 15, 18, 20)
 
 
-@dataclass(kw_only=True, eq=False)
-class Odometry(MavlinkPort):
+class Odometry(MavlinkVelocity):
     """ODOMETRY (331): velocity in body axes with three variances, for PX4, or one σ, for ArduPilot.
 
     PX4 uses the three variances and needs three finite axes; after 1 s of rejections it resets its velocity to the one
     that is sent. An axis that the beams do not determine therefore carries our inertial estimate with its own, large
     variance, and below rank 3 nothing is sent without one. ArduPilot ignores the covariance, turns the velocity by the
     quaternion of the message and takes the pose too.
-
-    Args:
-        receiver: "px4" or "ardupilot", which decide the local frame (NED or FRD) and what is needed.
-        receiver_noise_mps: σ that ArduPilot uses (VISO_VEL_M_NSE): an estimate with a larger σ is not sent. Not with
-            "px4".
-        pose: whether PX4 gets position and attitude, with over-bounded variances; else they are NaN, which PX4 does
-            not use. ArduPilot always gets them.
-        max_rate_hz: see `MavlinkPort`.
-        variance_factor: see `MavlinkPort`.
-        system_id: see `MavlinkPort`.
-        component_id: see `MavlinkPort`.
     """
 
     name = "odometry"
 
-    receiver: str = "px4"
-    receiver_noise_mps: float | None = None
+    receiver: Literal["px4", "ardupilot"] = "px4"
+    """decides the local frame (NED or FRD) and what is needed"""
+    receiver_noise_mps: Positive | None = None
+    """σ that ArduPilot uses (VISO_VEL_M_NSE): an estimate with a larger σ is not sent; not with px4"""
     pose: bool = False
+    """whether PX4 gets position and attitude, with over-bounded variances; else they are NaN, which PX4 does not use;
+    ArduPilot always gets them"""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._ardupilot = self._one_of("receiver", self.receiver, ("px4", "ardupilot")) == "ardupilot"
-        if self._ardupilot != (self.receiver_noise_mps is not None):
+    @model_validator(mode="after")
+    def _noise_is_ardupilots(self) -> Self:
+        if (self.receiver == "ardupilot") != (self.receiver_noise_mps is not None):
             raise ScenarioError(
                 f"is {self.receiver_noise_mps!r} with receiver '{self.receiver}'",
                 place=f"port {self.name}",
                 key="receiver_noise_mps",
                 expected="VISO_VEL_M_NSE with 'ardupilot' and nothing with 'px4'",
             )
-        self._noise = self._positive_or_none("receiver_noise_mps", self.receiver_noise_mps)
-        self._pose = self.pose or self._ardupilot
+        return self
+
+    @property
+    def _pose(self) -> bool:
+        return self.pose or self.receiver == "ardupilot"
 
     def _refuses(self, estimate: Estimate) -> str | None:
         reason = incomplete(estimate)
@@ -62,7 +59,7 @@ class Odometry(MavlinkPort):
         if self._pose and estimate.mode != "navigation":
             return "mode velocity has no pose, which this receiver takes"
         sd = math.sqrt(scalar_bound(self._covariance(estimate)))
-        return self._above(sd, self._noise)
+        return self._above(sd, self.receiver_noise_mps)
 
     def _message(self, estimate: Estimate) -> bytes:
         velocity = _single(diagonal_bound(self._covariance(estimate)))
@@ -72,11 +69,11 @@ class Odometry(MavlinkPort):
             assert estimate.attitude_t_p is not None
             assert estimate.navigation_covariance is not None
             position, attitude = estimate.position_t_m.tolist(), estimate.attitude_t_p.tolist()
-            pose = _single(diagonal_bound(estimate.navigation_covariance[:6, :6] * self._factor))
+            pose = _single(diagonal_bound(estimate.navigation_covariance[:6, :6] * self.variance_factor))
         rates = [math.nan] * 3 if estimate.omega_p_radps is None else estimate.omega_p_radps.tolist()
         message = self._dialect.MAVLink_odometry_message(
             time_usec=estimate.time_ns // 1000,
-            frame_id=_LOCAL_FRD if self._ardupilot else _LOCAL_NED,
+            frame_id=_LOCAL_FRD if self.receiver == "ardupilot" else _LOCAL_NED,
             child_frame_id=_BODY_FRD,
             **dict(zip(("x", "y", "z"), position, strict=True)),
             q=attitude,

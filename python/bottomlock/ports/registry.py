@@ -3,12 +3,12 @@
 A new port is a file with a class and a line in `PORTS` below.
 """
 
-import inspect
-from collections.abc import Callable
 from typing import Any
 
+from pydantic import ValidationError
+
+from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
-from bottomlock.kernel import BeamGeometry
 from bottomlock.ports.distance_sensor import DistanceSensor
 from bottomlock.ports.mip import MicroStrain
 from bottomlock.ports.odometry import Odometry
@@ -37,7 +37,7 @@ _CLASSES: tuple[type[Port], ...] = (
     Pd0,
     Sentence,
 )
-PORTS: dict[str, Callable[..., Port]] = {one.name: one for one in _CLASSES}
+PORTS: dict[str, type[Port]] = {one.name: one for one in _CLASSES}
 
 
 def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of each port have their types there
@@ -48,21 +48,9 @@ def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of 
     """
     make = PORTS.get(name)
     if make is None:
-        raise ScenarioError(f"unknown name '{name}'{_nearest(name, list(PORTS))}", place="port")
-    parameters = inspect.signature(make).parameters
-    for key in settings:
-        if key not in parameters:
-            raise ScenarioError(f"unknown key '{key}'{_nearest(key, list(parameters))}", place=f"port {name}")
-    for key, parameter in parameters.items():
-        if parameter.default is parameter.empty and key not in settings:
-            raise ScenarioError("is missing", place=f"port {name}", key=f"'{key}'")
-    geometry = settings.get("geometry")
-    if "geometry" in settings and not isinstance(geometry, BeamGeometry):
-        raise ScenarioError(
-            f"geometry is of type {type(geometry).__name__}", place=f"port {name}", expected="a BeamGeometry"
-        )
-    return make(**settings)
-
-
-def _nearest(word: str, known: list[str]) -> str:
-    return did_you_mean(word, known, f" (known: {', '.join(known) or 'none'})")
+        hint = did_you_mean(name, PORTS, f" (known: {', '.join(PORTS)})")
+        raise ScenarioError(f"unknown name '{name}'{hint}", place="port")
+    try:
+        return make(**settings)
+    except ValidationError as error:
+        raise refusal(error, f"port {name}", make) from error

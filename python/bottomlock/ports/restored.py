@@ -5,14 +5,14 @@ inertial estimate of the rest.
 """
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import encoder
 from bottomlock.kernel import BeamGeometry
+from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import scalar_bound
 from bottomlock.ports.port import Port, incomplete
@@ -22,7 +22,6 @@ MAX_RATE_HZ = 10.0
 """What readers of a DVL take: the instruments send 4 to 15 reports a second, and a client may read one in 0.1 s."""
 
 
-@dataclass(kw_only=True, eq=False)
 class _Restored(Port):
     """Base: the ping of an estimate."""
 
@@ -30,13 +29,16 @@ class _Restored(Port):
     limit_key: ClassVar[str]
     """The setting that holds the largest σ that is sent."""
     geometry: BeamGeometry
-    max_rate_hz: float | None = MAX_RATE_HZ
+    """the four beams, in the instrument's order"""
+    max_rate_hz: Positive | None = MAX_RATE_HZ
+    """most messages a second; None for every estimate"""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def model_post_init(self, _context: Any, /) -> None:  # noqa: ANN401 - pydantic's
+        """Begins with the number of the first report."""
+        super().model_post_init(_context)
         self._directions = np.asarray(self.geometry.directions_p)
         self._encoder = encoder(self.format, self.geometry)
-        self._limit = self._positive(self.limit_key, getattr(self, self.limit_key))
+        self._limit = getattr(self, self.limit_key)
         self._number = 0
         self._since_ns: int | None = None
         """Time of the report before; of the first estimate where there is none."""
@@ -85,7 +87,6 @@ class _Restored(Port):
         return self._encoder.encode(ping)
 
 
-@dataclass(kw_only=True, eq=False)
 class WaterLinkedJson(_Restored):
     """Water Linked's report with `velocity_valid` true, our velocity, its covariance and its figure of merit.
 
@@ -93,17 +94,13 @@ class WaterLinkedJson(_Restored):
     figure of merit gets the root of its largest eigenvalue. BlueOS' extension takes 0.4 m/s for anything above, so that
     is the limit of what is sent. Times are those of the host. `time` is that since the report before, whatever lies
     between: receivers add up velocity times `time`. The first estimate only begins the first interval.
-
-    Args:
-        geometry: the four beams, in the instrument's order.
-        max_fom_mps: an estimate with a larger σ is not sent.
-        max_rate_hz: most messages a second; None for every estimate.
     """
 
     name = "waterlinked_json"
     format = "waterlinked-json"
     limit_key = "max_fom_mps"
-    max_fom_mps: float = 0.4
+    max_fom_mps: Positive = 0.4
+    """an estimate with a larger σ is not sent"""
 
     def _waits(self, estimate: Estimate) -> str | None:
         return (
@@ -115,24 +112,19 @@ class WaterLinkedJson(_Restored):
         return lost if estimate.beams is None else estimate.beams.velocity_mps
 
 
-@dataclass(kw_only=True, eq=False)
 class Pd0(_Restored):
     """Teledyne's PD0 in beam coordinates, with four beams whichever returned.
 
     PD0 has no covariance: the receiver uses a σ of its own, and an estimate with a larger σ is not sent. With all
     beams the ping is passed on. With a beam lost, all four are those of our velocity, so that the receiver's solution
     is that velocity; a beam without an echo keeps a range of 0, "none". PD0 cannot mark such a beam.
-
-    Args:
-        geometry: the four beams, in Teledyne's order.
-        receiver_sd_mps: σ per axis that the receiver is set to.
-        max_rate_hz: most messages a second; None for every estimate.
     """
 
     name = "pd0"
     format = "pd0"
     limit_key = "receiver_sd_mps"
-    receiver_sd_mps: float
+    receiver_sd_mps: Positive
+    """σ per axis that the receiver is set to"""
 
     def _beam_velocities(self, estimate: Estimate) -> Floats:
         if estimate.beams is not None and bool(estimate.beams.valid.all()):

@@ -6,47 +6,46 @@ are the instrument's measurements also in mode navigation, where the velocity is
 """
 
 import math
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
+from bottomlock.kernel.models import Positive
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Beams, Estimate, Floats
-from bottomlock.ports.port import Port
+from bottomlock.ports.port import FrameName, Port
 
 _BOTTOM, _BEAMS, _UNKNOWN = 1, 4, -1.0
 
 
-@dataclass(kw_only=True, eq=False)
 class RosDvl(Port):
-    """`marine_acoustic_msgs/Dvl`.
-
-    Args:
-        geometry: the beams; the message holds four.
-        frame_id: name of the axes, forward-right-down.
-        sound_speed_mps: as set in the instrument.
-        max_rate_hz: most messages a second; None for every estimate.
-    """
+    """`marine_acoustic_msgs/Dvl`."""
 
     name = "ros_dvl"
     ros_type = "marine_acoustic_msgs/msg/Dvl"
 
     geometry: BeamGeometry
-    frame_id: str = "base_link_frd"
-    sound_speed_mps: float = 1500.0
+    """the beams; the message holds four"""
+    frame_id: FrameName = "base_link_frd"
+    """name of the axes, forward-right-down"""
+    sound_speed_mps: Positive = 1500.0
+    """as set in the instrument"""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def model_post_init(self, _context: Any, /) -> None:  # noqa: ANN401 - pydantic's
+        """Checks the number of beams.
+
+        Raises:
+            ScenarioError: for others than four.
+        """
+        super().model_post_init(_context)
         if self.geometry.beams != _BEAMS:
             raise ScenarioError(
                 f"the geometry has {self.geometry.beams} beams, the message {_BEAMS}",
                 place=f"port {self.name}",
             )
         self._directions = np.asarray(self.geometry.directions_p)
-        self._frame_id = self._word("frame_id", self.frame_id)
-        self._sound = self._positive("sound_speed_mps", self.sound_speed_mps)
 
     def _refuses(self, estimate: Estimate) -> str | None:
         if estimate.beams is None:
@@ -60,7 +59,7 @@ class RosDvl(Port):
         assert beams is not None
         course_speed = self._over_ground(estimate)
         writer = CdrWriter()
-        writer.header(estimate.time_ns, self._frame_id)
+        writer.header(estimate.time_ns, self.frame_id)
         writer.uint8(_BOTTOM, 0)
         writer.float64(*estimate.velocity_p_mps.tolist())
         there = estimate.components
@@ -69,7 +68,7 @@ class RosDvl(Port):
         writer.float64(*covariance.ravel().tolist())
         writer.float64(altitude_m(beams, self._directions), *course_speed)
         writer.uint8(int(beams.valid.sum()))
-        writer.float32(self._sound)
+        writer.float32(self.sound_speed_mps)
         writer.uint8(int(np.isfinite(beams.range_m).any()), int(beams.valid.any()))
         writer.float64(*self._directions.ravel().tolist())
         writer.float64(*beams.range_m.tolist())

@@ -8,14 +8,12 @@ fixed axes of the world, as the message has it. The twist is in body axes, with 
 Source: ros2/common_interfaces, nav_msgs and geometry_msgs; ros2/geometry2, tf2_msgs; REP 103 and 105.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate, Floats
-from bottomlock.ports.port import Port
-from bottomlock.ports.ros_velocity import RosTwist, later_than_a_ros_time
+from bottomlock.ports.port import FrameName, Port
+from bottomlock.ports.ros_velocity import TwistPort, later_than_a_ros_time
 from bottomlock.recordings.rotation import QUATERNION_ENU_NED, QUATERNION_FLU_FRD, product
 
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -42,28 +40,16 @@ def _put_orientation(writer: CdrWriter, attitude: Floats) -> None:
     writer.float64(x, y, z, w)
 
 
-@dataclass(kw_only=True, eq=False)
-class RosOdometry(RosTwist):
-    """`nav_msgs/Odometry`: pose in `frame_id`, twist in `child_frame_id`, each with its covariance (mode navigation).
-
-    Args:
-        frame_id: the world's frame, east-north-up from the origin: `odom`, or `map` where positions are measured.
-        child_frame_id: the body's, forward-left-up.
-        angular_sd_radps: as of `RosTwist`.
-        max_rate_hz: most messages a second; None for every estimate.
-    """
+class RosOdometry(TwistPort):
+    """`nav_msgs/Odometry`: pose in `frame_id`, twist in `child_frame_id`, with covariances (mode navigation)."""
 
     name = "ros_odometry"
     ros_type = "nav_msgs/msg/Odometry"
 
-    frame: str = field(default="flu", init=False)
-    frame_id: str = "odom"
-    unseen_sd_mps: float | None = field(default=None, init=False)
-    child_frame_id: str = "base_link"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._child = self._word("child_frame_id", self.child_frame_id)
+    frame_id: FrameName = "odom"
+    """the world's frame, east-north-up from the origin: `odom`, or `map` where positions are measured"""
+    child_frame_id: FrameName = "base_link"
+    """the body's, forward-left-up"""
 
     def _refuses(self, estimate: Estimate) -> str | None:
         return _no_pose(estimate)
@@ -74,8 +60,8 @@ class RosOdometry(RosTwist):
         turn = np.kron(np.eye(2), ENU_FROM_NED)
         covariance = turn @ estimate.navigation_covariance[:6, :6] @ turn.T
         writer = CdrWriter()
-        writer.header(estimate.time_ns, self._frame_id)
-        writer.string(self._child)
+        writer.header(estimate.time_ns, self.frame_id)
+        writer.string(self.child_frame_id)
         writer.float64(*(position + 0.0).tolist())
         _put_orientation(writer, attitude)
         writer.float64(*(covariance + 0.0).ravel().tolist())
@@ -83,26 +69,16 @@ class RosOdometry(RosTwist):
         return bytes(writer)
 
 
-@dataclass(kw_only=True, eq=False)
 class RosTransform(Port):
-    """`tf2_msgs/TFMessage` for `/tf`: where the body is in the world's frame (mode navigation).
-
-    Args:
-        frame_id: as of `RosOdometry`.
-        child_frame_id: as of `RosOdometry`.
-        max_rate_hz: most messages a second; None for every estimate.
-    """
+    """`tf2_msgs/TFMessage` for `/tf`: where the body is in the world's frame (mode navigation)."""
 
     name = "ros_tf"
     ros_type = "tf2_msgs/msg/TFMessage"
 
-    frame_id: str = "odom"
-    child_frame_id: str = "base_link"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._frame_id = self._word("frame_id", self.frame_id)
-        self._child = self._word("child_frame_id", self.child_frame_id)
+    frame_id: FrameName = "odom"
+    """as of `RosOdometry`"""
+    child_frame_id: FrameName = "base_link"
+    """as of `RosOdometry`"""
 
     def _refuses(self, estimate: Estimate) -> str | None:
         return _no_pose(estimate)
@@ -111,8 +87,8 @@ class RosTransform(Port):
         position, attitude = pose_enu_flu(estimate)
         writer = CdrWriter()
         writer.uint32(1)
-        writer.header(estimate.time_ns, self._frame_id)
-        writer.string(self._child)
+        writer.header(estimate.time_ns, self.frame_id)
+        writer.string(self.child_frame_id)
         writer.float64(*(position + 0.0).tolist())
         _put_orientation(writer, attitude)
         return bytes(writer)

@@ -11,13 +11,14 @@ the beams with a weak prior, and equals it as far as that σ is large against th
 Source: ros2/common_interfaces, geometry_msgs; REP 103.
 """
 
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from bottomlock.kernel.models import Positive
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate, Floats
-from bottomlock.ports.port import Port
+from bottomlock.ports.port import FrameName, Port
 from bottomlock.recordings.rotation import FLU_FROM_FRD
 
 # Latest second of a ROS time, a signed 32-bit number.
@@ -31,57 +32,24 @@ def later_than_a_ros_time(estimate: Estimate) -> str | None:
     return None
 
 
-@dataclass(kw_only=True, eq=False)
-class RosTwist(Port):
-    """`geometry_msgs/TwistWithCovarianceStamped`, for robot_localization and others.
+class TwistPort(Port):
+    """Base of the messages with a twist.
 
-    Args:
-        frame: axes of the message, "flu" (REP 103) or "frd".
-        frame_id: name of these axes: `base_link` for "flu".
-        unseen_sd_mps: see the module; None sends nothing below rank 3.
-        angular_sd_radps: σ of the angular rates in the message, which has no mark for "not stated": switch them off in
-            the receiver. They are those of the gyros where they are known, and else zero.
-        max_rate_hz: most messages a second; None for every estimate.
+    The message has no mark for angular rates that are not stated: they are those of the gyros where they are known, and
+    else zero. Switch them off in the receiver.
     """
 
-    name = "ros_twist"
-    ros_type = "geometry_msgs/msg/TwistWithCovarianceStamped"
+    angular_sd_radps: Positive = 10.0
+    """σ of the angular rates in the message"""
 
-    frame: str = "flu"
-    frame_id: str = "base_link"
-    unseen_sd_mps: float | None = None
-    angular_sd_radps: float = 10.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        flu = self._one_of("frame", self.frame, ("flu", "frd")) == "flu"
-        self._signs = FLU_FROM_FRD if flu else np.ones(3)
-        self._frame_id = self._word("frame_id", self.frame_id)
-        self._unseen = self._positive_or_none("unseen_sd_mps", self.unseen_sd_mps)
-        self._angular = self._positive("angular_sd_radps", self.angular_sd_radps)
-
-    def _refuses(self, estimate: Estimate) -> str | None:
-        late = later_than_a_ros_time(estimate)
-        if late:
-            return late
-        if estimate.complete or (self._unseen is not None and estimate.rank > 0):
-            return None
-        hint = "" if estimate.rank == 0 else "; unseen_sd_mps would state the rest"
-        return f"the beams determine {estimate.rank} of 3 axes{hint}"
+    @property
+    def _signs(self) -> Floats:
+        """(3,) from platform axes to those of the message."""
+        return FLU_FROM_FRD
 
     def _velocity(self, estimate: Estimate) -> tuple[Floats, Floats]:
-        """Velocity and covariance, platform axes, with the weak prior where there is one."""
-        if estimate.complete or self._unseen is None:
-            return estimate.velocity_p_mps, estimate.covariance_m2ps2
-        axes, _, variance = estimate.observable_axes()
-        null = np.eye(3) - axes.T @ axes
-        return estimate.observed_velocity_p_mps, (axes.T * variance) @ axes + self._unseen**2 * null
-
-    def _message(self, estimate: Estimate) -> bytes:
-        writer = CdrWriter()
-        writer.header(estimate.time_ns, self._frame_id)
-        self._put_twist(writer, estimate)
-        return bytes(writer)
+        """Velocity and covariance, platform axes."""
+        return estimate.velocity_p_mps, estimate.covariance_m2ps2
 
     def _put_twist(self, writer: CdrWriter, estimate: Estimate) -> None:
         """`geometry_msgs/TwistWithCovariance`."""
@@ -89,39 +57,67 @@ class RosTwist(Port):
         rates = np.zeros(3) if estimate.omega_p_radps is None else estimate.omega_p_radps
         whole = np.zeros((6, 6))
         whole[:3, :3] = covariance * np.outer(self._signs, self._signs)
-        whole[3:, 3:] = self._angular**2 * np.eye(3)
+        whole[3:, 3:] = self.angular_sd_radps**2 * np.eye(3)
         # Adding zero makes a plain zero of a negative one.
         writer.float64(*(velocity * self._signs + 0.0).tolist())
         writer.float64(*(rates * self._signs + 0.0).tolist())
         writer.float64(*(whole + 0.0).ravel().tolist())
 
 
-@dataclass(kw_only=True, eq=False)
-class RosVelocity(RosTwist):
-    """`geometry_msgs/VelocityWithCovarianceStamped`: velocity of a body in a reference frame, in stated axes.
+class RosTwist(TwistPort):
+    """`geometry_msgs/TwistWithCovarianceStamped`, for robot_localization and others."""
 
-    Args:
-        reference_frame_id: the frame in which the body moves.
-        frame: as of `RosTwist`; the body's axes.
-        frame_id: as of `RosTwist`; name of the body frame and of the axes.
-        unseen_sd_mps: as of `RosTwist`.
-        angular_sd_radps: as of `RosTwist`.
-        max_rate_hz: as of `RosTwist`.
-    """
+    name = "ros_twist"
+    ros_type = "geometry_msgs/msg/TwistWithCovarianceStamped"
+
+    frame: Literal["flu", "frd"] = "flu"
+    """axes of the message, of the body: flu is REP 103"""
+    frame_id: FrameName = "base_link"
+    """name of these axes: `base_link` for flu"""
+    unseen_sd_mps: Positive | None = None
+    """see the module; None sends nothing below rank 3"""
+
+    @property
+    def _signs(self) -> Floats:
+        return FLU_FROM_FRD if self.frame == "flu" else np.ones(3)
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        late = later_than_a_ros_time(estimate)
+        if late:
+            return late
+        if estimate.complete or (self.unseen_sd_mps is not None and estimate.rank > 0):
+            return None
+        hint = "" if estimate.rank == 0 else "; unseen_sd_mps would state the rest"
+        return f"the beams determine {estimate.rank} of 3 axes{hint}"
+
+    def _velocity(self, estimate: Estimate) -> tuple[Floats, Floats]:
+        """Velocity and covariance, platform axes, with the weak prior where there is one."""
+        if estimate.complete or self.unseen_sd_mps is None:
+            return estimate.velocity_p_mps, estimate.covariance_m2ps2
+        axes, _, variance = estimate.observable_axes()
+        null = np.eye(3) - axes.T @ axes
+        return estimate.observed_velocity_p_mps, (axes.T * variance) @ axes + self.unseen_sd_mps**2 * null
+
+    def _message(self, estimate: Estimate) -> bytes:
+        writer = CdrWriter()
+        writer.header(estimate.time_ns, self.frame_id)
+        self._put_twist(writer, estimate)
+        return bytes(writer)
+
+
+class RosVelocity(RosTwist):
+    """`geometry_msgs/VelocityWithCovarianceStamped`: velocity of a body in a reference frame, in stated axes."""
 
     name = "ros_velocity"
     ros_type = "geometry_msgs/msg/VelocityWithCovarianceStamped"
 
-    reference_frame_id: str = "odom"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._reference = self._word("reference_frame_id", self.reference_frame_id)
+    reference_frame_id: FrameName = "odom"
+    """the frame in which the body moves"""
 
     def _message(self, estimate: Estimate) -> bytes:
         writer = CdrWriter()
-        writer.header(estimate.time_ns, self._frame_id)
-        writer.string(self._frame_id)
-        writer.string(self._reference)
+        writer.header(estimate.time_ns, self.frame_id)
+        writer.string(self.frame_id)
+        writer.string(self.reference_frame_id)
         self._put_twist(writer, estimate)
         return bytes(writer)

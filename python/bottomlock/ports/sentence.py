@@ -20,11 +20,7 @@ _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 class Sentence(Port):
-    """Velocity, covariance, rank and state as text; sent at every rank from 1 on.
-
-    Args:
-        max_rate_hz: most estimates a second; None for every one.
-    """
+    """Velocity, covariance, rank and state as text; sent at every rank from 1 on."""
 
     name = "sentence"
 

@@ -1,13 +1,15 @@
 """VISION_POSITION_DELTA: ArduPilot's body-frame odometry."""
 
 import math
-from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
-from bottomlock.ports.mavlink import MavlinkPort
+from bottomlock.ports.mavlink import MavlinkVelocity
 from bottomlock.ports.over_bound import scalar_bound
 from bottomlock.ports.port import incomplete
 from bottomlock.recordings.rotation import rotation_vector
@@ -17,8 +19,7 @@ from bottomlock.units import ns_from_s
 _GUARD = 1e-6
 
 
-@dataclass(kw_only=True, eq=False)
-class VisionPositionDelta(MavlinkPort):
+class VisionPositionDelta(MavlinkVelocity):
     """VISION_POSITION_DELTA (11011), body axes: ArduPilot's body-frame odometry, as the makers of DVLs feed it.
 
     The autopilot divides the position delta by the interval, and takes one σ for all axes from the confidence,
@@ -28,35 +29,32 @@ class VisionPositionDelta(MavlinkPort):
     In mode velocity the delta is the velocity of the ping times the interval since the ping before. In mode navigation
     it is the integral of the estimates given since the last message, and σ the largest among them: errors within the
     interval are alike, and the σ of a mean is at most the largest of its parts.
-
-    Args:
-        min_noise_mps: EK3_VIS_VERR_MIN of the autopilot.
-        max_noise_mps: EK3_VIS_VERR_MAX of the autopilot.
-        max_interval_s: a longer gap between estimates starts a new interval without a message.
-        max_rate_hz: see `MavlinkPort`.
-        variance_factor: see `MavlinkPort`.
-        system_id: see `MavlinkPort`.
-        component_id: see `MavlinkPort`.
     """
 
     name = "vision_position_delta"
 
-    min_noise_mps: float = 0.1
-    max_noise_mps: float = 0.9
-    max_interval_s: float = 2.0
+    min_noise_mps: Positive = 0.1
+    """EK3_VIS_VERR_MIN of the autopilot"""
+    max_noise_mps: Positive = 0.9
+    """EK3_VIS_VERR_MAX of the autopilot"""
+    max_interval_s: Positive = 2.0
+    """a longer gap between estimates starts a new interval without a message"""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._min = self._positive("min_noise_mps", self.min_noise_mps)
-        self._max = self._positive("max_noise_mps", self.max_noise_mps)
-        if self._max <= self._min:
+    @model_validator(mode="after")
+    def _noise_has_a_range(self) -> Self:
+        if self.max_noise_mps <= self.min_noise_mps:
             raise ScenarioError(
                 f"is {self.max_noise_mps}",
                 place=f"port {self.name}",
                 key="max_noise_mps",
                 expected=f"> min_noise_mps, {self.min_noise_mps}",
             )
-        self._gap_ns = ns_from_s(self._positive("max_interval_s", self.max_interval_s))
+        return self
+
+    def model_post_init(self, _context: Any, /) -> None:  # noqa: ANN401 - pydantic's
+        """Begins without an interval."""
+        super().model_post_init(_context)
+        self._gap_ns = ns_from_s(self.max_interval_s)
         self._start: Estimate | None = None
         self._previous: Estimate | None = None
         self._delta_m = np.zeros(3)
@@ -64,9 +62,13 @@ class VisionPositionDelta(MavlinkPort):
 
     def confidence(self, sd_mps: float) -> float:
         """Confidence for which the autopilot takes no smaller σ than this; negative if there is none."""
-        if sd_mps <= self._min * (1.0 - _GUARD):
+        if sd_mps <= self.min_noise_mps * (1.0 - _GUARD):
             return 100.0
-        return 100.0 * (1.0 - (sd_mps - self._min + self._max * _GUARD) / (self._max - self._min))
+        return 100.0 * (
+            1.0
+            - (sd_mps - self.min_noise_mps + self.max_noise_mps * _GUARD)
+            / (self.max_noise_mps - self.min_noise_mps)
+        )
 
     def _refuses(self, estimate: Estimate) -> str | None:
         reason = incomplete(estimate)
@@ -74,7 +76,8 @@ class VisionPositionDelta(MavlinkPort):
             return reason
         sd = math.sqrt(self._scalar(estimate))
         if self.confidence(sd) < 0.0:
-            return f"σ is {sd:.3f} m/s, above max_noise_mps, {self._max}: the autopilot would use that smaller one"
+            most = self.max_noise_mps
+            return f"σ is {sd:.3f} m/s, above max_noise_mps, {most}: the autopilot would use that smaller one"
         return None
 
     def _waits(self, estimate: Estimate) -> str | None:

@@ -1,40 +1,29 @@
 """VISION_SPEED_ESTIMATE: ArduPilot's external navigation."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
-from bottomlock.ports.mavlink import MavlinkPort
+from bottomlock.ports.mavlink import MavlinkVelocity
 from bottomlock.ports.over_bound import scalar_bound, single_at_least
 from bottomlock.recordings.rotation import matrix, skew
 
 
-@dataclass(kw_only=True, eq=False)
-class VisionSpeedEstimate(MavlinkPort):
+class VisionSpeedEstimate(MavlinkVelocity):
     """VISION_SPEED_ESTIMATE (103), north-east-down: ArduPilot's external navigation.
 
     Firmware since March 2026 makes one σ of the covariance, older firmware uses its own. The message holds σ² I with
     σ² the largest eigenvalue, so that the largest entry, the mean of the diagonal and its sum are no less than that.
     Mode navigation only: the rotation needs an attitude, and its error is part of the covariance.
-
-    Args:
-        receiver_noise_mps: σ that the receiver uses whatever is sent (VISO_VEL_M_NSE of firmware that ignores the
-            covariance): an estimate with a larger σ is not sent. None for firmware that uses the covariance.
-        max_rate_hz: see `MavlinkPort`.
-        variance_factor: see `MavlinkPort`.
-        system_id: see `MavlinkPort`.
-        component_id: see `MavlinkPort`.
     """
 
     name = "vision_speed_estimate"
 
-    receiver_noise_mps: float | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._noise = self._positive_or_none("receiver_noise_mps", self.receiver_noise_mps)
+    receiver_noise_mps: Positive | None = None
+    """σ that the receiver uses whatever is sent (VISO_VEL_M_NSE of firmware that ignores the covariance): an estimate
+    with a larger σ is not sent; None for firmware that uses the covariance"""
 
     def _tangent(self, estimate: Estimate) -> tuple[Floats, float]:
         """Velocity (3,) in tangent axes, and the bound of its covariance.
@@ -46,14 +35,14 @@ class VisionSpeedEstimate(MavlinkPort):
         turn = matrix(estimate.attitude_t_p)
         velocity = turn @ estimate.velocity_p_mps
         jacobian = np.hstack((-skew(velocity), turn))
-        covariance = jacobian @ estimate.navigation_covariance[3:, 3:] @ jacobian.T * self._factor
+        covariance = jacobian @ estimate.navigation_covariance[3:, 3:] @ jacobian.T * self.variance_factor
         return velocity, single_at_least(scalar_bound(0.5 * (covariance + covariance.T)))
 
     def _refuses(self, estimate: Estimate) -> str | None:
         if estimate.mode != "navigation":
             return "mode velocity has no attitude with a covariance, which north-east-down needs"
         sd = math.sqrt(self._tangent(estimate)[1])
-        return self._above(sd, self._noise)
+        return self._above(sd, self.receiver_noise_mps)
 
     def _message(self, estimate: Estimate) -> bytes:
         velocity, variance = self._tangent(estimate)
