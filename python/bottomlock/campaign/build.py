@@ -101,10 +101,8 @@ def _check_own_methods(scenarios: Sequence[Scenario]) -> None:
             name = own_method.load(place)
             if places.setdefault(name, place) != place:
                 raise ScenarioError(
-                    (
-                        f"method '{name}' is {place}, and {places[name]} before it: expected one "
-                        "class of a name in a campaign"
-                    ),
+                    f"method '{name}' is {place}, and {places[name]} before it: expected one "
+                    "class of a name in a campaign",
                     place=f"scenario {scenario.name}",
                 )
 
@@ -118,11 +116,9 @@ def check_found_elsewhere(scenarios: Sequence[Scenario]) -> None:
     for scenario in scenarios:
         for name in in_this_process_alone(scenario.campaign.methods):
             raise ScenarioError(
-                (
-                    f"method '{name}' is in this process alone, where Dask's workers do not find "
-                    "it: move its class to the top level of a file, and import it or name "
-                    "FILE.py:CLASS"
-                ),
+                f"method '{name}' is in this process alone, where Dask's workers do not find "
+                "it: move its class to the top level of a file, and import it or name "
+                "FILE.py:CLASS",
                 place=f"scenario {scenario.name}",
             )
 

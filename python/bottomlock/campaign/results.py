@@ -90,10 +90,8 @@ class Results(CampaignResults):
             raise DataError(f"labels are twice {labels[0]!r}", expected="two that differ")
         if not set(self.trajectories) & set(other.trajectories):
             raise DataError(
-                (
-                    f"the results have no trajectory in common: {', '.join(self.trajectories)} and "
-                    f"{', '.join(other.trajectories)}"
-                ),
+                f"the results have no trajectory in common: {', '.join(self.trajectories)} and "
+                f"{', '.join(other.trajectories)}",
                 hint="scenarios of one name are compared",
             )
         return comparison_table({labels[0]: self, labels[1]: other}, labels[1])

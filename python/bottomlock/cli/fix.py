@@ -235,10 +235,8 @@ def _fix(
     frame, solved = _solve(instrument, pings, method, robust=robust)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(
-            (
-                f"method '{method}' needs the columns prior_surge_mps, prior_sway_mps, "
-                "prior_heave_mps and their standard deviations"
-            ),
+            f"method '{method}' needs the columns prior_surge_mps, prior_sway_mps, "
+            "prior_heave_mps and their standard deviations",
             place=log,
         )
     write_parquet(out, frame)
@@ -272,10 +270,8 @@ def _require_lock(pings: Pings, place: str) -> None:
     why = why_never_locked(log)
     if why:
         raise DataError(
-            (
-                "no velocity is solved, because the instrument never had bottom lock in this log: "
-                f"{why}. {ADVICE}"
-            ),
+            "no velocity is solved, because the instrument never had bottom lock in this log: "
+            f"{why}. {ADVICE}",
             place=place,
         )
 

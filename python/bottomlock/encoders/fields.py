@@ -76,10 +76,8 @@ def steps_of(time_ns: int, step_ns: int, least: int, most: int, ping: Ping) -> i
     steps = (time_ns + step_ns // 2) // step_ns
     if not least <= steps <= most:
         raise DataError(
-            (
-                f"its time, {time_ns} ns, lies outside the record's clock, {least * step_ns} to "
-                f"{most * step_ns} ns"
-            ),
+            f"its time, {time_ns} ns, lies outside the record's clock, {least * step_ns} to "
+            f"{most * step_ns} ns",
             place=f"ping {ping.number}",
         )
     return steps

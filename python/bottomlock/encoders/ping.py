@@ -72,10 +72,8 @@ class Ping:
             )
         if self.transmission_ns < self.time_ns or self.sent_ns > self.time_ns:
             raise DataError(
-                (
-                    f"trigger_ns {self.sent_ns}, time_ns and transmission_ns {self.transmission_ns} "
-                    "are out of order"
-                ),
+                f"trigger_ns {self.sent_ns}, time_ns and transmission_ns {self.transmission_ns} "
+                "are out of order",
                 place=place,
                 expected="trigger, reflection, transmission",
             )

@@ -51,10 +51,8 @@ def _transducer(ping: Ping, k: int) -> str:
         velocity, distance = 0.0, -1.0
     elif not math.isfinite(distance):
         raise DataError(
-            (
-                f"ping {ping.number} at {ping.time_ns} ns: beam {k + 1} has a velocity but no range "
-                "(lost, in a wru)"
-            ),
+            f"ping {ping.number} at {ping.time_ns} ns: beam {k + 1} has a velocity but no range "
+            "(lost, in a wru)",
             expected="a range",
         )
     v = decimal(velocity, 3, ping, f"velocity of beam {k + 1}, m/s")

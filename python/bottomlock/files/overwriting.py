@@ -117,10 +117,8 @@ class Result:
         if record is None:
             if not self.beside and is_occupied(self.out):
                 raise OutputError(
-                    (
-                        f"is not empty and holds no result of `bottomlock {self.command}`, and not "
-                        "even --force replaces what is not of ours"
-                    ),
+                    f"is not empty and holds no result of `bottomlock {self.command}`, and not "
+                    "even --force replaces what is not of ours",
                     place=self.out,
                     hint="choose another directory",
                 )

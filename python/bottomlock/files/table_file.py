@@ -211,10 +211,8 @@ def check_memory(path: Path | str, needed_bytes: float) -> None:
     available = available_memory_bytes()
     if needed_bytes > available:
         raise DataError(
-            (
-                f"reading it takes about {needed_bytes / 1000000000.0:.1f} GB of memory, and "
-                f"{available / 1000000000.0:.1f} GB are available"
-            ),
+            f"reading it takes about {needed_bytes / 1000000000.0:.1f} GB of memory, and "
+            f"{available / 1000000000.0:.1f} GB are available",
             place=path,
             hint="cut it into parts of a dive each, or use a machine with more",
         )

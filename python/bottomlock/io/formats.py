@@ -144,10 +144,7 @@ def detect(path: Path) -> str:
     if path.suffix.lower() in {".csv", ".txt"} and b"," in head.split(b"\n", 1)[0] and head.isascii():
         columns = show(head.split(b"\n", 1)[0])
         raise DataError(
-            (
-                f"its first line, '{columns}', names no documented columns (time_ns, beam1_mps, "
-                "beam1_valid ...)"
-            ),
+            f"its first line, '{columns}', names no documented columns (time_ns, beam1_mps, beam1_valid ...)",
             place=path,
             hint=(
                 f"`bottomlock convert {path} --init --out MAP.toml` writes a map of yours for "

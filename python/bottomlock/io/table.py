@@ -127,10 +127,8 @@ def _beam_columns(
         )
     if not velocity and not options.instrument_only:
         raise DataError(
-            (
-                "no beam velocities: no column 'beam1_mps', and no map that names others (there "
-                f"are {column_names(frame)})"
-            ),
+            "no beam velocities: no column 'beam1_mps', and no map that names others (there "
+            f"are {column_names(frame)})",
             place=place,
             hint=(
                 "record the beams, or convert the instrument's own velocity, mapped as "

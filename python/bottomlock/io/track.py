@@ -87,10 +87,8 @@ def _named(table: pl.DataFrame, columns: Mapping[str, str], place: str) -> pl.Da
     for name, theirs in columns.items():
         if name not in COLUMNS:
             raise DataError(
-                (
-                    f"has no key '{name}'{did_you_mean(name, COLUMNS) or ','} expected one of "
-                    f"{', '.join(COLUMNS)}"
-                ),
+                f"has no key '{name}'{did_you_mean(name, COLUMNS) or ','} expected one of "
+                f"{', '.join(COLUMNS)}",
                 place=place,
                 key="trajectory.columns",
             )

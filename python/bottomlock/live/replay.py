@@ -88,10 +88,8 @@ def replay_log(
     for entry in log.entries:
         if entry.kind != "out" and entry.place >= len(config.source):
             raise DataError(
-                (
-                    f"has bytes of source {entry.place + 1}, and the configuration has "
-                    f"{len(config.source)} sources"
-                ),
+                f"has bytes of source {entry.place + 1}, and the configuration has "
+                f"{len(config.source)} sources",
                 place=path,
                 expected="the configuration with which the log was written",
             )

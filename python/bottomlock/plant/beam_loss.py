@@ -33,10 +33,8 @@ class ReturnLimits:
     def __post_init__(self) -> None:
         if not 0.0 <= self.min_range_m < self.max_range_m or not 0.0 < self.max_incidence_rad <= 0.5 * np.pi:
             raise ScenarioError(
-                (
-                    f"range {self.min_range_m:g} to {self.max_range_m:g} m, incidence "
-                    f"{self.max_incidence_rad:g} rad"
-                ),
+                f"range {self.min_range_m:g} to {self.max_range_m:g} m, incidence "
+                f"{self.max_incidence_rad:g} rad",
                 place="beam limits",
                 expected="0 <= min < max range and an incidence within 0 to 90 deg",
             )

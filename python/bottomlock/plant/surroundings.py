@@ -74,10 +74,8 @@ def world_magnetic_model(
         geomag = import_module("pygeomag")
     except ImportError as error:
         raise ScenarioError(
-            (
-                f"the World Magnetic Model needs the package pygeomag: {install('magnetic')}, or "
-                "give the declination itself"
-            ),
+            f"the World Magnetic Model needs the package pygeomag: {install('magnetic')}, or "
+            "give the declination itself",
             place="magnetometer",
         ) from error
     try:

@@ -250,10 +250,8 @@ def check_mission(vehicle: AnyVehicle, mission: Mission) -> None:
     limits = vehicle.limits
     if not limits.min_speed <= mission.speed_mps <= limits.max_speed:
         raise ScenarioError(
-            (
-                f"speed {mission.speed_mps:g} m/s is outside the vehicle's {limits.min_speed:g} to "
-                f"{limits.max_speed:g} m/s"
-            ),
+            f"speed {mission.speed_mps:g} m/s is outside the vehicle's {limits.min_speed:g} to "
+            f"{limits.max_speed:g} m/s",
             place=f"mission {mission.name}",
         )
     depth, _ = mission.depth.at(np.linspace(0.0, mission.duration_s, 1001))

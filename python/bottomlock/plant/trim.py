@@ -163,12 +163,10 @@ def hovering_start(
     beyond = any(abs(force) > gains.limit for force, gains in zip(needed, axes, strict=True))
     if beyond or np.abs(thrusts).max() > vehicle.thrusters.max_thrust:
         raise ScenarioError(
-            (
-                f"{math.hypot(*ground - current):.2f} m/s through the water on a heading of "
-                f"{math.degrees(heading_rad):.0f} deg needs {math.hypot(needed[0], needed[1]):.0f} "
-                f"N level and {abs(needed[2]):.0f} N upright, more than controllers or thrusters "
-                "give"
-            ),
+            f"{math.hypot(*ground - current):.2f} m/s through the water on a heading of "
+            f"{math.degrees(heading_rad):.0f} deg needs {math.hypot(needed[0], needed[1]):.0f} "
+            f"N level and {abs(needed[2]):.0f} N upright, more than controllers or thrusters "
+            "give",
             place=f"vehicle {vehicle.name}",
             expected="a slower mission or a weaker current",
         )
@@ -232,9 +230,7 @@ def check_stability(vehicle: AnyVehicle, gravity_mps2: float) -> None:
         fastest_growth = float(modes[0].real)
         if fastest_growth >= 0.0:
             raise ScenarioError(
-                (
-                    f"the trim at {speed:g} m/s is unstable under its autopilot: a disturbance "
-                    f"grows with {fastest_growth:.3f} 1/s"
-                ),
+                f"the trim at {speed:g} m/s is unstable under its autopilot: a disturbance "
+                f"grows with {fastest_growth:.3f} 1/s",
                 place=f"vehicle {vehicle.name}",
             )

@@ -81,10 +81,8 @@ def check_rows(track: Track, limits: Limits, *, max_gap_s: float | None) -> None
     if fast.size:
         row = int(fast[0]) + 1
         raise DataError(
-            (
-                f"row {row} is {steps_m[row - 1]:.3g} m from row {row - 1}, {steps_s[row - 1]:.3g} "
-                f"s before ({speed[row - 1]:.3g} m/s)"
-            ),
+            f"row {row} is {steps_m[row - 1]:.3g} m from row {row - 1}, {steps_s[row - 1]:.3g} "
+            f"s before ({speed[row - 1]:.3g} m/s)",
             place=track.place,
             expected=f"at most {limits.speed_mps:g} m/s: a jump in the file",
             hint="take the row out, or cut the file there (trajectory.limits.speed_mps)",
@@ -174,10 +172,8 @@ def check_angles(track: Track, time_s: Array) -> None:
         wrong, right = ("deg", "rad") if name.endswith("_deg") else ("rad", "deg")
         row = int(np.flatnonzero(moving)[0])
         raise DataError(
-            (
-                f"from row {row} on {name} is off the direction of the track, and as {right} it is "
-                f"not: call the column {name.removesuffix(wrong)}{right}"
-            ),
+            f"from row {row} on {name} is off the direction of the track, and as {right} it is "
+            f"not: call the column {name.removesuffix(wrong)}{right}",
             place=track.place,
         )
 
