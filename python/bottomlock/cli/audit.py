@@ -10,7 +10,7 @@ from bottomlock.audit.logs import read_depths, read_inertial, read_reference
 from bottomlock.audit.page import audit_files, page_of
 from bottomlock.audit.run import audit_file, numbers_of
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console
+from bottomlock.cli.console import console, say
 from bottomlock.cli.page_output import print_part
 from bottomlock.cli.parameters import beside, geometry_of
 from bottomlock.files.atomic_write import write_text
@@ -94,5 +94,5 @@ def audit(
     result.write(audit_files(made), force=force)
     if write is not None and text is not None:
         write_text(write, text)
-        console.print(f"wrote {write}", soft_wrap=True, highlight=False)
-    console.print(f"audit.html, audit.json, tables and figures in {out}", soft_wrap=True, highlight=False)
+        say(f"wrote {write}")
+    say(f"audit.html, audit.json, tables and figures in {out}")

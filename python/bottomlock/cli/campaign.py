@@ -11,7 +11,7 @@ from bottomlock.campaign.variants import check_variants, make_variants, parse_se
 from bottomlock.cli.campaign_output import print_results, progress_bar
 from bottomlock.cli.common import ForceCampaign
 from bottomlock.cli.compare import print_comparison
-from bottomlock.cli.console import console, interrupted
+from bottomlock.cli.console import interrupted, say
 from bottomlock.cli.parameters import CampaignOut, Json, Methods, Runs, Seed, Threads, load_scenarios
 from bottomlock.errors import ScenarioError
 from bottomlock.report.compare import compare
@@ -83,6 +83,4 @@ def _print_variants(out: Path, count: int, *, force: bool) -> None:
     """Prints the variants in a directory side by side, where there are several."""
     if count > 1 or (out / "compare.record.json").is_file():
         print_comparison(compare([out], out, force=force))
-    console.print(
-        f"{count} {'variant' if count == 1 else 'variants'} in {out}", soft_wrap=True, highlight=False
-    )
+    say(f"{count} {'variant' if count == 1 else 'variants'} in {out}")

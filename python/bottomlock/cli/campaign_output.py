@@ -19,7 +19,7 @@ from rich.text import Text
 
 from bottomlock import own_method
 from bottomlock.campaign.run import CampaignProgress, Results
-from bottomlock.cli.console import bars_are_off, console, errors, narrow_table
+from bottomlock.cli.console import bars_are_off, console, errors, narrow_table, say
 from bottomlock.files.atomic_write import json_text
 from bottomlock.pages.pieces import plain
 
@@ -84,7 +84,7 @@ def print_results(results: Results, out: Path, *, as_json: bool = False) -> None
         f"gate {options['gate']}."
     )
     print_costs()
-    console.print(f"{manifest['wall_time_s']:.1f} s; tables in {out}", soft_wrap=True, highlight=False)
+    say(f"{manifest['wall_time_s']:.1f} s; tables in {out}")
 
 
 def print_costs() -> None:

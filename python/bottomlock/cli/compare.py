@@ -5,7 +5,7 @@ from typing import Any
 import polars as pl
 from rich.table import Table
 
-from bottomlock.cli.console import console, narrow_table
+from bottomlock.cli.console import console, narrow_table, say
 from bottomlock.pages.pieces import plain
 from bottomlock.report.compare import Comparison
 
@@ -21,7 +21,7 @@ def print_comparison(made: Comparison) -> None:
     labels = made.table["campaign"].unique(maintain_order=True).to_list()
     for number, label in enumerate(labels, start=1):
         words = " (differences are to this one)" if label == made.reference else ""
-        console.print(f"{number:>3}  {label}{words}", soft_wrap=True, highlight=False)
+        say(f"{number:>3}  {label}{words}")
     for (trajectory,), rows in made.table.group_by("trajectory", maintain_order=True):
         for quantity, unit, decimals in SHOWN:
             part = rows.filter(rows["quantity"] == quantity)
@@ -31,11 +31,9 @@ def print_comparison(made: Comparison) -> None:
     console.print("* differs from the reference: the 95 % interval of the difference excludes zero")
     for trajectory, whys in made.unpaired.items():
         for label, why in whys.items():
-            console.print(
-                f"not paired with {made.reference}: {label} on {trajectory} ({why})", soft_wrap=True
-            )
+            say(f"not paired with {made.reference}: {label} on {trajectory} ({why})")
     if made.page is not None:
-        console.print(f"wrote {made.page} and compare.parquet", soft_wrap=True)
+        say(f"wrote {made.page} and compare.parquet")
 
 
 def _table(rows: pl.DataFrame, labels: list[str], columns: range, title: str, decimals: int) -> Table:

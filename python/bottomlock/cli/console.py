@@ -57,6 +57,12 @@ console = SafeConsole(stderr=False, markup=False, emoji=False)
 help_console = Console(stderr=False, markup=False, emoji=False)
 errors = SafeConsole(stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False)
 
+
+def say(line: object) -> None:
+    """Prints a line as it is: paths stay whole, and numbers have no colour."""
+    console.print(line, highlight=False, soft_wrap=True)
+
+
 FILE_COLUMNS = 1000
 """Width of what is printed into a file or a pipe: no line is broken and no cell of a table is cut."""
 

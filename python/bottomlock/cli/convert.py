@@ -19,7 +19,7 @@ from rich.progress import (
 from rich.table import Table
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, errors
+from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, errors, say
 from bottomlock.cli.parameters import beside
 from bottomlock.errors import OutputError
 from bottomlock.files.overwriting import check_free
@@ -76,9 +76,7 @@ def convert(
     out = out or beside(file, "map.toml" if init else "beams.parquet")
     if init:
         write_map(file, out, force=force)
-        console.print(
-            f"wrote {out}; now: bottomlock convert {file} --out beams.parquet --columns {out}", soft_wrap=True
-        )
+        say(f"wrote {out}; now: bottomlock convert {file} --out beams.parquet --columns {out}")
         return
     if out.suffix.lower() != ".parquet":
         raise OutputError(place=out, expected="a name that ends in .parquet")
@@ -90,7 +88,7 @@ def convert(
     write_recording(recording, out, source=file)
     print_recording(recording)
     water = "" if recording.water is None else f", {water_file(out).name}"
-    console.print(f"wrote {out}{water} and {sidecar(out).name}", soft_wrap=True, highlight=False)
+    say(f"wrote {out}{water} and {sidecar(out).name}")
     missing = _nothing_valid(recording.table)
     if missing:
         errors.print(
@@ -194,7 +192,7 @@ def print_recording(recording: Recording) -> None:
     if recording.geometry:
         lines.append(f"packaged geometry: {recording.geometry}")
     for line in lines:
-        console.print(line, highlight=False, soft_wrap=True)
+        say(line)
     fates = _fates(account)
     if fates is not None:
         console.print(fates)

@@ -12,7 +12,7 @@ from rich.table import Table
 from bottomlock.audit.defects import ADVICE, why_never_locked
 from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console, narrow_table
+from bottomlock.cli.console import console, narrow_table, say
 from bottomlock.cli.parameters import Robust, beside, geometry_of
 from bottomlock.errors import DataError, OutputError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet
@@ -114,7 +114,7 @@ def score(
         print_noise(noise, instrument.beam_sd_mps)
     if out is not None:
         write_parquet(out, scores)
-        console.print(f"wrote {out}", soft_wrap=True, highlight=False)
+        say(f"wrote {out}")
 
 
 def _scores_table(scores: pl.DataFrame, title: str) -> Table:
@@ -252,7 +252,7 @@ def _fix(
     if solved is not None:
         print_noise(solved.noise, instrument.beam_sd_mps)
         _print_outliers(frame)
-    console.print(f"wrote {out}", soft_wrap=True, highlight=False)
+    say(f"wrote {out}")
 
 
 def _require_lock(pings: Pings, place: str) -> None:

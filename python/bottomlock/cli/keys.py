@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from pydantic import BaseModel
 
-from bottomlock.cli.console import console
+from bottomlock.cli.console import say
 from bottomlock.config.key_reference import Key, KeySection, sections_of
 from bottomlock.config.mission_sections import MISSIONS, SEABEDS
 from bottomlock.config.scenario import Scenario
@@ -68,7 +68,7 @@ def keys(
         sys.stdout.write(json.dumps([_content(one) for one in found], indent=2, ensure_ascii=False) + "\n")
         return
     for one in found:
-        console.print(_words(one), highlight=False, markup=False, soft_wrap=True)
+        say(_words(one))
 
 
 def reference(kind: Kind) -> list[KeySection]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console
+from bottomlock.cli.console import console, say
 from bottomlock.cli.parameters import Json
 from bottomlock.config.instrument_grades import KINDS, grades, listing
 from bottomlock.config.scenario import copy_packaged, packaged_scenarios
@@ -49,7 +49,7 @@ def list_(
     if copy is not None:
         file = copy_packaged(kind, copy, out or Path(f"{copy}.toml"), force=force)
         then = f"; edit it, then: bottomlock run {file}" if kind == "scenarios" else ""
-        console.print(f"wrote {file}{then}", soft_wrap=True)
+        say(f"wrote {file}{then}")
     elif json:
         console.file.write(json_text(described(kind)))
     elif kind == "geometries":

@@ -11,7 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
+from bottomlock.cli.console import EXIT_DEPARTURE, errors, say
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
@@ -112,7 +112,7 @@ def _init(config: Path, instrument: str, autopilot: str, *, force: bool) -> None
     text = template(instrument, autopilot)
     check_free(config, force=force)
     write_text(config, text)
-    console.print(f"wrote {config}; edit it, then: bottomlock live --dry-run {config}", soft_wrap=True)
+    say(f"wrote {config}; edit it, then: bottomlock live --dry-run {config}")
 
 
 def _say(words: str) -> None:
@@ -126,11 +126,7 @@ def _shown(settings: LiveConfig, engine: Engine) -> Callable[[Message], None]:
         section = settings.port[message.port]
         text = message.data.rstrip(b"\r\n").decode("ascii", "replace")
         content = text if text.isprintable() else f"{len(message.data)} bytes {message.data.hex(' ')}"
-        console.print(
-            f"{engine.state} {section.port} to {section.to}: {content}",
-            soft_wrap=True,
-            highlight=False,
-        )
+        say(f"{engine.state} {section.port} to {section.to}: {content}")
 
     return show
 
@@ -189,12 +185,12 @@ def _export(config: Path, settings: LiveConfig, log: Path, formats: str, *, forc
     inputs = [config, Path(settings.dvl.geometry)]
     replayed, files = export_live(settings, log, split(formats) or (), inputs=inputs, force=force)
     for path in files:
-        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+        say(f"wrote {path}")
     _say_replayed(replayed)
 
 
 def _say_replayed(replayed: Replayed) -> None:
     """Says what a replay gave; ends with exit code 1 where it differs from what was sent, or the log is damaged."""
-    console.print(replayed.text(), highlight=False, soft_wrap=True)
+    say(replayed.text())
     if replayed.first_difference or replayed.damaged:
         sys.exit(EXIT_DEPARTURE)

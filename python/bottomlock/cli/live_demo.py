@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 from numpy.typing import NDArray
 
-from bottomlock.cli.console import console
+from bottomlock.cli.console import console, say
 from bottomlock.cli.live import serve_page
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
@@ -142,7 +142,7 @@ def _check(seconds: float, speed: float, page_port: int) -> None:
 
 
 def _say(words: str) -> None:
-    console.print(words, highlight=False, soft_wrap=True)
+    say(words)
     console.file.flush()
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console
+from bottomlock.cli.console import say
 from bottomlock.cli.parameters import Threads, beside
 from bottomlock.cli.replay import first_of, init_case, replay
 from bottomlock.replay.report import PAGE
@@ -43,4 +43,4 @@ def look(
     replay(case, out=replayed, threads=threads, force=force)
     page = (replayed / PAGE).resolve()
     if open_page and not webbrowser.open(page.as_uri()):
-        console.print(f"no browser could be opened; the page is {page}", highlight=False, soft_wrap=True)
+        say(f"no browser could be opened; the page is {page}")

@@ -10,7 +10,7 @@ from rich import box
 from rich.table import Table
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console
+from bottomlock.cli.console import console, say
 from bottomlock.cli.parameters import beside
 from bottomlock.errors import ScenarioError
 from bottomlock.observability.report import Observed, observe_paper, observe_scenario
@@ -115,4 +115,4 @@ def observe(
     made = observe_paper(out, force=force) if case is None else observe_scenario(case, out, force=force)
     for part in console_lines(made):
         console.print(part, highlight=False)
-    console.print(f"wrote {'a table' if case is None else 'tables and a figure'} to {out}", soft_wrap=True)
+    say(f"wrote {'a table' if case is None else 'tables and a figure'} to {out}")

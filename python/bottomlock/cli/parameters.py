@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from bottomlock.cli.console import console
+from bottomlock.cli.console import say
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beam_table import geometry_beside
@@ -151,5 +151,5 @@ def geometry_of(log: Path, stated: str | None) -> str | None:
         return stated
     noted = geometry_beside(log)
     if noted:
-        console.print(f"geometry: {noted}, as noted beside {log.name}", highlight=False, soft_wrap=True)
+        say(f"geometry: {noted}, as noted beside {log.name}")
     return noted or None

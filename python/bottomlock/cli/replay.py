@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bottomlock.cli.console import console, errors, late_bar
+from bottomlock.cli.console import console, errors, late_bar, say
 from bottomlock.cli.page_output import print_blocks, print_headline, print_part
 from bottomlock.cli.parameters import Threads, beside, check_beside, check_none_given, check_threads, split
 from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
@@ -132,14 +132,10 @@ def replay(
     if write_calibration is not None:
         instrument = read_geometry(loaded.dvl.geometry)
         write(write_calibration, instrument, replayed.calibration, loaded, force=force)
-        console.print(f"wrote {write_calibration}", soft_wrap=True, highlight=False)
+        say(f"wrote {write_calibration}")
     if formats is not None:
         _export(out, formats, split(methods), force=force)
-    console.print(
-        f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}",
-        soft_wrap=True,
-        highlight=False,
-    )
+    say(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {out / PAGE}")
 
 
 def first_of(files: Sequence[Path]) -> Path:
@@ -184,7 +180,7 @@ def _check_case(case: Path) -> None:
 def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None, *, force: bool) -> None:
     """Exports a replay and names the files."""
     for path in export_replay(folder, formats, methods=methods, force=force):
-        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+        say(f"wrote {path}")
 
 
 def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:
@@ -193,14 +189,12 @@ def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequenc
         raise OutputError(place=out, expected="a name that ends in .toml, the case to write")
     made = make_case(files, out, force=force, without=without)
     for line in made.words:
-        console.print(line, highlight=False, soft_wrap=True)
+        say(line)
     beside = f", and beside it {', '.join(path.name for path in made.written)}" if made.written else ""
-    console.print(
-        f"wrote {out}{beside}: {made.guesses} guesses with their reasons, {made.questions} questions (# ?) to answer",
-        highlight=False,
-        soft_wrap=True,
+    say(
+        f"wrote {out}{beside}: {made.guesses} guesses with their reasons, {made.questions} questions (# ?) to answer"
     )
-    console.print(f"now: bottomlock replay {out}", highlight=False, soft_wrap=True)
+    say(f"now: bottomlock replay {out}")
 
 
 def print_results(replayed: ReplayTables) -> None:
@@ -212,7 +206,7 @@ def print_results(replayed: ReplayTables) -> None:
     for name in ("trust", "findings"):
         print_part(parts[name])
     for line in calibration_words(replayed.calibration, manifest["methods"]):
-        console.print(line, highlight=False, soft_wrap=True)
+        say(line)
     for name, clock in manifest["clocks"].items():
         for kind in ("gaps", "jumps", "repeats", "backward", "empty"):
             if clock[kind] != "none":

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from bottomlock.campaign.folder import identity_of
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console
+from bottomlock.cli.console import console, say
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
@@ -79,7 +79,7 @@ def fly(
         files |= shown(simulation, sensors, dry_run=dry_run)
     if result is not None:
         result.write(files, force=force)
-        console.print(f"tables and figures in {out}", soft_wrap=True, highlight=False)
+        say(f"tables and figures in {out}")
 
 
 def _with_vehicle(scenario: Scenario, vehicle: str | None) -> Scenario:
@@ -120,11 +120,10 @@ def _along_path(simulation: Simulation, sensors: int | None, *, dry_run: bool) -
     position_m, attitude_rad = closure(simulation, truth)
     console.print(f"{simulation.scenario.name}:")
     for line in summary.lines():
-        console.print(f"  {line}", soft_wrap=True)
-    console.print(
+        say(f"  {line}")
+    say(
         f"  strapdown of perfect samples at {simulation.scenario.imu.rate_hz:g} Hz returns within "
-        f"{1000.0 * position_m:.2g} mm and {attitude_rad:.1g} rad",
-        soft_wrap=True,
+        f"{1000.0 * position_m:.2g} mm and {attitude_rad:.1g} rad"
     )
     return files
 

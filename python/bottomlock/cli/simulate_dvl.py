@@ -13,7 +13,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console
+from bottomlock.cli.console import console, say
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.toml_file import kinds_of
 from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named
@@ -172,7 +172,7 @@ async def _run(
     def opened() -> None:
         for part in parts:
             what = format_name if part.name == "dvl" else "lines"
-            console.print(f"{part.name}: {what} on {part.transport.where}", highlight=False, soft_wrap=True)
+            say(f"{part.name}: {what} on {part.transport.where}")
         console.file.flush()
 
     def sent(part: Channel, record: Record) -> None:

@@ -8,7 +8,7 @@ from rich import progress as bars
 from rich.text import Text
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console, errors, late_bar, narrow_table
+from bottomlock.cli.console import console, errors, late_bar, narrow_table, say
 from bottomlock.cli.parameters import Threads, check_threads
 from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import load_case
@@ -68,11 +68,7 @@ def tune(
         tuned = tune_case(loaded, fraction=fraction, methods=names, threads=threads, progress=report)
     write_tuned(case, tuned, target, force=force)
     print_tuned(tuned)
-    console.print(
-        f"{tuned.wall_s:.1f} s, {tuned.passes} passes; wrote {target} and {record_of(target)}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    say(f"{tuned.wall_s:.1f} s, {tuned.passes} passes; wrote {target} and {record_of(target)}")
 
 
 def print_tuned(tuned: Tuned) -> None:
@@ -100,7 +96,7 @@ def print_tuned(tuned: Tuned) -> None:
                       *(_of(one, "score") for one in (old, new)))  # fmt: skip
     console.print(table)
     for words in sentences(tuned):
-        console.print(words, highlight=False, soft_wrap=True)
+        say(words)
 
 
 def _row(one: TunedParameter) -> tuple[str | Text, ...]:
