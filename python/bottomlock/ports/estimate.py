@@ -316,7 +316,7 @@ def _symmetric(matrix: Floats) -> Floats:
 
 def _check_covariance(name: str, matrix: Floats) -> None:
     """Checks that a matrix is finite, symmetric and without a negative eigenvalue beyond rounding."""
-    if matrix.size == 0 or _has_factor(matrix):
+    if matrix.size == 0:
         return
     if not np.isfinite(matrix).all() or (np.abs(matrix - matrix.T) > 1e-12 * np.abs(matrix)).any():
         raise DataError(f"{name} must be finite and symmetric", place="estimate")
@@ -326,28 +326,3 @@ def _check_covariance(name: str, matrix: Floats) -> None:
     least = float(np.linalg.eigvalsh(matrix / scale / scale[:, None])[0])
     if bool((variance < 0.0).any()) or least < -_ROUNDING * len(scale):
         raise DataError(f"{name} has a negative eigenvalue", place="estimate", expected="a covariance")
-
-
-def _has_factor(matrix: Floats) -> bool:
-    """Whether a matrix is symmetric to the bit and, its variances enlarged by the tolerance, has a Cholesky factor.
-
-    Then its eigenvalues are as they must be, which takes a tenth of the time to find. False says nothing.
-    """
-    size = len(matrix)
-    enlarged = 1.0 + _ROUNDING * size
-    if size == 3:
-        (a, b, c), (b2, d, e), (c2, e2, f) = matrix.tolist()
-        # Also false for what is not a number, and for variances of zero.
-        if not (b == b2 and c == c2 and e == e2 and min(a, d, f) > 0.0 and a + d + f < math.inf):
-            return False
-        a *= enlarged
-        second, across = d * enlarged - b / a * b, e - b / a * c
-        return bool(second > 0.0 and f * enlarged - c / a * c - across / second * across > 0.0)
-    if matrix.tobytes() != matrix.T.tobytes():
-        return False
-    shifted = matrix.copy()
-    shifted.flat[:: size + 1] *= enlarged
-    try:
-        return bool(np.isfinite(np.linalg.cholesky(shifted)).all())
-    except np.linalg.LinAlgError:
-        return False
