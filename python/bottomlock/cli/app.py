@@ -97,7 +97,7 @@ def _shown_default(value: object) -> str | None:
 
 app = App(
     name="bottomlock",
-    default_parameter=Parameter(show_default=_shown_default),
+    default_parameter=Parameter(show_default=_shown_default, negative=""),
     help="Aided inertial navigation with whatever Doppler velocity log beams are left.",
     help_epilogue=(
         "With every command: -q, --quiet prints errors alone; -v, --verbose ends with times, and after an "

@@ -24,46 +24,27 @@ from bottomlock.io.formats import converted_first
 def audit(
     log: Path,
     *,
-    out: Annotated[
-        Path | None,
-        Parameter(
-            alias="-o", help="Directory for audit.json, tables, figures and audit.html; LOG_audit by default."
-        ),
-    ] = None,
-    geometry: Annotated[
-        str | None,
-        Parameter(
-            help="Geometry to compare with: a packaged one or a TOML file, whose column map is used. By default what "
-            "`convert` noted beside the table."
-        ),
-    ] = None,
-    attitude: Annotated[
-        Path | None,
-        Parameter(
-            help="CSV or Parquet: time_ns, roll_rad, pitch_rad, yaw_rad, and velocity_north_mps ... if known."
-        ),
-    ] = None,
-    imu: Annotated[
-        Path | None,
-        Parameter(help="CSV or Parquet: time_ns, force_x_mps2 ..., omega_x_radps ..., forward-right-down."),
-    ] = None,
-    depth: Annotated[Path | None, Parameter(help="CSV or Parquet: time_ns, depth_m.")] = None,
-    write: Annotated[
-        Path | None,
-        Parameter(
-            help="TOML file to which the estimated geometry is written, with mounting, scale and clock."
-        ),
-    ] = None,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    geometry: str | None = None,
+    attitude: Path | None = None,
+    imu: Path | None = None,
+    depth: Path | None = None,
+    write: Path | None = None,
     force: Force = False,
 ) -> None:
     """Audit a DVL log: beam directions, order, signs, defects, mounting.
 
     Findings are ranked, each with its evidence in numbers.
 
-    Parameters
-    ----------
-    log
-        A beam table (`bottomlock convert` writes one), or a CSV or Parquet file whose columns the geometry maps.
+    Args:
+        log: A beam table (`bottomlock convert` writes one), or a CSV or Parquet file whose columns the geometry maps.
+        out: Directory for audit.json, tables, figures and audit.html; LOG_audit by default.
+        geometry: Geometry to compare with: a packaged one or a TOML file, whose column map is used. By default what
+            `convert` noted beside the table.
+        attitude: CSV or Parquet: time_ns, roll_rad, pitch_rad, yaw_rad, and velocity_north_mps ... if known.
+        imu: CSV or Parquet: time_ns, force_x_mps2 ..., omega_x_radps ..., forward-right-down.
+        depth: CSV or Parquet: time_ns, depth_m.
+        write: TOML file to which the estimated geometry is written, with mounting, scale and clock.
     """
     out, geometry = out or beside(log, "audit"), geometry_of(log, geometry)
     read = {"log": log, "attitude": attitude, "imu": imu, "depth": depth}

@@ -24,31 +24,21 @@ def run(
     seed: Seed = None,
     threads: Threads = 0,
     methods: Methods = None,
-    set_: Annotated[
-        tuple[str, ...],
-        Parameter(
-            name="--set",
-            negative="",
-            help="KEY=VALUE,VALUE...: a variant for each value, such as imu.gyro_bias_deg_per_h=0.01,3,50; more than "
-            "one --set gives every combination.",
-        ),
-    ] = (),
+    set_: Annotated[tuple[str, ...], Parameter(name="--set")] = (),
     force: ForceCampaign = False,
     json: Json = False,
     engine: Annotated[
         str, Parameter(help=f"{' or '.join(ENGINES)}: this process, or the workers of a Dask cluster.")
     ] = "local",
-    scheduler: Annotated[
-        str | None,
-        Parameter(help="Dask scheduler, tcp://host:port; by default worker processes on this machine."),
-    ] = None,
+    scheduler: str | None = None,
 ) -> None:
     """Run a Monte Carlo campaign and print a table of RMS errors.
 
-    Parameters
-    ----------
-    scenario
-        Packaged scenarios (see `bottomlock list scenarios`) or TOML files, one or more.
+    Args:
+        scenario: Packaged scenarios (see `bottomlock list scenarios`) or TOML files, one or more.
+        set_: KEY=VALUE,VALUE...: a variant for each value, such as imu.gyro_bias_deg_per_h=0.01,3,50; more than one
+            --set gives every combination.
+        scheduler: Dask scheduler, tcp://host:port; by default worker processes on this machine.
     """
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
     # Beside the first file, named as the scenarios; of packaged scenarios in this directory.

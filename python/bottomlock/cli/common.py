@@ -51,13 +51,7 @@ def peak_memory_mb() -> float:
 
 Force = Annotated[
     bool,
-    Parameter(
-        negative="", help="Replace a file that is there, or a result of other inputs in the directory."
-    ),
+    Parameter(help="Replace a file that is there, or a result of other inputs in the directory."),
 ]
-ForceCampaign = Annotated[
-    bool, Parameter(negative="", help="Start over in a directory that holds another campaign.")
-]
-ForceStudy = Annotated[
-    bool, Parameter(negative="", help="Start over in a directory that holds another study.")
-]
+ForceCampaign = Annotated[bool, Parameter(help="Start over in a directory that holds another campaign.")]
+ForceStudy = Annotated[bool, Parameter(help="Start over in a directory that holds another study.")]

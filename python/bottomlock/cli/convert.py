@@ -45,22 +45,13 @@ BAR_FROM_BYTES = 50_000_000
 def convert(
     file: Path,
     *,
-    out: Annotated[
-        Path | None,
-        Parameter(
-            alias=("-o", "--to"),
-            help="Parquet file for the beam table, FILE_beams.parquet by default; an account of the conversion goes "
-            "beside it as JSON. With --init the column map to write, FILE_map.toml by default.",
-        ),
-    ] = None,
-    init: Annotated[
-        bool, Parameter(negative="", help="Write a commented column map (TOML) of a CSV or Parquet table.")
-    ] = False,
+    out: Annotated[Path | None, Parameter(alias=("-o", "--to"))] = None,
+    init: bool = False,
     format: Annotated[  # noqa: A002 - the option's name
         str | None,
         Parameter(help=f"Format of the file, by default found from its content: {', '.join(NAMES)}."),
     ] = None,
-    options: Annotated[Options, Parameter(name="*", negative="")] = PLAIN,
+    options: Annotated[Options, Parameter(name="*")] = PLAIN,
     force: Force = False,
 ) -> None:
     """Convert a recorded DVL log to a beam table.
@@ -68,10 +59,11 @@ def convert(
     The commands fix, audit and replay read the table; records that were skipped are counted. Exit code 1 where no ping
     of the table has a valid beam.
 
-    Parameters
-    ----------
-    file
-        The log: a file, or the folder of a ROS 2 bag.
+    Args:
+        file: The log: a file, or the folder of a ROS 2 bag.
+        out: Parquet file for the beam table, FILE_beams.parquet by default; an account of the conversion goes beside it
+            as JSON. With --init the column map to write, FILE_map.toml by default.
+        init: Write a commented column map (TOML) of a CSV or Parquet table.
     """
     out = out or beside(file, "map.toml" if init else "beams.parquet")
     if init:

@@ -145,51 +145,30 @@ METHOD = "lc"
 def fix(
     log: Path,
     *,
-    geometry: Annotated[
-        str | None,
-        Parameter(
-            help="Packaged geometry or TOML file of the DVL. By default what `convert` noted beside the table."
-        ),
-    ] = None,
+    geometry: str | None = None,
     method: Annotated[
         str | None,
         Parameter(help=f"Method: {', '.join(FIX_METHODS)}; {METHOD} by default. With --leave-out each."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        Parameter(
-            alias="-o",
-            help="Parquet file for the fixes; LOG_fixes.parquet by default. With --leave-out for the errors of each "
-            "set of beams.",
-        ),
-    ] = None,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
     robust: Robust = True,
-    leave_out: Annotated[
-        int | None,
-        Parameter(help="Leave so many beams out of complete pings, and print the error of each method."),
-    ] = None,
-    walk_mps_per_rt_s: Annotated[
-        float,
-        Parameter(
-            help="Random walk of the velocity, m/s/√s, for methods that need a prior; with --leave-out."
-        ),
-    ] = 0.1,
-    closure_gate: Annotated[
-        float,
-        Parameter(
-            help="Largest closure of a reference ping, in robust standard deviations, 0 to keep all pings; "
-            "with --leave-out."
-        ),
-    ] = 3.0,
+    leave_out: int | None = None,
+    walk_mps_per_rt_s: float = 0.1,
+    closure_gate: float = 3.0,
     force: Force = False,
 ) -> None:
     """Solve recorded pings for velocity fixes with covariance, or score the methods on them.
 
-    Parameters
-    ----------
-    log
-        Beam table of `bottomlock convert`, or CSV or Parquet with the columns time_ns, beam1_mps ..., beam1_valid ...;
-        the geometry file may map other names.
+    Args:
+        log: Beam table of `bottomlock convert`, or CSV or Parquet with the columns time_ns, beam1_mps ..., beam1_valid
+            ...; the geometry file may map other names.
+        geometry: Packaged geometry or TOML file of the DVL. By default what `convert` noted beside the table.
+        out: Parquet file for the fixes; LOG_fixes.parquet by default. With --leave-out for the errors of each set of
+            beams.
+        leave_out: Leave so many beams out of complete pings, and print the error of each method.
+        walk_mps_per_rt_s: Random walk of the velocity, m/s/√s, for methods that need a prior; with --leave-out.
+        closure_gate: Largest closure of a reference ping, in robust standard deviations, 0 to keep all pings; with
+            --leave-out.
     """
     geometry = geometry_of(log, geometry)
     if geometry is None:

@@ -29,24 +29,21 @@ OPEN_SECTIONS: dict[str, dict[str, type[BaseModel]]] = {"mission": {**MISSIONS},
 
 
 def keys(
-    kind: Annotated[
-        Kind,
-        Parameter(
-            help="Which file: scenario, case, geometry, vehicle, hovering_vehicle, columns (column map) or live."
-        ),
-    ],
-    word: Annotated[str, Parameter(help="Only sections and keys whose name contains it.")] = "",
+    kind: Kind,
+    word: str = "",
     /,
     *,
-    as_json: Annotated[bool, Parameter(name="--json", negative="", help="Print JSON.")] = False,
-    schema: Annotated[
-        bool,
-        Parameter(
-            negative="", help="Print the JSON schema by which an editor completes and checks the file."
-        ),
-    ] = False,
+    as_json: Annotated[bool, Parameter(name="--json")] = False,
+    schema: bool = False,
 ) -> None:
-    """Print every key of a scenario, case, geometry, vehicle, column map or live file, or its JSON schema."""
+    """Print every key of a scenario, case, geometry, vehicle, column map or live file, or its JSON schema.
+
+    Args:
+        kind: Which file: scenario, case, geometry, vehicle, hovering_vehicle, columns (column map) or live.
+        word: Only sections and keys whose name contains it.
+        as_json: Print JSON.
+        schema: Print the JSON schema by which an editor completes and checks the file.
+    """
     if schema:
         if word:
             raise ScenarioError(

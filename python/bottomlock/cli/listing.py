@@ -29,14 +29,11 @@ _EDGE = 0.62
 
 
 def list_(
-    kind: Annotated[Kind, Parameter(help="What is listed.")],
+    kind: Kind,
     /,
     *,
-    copy: Annotated[str | None, Parameter(help="Name of a scenario, vehicle or geometry to copy.")] = None,
-    out: Annotated[
-        Path | None,
-        Parameter(alias=("-o", "--to"), help="File to write; NAME.toml in this directory by default."),
-    ] = None,
+    copy: str | None = None,
+    out: Annotated[Path | None, Parameter(alias=("-o", "--to"))] = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
@@ -45,6 +42,11 @@ def list_(
     Scenarios, vehicles, DVL geometries with a picture of their beams, grades of instruments with their sources,
     methods, and formats of recorded logs. A picture looks down from above: forward is up, starboard right; a beam's
     number stands where it looks.
+
+    Args:
+        kind: What is listed.
+        copy: Name of a scenario, vehicle or geometry to copy.
+        out: File to write; NAME.toml in this directory by default.
     """
     if copy is not None:
         file = copy_packaged(kind, copy, out or Path(f"{copy}.toml"), force=force)

@@ -34,28 +34,19 @@ def live(
         Parameter(help=f"Write a commented CONFIG for an instrument: {', '.join(INSTRUMENTS)}."),
     ] = None,
     autopilot: Annotated[str, Parameter(help=f"Receiver of --init: {', '.join(AUTOPILOTS)}.")] = "text",
-    dry_run: Annotated[
-        bool, Parameter(negative="", help="Show what would be sent, and send nothing.")
-    ] = False,
-    replay: Annotated[
-        Path | None,
-        Parameter(help="Play a raw log again, and compare with what was sent; exit code 1 where it differs."),
-    ] = None,
-    export: Annotated[
-        str | None,
-        Parameter(
-            help="With --replay: formats of the log's track, written to the folder NAME_export beside the log, "
-            "separated by commas: kml, geojson, csv, tum, mcap."
-        ),
-    ] = None,
+    dry_run: bool = False,
+    replay: Path | None = None,
+    export: str | None = None,
     force: Force = False,
 ) -> None:
     """Navigate live: from DVL, IMU and depth to the ports of an autopilot.
 
-    Parameters
-    ----------
-    config
-        TOML file; docs/live.md describes it. With --init, the file to write.
+    Args:
+        config: TOML file; docs/live.md describes it. With --init, the file to write.
+        dry_run: Show what would be sent, and send nothing.
+        replay: Play a raw log again, and compare with what was sent; exit code 1 where it differs.
+        export: With --replay: formats of the log's track, written to the folder NAME_export beside the log, separated
+            by commas: kml, geojson, csv, tum, mcap.
     """
     if export is not None and replay is None:
         raise ScenarioError("is given without --replay LOG: it writes the track of a raw log", key="--export")

@@ -6,10 +6,9 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from bottomlock.cli.console import console, say
@@ -110,15 +109,18 @@ Clock = Callable[[], int]
 
 def live_demo(
     *,
-    seconds: Annotated[
-        float, Parameter(help="Seconds of the run; the beams are lost in the same parts of it.")
-    ] = 60.0,
-    speed: Annotated[float, Parameter(help="Seconds of the run per second.")] = 1.0,
-    page_port: Annotated[int, Parameter(help="TCP port of the health page; 0 takes a free one.")] = 0,
+    seconds: float = 60.0,
+    speed: float = 1.0,
+    page_port: int = 0,
 ) -> None:
     """Show live navigation without hardware: instruments, live, MAVLink listener.
 
     A simulated vehicle sends DVL, IMU and depth over loopback. Its beams go from four to two, to none, and come back.
+
+    Args:
+        seconds: Seconds of the run; the beams are lost in the same parts of it.
+        speed: Seconds of the run per second.
+        page_port: TCP port of the health page; 0 takes a free one.
     """
     _check(seconds, speed, page_port)
     dialect()

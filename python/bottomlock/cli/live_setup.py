@@ -2,9 +2,6 @@
 
 import asyncio
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from bottomlock.cli.console import errors
 from bottomlock.errors import BottomlockError, OutputError
@@ -17,23 +14,17 @@ from bottomlock.setup.server import PORT, SetupServer
 def live_setup(
     folder: Path,
     *,
-    host: Annotated[
-        str, Parameter(help='Address of the page; "0.0.0.0" lets the whole network set it up.')
-    ] = "127.0.0.1",
-    port: Annotated[int, Parameter(help="TCP port of the page; 0: a free one.")] = PORT,
-    names: Annotated[
-        tuple[str, ...] | None,
-        Parameter(
-            help="Names under which the page may be asked; .END: all that end so. Default beyond loopback: .local."
-        ),
-    ] = None,
+    host: str = "127.0.0.1",
+    port: int = PORT,
+    names: tuple[str, ...] | None = None,
 ) -> None:
     """Set live navigation up in a browser: instrument, autopilot, mounting; start, stop, state, raw logs.
 
-    Parameters
-    ----------
-    folder
-        Of the configuration (live.toml), its raw logs and checkpoint; made where it is missing.
+    Args:
+        folder: Of the configuration (live.toml), its raw logs and checkpoint; made where it is missing.
+        host: Address of the page; "0.0.0.0" lets the whole network set it up.
+        port: TCP port of the page; 0: a free one.
+        names: Names under which the page may be asked; .END: all that end so. Default beyond loopback: .local.
     """
     asyncio.run(_serve(folder, host, port, names))
 

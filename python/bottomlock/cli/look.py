@@ -15,16 +15,8 @@ from bottomlock.replay.report import PAGE
 
 def look(
     *files: Path,
-    out: Annotated[
-        Path | None,
-        Parameter(
-            alias="-o",
-            help="Directory for the case and its replay; FILE_look beside the first file by default.",
-        ),
-    ] = None,
-    open_page: Annotated[
-        bool, Parameter(name="--open", negative="--no-open", help="Open the page in the browser.")
-    ] = True,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    open_page: Annotated[bool, Parameter(name="--open", negative="--no-open")] = True,
     threads: Threads = 0,
     force: Force = False,
 ) -> None:
@@ -32,10 +24,10 @@ def look(
 
     The case is `case.toml` in the directory. Answer its questions and call `bottomlock replay` with it.
 
-    Parameters
-    ----------
-    files
-        The log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
+    Args:
+        files: The log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
+        out: Directory for the case and its replay; FILE_look beside the first file by default.
+        open_page: Open the page in the browser.
     """
     folder = out or beside(first_of(files), "look")
     case, replayed = folder / "case.toml", folder / "replay"

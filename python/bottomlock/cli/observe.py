@@ -88,26 +88,18 @@ def _ranking(rows: pl.DataFrame) -> Table:
 def observe(
     case: str | None = None,
     *,
-    out: Annotated[
-        Path | None,
-        Parameter(
-            alias="-o", help="Directory for tables and figures; CASE_states or paper_states by default."
-        ),
-    ] = None,
-    paper: Annotated[
-        bool,
-        Parameter(negative="", help="Analyse the six cases of Klein & Diamant 2015 in place of a scenario."),
-    ] = False,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    paper: bool = False,
     force: Force = False,
 ) -> None:
     """Analyse which states can be estimated, and which manoeuvre helps.
 
     For every set of beams of a scenario's instrument, along its truth.
 
-    Parameters
-    ----------
-    case
-        Packaged scenario (see `bottomlock list scenarios`) or TOML file.
+    Args:
+        case: Packaged scenario (see `bottomlock list scenarios`) or TOML file.
+        out: Directory for tables and figures; CASE_states or paper_states by default.
+        paper: Analyse the six cases of Klein & Diamant 2015 in place of a scenario.
     """
     if paper == (case is not None):
         raise ScenarioError(expected="either a scenario or --paper")

@@ -40,9 +40,7 @@ Methods = Annotated[
         f"{', '.join(METHODS)}, and FILE.py:CLASS; in `bottomlock run` also {DEAD_RECKONING}.",
     ),
 ]
-Json = Annotated[
-    bool, Parameter(negative="", help="Print JSON for a program in place of tables for a reader.")
-]
+Json = Annotated[bool, Parameter(help="Print JSON for a program in place of tables for a reader.")]
 World = Annotated[
     str | None,
     Parameter(
@@ -52,7 +50,8 @@ World = Annotated[
 Robust = Annotated[
     bool,
     Parameter(
-        help="Measure the beam noise and its tail on the closure of the log, and reject outliers among the beams."
+        negative="--no-robust",
+        help="Measure the beam noise and its tail on the closure of the log, and reject outliers among the beams.",
     ),
 ]
 

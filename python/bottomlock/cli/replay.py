@@ -30,43 +30,13 @@ from bottomlock.tables.replay import ReplayTables
 
 def replay(
     *files: Path,
-    out: Annotated[
-        Path | None,
-        Parameter(
-            alias="-o",
-            help="Directory for tables and report: new, or of the same case; CASE_replay by default. With --init the "
-            "case to write, case.toml beside the first FILE by default.",
-        ),
-    ] = None,
-    init: Annotated[
-        bool,
-        Parameter(negative="", help="Write a commented case from logs, tables and bags; every FILE is one."),
-    ] = False,
-    without: Annotated[
-        list[str] | None,
-        Parameter(
-            negative="",
-            help="With --init: a topic of a bag or a message of an autopilot's log that is left out, such as 'IMU 0'; "
-            "once for each.",
-        ),
-    ] = None,
-    methods: Annotated[
-        str | None,
-        Parameter(
-            help="Aiding methods, separated by commas; the case's own by default. "
-            "Of a folder: methods to export."
-        ),
-    ] = None,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    init: bool = False,
+    without: list[str] | None = None,
+    methods: str | None = None,
     threads: Threads = 0,
-    force: Annotated[
-        bool, Parameter(negative="", help="Start over in a directory that holds another replay.")
-    ] = False,
-    write_calibration: Annotated[
-        Path | None,
-        Parameter(
-            help="TOML file for a copy of the DVL's file with the estimated calibration and its 1 sigma."
-        ),
-    ] = None,
+    force: bool = False,
+    write_calibration: Path | None = None,
     export: Annotated[
         str | None,
         Parameter(
@@ -77,12 +47,18 @@ def replay(
 ) -> None:
     """Navigate a recorded dive again, also with fewer beams.
 
-    Parameters
-    ----------
-    files
-        The case: a TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
-        With --export: that, or the folder of a replay, of which the tracks are exported.
-        With --init: the log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
+    Args:
+        files: The case: a TOML file that names the tables, their columns, units and clocks, the start, and the what-if
+            cases. With --export: that, or the folder of a replay, of which the tracks are exported. With --init: the
+            log of a DVL, and tables, bags or logs of an autopilot with IMU, depth, attitude, positions.
+        out: Directory for tables and report: new, or of the same case; CASE_replay by default. With --init the case to
+            write, case.toml beside the first FILE by default.
+        init: Write a commented case from logs, tables and bags; every FILE is one.
+        without: With --init: a topic of a bag or a message of an autopilot's log that is left out, such as 'IMU 0';
+            once for each.
+        methods: Aiding methods, separated by commas; the case's own by default. Of a folder: methods to export.
+        force: Start over in a directory that holds another replay.
+        write_calibration: TOML file for a copy of the DVL's file with the estimated calibration and its 1 sigma.
     """
     if init:
         init_case(files, out or first_of(files).with_name("case.toml"), force=force, without=without or ())

@@ -22,12 +22,16 @@ from bottomlock.tables.studies import VARIANTS
 def reproduce(
     *,
     out: StudyOut,
-    runs: Annotated[int, Parameter(alias="-n", help="Number of runs of each trajectory.")] = whole_study.RUNS,
+    runs: Annotated[int, Parameter(alias="-n")] = whole_study.RUNS,
     seed: Seed = None,
     threads: Threads = 0,
     force: ForceStudy = False,
 ) -> None:
-    """Reproduce the 2017 paper: run its study, test its claims, write the report."""
+    """Reproduce the 2017 paper: run its study, test its claims, write the report.
+
+    Args:
+        runs: Number of runs of each trajectory.
+    """
     check_threads(threads)
     scenarios = whole_study.study_scenarios(runs, seed)
     check_campaign(scenarios, out, force=force)
@@ -48,17 +52,8 @@ def reproduce(
 
 def report(
     *directory: Path,
-    out: Annotated[
-        Path | None,
-        Parameter(
-            alias="-o",
-            help="Directory for the page of several campaigns; that of variants, otherwise none by default.",
-        ),
-    ] = None,
-    against: Annotated[
-        str | None,
-        Parameter(help="Of several campaigns the one that differences are taken to; the first by default."),
-    ] = None,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    against: str | None = None,
     force: Force = False,
 ) -> None:
     """Write the report of a campaign or a replay, or lay several campaigns side by side.
@@ -67,11 +62,11 @@ def report(
     settings, the report tests the paper's claims, too. Of several: a table of errors and of their differences, run by
     run where the seeds and the trajectories are the same.
 
-    Parameters
-    ----------
-    directory
-        Directory of a finished campaign (`bottomlock run`), of its variants, or of a replay (`bottomlock replay`);
-        several campaigns are compared.
+    Args:
+        directory: Directory of a finished campaign (`bottomlock run`), of its variants, or of a replay (`bottomlock
+            replay`); several campaigns are compared.
+        out: Directory for the page of several campaigns; that of variants, otherwise none by default.
+        against: Of several campaigns the one that differences are taken to; the first by default.
     """
     if not directory:
         raise DataError("no directory is named", expected="that of a campaign or a replay")

@@ -31,27 +31,20 @@ from bottomlock.truth.truth import Truth
 
 def fly(
     *scenario: str,
-    out: Annotated[Path | None, Parameter(alias="-o", help="Directory for tables and figures.")] = None,
-    dry_run: Annotated[
-        bool, Parameter(negative="", help="Only print what the motion is like; nothing is written.")
-    ] = False,
-    vehicle: Annotated[
-        str | None, Parameter(help="Packaged vehicle or TOML file; the scenario's own by default.")
-    ] = None,
-    sensors: Annotated[
-        int | None,
-        Parameter(
-            help="Number of a run: write its sensor readings, a table per sensor, and the DVL's geometry."
-        ),
-    ] = None,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    dry_run: bool = False,
+    vehicle: str | None = None,
+    sensors: int | None = None,
     force: Force = False,
 ) -> None:
     """Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure.
 
-    Parameters
-    ----------
-    scenario
-        Packaged scenarios (see `bottomlock list scenarios`) or TOML files, one or more.
+    Args:
+        scenario: Packaged scenarios (see `bottomlock list scenarios`) or TOML files, one or more.
+        out: Directory for tables and figures.
+        dry_run: Only print what the motion is like; nothing is written.
+        vehicle: Packaged vehicle or TOML file; the scenario's own by default.
+        sensors: Number of a run: write its sensor readings, a table per sensor, and the DVL's geometry.
     """
     if not scenario:
         raise ScenarioError(

@@ -43,52 +43,41 @@ def simulate_dvl(
         str, Parameter(help=f"Maker's format: {', '.join(NAMES)}.")
     ] = FORMATS[0].name,
     dvl: Annotated[str, Parameter(help=f"Where the DVL sends: {EXPECTED}.")] = "tcpin:16171",
-    imu: Annotated[
-        str | None, Parameter(help="Where the IMU sends lines time_ns,wx,wy,wz,fx,fy,fz; off by default.")
-    ] = None,
-    depth: Annotated[
-        str | None, Parameter(help="Where the depth sensor sends lines time_ns,depth; off by default.")
-    ] = None,
-    speed: Annotated[str, Parameter(help="Seconds of the run per second, or max.")] = "1",
-    run: Annotated[int, Parameter(help="Number of the scenario's run: its drawn sensor errors.")] = 0,
-    seed: Annotated[
-        int | None, Parameter(help="Seed of sensor errors and faults; the scenario's own by default.")
-    ] = None,
-    duration_s: Annotated[float | None, Parameter(help="End after so many seconds of the run.")] = None,
-    faults: Annotated[
-        str | None,
-        Parameter(
-            help="Fractions of the pings: drops=0.05,duplicates=0.02,stale=0.02,half_lines=0.01,clock_steps=0.001,"
-            "reconnects=0.001; clock_step_s=1."
-        ),
-    ] = None,
-    truth: Annotated[
-        Path | None, Parameter(help="Parquet file for what was sent, with truth and faults.")
-    ] = None,
-    geometry: Annotated[
-        str | None, Parameter(help="Packaged geometry or TOML file; the scenario's or log's own by default.")
-    ] = None,
-    clock: Annotated[
-        str,
-        Parameter(
-            help="Time of the first reading on the instruments' clock: a date (UTC), now, or run for the run's own."
-        ),
-    ] = DEFAULT_START,
-    latency_ms: Annotated[float, Parameter(help="Time from the last echo to the sending.")] = 10.0,
-    altitude_m: Annotated[float, Parameter(help="Over the bottom, where the source has no ranges.")] = 20.0,
-    wait: Annotated[
-        bool, Parameter(help="Start when every TCP server has a client; --no-wait starts at once.")
-    ] = True,
+    imu: str | None = None,
+    depth: str | None = None,
+    speed: str = "1",
+    run: int = 0,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    faults: str | None = None,
+    truth: Path | None = None,
+    geometry: str | None = None,
+    clock: str = DEFAULT_START,
+    latency_ms: float = 10.0,
+    altitude_m: float = 20.0,
+    wait: Annotated[bool, Parameter(negative="--no-wait")] = True,
     force: Force = False,
 ) -> None:
     """Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.
 
     IMU and depth sensor send lines beside it, on the same clock.
 
-    Parameters
-    ----------
-    source
-        Packaged scenario or TOML file; a replay case; a beam table (.parquet) or a raw DVL log.
+    Args:
+        source: Packaged scenario or TOML file; a replay case; a beam table (.parquet) or a raw DVL log.
+        imu: Where the IMU sends lines time_ns,wx,wy,wz,fx,fy,fz; off by default.
+        depth: Where the depth sensor sends lines time_ns,depth; off by default.
+        speed: Seconds of the run per second, or max.
+        run: Number of the scenario's run: its drawn sensor errors.
+        seed: Seed of sensor errors and faults; the scenario's own by default.
+        duration_s: End after so many seconds of the run.
+        faults: Fractions of the pings:
+            drops=0.05,duplicates=0.02,stale=0.02,half_lines=0.01,clock_steps=0.001,reconnects=0.001; clock_step_s=1.
+        truth: Parquet file for what was sent, with truth and faults.
+        geometry: Packaged geometry or TOML file; the scenario's or log's own by default.
+        clock: Time of the first reading on the instruments' clock: a date (UTC), now, or run for the run's own.
+        latency_ms: Time from the last echo to the sending.
+        altitude_m: Over the bottom, where the source has no ranges.
+        wait: Start when every TCP server has a client; --no-wait starts at once.
     """
     settings = parse_faults(faults)
     pace = _pace(speed)

@@ -70,10 +70,8 @@ def study(
 
     Writes study.parquet and study.html. An interrupted study resumes.
 
-    Parameters
-    ----------
-    scenario
-        Packaged scenarios or TOML files; the three trajectories of the paper by default.
+    Args:
+        scenario: Packaged scenarios or TOML files; the three trajectories of the paper by default.
     """
     loaded = load_scenarios(
         scenario or cases.PAPER_TRAJECTORIES,

@@ -21,13 +21,8 @@ from bottomlock.replay.tune.run import Tuned, TunedParameter, tune_case
 def tune(
     case: Path,
     *,
-    out: Annotated[
-        Path | None,
-        Parameter(alias="-o", help="The tuned case, beside the case; CASE_tuned.toml by default."),
-    ] = None,
-    fraction: Annotated[
-        float, Parameter(help="Part of the recording, from its start, to estimate on; the rest judges.")
-    ] = 0.5,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    fraction: float = 0.5,
     methods: Annotated[
         str,
         Parameter(
@@ -40,10 +35,10 @@ def tune(
 ) -> None:
     """Find the noise of a recorded dive from the recording itself, without a reference.
 
-    Parameters
-    ----------
-    case
-        The case of a replay: a TOML file.
+    Args:
+        case: The case of a replay: a TOML file.
+        out: The tuned case, beside the case; CASE_tuned.toml by default.
+        fraction: Part of the recording, from its start, to estimate on; the rest judges.
     """
     if case.suffix.lower() != ".toml":
         raise ScenarioError(
