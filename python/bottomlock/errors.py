@@ -69,6 +69,14 @@ class DataError(BottomlockError):
     """Data (a log, a truth, a table) that are not valid."""
 
 
+def bad_column(
+    place: object, name: str, found: str, expected: object = "", *, row: int | None = None, hint: object = ""
+) -> DataError:
+    """The error of a column, or of its cell in a row, which counts from 0; otherwise as `BottomlockError`."""
+    at = place if row is None else f"{place}: row {row}"
+    return DataError(found, place=at, key=f"column '{name}'", expected=expected, hint=hint)
+
+
 class OutputError(BottomlockError):
     """An output directory that cannot be written or holds something else."""
 

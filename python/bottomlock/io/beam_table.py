@@ -18,7 +18,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, bad_column
 from bottomlock.files.atomic_write import read_json, write_parquet
 from bottomlock.files.records import DIGESTS, read_record, sha256_of, write_record
 from bottomlock.files.table_file import read_parquet
@@ -113,12 +113,7 @@ class WaterTable:
             )
         low = np.flatnonzero(self.cell < 1)
         if low.size:
-            raise DataError(
-                f"is {self.cell[low[0]]}",
-                place=f"{place}: row {low[0]}",
-                key="column 'cell'",
-                expected="1 or more",
-            )
+            raise bad_column(place, "cell", f"is {self.cell[low[0]]}", "1 or more", row=low[0])
         wrong = np.argwhere(self.valid & ~(np.isfinite(self.velocity_mps) & (self.range_m >= 0.0)[:, None]))
         if wrong.size:
             row, beam = (int(index) for index in wrong[0])

@@ -20,7 +20,7 @@ from bottomlock.config.calibration import StatedCalibration
 from bottomlock.config.meaning import shown
 from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
 from bottomlock.config.validation import refusal
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import DataError, ScenarioError, bad_column
 from bottomlock.files.table_file import read_table_file
 from bottomlock.io.account import Account
 from bottomlock.io.columns import (
@@ -264,14 +264,12 @@ def times_as_they_stand(
         DataError: naming row and column, for a time that is missing or no number, and for steps below `least_ns`.
     """
     if columns.time not in table.columns and columns.time == Columns().time:
-        raise DataError(
+        raise bad_column(
+            place,
+            columns.time,
             f"is missing (there are {column_names(table)})",
-            place=place,
-            key=f"column '{columns.time}'",
-            hint=(
-                f"`bottomlock convert {place} --init --out MAP.toml` writes a map of other names, "
-                "with which `bottomlock convert` makes the table to be read here"
-            ),
+            hint=f"`bottomlock convert {place} --init --out MAP.toml` writes a map of other names, "
+            "with which `bottomlock convert` makes the table to be read here",
         )
     if columns.time_unit == "ns":
         series = number_series(table, columns.time, place, pl.Int64())
@@ -280,7 +278,7 @@ def times_as_they_stand(
         series = nanoseconds(units, columns.time, place, columns.time_unit)
     missing = series.is_null().arg_true()
     if len(missing):
-        raise DataError("has no time", place=f"{place}: row {missing[0]}", key=f"column '{columns.time}'")
+        raise bad_column(place, columns.time, "has no time", row=missing[0])
     times = np.asarray(series.to_numpy(), dtype=np.int64)
     check_steps(times, least_ns, place, columns.time)
     return times
@@ -299,11 +297,8 @@ def read_times(
     if steps.size:
         row = int(steps[0]) + 1
         what = "repeats the time" if times[row] == times[row - 1] else "goes back in time from that"
-        raise DataError(
-            f"is {times[row]} ns and {what} of row {row - 1}",
-            place=f"{place}: row {row}",
-            key=f"column '{columns.time}'",
-            expected="rising times",
+        raise bad_column(
+            place, columns.time, f"is {times[row]} ns and {what} of row {row - 1}", "rising times", row=row
         )
     return times
 
@@ -319,12 +314,7 @@ def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray
         series = number_series(table, name, place, pl.Float64(), words=True)
         bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
         if len(bad):
-            raise DataError(
-                f"is {series[int(bad[0])]}",
-                place=f"{place}: row {bad[0]}",
-                key=f"column '{name}'",
-                expected="0, 1, true or false",
-            )
+            raise bad_column(place, name, f"is {series[int(bad[0])]}", "0, 1, true or false", row=bad[0])
         flags.append(series.to_numpy() == 1.0)
     return np.stack(flags, axis=1)
 
@@ -518,11 +508,6 @@ def _prior(table: pl.DataFrame, place: str) -> tuple[NDArray[np.float64] | None,
     for name, column in zip(names, values, strict=True):
         bad = np.flatnonzero(~np.isfinite(column) | (column <= 0.0 if "_sd_" in name else False))
         if bad.size:
-            raise DataError(
-                f"is {column[bad[0]]}",
-                place=f"{place}: row {bad[0]}",
-                key=f"column '{name}'",
-                expected="a finite number",
-            )
+            raise bad_column(place, name, f"is {column[bad[0]]}", "a finite number", row=bad[0])
     stacked = np.stack(values, axis=1)
     return stacked[:, :3], stacked[:, 3:]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, bad_column
 from bottomlock.files.atomic_write import read_json
 from bottomlock.files.records import DIGESTS, OWN_DIGEST, read_record, sha256_of
 from bottomlock.files.table_file import read_table_file
@@ -103,7 +103,7 @@ def named_column(table: pl.DataFrame, name: str, place: str) -> pl.Series:
         DataError: for a missing column, listing the columns of the file.
     """
     if name not in table.columns:
-        raise DataError(f"is missing (there are {column_names(table)})", place=place, key=f"column '{name}'")
+        raise bad_column(place, name, f"is missing (there are {column_names(table)})")
     return table[name]
 
 
@@ -125,7 +125,7 @@ def number_series(
     if column.dtype == pl.String:
         return numbers_of_text(column, name, place, dtype, words=words)
     if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
-        raise DataError(f"is {column.dtype}", place=place, key=f"column '{name}'", expected="numbers")
+        raise bad_column(place, name, f"is {column.dtype}", "numbers")
     return _cast(column, name, place, dtype)
 
 
@@ -139,12 +139,7 @@ def _cast(column: pl.Series, name: str, place: str, dtype: pl.DataType) -> pl.Se
     bad = (numbers.is_null() & column.is_not_null()).arg_true()
     if len(bad):
         row = int(bad[0])
-        raise DataError(
-            f"is {column[row]}",
-            place=f"{place}: row {row}",
-            key=f"column '{name}'",
-            expected="a whole number that 64 bits can hold",
-        )
+        raise bad_column(place, name, f"is {column[row]}", "a whole number that 64 bits can hold", row=row)
     return numbers
 
 
@@ -173,9 +168,7 @@ def numbers_of_text(
     if len(bad):
         expected = f"a number, or a flag as {', '.join(FLAG_WORDS)}" if words else "a number"
         found = printable(text[int(bad[0])])
-        raise DataError(
-            f"is '{found}'", place=f"{place}: row {bad[0]}", key=f"column '{name}'", expected=expected
-        )
+        raise bad_column(place, name, f"is '{found}'", expected, row=bad[0])
     return numbers
 
 
@@ -205,9 +198,10 @@ def check_valid(
     wrong = np.argwhere(valid & ~np.isfinite(velocity_mps))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
-        raise DataError(
+        raise bad_column(
+            place,
+            names[beam],
             f"is not finite, but beam {beam + 1} is flagged valid",
-            place=f"{place}: row {row}",
-            key=f"column '{names[beam]}'",
-            expected="a finite velocity or a cleared flag",
+            "a finite velocity or a cleared flag",
+            row=row,
         )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, bad_column
 from bottomlock.io.account import Flags, Floats, Integers
 from bottomlock.support.later import pl
 
@@ -40,10 +40,10 @@ class TableColumns:
             DataError: for one that is missing or of another type.
         """
         if name not in self.frame.columns:
-            raise DataError("is missing", place=self.place, key=f"column '{name}'", hint=self.remedy)
+            raise bad_column(self.place, name, "is missing", hint=self.remedy)
         found = self.frame[name]
         if found.dtype not in {dtype, pl.Null()}:
-            raise DataError(f"is {found.dtype}", place=self.place, key=f"column '{name}'", expected=dtype)
+            raise bad_column(self.place, name, f"is {found.dtype}", dtype)
         return found.cast(dtype)
 
     def integers(self, name: str, lacking: str) -> Integers:
@@ -61,11 +61,7 @@ class TableColumns:
         steps = np.flatnonzero(np.diff(time_ns) <= 0)
         if steps.size:
             row = int(steps[0]) + 1
-            raise DataError(
-                f"is {time_ns[row]} ns and does not rise",
-                place=f"{self.place}: row {row}",
-                key=f"column '{name}'",
-            )
+            raise bad_column(self.place, name, f"is {time_ns[row]} ns and does not rise", row=row)
         return time_ns
 
     def floats(self, name: str) -> Floats:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, bad_column
 from bottomlock.io.account import Floats
 from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows
 from bottomlock.support.later import pl
@@ -93,9 +93,7 @@ def _named(table: pl.DataFrame, columns: Mapping[str, str], place: str) -> pl.Da
                 key="trajectory.columns",
             )
         if theirs not in table.columns:
-            raise DataError(
-                f"is missing (there are {column_names(table)})", place=place, key=f"column '{theirs}'"
-            )
+            raise bad_column(place, theirs, f"is missing (there are {column_names(table)})")
     free = table.drop([name for name in columns if name in table.columns and name not in columns.values()])
     return free.rename({theirs: name for name, theirs in columns.items()})
 
@@ -119,11 +117,12 @@ def _full(table: pl.DataFrame, name: str, place: str) -> Floats:
     values = column_numbers(table, name, place)
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
-        raise DataError(
+        raise bad_column(
+            place,
+            name,
             "is empty or no finite number",
-            place=f"{place}: row {bad[0]}",
-            key=f"column '{name}'",
-            expected="one in every row",
+            "one in every row",
+            row=bad[0],
             hint="leave out rows without a position",
         )
     return values

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import polars as pl
 
-from bottomlock.errors import DataError
+from bottomlock.errors import bad_column
 
 
 def check(frame: pl.DataFrame, columns: Mapping[str, pl.DataType], *, place: str) -> pl.DataFrame:
@@ -19,10 +19,10 @@ def check(frame: pl.DataFrame, columns: Mapping[str, pl.DataType], *, place: str
     """
     for name, dtype in columns.items():
         if name not in frame.columns:
-            raise DataError("is missing", place=place, key=f"column '{name}'", expected=", ".join(columns))
+            raise bad_column(place, name, "is missing", ", ".join(columns))
         if frame.schema[name] != dtype:
-            raise DataError(f"is {frame.schema[name]}", place=place, key=f"column '{name}'", expected=dtype)
+            raise bad_column(place, name, f"is {frame.schema[name]}", dtype)
     extra = [name for name in frame.columns if name not in columns]
     if extra:
-        raise DataError("is unknown", place=place, key=f"column '{extra[0]}'", expected=", ".join(columns))
+        raise bad_column(place, extra[0], "is unknown", ", ".join(columns))
     return frame.select(list(columns))
