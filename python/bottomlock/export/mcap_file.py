@@ -112,61 +112,40 @@ POSE, LOCATION = "foxglove.PoseInFrame", "foxglove.LocationFix"
 DIAGONAL_KNOWN = 2
 """`position_covariance_type` of a covariance of which the diagonal is known."""
 
-_TIME = {
-    "type": "object",
-    "title": "time",
-    "properties": {
-        "sec": {"type": "integer", "minimum": 0},
-        "nsec": {"type": "integer", "minimum": 0, "maximum": 999_999_999},
-    },
-}
+
+def _object(title: str, **properties: Any) -> dict[str, Any]:  # noqa: ANN401 - schemas
+    return {"title": title, "type": "object", "properties": properties}
 
 
-def _vector(title: str, axes: str) -> dict[str, Any]:
-    return {"title": title, "type": "object", "properties": {axis: {"type": "number"} for axis in axes}}
-
-
+_NUMBER, _STRING = {"type": "number"}, {"type": "string"}
+_TIME = _object(
+    "time",
+    sec={"type": "integer", "minimum": 0},
+    nsec={"type": "integer", "minimum": 0, "maximum": 999_999_999},
+)
+_VECTOR = _object("foxglove.Vector3", **dict.fromkeys("xyz", _NUMBER))
+_QUATERNION = _object("foxglove.Quaternion", **dict.fromkeys("xyzw", _NUMBER))
+_KINDS = ("UNKNOWN", "APPROXIMATED", "DIAGONAL_KNOWN", "KNOWN")
 SCHEMAS: Mapping[str, dict[str, Any]] = {
-    POSE: {
-        "title": POSE,
-        "type": "object",
-        "properties": {
-            "timestamp": _TIME,
-            "frame_id": {"type": "string"},
-            "pose": {
-                "title": "foxglove.Pose",
-                "type": "object",
-                "properties": {
-                    "position": _vector("foxglove.Vector3", "xyz"),
-                    "orientation": _vector("foxglove.Quaternion", "xyzw"),
-                },
-            },
+    POSE: _object(
+        POSE,
+        timestamp=_TIME,
+        frame_id=_STRING,
+        pose=_object("foxglove.Pose", position=_VECTOR, orientation=_QUATERNION),
+    ),
+    LOCATION: _object(
+        LOCATION,
+        timestamp=_TIME,
+        frame_id=_STRING,
+        latitude=_NUMBER,
+        longitude=_NUMBER,
+        altitude=_NUMBER,
+        position_covariance={"type": "array", "items": _NUMBER, "minItems": 9, "maxItems": 9},
+        position_covariance_type={
+            "title": "foxglove.PositionCovarianceType",
+            "oneOf": [{"title": title, "const": k} for k, title in enumerate(_KINDS)],
         },
-    },
-    LOCATION: {
-        "title": LOCATION,
-        "type": "object",
-        "properties": {
-            "timestamp": _TIME,
-            "frame_id": {"type": "string"},
-            "latitude": {"type": "number"},
-            "longitude": {"type": "number"},
-            "altitude": {"type": "number"},
-            "position_covariance": {
-                "type": "array",
-                "items": {"type": "number"},
-                "minItems": 9,
-                "maxItems": 9,
-            },
-            "position_covariance_type": {
-                "title": "foxglove.PositionCovarianceType",
-                "oneOf": [
-                    {"title": title, "const": k}
-                    for k, title in enumerate(("UNKNOWN", "APPROXIMATED", "DIAGONAL_KNOWN", "KNOWN"))
-                ],
-            },
-        },
-    },
+    ),
 }
 """https://github.com/foxglove/schemas, schemas/jsonschema, without the descriptions."""
 
@@ -181,7 +160,7 @@ def row_schema(title: str, columns: pl.Schema) -> dict[str, Any]:
         pl.Float64: "number",
     }
     properties = {name: {"type": names[dtype.base_type()]} for name, dtype in columns.items()}
-    return {"title": title, "type": "object", "properties": properties}
+    return _object(title, **properties)
 
 
 def row_messages(rows: pl.DataFrame) -> Iterator[Message]:
