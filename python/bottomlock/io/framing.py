@@ -6,13 +6,14 @@ ping, or a binary record whose checksum fits. What comes out depends on the byte
 """
 
 import re
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from bottomlock.io.binary_records import Headers
 from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, xor_of
 
-_WORD = struct.Struct("<H")
 _PNORBT = re.compile(
     rb"\$(PNORBT[01],(?:BEAM=)?([0-9]{1,2}),([^,*$]{0,24},[^,*$]{0,24}),[^*$]{0,400})\*([0-9A-Fa-f]{2})"
 )
@@ -210,118 +211,37 @@ class NortekLines(_Groups):
 class Binary(Framer):
     """Records with a header that states their size, and a checksum.
 
-    Every place where a header may stand is followed up to the end that it states, so that neither a damaged record nor
+    Every place where a header stands is followed up to the end that it states, so that neither a damaged record nor
     bytes that look like a header hide the next whole record. Of records that overlap, the one that ends first is taken.
 
     Args:
-        sync: first bytes of a header.
-        header: the size of a record from its first bytes; 0 where they are no header, None where more must come.
-        fits: whether the bytes of a record fit its checksum.
+        headers: finds the headers in bytes, as the reader of files does.
+        longest: bytes of the longest header.
     """
 
-    def __init__(
-        self, sync: bytes, header: Callable[[bytes], int | None], fits: Callable[[bytes], bool]
-    ) -> None:
+    def __init__(self, headers: Callable[[bytes], Headers], longest: int) -> None:
         super().__init__()
-        self._sync, self._header, self._fits = sync, header, fits
+        self._headers, self._longest = headers, longest
         self._buffer = b""
-        self._searched = 0  # places before it are known
-        self._open: list[tuple[int, int]] = []  # end and start of each place where a record may stand
 
     def feed(self, data: bytes) -> list[bytes]:
         """The records that `data` completes."""
         self._buffer += data
-        self._search()
-        found = []
-        behind = 0
-        size = len(self._buffer)
-        for end, start in sorted(place for place in self._open if place[0] <= size):
-            if start < behind:
-                continue
-            record = self._buffer[start:end]
-            if self._fits(record):
+        size, headers = len(self._buffer), self._headers(self._buffer)
+        found, behind = [], 0
+        for k in np.lexsort((headers.start, headers.end)):
+            start, end = int(headers.start[k]), int(headers.end[k])
+            if headers.fits[k] and start >= behind:
                 self.dropped += start - behind
-                found.append(record)
+                found.append(self._buffer[start:end])
                 behind = end
-        self._open = [place for place in self._open if place[0] > size and place[1] >= behind]
-        self._searched = max(self._searched, behind)
-        self._trim(behind)
-        return found
-
-    def _search(self) -> None:
-        """Notes every place from `_searched` on where a header stands."""
-        at = self._buffer.find(self._sync, self._searched)
-        while at >= 0:
-            size = self._header(self._buffer[at : at + 1024])
-            if size is None:
-                self._searched = at
-                return
-            if size:
-                self._open.append((at + size, at))
-            at = self._buffer.find(self._sync, at + 1)
-        self._searched = max(self._searched, len(self._buffer) - len(self._sync) + 1)
-
-    def _trim(self, behind: int) -> None:
-        """Drops the bytes that no record can begin in."""
-        keep = min([self._searched, *(start for _, start in self._open)])
-        self.dropped += max(keep - behind, 0)
+        begun = headers.start[(headers.end > size) & (headers.start >= behind)]
+        keep = max(behind, min([size - self._longest, *begun.tolist()]))
+        self.dropped += keep - behind
         self._buffer = self._buffer[keep:]
-        self._searched -= keep
-        self._open = [(end - keep, start - keep) for end, start in self._open]
+        return found
 
     def reset(self) -> None:
         """Drops a record that has begun."""
         self.dropped += len(self._buffer)
-        self._buffer, self._searched, self._open = b"", 0, []
-
-
-def _word(data: bytes, at: int) -> int:
-    return int(_WORD.unpack_from(data, at)[0])
-
-
-def _pd0_size(head: bytes) -> int | None:
-    """Size of a PD0 ensemble from its header (sync, size, number of types, their offsets), with the checksum."""
-    if len(head) < 8:
-        return None
-    size, types = _word(head, 2), head[5]
-    first = 6 + 2 * types
-    if not types or _word(head, 6) != first or first + 2 > size:
-        return 0
-    if len(head) < first + 2:
-        return None
-    return size + 2 if head[first] <= 1 and head[first + 1] == 0 else 0
-
-
-def _pd0_fits(record: bytes) -> bool:
-    return sum(record[:-2]) & 0xFFFF == _word(record, len(record) - 2)
-
-
-def _nortek_sum(data: bytes) -> int:
-    """Nortek's checksum: little-endian words from 0xB58C on, an odd last byte counted as a high one."""
-    words: tuple[int, ...] = struct.unpack_from(f"<{len(data) // 2}H", data)
-    total = 0xB58C + sum(words)
-    return (total + (data[-1] << 8 if len(data) % 2 else 0)) & 0xFFFF
-
-
-def _nortek_size(head: bytes) -> int | None:
-    """Size of a Nortek record from its header, whose own checksum must fit."""
-    if len(head) < 2 or len(head) < head[1]:
-        return None if len(head) < 2 or 10 <= head[1] <= 64 else 0
-    size = head[1]
-    if not 10 <= size <= 64 or _nortek_sum(head[: size - 2]) != _word(head, size - 2):
-        return 0
-    return size + _word(head, 4)
-
-
-def _nortek_fits(record: bytes) -> bool:
-    return _nortek_sum(record[record[1] :]) == _word(record, 6)
-
-
-def pd0() -> Framer:
-    """Framer of Teledyne's PD0."""
-    return Binary(b"\x7f\x7f", _pd0_size, _pd0_fits)
-
-
-def nortek() -> Framer:
-    """Framer of Nortek's binary records."""
-    return Binary(b"\xa5", _nortek_size, _nortek_fits)
+        self._buffer = b""

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording, WaterTable
 from bottomlock.io.binary_records import bytes_of, fields_at, numbered
-from bottomlock.io.framing import Stream, nortek
+from bottomlock.io.framing import Stream
 from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import (
     AVERAGE_AD2CP,
     BOTTOM_AD2CP,
     BURST_AD2CP,
     Frames,
+    framer,
     frames,
     kinds,
     struct_tm_ns,
@@ -27,7 +28,7 @@ from bottomlock.io.nortek_frames import (
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
 
 NAME = "nortek-ad2cp"
-STREAM = Stream(lambda _: nortek(), kind=BOTTOM_AD2CP, water=(BURST_AD2CP, AVERAGE_AD2CP))
+STREAM = Stream(lambda _: framer(), kind=BOTTOM_AD2CP, water=(BURST_AD2CP, AVERAGE_AD2CP))
 _BEAMS = 4
 _HEAD = np.dtype(
     [

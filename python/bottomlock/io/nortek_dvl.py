@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import fields_at
-from bottomlock.io.framing import Stream, nortek
+from bottomlock.io.framing import Stream
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
-from bottomlock.io.nortek_frames import BOTTOM_DVL, WATER_DVL, Frames, frames, kinds, struct_tm_ns
+from bottomlock.io.nortek_frames import BOTTOM_DVL, WATER_DVL, Frames, framer, frames, kinds, struct_tm_ns
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
 
 NAME = "nortek-dvl"
-STREAM = Stream(lambda _: nortek(), kind=BOTTOM_DVL, water=(WATER_DVL,), figures=True)
+STREAM = Stream(lambda _: framer(), kind=BOTTOM_DVL, water=(WATER_DVL,), figures=True)
 _BEAMS = 4
 _DATA = np.dtype(
     [

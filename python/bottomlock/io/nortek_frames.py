@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, Flags, Integers
 from bottomlock.io.binary_records import BLOCK, Headers, Places, blocks, bytes_of, words_at
+from bottomlock.io.framing import Binary, Framer
 
 
 def minute_ns(
@@ -105,9 +106,9 @@ class _Sums:
         return np.asarray(total, dtype=np.uint16)
 
 
-def _headers(data: bytes, sums: _Sums) -> tuple[Headers, Places]:
-    """The headers of a file whose own checksum fits, with that of their data tested, and the headers' sizes."""
-    raw = bytes_of(data)
+def _headers(data: bytes) -> Headers:
+    """The headers of a file whose own checksum fits, with that of their data tested."""
+    raw, sums = bytes_of(data), _Sums(data)
     found = [np.empty(0, dtype=np.int64)]
     for block in blocks(max(len(raw) - _LEAST + 1, 0)):
         part = raw[block : block + BLOCK + 1]
@@ -127,15 +128,20 @@ def _headers(data: bytes, sums: _Sums) -> tuple[Headers, Places]:
     fits[fits] = sums.of((start + header)[fits], size[fits]) == words_at(raw, start + 6)[fits].astype(
         np.uint16
     )
-    return Headers(start, end, fits, end < start), header
+    return Headers(start, end, fits, end < start)
+
+
+def framer() -> Framer:
+    """Cuts a stream into records."""
+    return Binary(_headers, _MOST)
 
 
 def frames(data: bytes, account: Account) -> Frames:
     """Every record of the bytes; what is damaged, cut off or between records goes to the account."""
-    headers, sizes = _headers(data, _Sums(data))
+    headers = _headers(data)
     chosen = headers.whole(len(data), account, "record")
     raw, at = bytes_of(data), headers.start[chosen]
-    start = at + sizes[chosen]
+    start = at + raw[at + 1]
     return Frames(at, raw[at + 2], raw[at + 3], start, headers.end[chosen] - start)
 
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import fields_at
-from bottomlock.io.framing import Stream, nortek
+from bottomlock.io.framing import Stream
 from bottomlock.io.nortek_dvl import UNSURE, layer_range_m, no_layer_note, vertical_note
-from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, Frames, frames, kinds
+from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, Frames, framer, frames, kinds
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
 
 NAME = "nucleus"
-STREAM = Stream(lambda _: nortek(), kind=BOTTOM_NUCLEUS, water=(WATER_NUCLEUS,), figures=True)
+STREAM = Stream(lambda _: framer(), kind=BOTTOM_NUCLEUS, water=(WATER_NUCLEUS,), figures=True)
 _BEAMS = 3
 _FAMILY = 0x20
 _NUCLEUS_RECORDS = {0x82, 0x87, 0xAA, 0xB4, 0xBE, 0xD2, 0xDC}

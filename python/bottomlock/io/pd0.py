@@ -31,13 +31,12 @@ from bottomlock.io.binary_records import (
     numbered,
     words_at,
 )
-from bottomlock.io.framing import Stream, pd0
+from bottomlock.io.framing import Binary, Stream
 from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.pd0_axes import beams_of_axes
 from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, make_water, raise_if_empty, running_sums
 
 NAME = "pd0"
-STREAM = Stream(lambda _: pd0())
 _BEAMS = 4
 FRAMES = ("beam", "instrument", "ship", "earth")
 _FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE = 0x0000, 0x0080, 0x0600, 0x5803
@@ -115,6 +114,9 @@ def _headers(data: bytes) -> Headers:
     a, b = start[fits], last[fits]
     fits[fits] = (sums[b] - sums[a]) == words_at(raw, b).astype(np.uint16)
     return Headers(start, last + 2, fits, last - start < _LEAST)
+
+
+STREAM = Stream(lambda _: Binary(_headers, 6 + 2 * 0xFF + 2))
 
 
 class _Types:
