@@ -16,13 +16,14 @@ from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.rig_search import fit_anyhow
 from bottomlock.recordings.streams import Inertial
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.gyros import match_gyros, slope
-from bottomlock.replay.motion.mounting_yaw import yaw_by_accelerations, yaw_by_positions
+from bottomlock.replay.motion.mounting_yaw import yaw_by_positions
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
 from bottomlock.replay.motion.pings import ping_velocity
 from bottomlock.replay.run import replay_case
@@ -175,20 +176,25 @@ def test_a_steady_offset_is_no_wander(dive: Dive) -> None:
 
 
 @pytest.mark.parametrize("yaw_deg", [-120.0, 0.0, 33.0, 90.0])
-def test_mounting_yaw_by_accelerations_and_by_the_track(dive: Dive, yaw_deg: float) -> None:
-    """Two measurements that share only the velocity; each within four of its own sigmas."""
+def test_mounting_by_accelerations_and_by_the_track(dive: Dive, yaw_deg: float) -> None:
+    """Two measurements that share only the velocity, each within four of its own sigmas; one sees a DVL on its side."""
     stamps, velocity = velocities(dive)
-    instrument = Rotation.from_euler("Z", yaw_deg, degrees=True).inv().apply(velocity)
-    felt = yaw_by_accelerations(
-        Recorded(Inertial(ns(dive.imu_s), dive.force, dive.omega), stamps, instrument)
-    )
+    inertial = Inertial(ns(dive.imu_s), dive.force, dive.omega)
+    mounted = Rotation.from_euler("Z", yaw_deg, degrees=True)
     own = Rotation.from_euler("ZYX", dive.at(np.asarray(stamps * 1e-9), np.unwrap(dive.rpy, axis=0))[:, ::-1])
-    track = yaw_by_positions(stamps, instrument, own, ns(dive.imu_s[::50]), dive.position[::50, :2])
-    for found in (felt, track):
-        assert found is not None
-        off = np.rad2deg(np.angle(np.exp(1j * (found.yaw_rad - np.deg2rad(yaw_deg)))))
-        assert abs(off) < max(4.0 * np.rad2deg(found.sd_rad), 0.5)
-        assert np.rad2deg(found.sd_rad) < 10.0
+    track = yaw_by_positions(
+        stamps, mounted.inv().apply(velocity), own, ns(dive.imu_s[::50]), dive.position[::50, :2]
+    )
+    assert track is not None
+    off = np.rad2deg(np.angle(np.exp(1j * (track.yaw_rad - np.deg2rad(yaw_deg)))))
+    assert abs(off) < max(4.0 * np.rad2deg(track.sd_rad), 0.5)
+    assert np.rad2deg(track.sd_rad) < 10.0
+    for tilted in (mounted, mounted * Rotation.from_euler("X", -90.0, degrees=True)):
+        felt = fit_anyhow(Recorded(inertial, stamps, tilted.inv().apply(velocity)))
+        assert felt is not None
+        assert felt.explained > 0.6
+        departs = (Rotation.from_matrix(felt.turned) * tilted.inv()).as_rotvec()
+        assert (np.abs(departs) < np.maximum(4.0 * felt.part_sd("rotation"), np.deg2rad(0.5))).all()
 
 
 @pytest.mark.long

@@ -10,6 +10,7 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.replay.case import load_case
+from bottomlock.replay.findings.motion_findings import TEMPLATES
 from bottomlock.replay.run import replay_case
 from tests.dive import drawn_dive
 from tests.dive_logs import write_case
@@ -98,16 +99,6 @@ def test_of_two_mistakes_none_is_named_that_is_not_there(pair: tuple[str, str], 
         mistaken(dive, tmp_path, name) if name == pair[0] else MISTAKES[name][0](tmp_path)
     kinds = [one["kind"] for one in replay_case(load_case(tmp_path / "case.toml")).manifest["findings"]]
     made = {MISTAKES[name][1] for name in pair}
-    motion = {
-        "mounting",
-        "axes",
-        "clock",
-        "gyro_offset",
-        "scale",
-        "lever_arm",
-        "gyro_unit",
-        "gyro_sign",
-        "unexplained",
-    }
+    motion = {template.kind for template in TEMPLATES.values()} | {"unexplained"}
     assert motion & set(kinds) <= made | {"unexplained"}, kinds
     assert motion & set(kinds)

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 from bottomlock.audit.imu_alignment import ImuAlignment, align_imu
 from bottomlock.audit.logs import Reference
 from bottomlock.audit.robust import LEAST_BLOCKS, Array
-from bottomlock.recordings.rig_fit import LOOSE, PARTS, Match, Recorded, fit
-from bottomlock.recordings.rig_search import MIRROR, search_axes
+from bottomlock.recordings.rig_fit import LOOSE, PARTS, Match, Recorded
+from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
 from bottomlock.recordings.rig_tracked import Tracked
 from bottomlock.recordings.streams import Inertial
 
@@ -113,18 +113,8 @@ def find_mounting(
     if inside.sum() < LEAST_PINGS:
         return None
     recorded = Recorded(motion, time_ns[inside], velocity_d_mps[inside])
-    begun = search_axes(recorded, offset_s + np.arange(-REACH_S, REACH_S + 0.1, 0.25))
-    first = None if begun is None else fit(recorded, prior=WIDE, axes=begun[0], clock_s=begun[1])
-    if first is None:
-        return None
-    # About axes that are those of the platform by now, of which one, ahead, may show nothing.
-    match = fit(
-        recorded,
-        prior=WIDE,
-        axes=first.rotation @ first.axes,
-        clock_s=float(first.part("clock")[0]),
-        around=True,
-    )
+    offsets_s = offset_s + np.arange(-REACH_S, REACH_S + 0.1, 0.25)
+    match = fit_anyhow(recorded, offsets_s, WIDE, around=True)
     return None if match is None else _mounting(match, offset_s, aligned, of_imu=isinstance(motion, Inertial))
 
 
@@ -146,9 +136,8 @@ def tracked(reference: Reference) -> Tracked | None:
 def _mounting(match: Match, offset_s: float, aligned: ImuAlignment | None, *, of_imu: bool) -> Mounting:
     sd = match.sd if match.blocks >= LEAST_BLOCKS else np.full(len(match.sd), np.inf)
     clock_s, scale = float(match.part("clock")[0]) - offset_s, float(match.part("scale")[0])
-    turned = match.rotation @ match.axes
-    mirrored = bool(np.linalg.det(turned) < 0.0)
-    rotation = Rotation.from_matrix(turned @ MIRROR if mirrored else turned)
+    mirrored = bool(np.linalg.det(match.turned) < 0.0)
+    rotation = Rotation.from_matrix(match.turned @ MIRROR if mirrored else match.turned)
     return Mounting(
         source=BY_IMU if of_imu else BY_VELOCITY,
         rpy_rad=rotation.as_euler("ZYX")[::-1],

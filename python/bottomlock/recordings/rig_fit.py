@@ -110,6 +110,11 @@ class Match:
         return rotation_matrices(self.part("rotation"))
 
     @property
+    def turned(self) -> Floats:
+        """(3, 3) from the velocity's axes as stated to the platform's; left-handed where those of one of both are."""
+        return np.asarray(self.rotation @ self.axes)
+
+    @property
     def gravity(self) -> float:
         """Median size of the slopes, m/s²; NaN without a segment with pings."""
         used = self.gravity_mps2 > 0.0

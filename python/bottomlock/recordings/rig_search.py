@@ -1,10 +1,11 @@
-"""Clocks of a velocity and of inertial readings brought together by a search, whatever the axes of either."""
+"""Where a fit of the rig begins: clocks and axes of a velocity brought to those of a motion by a search."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
 from bottomlock.recordings.rig_segments import LEAST_PINGS, Segments
 from bottomlock.recordings.rig_tracked import Tracked
 from bottomlock.recordings.rotation import rotation_matrices
@@ -99,6 +100,31 @@ MIRROR = np.diag([1.0, -1.0, 1.0])
 YAWS_DEG = range(0, 360, 15)
 CLEARLY = 0.8
 """Ratio of the residuals below which a frame upside down or mirrored is taken."""
+
+
+def fit_anyhow(
+    recorded: Recorded,
+    offsets_s: Floats | None = None,
+    prior: Mapping[str, float] = LOOSE,
+    *,
+    around: bool = False,
+) -> Match | None:
+    """The fit from the axes, and the clock offset of some, that a search finds; None with too few pings.
+
+    Where the search is far off, as of a DVL that looks forward, the passes of one fit do not suffice: a second one is
+    about axes that are those of the platform by then.
+
+    Args:
+        recorded: motion and velocities, in any axes of their own.
+        offsets_s: clock offsets to try; 0 by default.
+        prior, around: of `rig_fit.fit`.
+    """
+    begun = search_axes(recorded, np.zeros(1) if offsets_s is None else offsets_s)
+    first = None if begun is None else fit(recorded, prior=prior, axes=begun[0], clock_s=begun[1])
+    if first is None:
+        return None
+    clock_s = float(first.part("clock")[0])
+    return fit(recorded, prior=prior, axes=first.turned, clock_s=clock_s, around=around)
 
 
 def search_axes(recorded: Recorded, offsets_s: Floats) -> tuple[Floats, float] | None:

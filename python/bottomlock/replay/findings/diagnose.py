@@ -17,7 +17,7 @@ from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.answers import closure_words
 from bottomlock.replay.findings.attitude_checks import attitude_findings, heading_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
-from bottomlock.replay.findings.motion_findings import motion_findings
+from bottomlock.replay.findings.motion_findings import Stated, motion_findings
 from bottomlock.replay.findings.sway import measured_sway
 from bottomlock.replay.findings.track_checks import Fit, fits, track_finding
 from bottomlock.replay.findings.trust import Answer, Evidence, against_reference, answer_of
@@ -227,10 +227,12 @@ def _against_imu(
         return []
     down = np.abs(B @ _mean_down(prepared))
     tilt = float(np.mean(np.arccos(np.clip(down, -1.0, 1.0))))
-    found: list[Finding | None] = [*motion_findings(case, comparison, tilt)]
+    found: list[Finding | None] = [
+        *motion_findings(Stated(case, streams.instrument.mounting_rpy_rad, tilt), comparison)
+    ]
     # Not the free fit: at a constant speed it may lean on a mounting that nothing shows.
     best = comparison.causes[0].match if comparison.causes else comparison.stated
-    gyros = comparison.causes[0].gyros if comparison.causes else 1.0
+    gyros = comparison.causes[0].mistake.gyros if comparison.causes else 1.0
     if np.all(np.asarray(gyros) == 1.0) and abs(best.gravity - 9.81) < 0.5:
         found.append(checks.level_finding(alignment, best))
         found.append(checks.depth_finding(case, streams, recorded, best))

@@ -1,11 +1,12 @@
-"""Which single mistake explains that a velocity does not follow the inertial readings."""
+"""Which single mistake explains that a velocity does not follow the inertial readings, by the fit of the rig."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
+from bottomlock.recordings.rig_fit import LOOSE, PARTS, Match, Recorded, fit
+from bottomlock.recordings.rig_search import fit_anyhow
+from bottomlock.recordings.rotation import rotation_vectors
 from bottomlock.recordings.streams import Floats
 
 LEAST_DROP = 36.0
@@ -16,10 +17,12 @@ LARGE = {"scale": 0.6, "rotation": float(np.deg2rad(20.0))}
 LARGE_PART = 0.3
 """A larger mistake than these must explain this part of the cost, as a wrong unit (0.94) and a turned DVL (0.95) do on
 dives of tests/dive.py. A fit makes one of a speed that hardly changes: 0.12 on sections of St Pere without one."""
+DISCRETE_PART = 0.4
+"""... as a mistaken axis, sign or unit must."""
 ENOUGH = 0.88
 """Causes that explain this part of what the best one does are as good: the simplest of them stands."""
 SIGMAS = 5.0
-MATERIAL = {"rotation": np.deg2rad(1.5), "scale": 0.012, "clock": 0.03, "gyro_bias": 0.0, "lever": 0.25}
+MATERIAL = {"rotation": np.deg2rad(1.5), "scale": 0.012, "clock": 0.03, "lever": 0.25}
 BIAS_FACTOR = 4.0
 """A gyro bias is a finding beyond this many claimed standard deviations."""
 MOST_LEFT = 3.0
@@ -30,18 +33,78 @@ BESIDE_DISCRETE = {"rotation": 0.05, "clock": 0.05}
 """Freedom beside a mistaken axis, sign or unit."""
 REMOVED = 0.5
 """Part of what all mistakes together explain that a cause must explain alone; else it is not the cause."""
+OFF_AXES_RAD = np.deg2rad(10.0)
+"""Axes that are turned by more than this from any permutation are a mounting."""
 SIMPLER = ("units", "gyros", "axes", "clock", "scale", "gyro_bias", "rotation", "lever")
-"""Order in which causes that explain alike are preferred."""
+"""Order in which causes that explain alike are preferred; all but the first three are parameters of the fit."""
+GYROS = {
+    "x": np.array([-1.0, 1.0, 1.0]), "y": np.array([1.0, -1.0, 1.0]), "z": np.array([1.0, 1.0, -1.0]),
+    "x, y and z": -np.ones(3),
+}  # fmt: skip
+"""Axes about which the angular rate has the wrong sign."""
+UNITS = {"deg/s taken for rad/s": np.pi / 180.0, "rad/s taken for deg/s": 180.0 / np.pi}
+
+
+@dataclass(frozen=True, eq=False)
+class Mistake:
+    """A mistake that may have been made.
+
+    Attributes:
+        name: one of `SIMPLER`.
+        of: which of its kind.
+        axes: (3, 3) of the velocity with it; a rotation is about these.
+        gyros: factor of the rates with it.
+    """
+
+    name: str
+    of: str = ""
+    axes: Floats = field(default_factory=lambda: np.eye(3))
+    gyros: float | Floats = 1.0
+
+    def fit(
+        self, recorded: Recorded, tight: dict[str, float], sigma_mps: float | None = None
+    ) -> Match | None:
+        """The fit with it, all else near what is stated."""
+        free = {self.name} & set(PARTS)
+        prior = tight if free else tight | BESIDE_DISCRETE
+        recorded = recorded.with_gyros(self.gyros)
+        return fit(recorded, prior=prior, free=free, axes=self.axes, sigma_mps=sigma_mps)
 
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """A cause: its name, the fit with it, the fall of the cost, and the factor of the gyros with it."""
+    """A mistake, the fit with it, and the fall of the cost."""
 
-    name: str
+    mistake: Mistake
     match: Match
     drop: float
-    gyros: float | Floats = 1.0
+
+    @property
+    def name(self) -> str:
+        """Of the mistake."""
+        return self.mistake.name
+
+    def leaves_mps(self, recorded: Recorded, tight: dict[str, float]) -> float:
+        """Scatter that is left with it; infinite where it cannot be fitted."""
+        own = self.mistake.fit(recorded, tight)
+        return np.inf if own is None else own.sigma_mps
+
+    @property
+    def values(self) -> Floats:
+        """The parameter that is mistaken, a rotation with the axes that it is about; empty for other mistakes."""
+        if self.name == "rotation":
+            return np.asarray(rotation_vectors(self.match.turned[None])[0])
+        return self.match.part(self.name) if self.name in PARTS else np.zeros(0)
+
+    def significant(self, stated: Match, tight: dict[str, float]) -> bool:
+        """Whether the mistake is larger than its noise, and than what does no harm, and explains enough."""
+        if self.name not in PARTS:
+            return self.drop > DISCRETE_PART * stated.cost
+        size = float(np.abs(self.values).max())
+        if size > LARGE.get(self.name, np.inf) and self.drop < LARGE_PART * stated.cost:
+            return False
+        least = BIAS_FACTOR * tight["gyro_bias"] if self.name == "gyro_bias" else MATERIAL[self.name]
+        return size > least and bool((np.abs(self.values) > SIGMAS * self.match.part_sd(self.name)).any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +113,11 @@ class Comparison:
 
     Attributes:
         stated: the fit with everything near what is stated.
-        free: the best fit with everything free.
         causes: that explain the difference, the likeliest first.
         unexplained: whether there is a difference that none of them removes.
     """
 
     stated: Match
-    free: Match
     causes: list[Cause]
     unexplained: bool
 
@@ -69,36 +130,6 @@ def tight_priors(gyro_bias_radps: float, accel_bias_mps2: float) -> dict[str, fl
     }  # fmt: skip
 
 
-def _axes() -> dict[str, tuple[Floats, float]]:
-    """Ways in which axes are mistaken: matrix from the velocity's axes, and the sign of the gyros."""
-    quarter = [
-        np.asarray(Rotation.from_euler("Z", 90 * k, degrees=True).as_matrix()).round(9) + 0.0
-        for k in range(4)
-    ]
-    found = {f"turned by {90 * k} deg about the vertical": (quarter[k], 1.0) for k in (1, 2, 3)}
-    found["reversed"] = (-np.eye(3), 1.0)
-    found["upside down (roll 180 deg)"] = (np.diag([1.0, -1.0, -1.0]), 1.0)
-    found["upside down (pitch 180 deg)"] = (np.diag([-1.0, 1.0, -1.0]), 1.0)
-    found["y reversed"] = (np.diag([1.0, -1.0, 1.0]), 1.0)
-    found["x reversed"] = (np.diag([-1.0, 1.0, 1.0]), 1.0)
-    found["z reversed"] = (np.diag([1.0, 1.0, -1.0]), 1.0)
-    mirror = np.diag([1.0, -1.0, 1.0])
-    for k in range(4):
-        found[f"left-handed {k}"] = (quarter[k] @ mirror, -1.0)
-        found[f"left-handed, upside down {k}"] = (quarter[k] @ np.diag([1.0, 1.0, -1.0]), -1.0)
-    return found
-
-
-GYROS = {
-    "x": np.array([-1.0, 1.0, 1.0]),
-    "y": np.array([1.0, -1.0, 1.0]),
-    "z": np.array([1.0, 1.0, -1.0]),
-    "x, y and z": -np.ones(3),
-}
-"""Axes about which the angular rate has the wrong sign."""
-UNITS = {"deg/s taken for rad/s": np.pi / 180.0, "rad/s taken for deg/s": 180.0 / np.pi}
-
-
 def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Comparison | None:
     """Fits what is stated, what is best, and every single mistake.
 
@@ -107,108 +138,65 @@ def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Co
         tight: 1 sigma of what is stated.
         sigma_mps: claimed noise of a velocity, per axis.
     """
-    free = fit(recorded, prior=LOOSE)
-    near = fit(recorded, prior=tight)
+    free, near = fit(recorded, prior=LOOSE), fit(recorded, prior=tight)
     if free is None or near is None:
         return None
-    # Only a comparison that fails gets the search over axes and units, which takes a second or two.
-    sigma = max(min(free.sigma_mps, near.sigma_mps), sigma_mps)
-    suspects = _discrete(recorded, tight, sigma) if _fails(near, free, sigma_mps) else []
-    sigma = max(
-        min([free.sigma_mps, near.sigma_mps, *(one.match.sigma_mps for one in suspects)]), 0.7 * sigma_mps
-    )
-    stated = fit(recorded, prior=tight, sigma_mps=sigma)
-    free = fit(recorded, prior=LOOSE, sigma_mps=sigma)
+    fails = near.sigma_mps > 1.15 * free.sigma_mps or near.sigma_mps > 2.0 * sigma_mps or not free.plausible
+    # Only a comparison that fails gets the search over axes and units.
+    mistakes = [Mistake(name) for name in SIMPLER if name in PARTS] + (_discrete(recorded) if fails else [])
+    own = [free, near, *(one.fit(recorded, tight) for one in mistakes if one.name not in PARTS)]
+    sigma = max(min(one.sigma_mps for one in own if one is not None), 0.7 * sigma_mps)
+    stated, free = fit(recorded, prior=tight, sigma_mps=sigma), fit(recorded, prior=LOOSE, sigma_mps=sigma)
     if stated is None or free is None:
         return None
-    causes = [
-        *_continuous(recorded, tight, stated, sigma),
-        *_repeat(recorded, tight, stated, suspects, sigma),
-    ]
+    matches = [(one, one.fit(recorded, tight, sigma)) for one in mistakes]
+    causes = [Cause(one, match, stated.cost - match.cost) for one, match in matches if match is not None]
+    causes = [one for one in causes if one.significant(stated, tight)]
     material = [one for one in causes if one.drop > max(LEAST_DROP, LEAST_PART * stated.cost)]
-    least = min([free.cost, *(one.match.cost for one in causes)])
+    most = stated.cost - min([free.cost, *(one.match.cost for one in causes)])
     kept = [
-        one for one in material if _removes(one, stated, least) and _fits(recorded, tight, one, sigma_mps)
+        one
+        for one in material
+        if one.drop >= REMOVED * most and one.leaves_mps(recorded, tight) < MOST_LEFT * sigma_mps
     ]
     best = max((one.drop for one in kept), default=0.0)
     alike = [one for one in kept if one.drop >= ENOUGH * best]
-    alike.sort(key=lambda one: (SIMPLER.index(one.name.split(":")[0]), -one.drop))
+    alike.sort(key=lambda one: (SIMPLER.index(one.name), -one.drop))
     rest = sorted((one for one in kept if one not in alike), key=lambda one: -one.drop)
-    return Comparison(stated, free, alike[:1] + _others(alike, rest), bool(material) and not kept)
+    return Comparison(stated, _told_apart(alike + rest), bool(material) and not kept)
 
 
-def _removes(cause: Cause, stated: Match, least_cost: float) -> bool:
-    """Whether most of what any fit removes is gone with the cause."""
-    return cause.drop >= REMOVED * (stated.cost - least_cost)
-
-
-def _fits(recorded: Recorded, tight: dict[str, float], cause: Cause, sigma_mps: float) -> bool:
-    """Whether what is left with the cause is near the noise of a velocity, by its own scatter."""
-    name = cause.name.split(":")[0]
-    prior = tight if name in LOOSE else tight | BESIDE_DISCRETE
-    own = fit(recorded.with_gyros(cause.gyros), prior=prior, free={name}, axes=cause.match.axes)
-    return own is not None and own.sigma_mps < MOST_LEFT * sigma_mps
-
-
-def _others(alike: list[Cause], rest: list[Cause]) -> list[Cause]:
-    """Further causes that fit as well as the first, one of each other kind: the log does not tell them apart."""
+def _told_apart(causes: list[Cause]) -> list[Cause]:
+    """The first, and two more at most that fit as well, one of each other kind: the log does not tell them apart."""
     found: dict[str, Cause] = {}
-    for one in alike[1:] + rest:
-        if one.match.cost < AS_WELL * alike[0].match.cost:
-            found.setdefault(one.name.split(":")[0], one)
-    found.pop(alike[0].name.split(":")[0] if alike else "", None)
-    return list(found.values())[:2]
-
-
-def _fails(near: Match, free: Match, sigma_mps: float) -> bool:
-    return near.sigma_mps > 1.15 * free.sigma_mps or near.sigma_mps > 2.0 * sigma_mps or not free.plausible
-
-
-def _continuous(recorded: Recorded, tight: dict[str, float], stated: Match, sigma: float) -> list[Cause]:
-    found = []
-    for name in ("rotation", "scale", "clock", "gyro_bias", "lever"):
-        one = fit(recorded, prior=tight, free={name}, sigma_mps=sigma)
-        if one is None:
-            continue
-        values, sd = one.part(name), one.part_sd(name)
-        size = float(np.abs(values).max())
-        if size > LARGE.get(name, np.inf) and stated.cost - one.cost < LARGE_PART * stated.cost:
-            continue
-        least = BIAS_FACTOR * tight["gyro_bias"] if name == "gyro_bias" else MATERIAL[name]
-        if size > least and bool((np.abs(values) > SIGMAS * sd).any()):
-            found.append(Cause(name, one, stated.cost - one.cost))
-    return found
-
-
-def _discrete(recorded: Recorded, tight: dict[str, float], sigma: float) -> list[Cause]:
-    """The best of the mistaken axes and units, with a little freedom beside them."""
-    some = tight | BESIDE_DISCRETE
-    tried: list[tuple[str, Floats | None, float | Floats]] = [
-        (f"axes:{words}", axes, sign) for words, (axes, sign) in _axes().items()
-    ]
-    for kind, of_gyros in (("units", UNITS), ("gyros", GYROS)):
-        tried += [(f"{kind}:{words}", None, gyros) for words, gyros in of_gyros.items()]
-    found = []
-    for name, axes, gyros in tried:
-        one = fit(recorded.with_gyros(gyros), prior=some, axes=axes, sigma_mps=sigma)
-        if one is not None:
-            found.append(Cause(name, one, 0.0, gyros))
-    found.sort(key=lambda one: one.match.cost)
-    again = []
-    for cause in found[:3]:
-        match = fit(recorded.with_gyros(cause.gyros), prior=some, axes=cause.match.axes)
-        if match is not None:
-            again.append(Cause(cause.name, match, 0.0, cause.gyros))
-    return again
-
-
-def _repeat(
-    recorded: Recorded, tight: dict[str, float], stated: Match, causes: list[Cause], sigma: float
-) -> list[Cause]:
-    found = []
-    some = tight | BESIDE_DISCRETE
     for one in causes:
-        match = fit(recorded.with_gyros(one.gyros), prior=some, axes=one.match.axes, sigma_mps=sigma)
-        if match is not None and match.cost < 0.6 * stated.cost:
-            found.append(Cause(one.name, match, stated.cost - match.cost, one.gyros))
-    return found
+        if one is causes[0] or one.match.cost < AS_WELL * causes[0].match.cost:
+            found.setdefault(one.name, one)
+    return list(found.values())[:3]
+
+
+def _discrete(recorded: Recorded) -> list[Mistake]:
+    """Mistaken units, signs and axes; of an IMU whose axes are left-handed rates turn the other way."""
+    tried = [Mistake("units", what, gyros=factor) for what, factor in UNITS.items()]
+    tried += [Mistake("gyros", what, gyros=signs) for what, signs in GYROS.items()]
+    for hand in (1.0, -1.0):
+        found = fit_anyhow(recorded.with_gyros(hand))
+        if found is None:
+            continue
+        M = nearest_axes(found.turned)
+        right_handed = np.linalg.det(found.turned) > 0.0
+        if M is None and hand > 0.0 and right_handed:
+            tried.append(Mistake("rotation", axes=found.turned))
+        elif M is not None and not np.array_equal(M, np.eye(3)) and (hand > 0.0 or not right_handed):
+            tried.append(Mistake("axes", axes=M, gyros=hand))
+    return tried
+
+
+def nearest_axes(turned: Floats) -> Floats | None:
+    """The signed permutation of axes that a matrix (3, 3) is near; None where it is near none.
+
+    >>> nearest_axes(np.array([[0.1, 0.995, 0.0], [-0.995, 0.1, 0.0], [0.0, 0.0, 1.0]])).tolist()
+    [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    M = np.where(np.abs(turned) > np.sqrt(0.5), np.sign(turned), 0.0)
+    return M if 0.5 * (float((M * turned).sum()) - 1.0) > np.cos(OFF_AXES_RAD) else None

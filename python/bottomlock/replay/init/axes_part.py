@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.recordings.rig_fit import LOOSE, Recorded, fit
+from bottomlock.recordings.axes import to_angles
+from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
+from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
 from bottomlock.recordings.streams import Floats, Inertial
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.guess import Guess
@@ -13,7 +15,7 @@ from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
 from bottomlock.replay.init.other_parts import AttitudePart
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at, match_gyros, slope
-from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerations, yaw_by_positions
+from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_positions
 
 EARTH_RADPS = 7.292115e-5
 SURE = 0.7
@@ -107,8 +109,6 @@ def recorded(
     return Recorded(inertial, dvl.time_ns + round(dvl.offset_s * 1e9), dvl.velocity_p_mps)
 
 
-CLEAR = 40.0
-"""Difference of two costs from which axes are told apart: a likelihood ratio beyond any doubt."""
 QUARTER_SD_RAD = np.deg2rad(20.0)
 """1 sigma of a yaw from which it does not tell quarter turns apart."""
 STIFF = {"rotation": 0.2, "gyro_bias": 1e-3, "scale": 1e-3}
@@ -116,6 +116,7 @@ STIFF = {"rotation": 0.2, "gyro_bias": 1e-3, "scale": 1e-3}
 STIFF_SCALE = {"scale": 0.01}
 """That of a DVL, where a calm dive does not tell it from the accelerometers' noise."""
 SIGMAS = 5.0
+QUARTER_RAD = 0.5 * np.pi
 OFF_QUARTER_RAD = np.deg2rad(10.0)
 LEAST_YAW_RAD = np.deg2rad(5.0)
 """A smaller mounting yaw is stated and not applied: the heading may be off as much."""
@@ -124,29 +125,31 @@ TRACKED = 0.8
 USUAL_STEPS = 3.0
 """Steps of a slow attitude, as many times its usual one, over which a track turns evenly enough."""
 FELT = 0.3
-"""That of velocity and accelerations: below it errors of the attitude under acceleration may decide the yaw."""
+"""Part of the velocity that the inertial readings explain, from which they tell its axes: 0.98 on A-KIT and on dives of
+tests/dive.py, below 0.07 on sections of St Pere, whose accelerometers are poor."""
+
+LARGEST_SCALE = 0.5
+"""A DVL whose velocity has to be scaled by more is not told by a fit: 0.32 on A-KIT, whose tilt is unknown."""
 
 
-def _yaw(quarters: float) -> Floats:
-    return np.asarray(Rotation.from_euler("Z", 90.0 * quarters, degrees=True).as_matrix()).round(12) + 0.0
+def _yaw(yaw_rad: float) -> Floats:
+    return np.asarray(Rotation.from_euler("Z", yaw_rad).as_matrix()).round(12) + 0.0
 
 
 def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: MountingYaw | None) -> ImuPart:
-    """Axes about the vertical, by which the velocity follows the inertial readings, and what a fit of both finds.
+    """Axes by which the velocity follows the inertial readings, and what a fit of both finds in them.
 
     Args:
         dvl, imu: as guessed.
         turned: rates of turn by an attitude that confirms the axes of the gyros; None without one.
         track: yaw of the velocity by recorded positions; None where they do not tell it.
     """
-    if turned is None:
-        imu, omega = _of_all_choices(dvl, imu), None
-        dvl.match = fit(recorded(imu, dvl), prior=LOOSE)
-    else:
-        before = imu.axes
-        imu = _of_yaws(dvl, imu, yaw_by_accelerations(recorded(imu, dvl, turned.omega_p_radps)), track)
-        omega = turned.omega_p_radps @ before @ imu.axes.T
-        dvl.match = fit(recorded(imu, dvl, omega), prior=LOOSE | (STIFF if turned.of_attitude else {}))
+    before, omega = imu.axes, None if turned is None else turned.omega_p_radps
+    felt = _felt(recorded(imu, dvl, omega), left_handed=turned is None and not imu.handed)
+    imu = _placed(dvl, imu, felt, track, of_vehicle=turned is None or dvl.recording is None)
+    omega = None if omega is None else omega @ before @ imu.axes.T
+    prior = LOOSE | (STIFF if turned is not None and turned.of_attitude else {})
+    dvl.match = fit(recorded(imu, dvl, omega), prior=prior)
     if dvl.match is not None and not dvl.match.plausible:
         stiff = fit(recorded(imu, dvl, omega), prior=LOOSE | STIFF_SCALE)
         dvl.match = stiff if stiff is not None and stiff.plausible else dvl.match
@@ -156,46 +159,97 @@ def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: MountingYa
     return imu
 
 
-def _of_yaws(dvl: DvlPart, imu: ImuPart, felt: MountingYaw | None, track: MountingYaw | None) -> ImuPart:
-    """The IMU turned to a DVL's vehicle axes, or the DVL mounted at a yaw, as accelerations and track show.
+def _felt(recorded: Recorded, *, left_handed: bool) -> Match | None:
+    """The fit in the axes that a search finds, where it tells them; of an IMU that may be left-handed, the better.
 
-    A velocity in columns is usually in the vehicle's axes, so a quarter turn is that of the IMU; beams are those of an
-    instrument, whose file has a mounting. Any other angle is the DVL's.
+    In left-handed axes rates turn the other way.
     """
-    felt = _telling(felt, FELT)
-    words = []
-    if felt is not None:
-        words.append(
-            f"by its accelerations the DVL's velocity is turned by {felt.words} against IMU and attitude"
-        )
-    if track is not None:
-        words.append(_by_track(track))
+    fits = [
+        (hand, fit_anyhow(recorded.with_gyros(hand))) for hand in ((1.0, -1.0) if left_handed else (1.0,))
+    ]
+    telling = [
+        one for hand, one in fits
+        if one is not None and one.explained > FELT and np.linalg.det(one.turned) * hand > 0.0
+    ]  # fmt: skip
+    return min(telling, key=lambda one: one.sigma_mps, default=None)
+
+
+def _placed(
+    dvl: DvlPart, imu: ImuPart, felt: Match | None, track: MountingYaw | None, *, of_vehicle: bool
+) -> ImuPart:
+    """The IMU turned to a DVL's vehicle axes, or the DVL mounted, as accelerations and track show.
+
+    A velocity in columns is usually in the vehicle's axes, so a quarter turn is that of the IMU, as that of an IMU
+    alone and a change of hand are; beams are those of an instrument, whose file has a mounting. Any other angle is the
+    DVL's.
+
+    Args:
+        dvl, imu: as guessed.
+        felt, track: where they tell anything.
+        of_vehicle: whether a quarter turn is that of the IMU.
+    """
+    words = [] if felt is None else [_by_accelerations(felt)]
+    words += [] if track is None else [_by_track(track)]
     dvl.mounting_why = "; ".join(words)
     if felt is not None and track is not None:
-        apart = abs(float(np.angle(np.exp(1j * (track.yaw_rad - felt.yaw_rad)))))
-        if apart > 3.0 * np.hypot(felt.sd_rad, track.sd_rad):
+        apart = abs(float(np.angle(np.exp(1j * (track.yaw_rad - _heading(felt.turned))))))
+        if apart > 3.0 * np.hypot(felt.part_sd("rotation")[2], track.sd_rad):
             dvl.questions.append(
                 f"is the heading right? Both disagree: yaw_offset_deg of [attitude] may be {np.rad2deg(apart):.0f} off"
             )
             track = None
-    best = track or felt
-    if best is None:
+    by_track = track is not None and (felt is None or felt.turned[2, 2] > np.cos(OFF_QUARTER_RAD))
+    if track is not None and by_track:
+        turned, sd = _yaw(track.yaw_rad), track.sd_rad
+    elif felt is not None:
+        turned, sd = felt.turned, float(felt.part_sd("rotation")[2])
+    else:
         return imu
-    quarters = round(best.yaw_rad / (0.5 * np.pi))
-    off = abs(best.yaw_rad - 0.5 * np.pi * quarters)
-    of_quarter = off < max(2.0 * best.sd_rad, OFF_QUARTER_RAD)
-    if of_quarter and quarters and dvl.recording is None:
+    left_handed = bool(np.linalg.det(turned) < 0.0)
+    quarters = round(_heading(turned) / QUARTER_RAD)
+    stands = _yaw(QUARTER_RAD * quarters) @ (MIRROR if left_handed else np.eye(3))
+    off = float(Rotation.from_matrix(turned @ stands.T).magnitude())
+    of_quarter = off < max(2.0 * sd, OFF_QUARTER_RAD)
+    if left_handed or (of_quarter and quarters and of_vehicle):
         dvl.mounting_why += f", so IMU and attitude are turned by {-90 * quarters:+d} deg to it"
-        return imu.with_axes(_yaw(-quarters) @ imu.axes, f"{imu.axes_why}; see [dvl]", known=True)
-    if best is track:
-        _mounted(dvl, best)
-    elif of_quarter and quarters:
-        dvl.turned(0.5 * np.pi * quarters)
-    elif not of_quarter:
-        dvl.questions.append(
-            f"how is the DVL mounted? mounting_yaw_deg of its file may be {np.rad2deg(best.yaw_rad):.0f}"
-        )
+        dvl.mounting_why += ", and left-handed" if left_handed else ""
+        return imu.with_axes(stands.T @ imu.axes, f"{imu.axes_why}; see [dvl]", known=True)
+    if track is not None and by_track:
+        _mounted(dvl, track)
+    elif of_quarter:
+        dvl.turned(stands)
+    elif felt is not None and _sure(felt, off):
+        dvl.turned(turned)
+    else:
+        dvl.questions.append(f"how is the DVL mounted? It moves as if turned by {_angles(turned)}")
     return imu.with_axes(imu.axes, imu.axes_why, known=imu.axes_known or of_quarter)
+
+
+def _heading(turned: Floats) -> float:
+    """Yaw of a frame, rad, from forward to starboard."""
+    return float(np.arctan2(turned[1, 0], turned[0, 0]))
+
+
+def _sure(felt: Match, off_rad: float) -> bool:
+    """Whether a mounting is beyond doubt: beyond its noise, and nothing else is far from what is stated."""
+    certain = off_rad > SIGMAS * float(felt.part_sd("rotation").max())
+    return certain and abs(float(felt.part("scale")[0])) < LARGEST_SCALE and abs(felt.gravity - 9.81) < 0.1
+
+
+def _angles(turned: Floats) -> str:
+    """Roll, pitch and yaw of a frame; of a left-handed one with all its axes reversed."""
+    angles = np.rad2deg(to_angles(Rotation.from_matrix(turned * np.linalg.det(turned).round())))
+    return ", ".join(
+        f"{name} {angle:+.1f}" for name, angle in zip(("roll", "pitch", "yaw"), angles, strict=True)
+    )
+
+
+def _by_accelerations(felt: Match) -> str:
+    sd = float(np.rad2deg(felt.part_sd("rotation").max()))
+    return (
+        f"by its accelerations, {100.0 * felt.explained:.0f} % of which the IMU explains, the DVL's velocity is turned "
+        f"by {_angles(felt.turned)} ± {sd:.2g} deg against IMU and attitude"
+    )
 
 
 def set_yaw_by_track(dvl: DvlPart, track: MountingYaw | None) -> None:
@@ -214,53 +268,13 @@ def _by_track(track: MountingYaw) -> str:
 def _mounted(dvl: DvlPart, track: MountingYaw) -> None:
     """The DVL turned by the yaw of its track, where that is beyond doubt."""
     if abs(track.yaw_rad) > max(SIGMAS * track.sd_rad, LEAST_YAW_RAD):
-        dvl.turned(track.yaw_rad)
+        dvl.turned(_yaw(track.yaw_rad))
 
 
 def telling_track(track: MountingYaw | None) -> MountingYaw | None:
-    """The yaw of a track, where it tells a direction."""
-    return _telling(track, TRACKED)
-
-
-def _telling(yaw: MountingYaw | None, agreement: float) -> MountingYaw | None:
-    """The yaw, where its agreement and its sigma tell quarter turns apart."""
-    tells = yaw is not None and yaw.agreement > agreement and yaw.sd_rad < QUARTER_SD_RAD
-    return yaw if tells else None
-
-
-def _of_all_choices(dvl: DvlPart, imu: ImuPart) -> ImuPart:
-    """Axes about the vertical and handedness of an IMU without attitude, by which choice lets the velocity follow."""
-    mirror = np.diag([1.0, -1.0, 1.0])
-    choices = {"as named": np.eye(3)} | {f"turned by {90 * k} deg": _yaw(k) for k in (1, 2, 3)}
-    if not imu.handed:
-        choices |= {f"mirrored {k}": _yaw(k) @ mirror for k in range(4)}
-    prior = LOOSE | {"rotation": 0.2}
-    fits = {name: fit(recorded(imu, dvl, axes=Q @ imu.axes), prior=prior) for name, Q in choices.items()}
-    known = {name: one for name, one in fits.items() if one is not None}
-    if not known:
-        return imu
-    sigma = min(one.sigma_mps for one in known.values())
-    costs = {}
-    for name in known:
-        one = fit(recorded(imu, dvl, axes=choices[name] @ imu.axes), prior=prior, sigma_mps=sigma)
-        costs[name] = np.inf if one is None else one.cost
-    order = sorted(costs, key=lambda name: costs[name])
-    best = order[0]
-    if (
-        best != "as named"
-        and costs["as named"] - costs[best] > CLEAR
-        and (len(order) < 2 or costs[order[1]] - costs[best] > CLEAR)
-    ):
-        Q = choices[best]
-        odds = (
-            f"the DVL's velocity follows the IMU with these axes (cost {costs[best]:.0f}, as named "
-            f"{costs['as named']:.0f})"
-        )
-        imu = imu.with_axes(Q @ imu.axes, f"{imu.axes_why}; {odds}", known=True)
-    elif best == "as named" and len(order) > 1 and costs[order[1]] - costs[best] > CLEAR:
-        odds = f"the DVL's velocity follows the IMU (cost {costs[best]:.0f}, next best axes {costs[order[1]]:.0f})"
-        imu = imu.with_axes(imu.axes, f"{imu.axes_why}; {odds}", known=True)
-    return imu
+    """The yaw of a track, where it tells a direction and its sigma tells quarter turns apart."""
+    tells = track is not None and track.agreement > TRACKED and track.sd_rad < QUARTER_SD_RAD
+    return track if tells else None
 
 
 def track_yaw(

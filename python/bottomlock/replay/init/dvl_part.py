@@ -57,7 +57,8 @@ class DvlPart:
         unit, unit_why: of a velocity.
         offset_s: to the IMU's clock.
         claimed: geometry, and noise of each beam that it claims.
-        mounting_yaw_deg, mounting_why: of the instrument on the vehicle; the velocity is turned by it already.
+        mounting_deg, mounting_why: roll, pitch and yaw of the instrument on the vehicle; the velocity is turned by them
+            already.
         match: of its velocity with the IMU's readings.
         questions: for the case.
     """
@@ -79,16 +80,16 @@ class DvlPart:
     offset_why: str = ""
     offset_known: bool = True
     claimed: tuple[BeamGeometry, Floats] | None = None
-    mounting_yaw_deg: float = 0.0
+    mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mounting_why: str = ""
     match: Match | None = None
     questions: list[str] = field(default_factory=list)
 
-    def turned(self, yaw_rad: float) -> None:
-        """Takes over a mounting of the instrument."""
-        C = Rotation.from_euler("Z", yaw_rad).as_matrix()
+    def turned(self, C: Floats) -> None:
+        """Takes over a mounting of the instrument: a rotation (3, 3)."""
         self.velocity_p_mps = np.asarray(self.velocity_p_mps @ C.T)
-        self.mounting_yaw_deg = round(float(np.rad2deg(yaw_rad)), 1)
+        roll, pitch, yaw = Rotation.from_matrix(C).as_euler("ZYX", degrees=True)[::-1].round(1) + 0.0
+        self.mounting_deg = float(roll), float(pitch), float(yaw)
 
 
 def dvl_of_recording(recording: Recording) -> DvlPart:

@@ -208,8 +208,8 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
             known=False,
         )
     if dvl.mounting_why:
-        section.say(f"mounting_yaw_deg is {dvl.mounting_yaw_deg:g}: {dvl.mounting_why}")
-    if dvl.mounting_yaw_deg:
+        section.say(f"mounting_yaw_deg is {dvl.mounting_deg[2]:g}: {dvl.mounting_why}")
+    if any(dvl.mounting_deg):
         section.ask(
             "is the DVL mounted so? Where positions told it, they judge the heading no longer by themselves"
         )
@@ -230,12 +230,11 @@ def _dvl_errors() -> Section:
 
 def _geometry(dvl: DvlPart, files: Files) -> str:
     """A packaged name, or a file beside the case where directions or mounting are the log's own."""
-    if not dvl.geometry_text and not dvl.mounting_yaw_deg:
+    if not dvl.geometry_text and not any(dvl.mounting_deg):
         return dvl.geometry
-    text = dvl.geometry_text or geometry_text(dvl.geometry)
-    if dvl.mounting_yaw_deg:
-        text = f"mounting_yaw_deg = {dvl.mounting_yaw_deg}\n{text}"
-    return files.geometry(text)
+    angles = zip(("roll", "pitch", "yaw"), dvl.mounting_deg, strict=True)
+    lines = [f"mounting_{name}_deg = {angle}\n" for name, angle in angles if angle]
+    return files.geometry("".join(lines) + (dvl.geometry_text or geometry_text(dvl.geometry)))
 
 
 def _departures(dvl: DvlPart) -> list[str]:

@@ -1,7 +1,7 @@
-"""Yaw of a DVL on its vehicle: its velocity against the integrated specific force, and its track against positions.
+"""Yaw of a DVL on its vehicle: its track against recorded positions.
 
-Both are least squares of two columns, the velocity in the level plane as stated and turned by a quarter, so no first
-guess is needed. Noise of the velocity does not bias the angle: it is not correlated with the other side.
+It is least squares of two columns, the velocity in the level plane as stated and turned by a quarter, so no first guess
+is needed. Noise of the velocity does not bias the angle: it is not correlated with the other side.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.streams import Floats, Integers
 
 WINDOW_S = 60.0
@@ -41,26 +40,6 @@ class MountingYaw:
         """Angle, sigma and agreement."""
         yaw, sd = np.rad2deg(self.yaw_rad), np.rad2deg(self.sd_rad)
         return f"{yaw:+.1f} ± {sd:.2g} deg (agreement {self.agreement:.2f})"
-
-
-def yaw_by_accelerations(recorded: Recorded) -> MountingYaw | None:
-    """Yaw by which the velocity's changes follow the integrated specific force; None with too few pings.
-
-    Args:
-        recorded: readings in platform axes, and the velocity in the DVL's.
-    """
-    segments = recorded.integrated()
-    if segments is None:
-        return None
-    at = segments.at(recorded.time_ns)
-    if len(np.unique(at.segment)) < LEAST_WINDOWS:
-        return None
-    v = recorded.velocity_p_mps[at.kept]
-
-    sides = [np.einsum("pij,pj->pi", at.C, side) for side in _sides(v)]
-    left, _ = at.left(np.stack([at.S, *sides], axis=2))
-    felt = left[:, :, 0] - left[:, :, 3]
-    return _yaw(left[:, :, 1], left[:, :, 2], felt, at.segment)
 
 
 def yaw_by_positions(
