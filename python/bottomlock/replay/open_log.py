@@ -4,7 +4,6 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -147,7 +146,10 @@ def open_log(*files: str | Path, without: Sequence[str] = ()) -> Log:
         # The tables that a guessed case needs beside it are read before they go.
         made = make_case(paths, Path(folder) / "case.toml", without=without)
         case = load_case(made.case)
-        guesses = tuple(_guesses(made.case.read_text(encoding="utf-8")))
+        guesses = tuple(
+            f"{f'[{one.section}] {one.setting}'.strip()}: {one.words}"
+            for one in made.entries if one.why and one.known is not None
+        )  # fmt: skip
         return Log(case, guesses, read_streams(case), tuple(paths))
 
 
@@ -156,17 +158,3 @@ def _path(file: object) -> Path:
         hint = ": open_log(*files)" if isinstance(file, list | tuple) else ""
         raise DataError(f"is given a {type(file).__name__}", key="open_log", expected=f"paths{hint}")
     return Path(file)
-
-
-def _guesses(case: str) -> Iterator[str]:
-    """The remarks of a case that was guessed, as "[imu] force_unit = ...: guessed: ..."; some go on in a next line."""
-    lines = case.splitlines()
-    section = ""
-    for at, line in enumerate(lines):
-        if line.startswith("["):
-            section = line
-        setting, _, words = line.partition("# ")
-        if line and words.startswith(("guessed:", "?")):
-            more = takewhile(lambda one: one.startswith("#   "), lines[at + 1 :])
-            words = " ".join([words, *(one.removeprefix("#").strip() for one in more)])
-            yield f"{section} {setting.strip()}".strip() + f": {words}"

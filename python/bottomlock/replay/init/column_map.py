@@ -8,8 +8,8 @@ from bottomlock.files.overwriting import check_free
 from bottomlock.io.columns import column_names
 from bottomlock.replay.init.any_table import read_any_table
 from bottomlock.replay.init.beam_columns import beam_columns
+from bottomlock.replay.init.draft import Section, toml_of
 from bottomlock.replay.init.dvl_part import SPEED_SI, dvl_of_velocity
-from bottomlock.replay.init.files import Section
 from bottomlock.replay.init.found import Found, find_streams, table_times
 
 
@@ -32,9 +32,8 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
             place=file,
             hint="bottomlock replay --init reads it as it is",
         )
-    section = Section(
-        "", [f"Column map of {file.name}: bottomlock convert {file.name} --out OUT --columns {to.name}"]
-    )
+    section = Section("")
+    section.say(f"Column map of {file.name}: bottomlock convert {file.name} --out OUT --columns {to.name}")
     section.put("time", times.column)
     section.put("time_unit", times.unit, times.why)
     beams = beam_columns(table)
@@ -70,7 +69,7 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
         raise DataError(
             f"none of its columns is known as a beam or a velocity ({column_names(table.frame)})", place=file
         )
-    write_text(to, section.text())
+    write_text(to, toml_of(section.entries))
 
 
 def _put_instrument(section: Section, velocity: Found) -> None:

@@ -12,7 +12,6 @@ from bottomlock.files.atomic_write import write_text
 from bottomlock.io.columns import column_names
 from bottomlock.plant.surroundings import world_magnetic_model
 from bottomlock.replay.case import parse_case
-from bottomlock.replay.init import sections
 from bottomlock.replay.init.axes_part import (
     recorded,
     set_axes,
@@ -22,6 +21,7 @@ from bottomlock.replay.init.axes_part import (
     turns,
     unit_by_attitude,
 )
+from bottomlock.replay.init.draft import Entry, toml_of
 from bottomlock.replay.init.dvl_part import (
     ENOUGH_PINGS,
     DvlPart,
@@ -37,6 +37,7 @@ from bottomlock.replay.init.no_imu import imu_of_attitude, noise_of_pings
 from bottomlock.replay.init.other_parts import AttitudePart, guess_attitude, guess_depth
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart, choose_positions, guess_positions
+from bottomlock.replay.init.sections import draft
 from bottomlock.replay.init.sources import Sources, read_sources
 from bottomlock.replay.motion.mounting_yaw import MountingYaw
 from bottomlock.replay.motion.ping_noise import ping_noise
@@ -52,14 +53,23 @@ class Made:
     Attributes:
         case, written: its path, and the tables written beside it.
         words: what the files hold.
-        guesses, questions: their numbers.
+        entries: of the case.
     """
 
     case: Path
     written: list[Path]
     words: list[str]
-    guesses: int
-    questions: int
+    entries: list[Entry]
+
+    @property
+    def guesses(self) -> int:
+        """Number of guesses with their reasons."""
+        return sum(bool(one.why) and one.known is True for one in self.entries)
+
+    @property
+    def questions(self) -> int:
+        """Number of questions that the files leave open."""
+        return sum(bool(one.why) and one.known is False for one in self.entries)
 
 
 def make_case(files: Sequence[Path], out: Path, *, force: bool = False, without: Sequence[str] = ()) -> Made:
@@ -79,14 +89,12 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False, without:
     target.check(out)
     sources = read_sources(files, without)
     parts = choose(sources)
-    text = sections.case_text(parts, sources, target)
+    entries = draft(parts, sources, target)
+    text = toml_of(entries)
+    written = target.write()
     parse_case(text, place=str(out), folder=out.parent)
     write_text(out, text)
-    lines = text.splitlines()
-    return Made(
-        out, target.written, sources.words, sum("# guessed:" in line for line in lines),
-        sum("# ?" in line for line in lines),
-    )  # fmt: skip
+    return Made(out, written, sources.words, entries)
 
 
 def choose(sources: Sources) -> Parts:

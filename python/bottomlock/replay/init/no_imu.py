@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError
 from bottomlock.kernel.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles
+from bottomlock.replay.init.draft import Section
 from bottomlock.replay.init.dvl_part import DvlPart
-from bottomlock.replay.init.files import Section
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, angle_unit, round_up
 from bottomlock.replay.init.imu_part import ImuPart

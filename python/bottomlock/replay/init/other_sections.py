@@ -8,8 +8,9 @@ import numpy as np
 from bottomlock.config.instrument_grades import Grade, grades
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import water_file
+from bottomlock.replay.init.draft import Section
 from bottomlock.replay.init.dvl_part import DvlPart
-from bottomlock.replay.init.files import Files, Section
+from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.guess import round_up, white_noise
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.sources import Sources
@@ -195,14 +196,15 @@ def water_section(dvl: DvlPart, sources: Sources, files: Files) -> list[Section]
     """`[water_track]` with the water table beside the beams of the case, or beside the log that they are from."""
     if dvl.recording is None or sources.log is None:
         return []
-    own = next((one for one in files.written if water_file(one).is_file()), None)
-    given = water_file(sources.log)
-    if own is None and not given.is_file():
+    own, given = water_file(files.beside("beams")), water_file(sources.log)
+    is_own = dvl.recording.water is not None or own.is_file()
+    if not is_own and not given.is_file():
         return []
     section = Section("water_track")
-    table = given if own is None else water_file(own)
-    section.say(f"{table.name} has beams that the water returned: the current is a state of the filter")
-    if own is None:
+    section.say(
+        f"{(own if is_own else given).name} has beams that the water returned: the current is a state of the filter"
+    )
+    if not is_own:
         section.put("file", files.relative(given))
     section.ask(
         "is the nearest cell in the vehicle's own wake? cells = [2, 3] leaves it out (docs/howto/water_track.md)"

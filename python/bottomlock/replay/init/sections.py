@@ -1,4 +1,4 @@
-"""The sections of a first case."""
+"""The sections of a first case: the draft."""
 
 from copy import copy
 from typing import Any
@@ -7,8 +7,9 @@ import numpy as np
 
 from bottomlock.io.beams import geometry_text
 from bottomlock.kernel import RECOMMENDED_METHOD
+from bottomlock.replay.init.draft import Entry, Section
 from bottomlock.replay.init.dvl_part import DvlPart
-from bottomlock.replay.init.files import Files, Section, joined
+from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.guess import round_up
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.no_imu import put_source
@@ -34,14 +35,16 @@ LONG_TERM_PERCENT, LONG_TERM_MPS = 0.5, 0.002
 """Errors of a DVL that last: the caution of what data sheets state."""
 
 
-def case_text(parts: Parts, sources: Sources, files: Files) -> str:
-    """The text of a case; tables that a replay cannot read as they are, are written beside it."""
+def draft(parts: Parts, sources: Sources, files: Files) -> list[Entry]:
+    """The entries of a case; tables that a replay cannot read as they are, are planned beside it."""
     imu = put_source(parts.imu) if parts.imu.made else _imu(parts.imu, files)
     dvl = _dvl(parts.dvl, sources, files)
     others = [
         _dvl_errors(), *_depth(parts, files), *_attitude(parts, files), *_gps(parts, files), *_reference(parts, files),
     ]  # fmt: skip
-    head = Section("", [HEAD[0].format(case=files.case.name), HEAD[1]])
+    head = Section("")
+    for words in HEAD:
+        head.say(words.format(case=files.case.name))
     for words in sources.words:
         head.say(f"  {words}")
     for one in parts.unused:
@@ -57,20 +60,11 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     )
     start = Section("start")
     put_start(start, parts)
-    return joined(
-        [
-            head,
-            _origin(parts),
-            imu,
-            *([] if parts.imu.made else [put_errors(parts)]),
-            dvl,
-            *others,
-            *water_section(parts.dvl, sources, files),
-            start,
-            *motion_section(parts),
-            replay,
-        ]
-    )
+    sections = [
+        head, _origin(parts), imu, *([] if parts.imu.made else [put_errors(parts)]), dvl, *others,
+        *water_section(parts.dvl, sources, files), start, *motion_section(parts), replay,
+    ]  # fmt: skip
+    return [entry for section in sections for entry in section.entries]
 
 
 def _origin(parts: Parts) -> Section:
@@ -174,8 +168,12 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
     section = Section("dvl")
     if dvl.recording is not None:
         assert sources.log is not None  # set with the recording
-        section.put("file", files.recording(dvl.recording, sources.log), f"converted from {sources.log.name}")
-        section.lines[-1] = section.lines[-1].replace("guessed: converted", "converted")
+        section.put(
+            "file",
+            files.recording(dvl.recording, sources.log),
+            f"converted from {sources.log.name}",
+            known=None,
+        )
         section.put(
             "clock",
             _clock({"column": "time_ns", "unit": "ns"}, dvl.offset_s),
