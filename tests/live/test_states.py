@@ -8,18 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bottomlock.live.states import ORDER, Facts, Limits, StateMachine, judge
+from bottomlock.live.sections import StatesSection
+from bottomlock.live.states import ORDER, Facts, StateMachine, judge
 from bottomlock.ports.estimate import SILENT, State
 
 S = 1_000_000_000
-LIMITS = Limits(
-    silent_periods=3.0,
-    silent_least_ns=S // 10,
-    settle_ns=S,
-    velocity_sd_mps=0.5,
-    rejected_pings=5,
-    closure_ratio=3.0,
-)
+LIMITS = StatesSection(rejected_pings=5)
 GOOD = Facts(
     now_ns=100 * S,
     mode="navigation",

@@ -5,7 +5,6 @@ from typing import Annotated, Any, Self
 
 from pydantic import ValidationError, model_validator
 
-from bottomlock import units
 from bottomlock.config.effort import require_one_use
 from bottomlock.config.meaning import shown
 from bottomlock.config.toml_file import parse_toml, read_text
@@ -29,7 +28,6 @@ from bottomlock.live.sections import (
     StatesSection,
     VelocitySection,
 )
-from bottomlock.live.states import Limits
 from bottomlock.ports.estimate import Mode
 from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.port import Port
@@ -174,18 +172,6 @@ class LiveConfig(NavigatorConfig):
         """The sources of a kind of reading, a key of `FORMATS`; where there are none of its own those of MAVLink."""
         own = [source for source in self.source if source.format in FORMATS[readings]]
         return own or [source for source in self.source if mavlink and source.format == "mavlink"]
-
-    @property
-    def limits(self) -> Limits:
-        """Where the conditions of the states begin."""
-        return Limits(
-            silent_periods=self.states.silent_periods,
-            silent_least_ns=units.ns_from_s(self.states.silent_least_s),
-            settle_ns=units.ns_from_s(self.states.settle_s),
-            velocity_sd_mps=self.states.velocity_sd_mps,
-            rejected_pings=self.states.rejected_pings,
-            closure_ratio=self.states.closure_ratio,
-        )
 
     def ports(self) -> tuple[Port, ...]:
         """The ports, in the order of the file.

@@ -104,7 +104,7 @@ class Engine:
         self.ports = [
             PortState(port, section.port) for section, port in zip(config.port, config.ports(), strict=True)
         ]
-        self.machine = StateMachine(config.limits)
+        self.machine = StateMachine(config.states)
         self._reset_counter = reset_counter
         self._tick_ns: int | None = None
         self._offered_ns: int | None = None

@@ -7,7 +7,9 @@ state is the worst that held within the last `settle_s`. docs/live.md prints the
 from collections import Counter
 from dataclasses import dataclass
 
+from bottomlock.live.sections import StatesSection
 from bottomlock.ports.estimate import Mode, State
+from bottomlock.units import ns_from_s
 
 MOST = 40
 """Reasons that are counted apart: some hold words from the line, which may be anything."""
@@ -29,27 +31,6 @@ class Reasons(Counter[str]):
 
 ORDER: tuple[State, ...] = ("OK", "PARTIAL", "WATER", "COASTING", "UNSAFE")
 """From the best to the worst; INITIALISING stands apart."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Where a condition begins.
-
-    Attributes:
-        silent_periods: periods of a source without data from which on it is silent.
-        silent_least_ns: the least of such times: hosts pause, too.
-        settle_ns: how long a better condition must hold.
-        velocity_sd_mps: largest 1 sigma of a velocity axis that is safe to use (mode navigation).
-        rejected_pings: pings in a row that the gate rejects, from which on the estimate contradicts the beams.
-        closure_ratio: scatter of the beams' closure over the claimed one, from which on no claim holds.
-    """
-
-    silent_periods: float
-    silent_least_ns: int
-    settle_ns: int
-    velocity_sd_mps: float
-    rejected_pings: int
-    closure_ratio: float
 
 
 @dataclass(frozen=True)
@@ -91,7 +72,7 @@ class Facts:
     imu_fault: str = ""
 
 
-def judge(facts: Facts, limits: Limits) -> tuple[State, str]:
+def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
     """The state that these facts alone ask for, and the condition in words."""
     if facts.waiting_for:
         return "INITIALISING", f"waiting for {facts.waiting_for}"
@@ -127,8 +108,8 @@ def judge(facts: Facts, limits: Limits) -> tuple[State, str]:
     return "OK", "beams determine the whole velocity"
 
 
-def _silent(age_ns: int | None, period_ns: int, limits: Limits) -> bool:
-    return age_ns is None or age_ns > max(limits.silent_periods * period_ns, limits.silent_least_ns)
+def _silent(age_ns: int | None, period_ns: int, limits: StatesSection) -> bool:
+    return age_ns is None or age_ns > max(limits.silent_periods * period_ns, ns_from_s(limits.silent_least_s))
 
 
 def _for(age_ns: int | None) -> str:
@@ -145,7 +126,7 @@ class StateMachine:
         since_ns: when it was entered; None before the first update.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: StatesSection) -> None:
         self.limits = limits
         self.state: State = "INITIALISING"
         self.why = "nothing has come yet"
@@ -164,7 +145,7 @@ class StateMachine:
             (
                 state
                 for state, (at_ns, _) in self._last.items()
-                if state == asked or facts.now_ns - at_ns < self.limits.settle_ns
+                if state == asked or facts.now_ns - at_ns < ns_from_s(self.limits.settle_s)
             ),
             key=ORDER.index,
         )

@@ -8,7 +8,6 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.track import read_track
 from bottomlock.truth.path import Path
-from bottomlock.truth.path_check import Limits
 
 _LATITUDE_TOLERANCE_DEG = 0.1
 """Of a latitude that the scenario states as well: gravity and Earth rate differ by some 1e-5 and 1e-3 of themselves."""
@@ -33,7 +32,7 @@ def own_path(scenario: Scenario) -> Path:
     try:
         return Path(
             read_track(File(settings.file), settings.columns),
-            Limits(**settings.limits.model_dump()),
+            settings.limits,
             max_gap_s=settings.max_gap_s,
             depth_m=scenario.environment.depth_m,
         )

@@ -11,11 +11,12 @@ from pathlib import Path as FilePath
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
+from bottomlock.config.path_keys import PathLimits
 from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import DataError
 from bottomlock.io.track import Track, read_track
 from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings, rate_tp, rotation_t_p
-from bottomlock.truth.path_check import DEGREE, Limits, Peak, check_angles, check_rows, check_smooth, row_at
+from bottomlock.truth.path_check import DEGREE, Peak, check_angles, check_rows, check_smooth, row_at
 from bottomlock.truth.path_summary import PathSummary
 from bottomlock.truth.truth import Array, Truth, sample_times_ns
 
@@ -40,7 +41,7 @@ class Path:
     def __init__(
         self,
         track: Track,
-        limits: Limits | None = None,
+        limits: PathLimits | None = None,
         *,
         max_gap_s: float | None = None,
         depth_m: float = 0.0,
@@ -57,7 +58,7 @@ class Path:
             DataError: for rows that are no path, each with row and likely mistake.
         """
         self.track = track
-        self.limits = limits or Limits()
+        self.limits = limits or PathLimits()
         self.time_s = track.time_s
         rows = track.position_t_m.copy()
         if not track.has_depth:
@@ -210,7 +211,7 @@ def truth_from_path(
     columns: Mapping[str, str] | None = None,
     earth_rate_radps: float = EARTH_RATE_RADPS,
     max_gap_s: float | None = None,
-    limits: Limits | None = None,
+    limits: PathLimits | None = None,
 ) -> Truth:
     """The truth along a path from a file, as `[trajectory] file` flies it (docs/own_trajectory.md).
 

@@ -5,20 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bottomlock.config.path_keys import PathLimits
 from bottomlock.errors import DataError
 from bottomlock.io.track import Track
 from bottomlock.truth.truth import Array
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What is plausible for an underwater vehicle; keys of `[trajectory.limits]`."""
-
-    speed_mps: float = 15.0
-    least_speed_mps: float = 0.05
-    accel_mps2: float = 5.0
-    jerk_mps3: float = 20.0
-    turn_deg_per_s: float = 60.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +47,7 @@ _GAP = 10.0
 """Times the median interval between rows: a longer one is a gap."""
 
 
-def check_rows(track: Track, limits: Limits, *, max_gap_s: float | None) -> None:
+def check_rows(track: Track, limits: PathLimits, *, max_gap_s: float | None) -> None:
     """Checks number, order, mean speed, the steps from row to row and the gaps between them.
 
     Args:
@@ -117,7 +107,7 @@ def _check_rising(time_s: Array, place: str) -> None:
         )
 
 
-def _check_units(track: Track, steps_m: Array, steps_s: Array, limits: Limits) -> None:
+def _check_units(track: Track, steps_m: Array, steps_s: Array, limits: PathLimits) -> None:
     """Rejects a mean speed that another unit would make plausible."""
     mean = float(steps_m.sum() / steps_s.sum())
     usual = float(np.median(steps_m / steps_s))
@@ -183,7 +173,7 @@ def _astray(yaw: Array, course: Array) -> float:
     return float(np.median(np.abs(np.angle(np.exp(1j * (yaw - course))))))
 
 
-def check_smooth(place: str, peaks: Mapping[str, Peak], limits: Limits) -> None:
+def check_smooth(place: str, peaks: Mapping[str, Peak], limits: PathLimits) -> None:
     """Checks speed, acceleration, jerk and turn rate of the motion.
 
     Raises:
