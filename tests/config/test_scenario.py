@@ -69,6 +69,10 @@ def test_packaged_scenarios_load() -> None:
             ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nbeams_lost = [5]"),
             "lost beam 5 does not exist, expected 1 to 4",
         ),
+        (
+            ("[imu]", "[[dvl.outages]]\nbeams = [1]\nfrom_s = 2.0\nto_s = 2.0\n[imu]"),
+            "outage ends at 2.0 s, expected after its start at 2.0 s",
+        ),
         (("[dvl]\nbeam_noise_mps = 0.042", ""), "no [dvl] section"),
         (("name = ", "name == "), "not valid TOML"),
         (("[imu]", '[campaign]\nmethods = ["tc", "tc"]\n[imu]'), "method 'tc' is named twice"),

@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
+from bottomlock.config.scenario_sections import Dropout, Dvl, Outage
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.beam_loss import (
-    MarkovDropout,
-    Outage,
-    ReturnLimits,
-    combine,
-    markov_valid,
-    replayed,
-    scheduled,
-)
+from bottomlock.plant.beam_loss import combine, markov_valid, replayed, returning, scheduled
 from bottomlock.plant.seabed import Footprints
 
 PINGS_NS = np.arange(250, dtype=np.int64) * 1_000_000_000
@@ -24,20 +17,8 @@ def test_limits_cut_near_far_oblique_and_missing() -> None:
         range_m=np.array([[0.2, 10.0, 90.0, 30.0, np.nan]]),
         incidence_rad=np.array([[0.1, 0.1, 0.1, 1.3, np.nan]]),
     )
-    limits = ReturnLimits(min_range_m=0.5, max_range_m=80.0, max_incidence_rad=1.0)
-    assert limits.valid(prints).tolist() == [[False, True, False, False, False]]
-
-
-@pytest.mark.parametrize(
-    ("outage", "words"),
-    [
-        (Outage((5,), 0.0, 1.0), "outage 1: beam 5 does not exist, expected 1 to 4"),
-        (Outage((1,), 2.0, 2.0), "outage 1: end_s 2 must be after start_s 2"),
-    ],
-)
-def test_senseless_outages_are_named(outage: Outage, words: str) -> None:
-    with pytest.raises(ScenarioError, match=words):
-        scheduled(PINGS_NS, 4, [outage])
+    limits = Dvl(beam_noise_mps=0.004, min_range_m=0.5, max_range_m=80.0, max_incidence_deg=57.3)
+    assert returning(prints, limits).tolist() == [[False, True, False, False, False]]
 
 
 @pytest.mark.statistical
@@ -47,9 +28,9 @@ def test_markov_dropout_has_its_means_at_any_ping_rate(period_s: float) -> None:
 
     Bounds: 5 sigma of the correlated mean, and 5 % on the length.
     """
-    dropout = MarkovDropout(mean_up_s=20.0, mean_down_s=8.0)
+    dropout = Dropout(beams=(1,), mean_up_s=20.0, mean_down_s=8.0)
     times = (np.arange(3000) * period_s * 1e9).astype(np.int64)
-    valid = markov_valid(times, [dropout], first_run=0, runs=200, **KEYS)[:, :, 0]
+    valid = markov_valid(times, 1, [dropout], first_run=0, runs=200, **KEYS)[:, :, 0]
     share, correlation_s = 20.0 / 28.0, 1.0 / (1 / 20.0 + 1 / 8.0)
     spread = np.sqrt(share * (1 - share) * 2.0 * max(correlation_s, period_s) / (200 * 3000 * period_s))
     assert valid.mean() == pytest.approx(share, abs=5.0 * spread)
@@ -61,9 +42,10 @@ def test_markov_dropout_has_its_means_at_any_ping_rate(period_s: float) -> None:
 
 
 def test_switching_one_beam_off_moves_no_other() -> None:
-    dropout = MarkovDropout(10.0, 5.0)
-    both = markov_valid(PINGS_NS, [dropout, dropout], first_run=0, runs=2, **KEYS)
-    one = markov_valid(PINGS_NS, [None, dropout], first_run=0, runs=2, **KEYS)
+    first, second = (Dropout(beams=(beam,), mean_up_s=10.0, mean_down_s=5.0) for beam in (1, 2))
+    both = markov_valid(PINGS_NS, 2, [first, second], first_run=0, runs=2, **KEYS)
+    one = markov_valid(PINGS_NS, 2, [second], first_run=0, runs=2, **KEYS)
+    assert one[:, :, 0].all()
     assert (both[:, :, 1] == one[:, :, 1]).all()
 
 
@@ -80,8 +62,9 @@ def test_bad_recordings_are_named(stamps: list[int], pattern: np.ndarray, words:
 
 
 def test_rules_combine_by_and() -> None:
-    fixed = scheduled(PINGS_NS, 4, [Outage((1,), 0.0, 9.0)])
-    chance = markov_valid(PINGS_NS, [None, MarkovDropout(5.0, 5.0), None, None], first_run=0, runs=2, **KEYS)
+    fixed = scheduled(PINGS_NS, 4, (), [Outage(beams=(1,), from_s=0.0, to_s=9.0)])
+    dropout = Dropout(beams=(2,), mean_up_s=5.0, mean_down_s=5.0)
+    chance = markov_valid(PINGS_NS, 4, [dropout], first_run=0, runs=2, **KEYS)
     both = combine(fixed, chance)
     assert both.shape == (2, 250, 4)
     assert both.flags.c_contiguous

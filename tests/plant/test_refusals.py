@@ -6,7 +6,6 @@ import pytest
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import DepthProfile
-from bottomlock.plant.beam_loss import MarkovDropout, ReturnLimits
 from bottomlock.plant.seabed import PlaneSeabed
 from bottomlock.plant.surroundings import GpsReception, Pressure
 
@@ -15,10 +14,6 @@ from bottomlock.plant.surroundings import GpsReception, Pressure
     ("make", "words"),
     [
         (lambda: PlaneSeabed(-5.0), "positive depth"),
-        (lambda: ReturnLimits(-1.0, 5.0, 1.0), "beam limits"),
-        (lambda: ReturnLimits(5.0, 5.0, 1.0), "beam limits"),
-        (lambda: ReturnLimits(1.0, 5.0, 2.0), "beam limits"),
-        (lambda: MarkovDropout(0.0, 5.0), "above 0 s"),
         (lambda: DepthProfile(((5.0, 20.0), (5.0, 29.0))), "strictly rising"),
         (lambda: Pressure(density_kgpm3=0.0), "densities"),
         (lambda: GpsReception(acquire_s=-1.0), "acquire_s is -1"),

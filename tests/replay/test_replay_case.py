@@ -55,7 +55,7 @@ position_sd_m = [1.0, 1.0, 1.0]
         (
             "[start]",
             '[[what_if]]\nname = "a"\noutages = [{ beams = [1], from_s = 9.0, to_s = 3.0 }]\n[start]',
-            "expected it to end later",
+            "expected after its start",
         ),
         ("position_sd_m = [1.0, 1.0, 1.0]", "", "needs 'position_sd_m', 1 sigma of north, east, down"),
         ('heading = "gyrocompass"', 'heading = "given"', "needs 'heading_deg'; heading = .* needs 'heading_sd_deg'"),

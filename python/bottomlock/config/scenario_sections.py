@@ -191,6 +191,12 @@ class Outage(Section):
     to_s: Annotated[Positive, shown(example=120.0)] = math.inf
     """end, from the start; without it until the end"""
 
+    @model_validator(mode="after")
+    def _ends_later(self) -> Self:
+        if self.to_s <= self.from_s:
+            raise ValueError(f"outage ends at {self.to_s} s, expected after its start at {self.from_s} s")
+        return self
+
 
 class Dropout(Section):
     """Beams that come and go by chance, each by itself: mean times up and down, memoryless in between."""
@@ -260,11 +266,6 @@ class Dvl(BeamLayout):
         for beam in named + coming_and_going:
             if beam > self.beams:
                 raise ValueError(f"lost beam {beam} does not exist, expected 1 to {self.beams}")
-        for outage in self.outages:
-            if outage.to_s <= outage.from_s:
-                raise ValueError(
-                    f"outage ends at {outage.to_s} s, expected after its start at {outage.from_s} s"
-                )
         for beam in coming_and_going:
             if coming_and_going.count(beam) > 1:
                 raise ValueError(f"beam {beam} stands in two dropouts, expected one at most")

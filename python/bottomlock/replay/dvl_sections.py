@@ -107,11 +107,6 @@ class WhatIf(Section):
             raise ValueError("the name 'recorded' is reserved for the recording without beam losses")
         if not (self.beams_lost or self.outages):
             raise ValueError(f"what_if '{self.name}' loses no beam, expected beams_lost or outages")
-        for outage in self.outages:
-            if not outage.to_s > outage.from_s:
-                raise ValueError(
-                    f"an outage from {outage.from_s} s to {outage.to_s} s, expected it to end later"
-                )
         return self
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.kernel.models import ImuModel, InitialModel, InitialState, Model, Options
-from bottomlock.plant import beam_loss
+from bottomlock.plant.beam_loss import scheduled
 from bottomlock.recordings.axes import quaternions
 from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.streams import Flags, Floats, Inertial, Times
@@ -301,6 +301,4 @@ def beams_returned(what_if: WhatIf, time_ns: Times, beams: int, *, start_ns: int
             raise DataError(
                 f"beam {beam} does not exist", place=f"what_if '{what_if.name}'", expected=f"1 to {beams}"
             )
-    outages = [beam_loss.Outage(outage.beams, outage.from_s, outage.to_s) for outage in what_if.outages]
-    throughout = beam_loss.Outage(what_if.beams_lost, 0.0, float("inf"))
-    return beam_loss.scheduled(time_ns - start_ns, beams, [throughout, *outages])
+    return scheduled(time_ns - start_ns, beams, what_if.beams_lost, what_if.outages)

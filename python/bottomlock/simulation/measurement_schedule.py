@@ -9,17 +9,17 @@ from bottomlock import kernel, units
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import DataError
 from bottomlock.plant.beam_loss import (
-    MarkovDropout,
-    ReturnLimits,
     altitude_loss,
     combine,
     markov_valid,
     replayed,
+    returning,
+    scheduled,
 )
 from bottomlock.plant.seabed import Footprints, footprints
 from bottomlock.plant.surroundings import GpsReception, Iron, Pressure, magnetic_heading_error_rad
 from bottomlock.simulation.build import Simulation
-from bottomlock.simulation.sensor_times import beam_valid, epochs_ns
+from bottomlock.simulation.sensor_times import epochs_ns
 from bottomlock.truth.truth import Truth
 
 Floats = NDArray[np.float64]
@@ -93,7 +93,7 @@ class MeasurementSchedule:
         valid = self._valid[..., within["dvl"], :]
         hits = self._footprints(now["dvl"], time_ns, position_t_m, attitude_t_p)
         if hits is not None:
-            valid = combine(valid, _flat(self._limits().valid(hits)))
+            valid = combine(valid, _flat(returning(hits, scenario.dvl)))
         schedule: dict[str, Any] = {f"{name}_time_ns": times for name, times in now.items()}
         schedule["beam_valid"] = valid
         if "dvl" in self._current:
@@ -166,23 +166,14 @@ class MeasurementSchedule:
             "first_run": first_run,
             "runs": runs,
         }
-        rules = [beam_valid(dvl, times)]
+        rules = [scheduled(times, dvl.beams, dvl.beams_lost, dvl.outages)]
         if self._simulation.recorded is not None:
             rules.append(replayed(times, *self._simulation.recorded))
         if dvl.dropouts:
-            chain: list[MarkovDropout | None] = [None] * dvl.beams
-            for dropout in dvl.dropouts:
-                for beam in dropout.beams:
-                    chain[beam - 1] = MarkovDropout(dropout.mean_up_s, dropout.mean_down_s)
-            rules.append(markov_valid(times, chain, **key))
+            rules.append(markov_valid(times, dvl.beams, dvl.dropouts, **key))
         if dvl.altitude_loss is not None:
-            together = MarkovDropout(dvl.altitude_loss.mean_up_s, dvl.altitude_loss.mean_down_s)
-            rules.append(altitude_loss(times, dvl.beams, together, **key))
+            rules.append(altitude_loss(times, dvl.beams, dvl.altitude_loss, **key))
         return combine(*rules)
-
-    def _limits(self) -> ReturnLimits:
-        dvl = self._simulation.scenario.dvl
-        return ReturnLimits(dvl.min_range_m, dvl.max_range_m, units.rad_from_deg(dvl.max_incidence_deg))
 
     def _footprints(
         self, epochs: Times, time_ns: Times, position_t_m: Floats, attitude_t_p: Floats
