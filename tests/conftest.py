@@ -54,7 +54,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Of tests with `first_cases` the later cases are long, or deep; files with slow tests first.
 
-    So no process ends with a slow file while the others wait.
+    So no process ends with a slow file while the others wait. Those of the C library come last, since they wait for
+    what cargo compiles beside the tests.
     """
     seen: Counter[str] = Counter()
     for item in items:
@@ -68,7 +69,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if seen[test] > count:
                 item.add_marker(getattr(pytest.mark, later))
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    items.sort(key=lambda item: (item.path.parent.name == "c", item.path not in slow))
 
 
 @pytest.fixture(scope="session")

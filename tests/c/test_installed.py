@@ -134,6 +134,7 @@ def random_calls(prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     return built
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_random_calls(random_calls: Path, tmp_path: Path) -> None:
     """No crash, no finding of the sanitizers, no leak; a refused call changes nothing."""

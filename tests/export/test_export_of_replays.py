@@ -308,6 +308,7 @@ def test_the_command_exports_a_folder_and_names_mistakes(folder: Path, tmp_path:
     assert not (tmp_path / "new").exists()  # it is known before the replay
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_a_replay_of_other_tables_removes_the_earlier_export(tmp_path: Path, root: Path) -> None:
     """The same case, whose log of the DVL has changed since."""

@@ -96,6 +96,7 @@ def _of(navigator: Navigator) -> tuple[float, ...]:
     )  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_steady_current_leaves_tilt_and_biases_as_the_bottom_would() -> None:
     """Seen: to 2e-4 (the down axis 2e-3), from the second minute on; the position's sigma is six times as large."""
     water, bottom = sigmas(), sigmas(bottom=True)

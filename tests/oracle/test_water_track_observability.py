@@ -118,15 +118,16 @@ def test_the_rows_are_those_of_the_bottom_in_other_coordinates(name: str) -> Non
     np.testing.assert_array_equal(field.reduce(water.reshape(-1, STATES) @ basis.T), bottom.reshape(-1, 20))
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize(
     ("sensors", "open_places"),
     [
+        ([4, 5], [(0,), (1,)]),
         ([], [(0,), (1,), (2,), (5,)]),
         ([4], [(0,), (1,), (5,)]),
         ([5], [(0,), (1,), (2,)]),
-        ([4, 5], [(0,), (1,)]),
     ],
-    ids=["water alone", "depth", "heading", "depth and heading"],
+    ids=["depth and heading", "water alone", "depth", "heading"],
 )
 def test_exactly_the_shift_position_and_yaw(sensors: list[int], open_places: list[tuple[int, ...]]) -> None:
     """A motion that turns, dives and changes its speed: this list is open and nothing else, over fractions too."""
@@ -204,6 +205,7 @@ def any_attitude() -> sp.Matrix:
     return about_z * about_y * about_x
 
 
+@pytest.mark.long
 def test_the_error_through_the_water_moves_as_that_over_ground_for_any_motion() -> None:
     """By symbols: δu = δv + Rᵀ(ρ_h × c) − Rᵀδc obeys the equation of δv with u in place of v."""
     R = any_attitude()

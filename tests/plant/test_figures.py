@@ -2,11 +2,13 @@
 
 import numpy as np
 import polars as pl
+import pytest
 
 from bottomlock.figures.flight import flight_figure, flight_panels
 from bottomlock.plant import Flight, telemetry
 
 
+@pytest.mark.long
 def test_a_flight_is_drawn_as_it_was_flown(flights: dict[str, Flight]) -> None:
     """In degrees where the telemetry has radians; ranges where there is a seabed."""
     frame = telemetry(flights["straight"], every=75)

@@ -16,6 +16,8 @@ from bottomlock.tables.replay import ReplayTables
 from tests.drawn_points import held, points
 from tests.replay.undiagnosed import replay_undiagnosed
 
+pytestmark = pytest.mark.long
+
 CASE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
 DAY_NS = 86_400e9
 

@@ -21,6 +21,8 @@ from bottomlock.replay.figures import Drawing
 from bottomlock.replay.report import dive_of, drawings
 from bottomlock.replay.shown_replay import Replay, run_replay
 
+pytestmark = pytest.mark.long
+
 CASE = Path(__file__).parents[2] / "data" / "logs" / "survey_dive" / "case.toml"
 
 

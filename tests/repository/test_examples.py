@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 # Seconds of a core each; a page that fails at all fails the build of the site, too.
-LONG = {"my_a50_log", "audit_mis_mounted", "lost_bottom", "why_vb_is_overconfident"}
+LONG = {"replay_in_a_notebook", "my_a50_log", "audit_mis_mounted", "lost_bottom", "why_vb_is_overconfident"}
 
 
 @pytest.mark.parametrize(

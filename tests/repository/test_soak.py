@@ -10,6 +10,7 @@ import pytest
 from tools import soak
 
 
+@pytest.mark.long
 def test_ten_minutes_of_every_method_are_sound() -> None:
     """90,000 inertial steps a method with every sensor, the first five minutes without bottom lock."""
     ten_minutes = soak.soak(1.0 / 6.0, seed=16)

@@ -133,6 +133,7 @@ def test_set_up_started_stopped_and_downloaded(tmp_path: Path) -> None:
     assert not list(folder.glob(".*"))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("health_port")
 def test_killed_it_is_started_again_and_saved_it_begins_anew(tmp_path: Path) -> None:
     """A kill of the live process; another form while it runs; a whole start of the vehicle, in which it goes on."""
