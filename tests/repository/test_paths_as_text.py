@@ -1,7 +1,5 @@
 """Paths may be given as text, wherever Python takes one; scenarios and DVLs by name or file, too."""
 
-import importlib
-import inspect
 from pathlib import Path
 from typing import Any
 
@@ -14,34 +12,6 @@ from bottomlock.campaign.build import scenarios_of
 from bottomlock.errors import ScenarioError
 from tests.analytic import batch_along
 from tests.campaign.small_campaign import same_bits, short
-
-ENTRY_POINTS = {
-    "bottomlock.studies.reproduce": ["reproduce", "run_sweep", "run_without_causes"],
-    "bottomlock.studies.study": ["study"],
-    "bottomlock.campaign.variants": ["run_variants"],
-    "bottomlock.report.compare": ["compare"],
-    "bottomlock.report.page": ["make_report"],
-    "bottomlock.replay.case": ["load_case"],
-    "bottomlock.replay.run": ["replay_case", "write_replay"],
-    "bottomlock.replay.report": ["read_replay", "make_replay_report"],
-    "bottomlock.replay.tune.run": ["tune_case"],
-    "bottomlock.observability.report": ["observe_scenario", "observe_paper"],
-    "bottomlock.live.config": ["load_config"],
-    "bottomlock.config.scenario": ["copy_packaged"],
-}
-PUBLIC = [getattr(bottomlock, name) for name in bottomlock.__all__] + [
-    getattr(importlib.import_module(module), name) for module, names in ENTRY_POINTS.items() for name in names
-]
-
-
-@pytest.mark.parametrize(
-    "call", [one for one in PUBLIC if inspect.isfunction(one)], ids=lambda one: one.__name__
-)
-def test_no_entry_point_asks_for_a_path_object(call: Any) -> None:  # noqa: ANN401 - any function
-    """A signature that names Path names str, too."""
-    for name, parameter in inspect.signature(call).parameters.items():
-        words = str(parameter.annotation)
-        assert "Path" not in words or "str" in words, name
 
 
 def test_a_scenario_by_name_and_by_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
