@@ -30,7 +30,7 @@ from tests.oracle.rotations import Array
 
 SEED = 20240611
 DEGREE = np.pi / 180.0
-DURATION_S, SPEED_MPS = 600.0, 1.5
+SPEED_MPS = 1.5
 
 WHITE = MagnetometerModel(yaw_sd_rad=0.2 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE)
 SURPRISED: Any = AttitudeReference(grade="mti_ahrs").kernel_models()["magnetometer"]
@@ -40,13 +40,19 @@ CLAIMED = SURPRISED.replace(yaw_semicircular_sd_rad=1.5 * DEGREE, yaw_quadrantal
 
 @dataclass(frozen=True)
 class World:
-    """Mask of the beams, rate of the compass, deviation by cos ψ and by cos 2ψ in degrees, heading of the first leg."""
+    """Mask of the beams, rate of the compass, deviation by cos ψ and by cos 2ψ in degrees, heading of the first leg.
+
+    And its other errors, path, and length.
+    """
 
     beams: tuple[int, ...] = (1, 2, 3, 4)
     attitude_hz: float = 1.0
     semicircular_deg: float = 3.0
     quadrantal_deg: float = 1.5
     heading_deg: float = 0.0
+    errors: MagnetometerModel = WHITE
+    path: str = "lawn_mower"
+    duration_s: float = 600.0
 
 
 WORLDS = {
@@ -67,10 +73,10 @@ class Track:
 
 
 @lru_cache(maxsize=2)
-def motion(heading_deg: float) -> tuple[Simulation, Truth]:
-    """A lawn mower of 0.9 km."""
+def motion(path: str, duration_s: float, heading_deg: float) -> tuple[Simulation, Truth]:
+    """At 1.5 m/s."""
     simulation = analytic_simulation(
-        "lawn_mower", duration_s=DURATION_S, speed_mps=SPEED_MPS, heading_deg=heading_deg
+        path, duration_s=duration_s, speed_mps=SPEED_MPS, heading_deg=heading_deg
     )
     return simulation, simulation.truth()
 
@@ -89,7 +95,7 @@ class Readings:
 
 def readings(world: World, run: int, claimed: MagnetometerModel = SURPRISED) -> Readings:
     """The readings of a run; the start has the errors that it claims, those of the compass."""
-    simulation, truth = motion(world.heading_deg)
+    simulation, truth = motion(world.path, world.duration_s, world.heading_deg)
     scenario = simulation.scenario
     model = scenario.kernel_model(simulation.gravity_mps2).replace(imu=imu("tactical"), magnetometer=claimed)
     tilt = float(np.hypot(0.5, 0.5)) * DEGREE
@@ -108,7 +114,7 @@ def readings(world: World, run: int, claimed: MagnetometerModel = SURPRISED) -> 
     arrays: Any = truth.kernel_arrays()
     options = scenario.kernel_options().replace(inflate_after_rejections=5, robust=Robust())
     drawn: Any = kernel.simulate_sensors(
-        simulation.geometry, arrays, model.replace(magnetometer=WHITE), schedule,
+        simulation.geometry, arrays, model.replace(magnetometer=world.errors), schedule,
         seed=SEED, trajectory_key=61, run=run, imu_sampling=scenario.imu.sampling, options=options,
     )  # fmt: skip
     rows = np.searchsorted(truth.time_ns, drawn["dvl_time_ns"])
