@@ -7,7 +7,6 @@ import pytest
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import DepthProfile
 from bottomlock.plant.seabed import PlaneSeabed
-from bottomlock.plant.surroundings import GpsReception, Pressure
 
 
 @pytest.mark.parametrize(
@@ -15,8 +14,6 @@ from bottomlock.plant.surroundings import GpsReception, Pressure
     [
         (lambda: PlaneSeabed(-5.0), "positive depth"),
         (lambda: DepthProfile(((5.0, 20.0), (5.0, 29.0))), "strictly rising"),
-        (lambda: Pressure(density_kgpm3=0.0), "densities"),
-        (lambda: GpsReception(acquire_s=-1.0), "acquire_s is -1"),
     ],
 )
 def test_senseless_parts_are_refused(make: Callable[[], object], words: str) -> None:

@@ -7,6 +7,8 @@ from importlib import import_module
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock import units
+from bottomlock.config.sensors import Depth, Gps, Magnetometer
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.maths import FloatArray, IntArray
 from bottomlock.plant.matrices import rotation_t_p
@@ -19,15 +21,10 @@ class GpsReception:
     """GPS reception: a fix once the antenna has been above water for the acquisition time.
 
     Called with consecutive blocks of truth; a vehicle that starts at the surface has a fix from the start.
-
-    Raises:
-        ScenarioError: for a negative acquisition time.
     """
 
-    def __init__(self, antenna_depth_m: float = 0.3, acquire_s: float = 5.0) -> None:
-        if not acquire_s >= 0.0:
-            raise ScenarioError(f"is {acquire_s:g}", place="gps", key="acquire_s", expected=">= 0 s")
-        self._antenna_depth_m, self._acquire_ns = antenna_depth_m, round(acquire_s * 1e9)
+    def __init__(self, gps: Gps) -> None:
+        self._antenna_depth_m, self._acquire_ns = gps.antenna_depth_m, round(gps.acquire_s * 1e9)
         self._last_under_ns: IntArray | None = None
 
     def received(self, time_ns: IntArray, depth_m: FloatArray, epochs_ns: IntArray) -> BoolArray:
@@ -92,16 +89,8 @@ def world_magnetic_model(
     return MagneticField(math.radians(found.d), math.radians(found.i), float(found.f))
 
 
-@dataclass(frozen=True)
-class Iron:
-    """The vehicle's magnetism: hard iron (nT, platform frame) adds to the field, soft iron (3, 3) multiplies it."""
-
-    hard_p_nt: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    soft: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
 def magnetic_heading_error_rad(
-    field: MagneticField, iron: Iron, attitude_t_p: FloatArray, *, assumed_declination_rad: float
+    field: MagneticField, compass: Magnetometer, attitude_t_p: FloatArray
 ) -> FloatArray:
     """Heading of a levelled magnetometer minus the true heading, rad, at attitudes (N, 4) -> (N,).
 
@@ -110,40 +99,21 @@ def magnetic_heading_error_rad(
     """
     attitude = np.asarray(attitude_t_p, dtype=np.float64)
     rotation = np.moveaxis(rotation_t_p(attitude.T), -1, 0)
-    soft, hard = np.array(iron.soft), np.array(iron.hard_p_nt)
+    soft, hard = np.array(compass.soft_iron), np.array(compass.hard_iron_nt)
     field_p = np.einsum("nji,j->ni", rotation, field.vector_t_nt)
     measured_p = field_p @ soft.T + hard
     measured_t = np.einsum("nij,nj->ni", rotation, measured_p)
     # in the tangent frame an undisturbed field points to the declination; the difference is heading error
-    deviation = np.arctan2(measured_t[:, 1], measured_t[:, 0]) - assumed_declination_rad
+    assumed_deg = compass.assumed_declination_deg
+    assumed_rad = field.declination_rad if assumed_deg is None else units.rad_from_deg(assumed_deg)
+    deviation = np.arctan2(measured_t[:, 1], measured_t[:, 0]) - assumed_rad
     return np.asarray(-(deviation - 2.0 * np.pi * np.round(deviation / (2.0 * np.pi))))
 
 
-@dataclass(frozen=True)
-class Pressure:
-    """Depth from pressure with an assumed density and mean sea level: a scale error and an offset.
-
-    True and assumed density (kg/m³), tide (m, positive at high water), barometric offset (Pa).
-
-    Raises:
-        ScenarioError: for a density that is not positive.
-    """
-
-    density_kgpm3: float = 1026.0
-    assumed_density_kgpm3: float = 1026.0
-    tide_m: float = 0.0
-    barometric_offset_pa: float = 0.0
-
-    def __post_init__(self) -> None:
-        if min(self.density_kgpm3, self.assumed_density_kgpm3) <= 0.0:
-            raise ScenarioError("densities must be positive", place="pressure")
-
-    def pressure_pa(self, depth_m: FloatArray, gravity_mps2: float) -> FloatArray:
-        """Pressure over the assumed standard atmosphere at depths below mean sea level, Pa."""
-        column = np.asarray(depth_m) + self.tide_m
-        return np.asarray(self.density_kgpm3 * gravity_mps2 * column + self.barometric_offset_pa)
-
-    def depth_error_m(self, depth_m: FloatArray, gravity_mps2: float) -> FloatArray:
-        """Measured depth minus true depth below mean sea level, m."""
-        read = self.pressure_pa(depth_m, gravity_mps2) / (self.assumed_density_kgpm3 * gravity_mps2)
-        return np.asarray(read - np.asarray(depth_m))
+def depth_error_m(sensor: Depth, depth_m: FloatArray, gravity_mps2: float) -> FloatArray:
+    """Measured depth minus true depth below mean sea level, m: by density, tide and barometer."""
+    assumed = sensor.water_density_kg_per_m3
+    column = np.asarray(depth_m) + sensor.tide_m
+    density = sensor.true_density_kg_per_m3 or assumed
+    pressure_pa = density * gravity_mps2 * column + sensor.barometric_offset_pa
+    return np.asarray(pressure_pa / (assumed * gravity_mps2) - np.asarray(depth_m))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock import kernel, units
+from bottomlock import kernel
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import DataError
 from bottomlock.plant.beam_loss import (
@@ -17,7 +17,7 @@ from bottomlock.plant.beam_loss import (
     scheduled,
 )
 from bottomlock.plant.seabed import Footprints, footprints
-from bottomlock.plant.surroundings import GpsReception, Iron, Pressure, magnetic_heading_error_rad
+from bottomlock.plant.surroundings import GpsReception, depth_error_m, magnetic_heading_error_rad
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.sensor_times import epochs_ns
 from bottomlock.truth.truth import Truth
@@ -69,7 +69,7 @@ class MeasurementSchedule:
             name: self._current_at(name, last_ns) for name, is_measured in moving.items() if is_measured
         }
         self._environment = scenario.kernel_model(simulation.gravity_mps2).environment
-        self._gps = GpsReception(scenario.gps.antenna_depth_m, scenario.gps.acquire_s)
+        self._gps = GpsReception(scenario.gps)
 
     def over(
         self, time_ns: Times, position_t_m: Floats, attitude_t_p: Floats
@@ -107,8 +107,8 @@ class MeasurementSchedule:
             schedule["thrust_current_mps"] = _flat(self._current_ahead_mps(current, *poses))
         if len(now["depth"]):
             depth_m = _between(time_ns, position_t_m, now["depth"])[..., 2]
-            pressure = _pressure(self._simulation)
-            schedule["depth_offset_m"] = _flat(pressure.depth_error_m(depth_m, self._simulation.gravity_mps2))
+            gravity_mps2 = self._simulation.gravity_mps2
+            schedule["depth_offset_m"] = _flat(depth_error_m(scenario.depth, depth_m, gravity_mps2))
         if len(now["magnetometer"]):
             attitude = _between(time_ns, attitude_t_p, now["magnetometer"])
             schedule["yaw_offset_rad"] = _flat(self._heading_error_rad(attitude))
@@ -197,15 +197,7 @@ class MeasurementSchedule:
     def _heading_error_rad(self, attitude: Floats) -> Floats:
         compass, field = self._simulation.scenario.magnetometer, self._simulation.field
         assert field is not None
-        assumed_deg = compass.assumed_declination_deg
-        error = magnetic_heading_error_rad(
-            field,
-            Iron(hard_p_nt=compass.hard_iron_nt, soft=compass.soft_iron),
-            attitude.reshape(-1, 4),
-            assumed_declination_rad=field.declination_rad
-            if assumed_deg is None
-            else units.rad_from_deg(assumed_deg),
-        )
+        error = magnetic_heading_error_rad(field, compass, attitude.reshape(-1, 4))
         return error.reshape(attitude.shape[:2])
 
 
@@ -269,14 +261,3 @@ def _between(time_ns: Times, values: Floats, epochs: Times) -> Floats:
     after = np.clip(np.searchsorted(time_ns, epochs), 1, len(time_ns) - 1)
     fraction = (epochs - time_ns[after - 1]) / (time_ns[after] - time_ns[after - 1])
     return values[:, after - 1] + fraction[:, None] * (values[:, after] - values[:, after - 1])
-
-
-def _pressure(simulation: Simulation) -> Pressure:
-    depth = simulation.scenario.depth
-    assumed = depth.water_density_kg_per_m3
-    return Pressure(
-        density_kgpm3=depth.true_density_kg_per_m3 or assumed,
-        assumed_density_kgpm3=assumed,
-        tide_m=depth.tide_m,
-        barometric_offset_pa=depth.barometric_offset_pa,
-    )
