@@ -50,24 +50,11 @@ _COLUMNS = {
 _AXIS = {"velocity": "velocity error, m/s RMS", "attitude": "misalignment, degrees RMS"}
 
 
-def rms_figure(
-    ensemble: pl.DataFrame,
-    trajectory: str,
-    quantity: str,
-    printed: Sequence[tuple[str, float, float]] = (),
-    *,
-    methods: Sequence[str] | None = None,
-    banded: Sequence[str] | None = None,
-    small: bool = False,
-) -> Figure:
-    """As `draw_rms`, in a figure of its own."""
+def own_axes(*, small: bool = False) -> tuple[Figure, Axes]:
+    """A figure of its own for one of the drawings below, and the axes to draw on."""
     with mpl.rc_context(STYLE):
-        figure, axes = _axes(small=small)
-        draw_rms(axes, ensemble, trajectory, quantity, printed, methods=methods, banded=banded)
-        if small:
-            # It stands beside those of other trajectories.
-            axes.set_title(f"{trajectory.replace('_', ' ')}: {_AXIS[quantity]}", loc="left", pad=6.0)
-    return figure
+        figure = new_figure(SMALL_HEIGHT_IN, SMALL_WIDTH_IN) if small else new_figure()
+        return figure, figure.add_axes(SMALL_PLACE if small else PLACE)
 
 
 def draw_rms(
@@ -79,6 +66,7 @@ def draw_rms(
     *,
     methods: Sequence[str] | None = None,
     banded: Sequence[str] | None = None,
+    titled: bool = False,
 ) -> None:
     """RMS over runs of methods against time, 95 % bootstrap intervals shaded.
 
@@ -90,6 +78,7 @@ def draw_rms(
         printed: method, time in s and value of what a paper prints; drawn as hollow diamonds.
         methods: which to draw; all by default.
         banded: methods whose interval is shaded; all that are drawn by default.
+        titled: whether the title names the trajectory, for a figure that stands beside those of others.
     """
     columns = _COLUMNS[quantity]
     rows = _rows(ensemble, trajectory, methods)
@@ -98,7 +87,7 @@ def draw_rms(
     shaded = set(middle) if banded is None else set(banded)
     printed = [one for one in printed if one[0] in middle]
     with mpl.rc_context(STYLE):
-        _label(axes, _AXIS[quantity], time_s)
+        _label(axes, titled * f"{trajectory.replace('_', ' ')}: " + _AXIS[quantity], time_s)
         lines = []
         bounds = [values[name] for values in (low, high) for name in middle if name in shaded]
         scale_errors(axes, np.array([*middle.values(), *bounds]), [value for _, _, value in printed])
@@ -122,20 +111,6 @@ def draw_rms(
                 color=stroke(method).colour, clip_on=False, zorder=4,
             )  # fmt: skip
         label_ends(axes, lines)
-
-
-def nees_figure(
-    ensemble: pl.DataFrame,
-    consistency: pl.DataFrame,
-    trajectory: str,
-    *,
-    methods: Sequence[str] | None = None,
-) -> Figure:
-    """As `draw_nees`, in a figure of its own."""
-    with mpl.rc_context(STYLE):
-        figure, axes = _axes()
-        draw_nees(axes, ensemble, consistency, trajectory, methods=methods)
-    return figure
 
 
 def draw_nees(
@@ -179,11 +154,6 @@ def _by_method(rows: pl.DataFrame, column: str) -> dict[str, Floats]:
         str(method): part.sort("time_s")[column].to_numpy()
         for (method,), part in rows.group_by("method", maintain_order=True)
     }
-
-
-def _axes(*, small: bool = False) -> tuple[Figure, Axes]:
-    figure = new_figure(SMALL_HEIGHT_IN, SMALL_WIDTH_IN) if small else new_figure()
-    return figure, figure.add_axes(SMALL_PLACE if small else PLACE)
 
 
 def _label(axes: Axes, label: str, time_s: Floats) -> None:

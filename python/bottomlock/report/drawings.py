@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from bottomlock.figures.by_category import sweep_figure
 from bottomlock.figures.consistency import calibration_figure, normalised_figure
-from bottomlock.figures.curves import nees_figure, rms_figure, velocity_multiples
+from bottomlock.figures.curves import draw_nees, draw_rms, own_axes, velocity_multiples
 from bottomlock.figures.paths import paths_figure
 from bottomlock.figures.selector import choices_figure, shares_table
 from bottomlock.pages.pieces import featured
@@ -149,19 +149,21 @@ def _rms(
         caption += f" (the paper's Figure {getattr(paper.trajectories[name], f'{quantity}_figure')})"
     if printed:
         caption += "; hollow diamonds: printed in the paper"
-    figure = rms_figure(
-        campaign.ensemble, name, quantity, printed, methods=methods, banded=banded, small=place == "first"
-    )
+    first = place == "first"
+    figure, axes = own_axes(small=first)
+    draw_rms(axes, campaign.ensemble, name, quantity, printed, methods=methods, banded=banded, titled=first)
     return Drawing(f"{quantity}_{name}", f"{caption}.", figure, place, name)
 
 
 def _consistency(
     campaign: CampaignTables, name: str, errors: RunErrors, shown: list[str]
 ) -> Iterator[Drawing]:
+    nees, axes = own_axes()
+    draw_nees(axes, campaign.ensemble, campaign.consistency, name, methods=shown)
     yield Drawing(
         f"nees_{name}",
         "Mean NEES of the whole state; above the grey band a method is overconfident.",
-        nees_figure(campaign.ensemble, campaign.consistency, name, methods=shown),
+        nees,
         "trajectory",
         name,
     )
