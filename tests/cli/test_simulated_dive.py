@@ -8,7 +8,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock.config.scenario import Scenario, copy_packaged, load_scenario
+from bottomlock.config.packaged import copy_packaged
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.io.beams import read_geometry
 from bottomlock.simulation.build import geometry_of
 from tests.cli.calls import command

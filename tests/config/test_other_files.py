@@ -10,7 +10,8 @@ import pytest
 
 import bottomlock
 from bottomlock.config import toml_file
-from bottomlock.config.scenario import copy_packaged, packaged_scenarios
+from bottomlock.config.packaged import copy_packaged
+from bottomlock.config.scenario import packaged_scenarios
 from bottomlock.errors import BottomlockError, Note, ScenarioError
 from bottomlock.live.config import load_config
 from bottomlock.live.templates import template

@@ -11,7 +11,7 @@ import pytest
 import bottomlock
 from bottomlock.campaign.engine import check_engine
 from bottomlock.config.instrument_grades import grade_of
-from bottomlock.config.scenario import copy_packaged
+from bottomlock.config.packaged import copy_packaged
 from bottomlock.encoders.registry import format_named
 from bottomlock.errors import BottomlockError
 from bottomlock.plant import load_vehicle

@@ -12,7 +12,8 @@ from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
 from bottomlock.cli.parameters import Json
 from bottomlock.config.instrument_grades import KINDS, grades, listing
-from bottomlock.config.scenario import copy_packaged, packaged_scenarios
+from bottomlock.config.packaged import copy_packaged
+from bottomlock.config.scenario import packaged_scenarios
 from bottomlock.figures.palette import stroke
 from bottomlock.files.atomic_write import json_text
 from bottomlock.io.beams import packaged_geometries, read_geometry, read_instrument_file

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ModelWrapValidatorHandler
 
+from bottomlock.config.packaged import packaged_text
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
@@ -52,9 +52,8 @@ def grades(kind: Kind) -> dict[str, Grade]:
     >>> list(grades("imu"))
     ['phone', 'autopilot', 'mti', 'tactical', 'fibre_optic', 'ring_laser']
     """
-    file = resources.files("bottomlock.config") / "grades" / f"{kind}.toml"
     found = {}
-    for name, entry in parse_toml(file.read_text(encoding="utf-8"), place=file.name).items():
+    for name, entry in parse_toml(packaged_text("grades", kind), place=f"{kind}.toml").items():
         numbers = {key: float(value) for key, value in entry.items() if key not in _WORDS}
         scales = {key: numbers.pop(key) for key in FULL_SCALES if key in numbers}
         found[name] = Grade(name, entry["title"], numbers, scales, entry["source"], entry["derived"])

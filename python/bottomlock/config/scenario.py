@@ -3,7 +3,6 @@
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
@@ -13,6 +12,7 @@ from bottomlock import units
 from bottomlock.config.meaning import shown
 from bottomlock.config.mission_sections import CurrentTable, faults_of
 from bottomlock.config.own_methods import own_methods_from
+from bottomlock.config.packaged import packaged_names, text_of
 from bottomlock.config.scenario_sections import (
     Campaign,
     Dvl,
@@ -25,20 +25,15 @@ from bottomlock.config.scenario_sections import (
 )
 from bottomlock.config.scenario_words import line_of, table_of
 from bottomlock.config.sensors import SENSORS, SensorSections
-from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
+from bottomlock.config.toml_file import parse_toml
 from bottomlock.config.validation import refusal
 from bottomlock.config.water_track import WaterTrack
 from bottomlock.errors import ScenarioError
-from bottomlock.files.atomic_write import write_text
-from bottomlock.files.overwriting import check_free
 from bottomlock.kernel import models
 from bottomlock.own_method import AnyMethod
-from bottomlock.support.nearest import guess
 
 Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
-PACKAGED = ("scenarios", "vehicles", "geometries")
-"""Folders of packaged files that `copy_packaged` copies."""
 
 
 class Scenario(SensorSections):
@@ -265,20 +260,7 @@ def packaged_scenarios() -> dict[str, str]:
     >>> sorted(packaged_scenarios())
     ['figure_eight', 'hovering', 'lawn_mower', 'long_way', 'slope', 'straight', 'survey', 'survey_table2']
     """
-    folder = resources.files("bottomlock.config") / "scenarios"
-    names = sorted(
-        entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")
-    )
-    return {name: _packaged(name).description for name in names}
-
-
-def _packaged_text(name: str) -> str | None:
-    entry = resources.files("bottomlock.config") / "scenarios" / f"{name}.toml"
-    return entry.read_text(encoding="utf-8") if entry.is_file() else None
-
-
-def _packaged(name: str) -> Scenario:
-    return parse_scenario(_packaged_text(name) or "", place=f"scenario {name}")
+    return {name: load_scenario(name).description for name in packaged_names("scenarios")}
 
 
 def load_scenario(source: Scenario | str | Path) -> Scenario:
@@ -297,30 +279,8 @@ def load_scenario(source: Scenario | str | Path) -> Scenario:
         raise ScenarioError(
             f"the scenario is {given!r:.60}", expected="a Scenario, a packaged name or a path"
         )
-    path = Path(source)
-    if path.suffix != ".toml" and _packaged_text(str(source)) is not None:
-        note_file_beside("scenario", str(source))
-        return _packaged(str(source))
-    if path.is_dir():
-        raise ScenarioError(
-            "is a folder",
-            place=path,
-            expected="a scenario (TOML)",
-            hint="`bottomlock report` takes a folder of results",
-        )
-    if not path.is_file():
-        names = sorted(
-            entry.name.removesuffix(".toml")
-            for entry in (resources.files("bottomlock.config") / "scenarios").iterdir()
-            if entry.name.endswith(".toml")
-        )
-        raise ScenarioError(
-            "is neither a file nor a packaged scenario",
-            key=f"scenario '{source}'",
-            expected=f"a file, or one of {', '.join(names)}",
-            hint=guess(str(source), names),
-        )
-    return parse_scenario(read_text(path), place=str(path), folder=path.parent)
+    text, place = text_of("scenario", source)
+    return parse_scenario(text, place=place, folder=Path(source).parent)
 
 
 _FILES = (("seabed", "path"), ("dvl", "replay_validity"), ("trajectory", "vehicle"), ("trajectory", "file"))
@@ -365,27 +325,3 @@ def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
     if faults:
         raise ScenarioError("\n".join(faults))
     return scenario
-
-
-def copy_packaged(kind: str, name: str, destination: str | Path, *, force: bool = False) -> Path:
-    """Writes a packaged scenario, vehicle or geometry out to edit; an existing file is replaced with `force` alone.
-
-    Raises:
-        ScenarioError: for a kind that is not in `PACKAGED`, and a name that is not packaged.
-        OutputError: where the destination is there without `force`, or cannot be written.
-    """
-    if kind not in PACKAGED:
-        raise ScenarioError(f"{kind} are not copied", expected=", ".join(PACKAGED))
-    destination = Path(destination)
-    folder = resources.files("bottomlock.config") / kind
-    texts = {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir()}
-    if name not in texts:
-        raise ScenarioError(
-            f"is not among the packaged {kind}",
-            key=f"'{name}'",
-            expected=f"one of {', '.join(sorted(texts))}",
-            hint=guess(name, texts),
-        )
-    check_free(destination, force=force)
-    write_text(destination, texts[name].read_text(encoding="utf-8"))
-    return destination

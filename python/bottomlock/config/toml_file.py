@@ -2,11 +2,10 @@
 
 import tomllib
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-from bottomlock.errors import ScenarioError, note
+from bottomlock.errors import ScenarioError
 
 Kind = Literal["scenario", "replay case", "live configuration", "DVL geometry", "vehicle", "column map"]
 
@@ -79,15 +78,3 @@ def parse_toml(text: str, *, place: str, kind: Kind | None = None) -> dict[str, 
 def kinds_of(content: dict[str, Any]) -> list[Kind]:
     """What the tables of a file may be; empty for what is like none."""
     return [kind for kind, (is_it, _) in _KINDS.items() if is_it(content)]
-
-
-def note_file_beside(kind: str, name: str) -> None:
-    """Says which of two is taken where a packaged name is also that of a file in the working directory."""
-    file = Path(f"{name}.toml")
-    if file.is_file():
-        _note_once(kind, name, file.resolve())
-
-
-@cache
-def _note_once(kind: str, name: str, _file: Path) -> None:
-    note(f"{kind} '{name}' is the packaged one; for the file in this folder write {name}.toml")

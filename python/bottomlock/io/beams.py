@@ -6,7 +6,6 @@ import dataclasses
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -18,7 +17,8 @@ from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout
 from bottomlock.config.calibration import StatedCalibration
 from bottomlock.config.meaning import shown
-from bottomlock.config.toml_file import note_file_beside, parse_toml, read_text
+from bottomlock.config.packaged import packaged_names, text_of
+from bottomlock.config.toml_file import parse_toml
 from bottomlock.config.validation import refusal
 from bottomlock.errors import DataError, ScenarioError, bad_column
 from bottomlock.files.table_file import read_table_file
@@ -34,7 +34,6 @@ from bottomlock.io.columns import (
 )
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError
 from bottomlock.support.later import pl
-from bottomlock.support.nearest import guess
 
 
 class Columns(BaseModel):
@@ -129,35 +128,13 @@ class Pings:
     instrument_valid: NDArray[np.bool_] | None = None
 
 
-def _text_of(source: str | Path) -> tuple[str, str]:
-    path = Path(source)
-    if path.is_file():
-        return read_text(path), str(path)
-    if path.is_dir() and str(source):
-        raise ScenarioError(
-            f"geometry '{source}' is a folder", expected="a TOML file of a DVL or a packaged name"
-        )
-    packaged = resources.files("bottomlock.config") / "geometries" / f"{source}.toml"
-    if packaged.is_file():
-        note_file_beside("geometry", str(source))
-        return packaged.read_text(encoding="utf-8"), f"geometry {source}"
-    names = packaged_geometries()
-    raise ScenarioError(
-        "is neither a file nor packaged",
-        key=f"geometry '{source}'",
-        expected=f"a file, or one of {', '.join(names)}",
-        hint=guess(str(source), names),
-    )
-
-
 def packaged_geometries() -> list[str]:
     """Names of the packaged geometries, sorted.
 
     >>> "waterlinked_a50" in packaged_geometries()
     True
     """
-    folder = resources.files("bottomlock.config") / "geometries"
-    return sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml"))
+    return packaged_names("geometries")
 
 
 def geometry_text(source: str | Path) -> str:
@@ -166,7 +143,7 @@ def geometry_text(source: str | Path) -> str:
     Raises:
         ScenarioError: for a file that cannot be read, or an unknown name.
     """
-    return _text_of(source)[0]
+    return text_of("geometry", source)[0]
 
 
 def read_instrument_file(source: str | Path) -> InstrumentFile:
@@ -176,7 +153,7 @@ def read_instrument_file(source: str | Path) -> InstrumentFile:
         ScenarioError: for a file that cannot be read, ill-formed TOML, an unknown or missing key, or a value out of
             range.
     """
-    text, place = _text_of(source)
+    text, place = text_of("geometry", source)
     content = parse_toml(text, place=place, kind="DVL geometry")
     try:
         return InstrumentFile.model_validate(content)

@@ -5,12 +5,12 @@ SNAME notation in the platform frame (FRD) with its origin at the centre of buoy
 
 import tomllib
 from functools import cache
-from importlib import resources
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bottomlock.config.meaning import shown
+from bottomlock.config.packaged import packaged_text
 from bottomlock.plant import coefficients as coef
 
 
@@ -52,8 +52,7 @@ def _packaged() -> dict[type[Table], dict[str, Any]]:
 
     for kind in Table.__subclasses__():
         if kind.packaged:
-            file = resources.files("bottomlock.config") / "vehicles" / f"{kind.packaged}.toml"
-            add(kind, tomllib.loads(file.read_text(encoding="utf-8")))
+            add(kind, tomllib.loads(packaged_text("vehicles", kind.packaged)))
     return found
 
 
