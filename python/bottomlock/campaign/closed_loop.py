@@ -105,14 +105,7 @@ def _kernel_loop(
         "velocity_p_mps": start.velocity_p_mps[:, -1],
     }
     return kernel.ClosedLoop(
-        simulation.geometry,
-        model,
-        model,
-        options,
-        methods,
-        initial,
-        seed=scenario.campaign.seed,
-        **settings,
+        simulation.geometry, model, model, options, methods, initial, seed=scenario.campaign.seed, **settings
     )
 
 
@@ -120,12 +113,7 @@ class _Navigation:
     """The navigation of all vehicles: block by block from the truth to the estimate that steers."""
 
     def __init__(
-        self,
-        loop: kernel.ClosedLoop,
-        schedule: MeasurementSchedule,
-        start: TruthBlock,
-        *,
-        pilot: int,
+        self, loop: kernel.ClosedLoop, schedule: MeasurementSchedule, start: TruthBlock, *, pilot: int
     ) -> None:
         """`pilot`: index of the method whose estimate steers; 0 where every method has its own vehicle."""
         self._loop = loop

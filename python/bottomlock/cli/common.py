@@ -50,8 +50,7 @@ def peak_memory_mb() -> float:
 
 
 Force = Annotated[
-    bool,
-    Parameter(help="Replace a file that is there, or a result of other inputs in the directory."),
+    bool, Parameter(help="Replace a file that is there, or a result of other inputs in the directory.")
 ]
 ForceCampaign = Annotated[bool, Parameter(help="Start over in a directory that holds another campaign.")]
 ForceStudy = Annotated[bool, Parameter(help="Start over in a directory that holds another study.")]

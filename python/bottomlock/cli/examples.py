@@ -12,10 +12,7 @@ EXAMPLES = {
     "simulate-dvl": ("simulate-dvl survey --dvl tcpin:127.0.0.1:16171",),
     "keys": ("keys scenario gyro", "keys case --json", "keys scenario --schema"),
     "list": ("list geometries", "list scenarios --copy straight --out mine.toml"),
-    "fix": (
-        "fix beams.parquet",
-        "fix beams.parquet --geometry waterlinked_a50 --leave-out 1",
-    ),
+    "fix": ("fix beams.parquet", "fix beams.parquet --geometry waterlinked_a50 --leave-out 1"),
     "reproduce": ("reproduce -o out/paper -n 50",),
     "report": ("report out/first", "report out/a out/b -o out/both", "report out/gyros"),
     "study": (

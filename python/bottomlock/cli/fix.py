@@ -45,12 +45,7 @@ def print_noise(noise: BeamNoise, sd_mps: NDArray[np.float64]) -> None:
         console.print(words, highlight=False)
 
 
-SCORED = (
-    "error_median_mps",
-    "error_p95_mps",
-    "sd_median_mps",
-    "normalised_robust",
-)
+SCORED = ("error_median_mps", "error_p95_mps", "sd_median_mps", "normalised_robust")
 """Columns of a score that the terminal shows."""
 
 
@@ -120,9 +115,7 @@ def score(
 def _scores_table(scores: pl.DataFrame, title: str) -> Table:
     """A row per method and component."""
     table = narrow_table(
-        title,
-        ["method", "component"],
-        ["sets", "median", "p95", "σ", "error/σ", "covered %"],
+        title, ["method", "component"], ["sets", "median", "p95", "σ", "error/σ", "covered %"]
     )
     for row in over_sets(scores).iter_rows(named=True):
         numbers = (number(row[name]) for name in SCORED)

@@ -30,8 +30,7 @@ def live(
     config: Path,
     *,
     init: Annotated[
-        str | None,
-        Parameter(help=f"Write a commented CONFIG for an instrument: {', '.join(INSTRUMENTS)}."),
+        str | None, Parameter(help=f"Write a commented CONFIG for an instrument: {', '.join(INSTRUMENTS)}.")
     ] = None,
     autopilot: Annotated[str, Parameter(help=f"Receiver of --init: {', '.join(AUTOPILOTS)}.")] = "text",
     dry_run: bool = False,

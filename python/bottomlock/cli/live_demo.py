@@ -107,12 +107,7 @@ LEAST_SILENCE_S = 0.1
 Clock = Callable[[], int]
 
 
-def live_demo(
-    *,
-    seconds: float = 60.0,
-    speed: float = 1.0,
-    page_port: int = 0,
-) -> None:
+def live_demo(*, seconds: float = 60.0, speed: float = 1.0, page_port: int = 0) -> None:
     """Show live navigation without hardware: instruments, live, MAVLink listener.
 
     A simulated vehicle sends DVL, IMU and depth over loopback. Its beams go from four to two, to none, and come back.

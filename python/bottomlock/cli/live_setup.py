@@ -12,11 +12,7 @@ from bottomlock.setup.server import PORT, SetupServer
 
 
 def live_setup(
-    folder: Path,
-    *,
-    host: str = "127.0.0.1",
-    port: int = PORT,
-    names: tuple[str, ...] | None = None,
+    folder: Path, *, host: str = "127.0.0.1", port: int = PORT, names: tuple[str, ...] | None = None
 ) -> None:
     """Set live navigation up in a browser: instrument, autopilot, mounting; start, stop, state, raw logs.
 

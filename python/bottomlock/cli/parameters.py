@@ -28,8 +28,7 @@ StudyOut = Annotated[
 ]
 Runs = Annotated[int | None, Parameter(alias="-n", help="Number of runs; the scenario's own by default.")]
 Seed = Annotated[
-    int | None,
-    Parameter(alias="-s", help="Seed of the random numbers; the scenario's own by default."),
+    int | None, Parameter(alias="-s", help="Seed of the random numbers; the scenario's own by default.")
 ]
 Threads = Annotated[int, Parameter(alias="-j", help="Number of threads; 0 for one per core.")]
 Methods = Annotated[

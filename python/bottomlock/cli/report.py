@@ -38,12 +38,7 @@ def reproduce(
     try:
         with progress_bar(whole_study.study_runs(runs)) as progress:
             made = whole_study.reproduce(
-                out,
-                runs=runs,
-                seed=seed,
-                threads=threads,
-                force=force,
-                progress=progress,
+                out, runs=runs, seed=seed, threads=threads, force=force, progress=progress
             )
     except KeyboardInterrupt:
         interrupted(out)

@@ -175,10 +175,7 @@ def pose_messages(track: ExportTrack) -> Iterator[Message]:
     if positions is None or orientations is None:
         return
     for time_ns, position, orientation in zip(track.time_ns.tolist(), positions, orientations, strict=True):
-        pose = {
-            "position": _named("xyz", position),
-            "orientation": _named("xyzw", orientation),
-        }
+        pose = {"position": _named("xyz", position), "orientation": _named("xyzw", orientation)}
         yield time_ns, {"timestamp": _stamp(time_ns), "frame_id": FRAME, "pose": pose}
 
 

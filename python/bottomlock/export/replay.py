@@ -9,13 +9,7 @@ import polars as pl
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.export.formats import check_formats, results_of, write_export
-from bottomlock.export.tracks import (
-    Export,
-    ExportTrack,
-    environment_at,
-    geodetic_of,
-    orientation_enu_flu,
-)
+from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of, orientation_enu_flu
 from bottomlock.files.overwriting import digests_of
 from bottomlock.kernel.models import Environment
 from bottomlock.recordings.axes import from_angles

@@ -14,11 +14,7 @@ from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, new_figure
 from bottomlock.figures.series import Floats
 from bottomlock.tables.campaign import COMPONENTS
 
-_MARKERS = {
-    "velocity": ("o", "velocity"),
-    "misalignment": ("^", "attitude"),
-    "position": ("s", "position"),
-}
+_MARKERS = {"velocity": ("o", "velocity"), "misalignment": ("^", "attitude"), "position": ("s", "position")}
 
 
 def calibration_figure(curves: Mapping[str, tuple[Floats, Floats]]) -> Figure:

@@ -32,65 +32,33 @@ def _dashes(*lengths: float) -> tuple[int, tuple[float, ...]]:
 
 
 STROKES = {
-    "ins": Stroke(
-        "#616080",
-        _dashes(1, 1.4),
-        "|",
-        "nothing: the inertial system alone",
-    ),
+    "ins": Stroke("#616080", _dashes(1, 1.4), "|", "nothing: the inertial system alone"),
     "lc": Stroke(
         "#7e9a93",
         _dashes(9, 2),
         "s",
         "velocity by least squares from all four beams, none lost: the reference",
     ),
-    "tc": Stroke(
-        "#9233d2",
-        "-",
-        "o",
-        "one row for every valid beam (tight coupling)",
-    ),
+    "tc": Stroke("#9233d2", "-", "o", "one row for every valid beam (tight coupling)"),
     "vb": Stroke(
         "#836258",
         _dashes(5, 1.4, 1, 1.4),
         "v",
         "a virtual beam from the filter's own velocity, assumed independent of it",
     ),
-    "nsv": Stroke(
-        "#6da163",
-        _dashes(4, 1.6),
-        "^",
-        "assumes that sway is zero, with a small variance",
-    ),
+    "nsv": Stroke("#6da163", _dashes(4, 1.6), "^", "assumes that sway is zero, with a small variance"),
     "plcf": Stroke(
-        "#164fff",
-        _dashes(2.2, 1.3),
-        "<",
-        "uses only the platform components that the beams determine",
+        "#164fff", _dashes(2.2, 1.3), "<", "uses only the platform components that the beams determine"
     ),
     "vhv": Stroke(
-        "#327cff",
-        _dashes(5, 1.4, 1, 1.4, 1, 1.4),
-        ">",
-        "takes heave from the filter to solve for sway",
+        "#327cff", _dashes(5, 1.4, 1, 1.4, 1, 1.4), ">", "takes heave from the filter to solve for sway"
     ),
     "elc": Stroke(
-        "#e12209",
-        _dashes(5, 3),
-        "D",
-        "for each component the least variance of vb, nsv, plcf and vhv",
+        "#e12209", _dashes(5, 3), "D", "for each component the least variance of vb, nsv, plcf and vhv"
     ),
-    "info": Stroke(
-        "#498fe5",
-        _dashes(1, 2.6),
-        "x",
-        "the observable principal axes through a velocity port",
-    ),
+    "info": Stroke("#498fe5", _dashes(1, 2.6), "x", "the observable principal axes through a velocity port"),
     "weak_sway": Stroke(
-        "#0b93c5",
-        _dashes(9, 1.6, 2.5, 1.6),
-        "P",
-        "assumes that sway is zero, with a large variance",
+        "#0b93c5", _dashes(9, 1.6, 2.5, 1.6), "P", "assumes that sway is zero, with a large variance"
     ),
     "sway_current": Stroke(
         "#b93021",

@@ -146,12 +146,7 @@ class Result:
                 )
         return names
 
-    def write(
-        self,
-        files: Files,
-        *,
-        force: bool = False,
-    ) -> list[Path]:
+    def write(self, files: Files, *, force: bool = False) -> list[Path]:
         """Writes the files of the result and its record, and removes those of an earlier one.
 
         Args:

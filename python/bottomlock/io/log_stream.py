@@ -146,12 +146,7 @@ def attitudes_of(streams: Sequence[LogStream]) -> Attitudes | None:
 
 
 def velocity_of_displacements(
-    name: str,
-    end_ns: Integers,
-    interval_s: Floats,
-    moved_m: Floats,
-    valid: Flags,
-    remark: str = "",
+    name: str, end_ns: Integers, interval_s: Floats, moved_m: Floats, valid: Flags, remark: str = ""
 ) -> LogStream:
     """Mean body velocities over the intervals of displacements, each at the middle of its interval.
 

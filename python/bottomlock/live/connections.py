@@ -298,8 +298,7 @@ class Connection:
 
     async def _datagrams(self) -> str:
         transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: Datagrams(self._wait, self._answers),
-            local_addr=(self.address.host, self.address.port),
+            lambda: Datagrams(self._wait, self._answers), local_addr=(self.address.host, self.address.port)
         )
         self._opened("listening")
         try:

@@ -39,11 +39,7 @@ if TYPE_CHECKING:
     SourceFormat = str
 else:
     SourceFormat = Literal[
-        (
-            *DVL_FORMATS,
-            *(one for formats in FORMATS.values() for one in formats),
-            "mavlink",
-        )
+        (*DVL_FORMATS, *(one for formats in FORMATS.values() for one in formats), "mavlink")
     ]
 
 

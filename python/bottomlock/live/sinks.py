@@ -253,11 +253,7 @@ class _File(Sink):
                 self._file.close()
 
 
-def open_sink(
-    address: Address,
-    on_state: Callable[[str], None],
-    answers: Answers = no_answer,
-) -> Sink:
+def open_sink(address: Address, on_state: Callable[[str], None], answers: Answers = no_answer) -> Sink:
     """The sink of an address.
 
     Args:

@@ -85,10 +85,7 @@ _OWN_IMU = (
 AUTOPILOTS = {
     "ardusub": Autopilot(
         "ArduSub (ArduPilot EKF3), body-frame odometry",
-        (
-            'port = "vision_position_delta"',
-            'to = "udpout:127.0.0.1:14550"',
-        ),
+        ('port = "vision_position_delta"', 'to = "udpout:127.0.0.1:14550"'),
         "navigation",
         (
             "set VISO_TYPE = 1, EK3_SRC1_VELXY = 6 (which fuses all three axes), VISO_DELAY_MS (docs/ports.md)",
@@ -123,11 +120,7 @@ AUTOPILOTS = {
             "the datagrams are CDR: a small node of yours, or a bridge, publishes them",
         ),
     ),
-    "text": Autopilot(
-        "a line of text an estimate",
-        ('port = "sentence"', 'to = "stdout"'),
-        "velocity",
-    ),
+    "text": Autopilot("a line of text an estimate", ('port = "sentence"', 'to = "stdout"'), "velocity"),
 }
 
 _NAVIGATION = f"""

@@ -176,9 +176,7 @@ def fin_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[..., Wrench[N
     return wrench
 
 
-def propeller_wrench(
-    vehicle: Vehicle,
-) -> Callable[[Number, Number], tuple[Number, Number]]:
+def propeller_wrench(vehicle: Vehicle) -> Callable[[Number, Number], tuple[Number, Number]]:
     """Build net thrust X (N) and roll moment K (N m) from speed u (m/s) and shaft n (rev/s).
 
     T = rho D⁴ (K_T0 n|n| + K_T1 |n| V_a / D), V_a = (1 - w) u, and the hull gets (1 - t) T. The torque has the same

@@ -18,9 +18,7 @@ from bottomlock.plant.vehicle import Vehicle
 
 
 def runge_kutta_step(
-    rates: Derivative[Number],
-    maths: Maths[Number],
-    step_s: float,
+    rates: Derivative[Number], maths: Maths[Number], step_s: float
 ) -> Callable[
     [list[Number], list[Number], Row[Number], Row[Number], Segment[Number], Error[Number]], list[Number]
 ]:

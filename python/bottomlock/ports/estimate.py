@@ -125,11 +125,7 @@ class Estimate:
                     place="estimate",
                     expected=f"one of {', '.join(known)}",
                 )
-        for name, least, most in (
-            ("time_ns", 0, 2**63 - 1),
-            ("rank", 0, 3),
-            ("reset_counter", 0, 255),
-        ):
+        for name, least, most in (("time_ns", 0, 2**63 - 1), ("rank", 0, 3), ("reset_counter", 0, 255)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
                 raise DataError(

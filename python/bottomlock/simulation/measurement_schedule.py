@@ -8,14 +8,7 @@ from numpy.typing import NDArray
 from bottomlock import kernel
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import DataError
-from bottomlock.plant.beam_loss import (
-    altitude_loss,
-    combine,
-    markov_valid,
-    replayed,
-    returning,
-    scheduled,
-)
+from bottomlock.plant.beam_loss import altitude_loss, combine, markov_valid, replayed, returning, scheduled
 from bottomlock.plant.seabed import Footprints, footprints
 from bottomlock.plant.surroundings import GpsReception, depth_error_m, magnetic_heading_error_rad
 from bottomlock.simulation.build import Simulation

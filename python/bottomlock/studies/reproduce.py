@@ -53,10 +53,7 @@ def _cross_current(scenario: Scenario, speed_mps: float) -> Scenario:
 SETTINGS = (
     Setting(VIRTUAL_BEAM_FACTOR, (1.0, 3.0, 6.0, 10.0, 30.0), ("vb",), _filter("virtual_beam_factor")),
     Setting(
-        "ε of NSV, m²/s²",
-        (1e-6, 1e-4, 1e-3, 1e-2, 1.0),
-        ("nsv", "elc"),
-        _filter("nullified_sway_var_m2ps2"),
+        "ε of NSV, m²/s²", (1e-6, 1e-4, 1e-3, 1e-2, 1.0), ("nsv", "elc"), _filter("nullified_sway_var_m2ps2")
     ),
     Setting("gate", ("joint", "per_row", "off"), ("tc", "vb", "nsv", "vhv", "elc"), _filter("gate")),
     Setting(

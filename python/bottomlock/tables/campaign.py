@@ -4,10 +4,7 @@ from collections.abc import Mapping
 
 import polars as pl
 
-BIASES = (
-    *(f"accel_bias_{axis}_mps2" for axis in "xyz"),
-    *(f"gyro_bias_{axis}_radps" for axis in "xyz"),
-)
+BIASES = (*(f"accel_bias_{axis}_mps2" for axis in "xyz"), *(f"gyro_bias_{axis}_radps" for axis in "xyz"))
 """The biases of the IMU in the platform frame, in the kernel's order."""
 
 _BIAS_COLUMNS: Mapping[str, pl.DataType] = {

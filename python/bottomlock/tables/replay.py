@@ -13,11 +13,7 @@ RECORDED = "recorded"
 SIGMAS = (1, 2, 3)
 """Intervals whose coverage is counted, in claimed standard deviations."""
 
-KEYS: Mapping[str, pl.DataType] = {
-    "case": pl.String(),
-    "what_if": pl.String(),
-    "method": pl.String(),
-}
+KEYS: Mapping[str, pl.DataType] = {"case": pl.String(), "what_if": pl.String(), "method": pl.String()}
 
 REPLAY_RUNS: Mapping[str, pl.DataType] = {
     **KEYS,
