@@ -8,11 +8,9 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.statistics.rms import Array, combined_rms, mean_square, rms
-from bottomlock.tables.campaign import COMPONENTS, SAMPLES
+from bottomlock.tables.campaign import COMPONENTS, SAMPLES, UNITS
 from bottomlock.tables.results import CampaignTables, read_samples
 from bottomlock.units import DEGREES_PER_RADIAN
-
-_UNITS = {"position": "m", "misalignment": "rad", "velocity": "mps"}
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ def _normalised_mean_squares(samples: pl.DataFrame, shape: tuple[int, int, int])
     """(methods, 9) mean over runs and times of (error/σ)², for each of `COMPONENTS`."""
     columns = []
     for component in COMPONENTS:
-        unit = _UNITS[component.split("_")[0]]
+        unit = UNITS[component.split("_")[0]]
         error = _cube(samples, f"err_{component}_{unit}", shape)
         sd = _cube(samples, f"sd_{component}_{unit}", shape)
         columns.append(mean_square(error / sd, axis=(0, 2)))
