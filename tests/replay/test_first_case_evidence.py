@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from bottomlock.io.beams import read_geometry, read_instrument_file
@@ -18,12 +19,12 @@ from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import fit_anyhow
 from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.track_fit import fit_track
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.gyros import match_gyros, slope
-from bottomlock.replay.motion.mounting_yaw import yaw_by_positions
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
 from bottomlock.replay.motion.pings import ping_velocity
 from bottomlock.replay.run import replay_case
@@ -182,12 +183,13 @@ def test_mounting_by_accelerations_and_by_the_track(dive: Dive, yaw_deg: float) 
     inertial = Inertial(ns(dive.imu_s), dive.force, dive.omega)
     mounted = Rotation.from_euler("Z", yaw_deg, degrees=True)
     own = Rotation.from_euler("ZYX", dive.at(np.asarray(stamps * 1e-9), np.unwrap(dive.rpy, axis=0))[:, ::-1])
-    track = yaw_by_positions(
-        stamps, mounted.inv().apply(velocity), own, ns(dive.imu_s[::50]), dive.position[::50, :2]
-    )
+    velocity_t = own.apply(mounted.inv().apply(velocity))
+    way = cumulative_trapezoid(velocity_t, stamps * 1e-9, axis=0, initial=0.0)
+    track = fit_track("gps", stamps, way, ns(dive.imu_s[::50]), dive.position[::50])
     assert track is not None
-    off = np.rad2deg(np.angle(np.exp(1j * (track.yaw_rad - np.deg2rad(yaw_deg)))))
-    assert abs(off) < max(4.0 * np.rad2deg(track.sd_rad), 0.5)
+    assert track.agreement > 0.9
+    off = np.rad2deg(np.angle(np.exp(1j * (track.angle_rad - np.deg2rad(yaw_deg)))))
+    assert abs(off) < 4.0 * np.rad2deg(track.sd_rad)
     assert np.rad2deg(track.sd_rad) < 10.0
     for tilted in (mounted, mounted * Rotation.from_euler("X", -90.0, degrees=True)):
         felt = fit_anyhow(Recorded(inertial, stamps, tilted.inv().apply(velocity)))

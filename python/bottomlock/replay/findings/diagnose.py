@@ -11,6 +11,7 @@ from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.streams import Floats, Inertial, Integers
+from bottomlock.recordings.track_fit import TrackFit
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
@@ -19,7 +20,7 @@ from bottomlock.replay.findings.attitude_checks import attitude_findings, headin
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
 from bottomlock.replay.findings.sway import measured_sway
-from bottomlock.replay.findings.track_checks import Fit, fits, track_finding
+from bottomlock.replay.findings.track_checks import fits, track_finding
 from bottomlock.replay.findings.trust import Answer, Evidence, against_reference, answer_of
 from bottomlock.replay.findings.verdict import (
     ABSORBED,
@@ -272,7 +273,7 @@ def _track(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> Finding 
     return track_finding(case, own, reckoned)
 
 
-def _fits(case: Case, prepared: PreparedRun, samples: pl.DataFrame, method: str) -> list[Fit]:
+def _fits(case: Case, prepared: PreparedRun, samples: pl.DataFrame, method: str) -> list[TrackFit]:
     rows = samples.filter((pl.col("pass") == "forward") & (pl.col("method") == method))
     if rows.height < 2:
         return []

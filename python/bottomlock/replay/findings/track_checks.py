@@ -1,101 +1,31 @@
 """Tracks against positions that did not aid them: turned as a whole, or of another dive."""
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Floats, Times
+from bottomlock.recordings.track_fit import TrackFit, fit_track
 from bottomlock.replay.case import Case
 from bottomlock.replay.streams import Streams
 
-SIGMAS = 5.0
 CLAIMED = 2.5
 """Rotation of a track over the claimed slow error of the heading up to which that explains it: 1 in 80."""
-LEAST_EXTENT_M = 5.0
-FEWEST = 10
-UNLIKE, BEYOND, WANDER_M = 0.15, 5.0, 3.0
-"""Part of the extent, multiple of the claimed error, and error of good positions that lasts, m: no turn and shift of a
-track leaves more than all three on its own dive."""
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """A track against positions.
-
-    `angle_rad` is the rotation of the track that fits best; RMS distances before and after it, and after it without
-    what is white; RMS extents of positions and track, and the RMS σ that the track claims, in m.
-    """
-
-    name: str
-    angle_rad: float
-    before_m: float
-    after_m: float
-    lasting_m: float
-    extent_m: float
-    own_extent_m: float
-    claimed_m: float
-
-    @property
-    def sd_rad(self) -> float:
-        """1 sigma of the rotation."""
-        return max(float(np.deg2rad(0.3)), self.after_m / self.extent_m)
-
-    @property
-    def turned(self) -> bool:
-        """Whether the track is turned as a whole and fits after it."""
-        least = max(SIGMAS * self.sd_rad, float(np.deg2rad(2.0)))
-        return abs(self.angle_rad) > least and self.after_m < 0.5 * self.before_m
-
-    @property
-    def unlike(self) -> bool:
-        """Whether no turn and no shift makes one of the other."""
-        least = max(UNLIKE * max(self.extent_m, self.own_extent_m), BEYOND * self.claimed_m)
-        return self.lasting_m > max(least, WANDER_M)
-
-
-def fits(case: Case, streams: Streams, time_ns: Times, track_t_m: Floats, claimed_m: float) -> list[Fit]:
+def fits(case: Case, streams: Streams, time_ns: Times, track_t_m: Floats, claimed_m: float) -> list[TrackFit]:
     """A track (T, 3) with the RMS σ that it claims against the reference and GPS, where there are positions of them."""
     found = []
     reference, gps = streams.reference, streams.gps
     if reference is not None and reference.position_t_m is not None:
         found.append(
-            fit("reference", time_ns, track_t_m, reference.time_ns, reference.position_t_m, claimed_m)
+            fit_track("reference", time_ns, track_t_m, reference.time_ns, reference.position_t_m, claimed_m)
         )
     if gps is not None and case.gps is not None:
-        found.append(fit("gps", time_ns, track_t_m, gps.time_ns, gps.position_t_m, claimed_m))
+        found.append(fit_track("gps", time_ns, track_t_m, gps.time_ns, gps.position_t_m, claimed_m))
     return [one for one in found if one is not None]
 
 
-def fit(
-    name: str, time_ns: Times, track_t_m: Floats, times: Times, place_t_m: Floats, claimed_m: float
-) -> Fit | None:
-    """The track turned and shifted onto positions, horizontally; None for too few of them or too short a way."""
-    inside = (times >= time_ns[0]) & (times <= time_ns[-1])
-    if inside.sum() < FEWEST:
-        return None
-    seconds = (times[inside] - time_ns[0]) * 1e-9
-    own = np.stack(
-        [np.interp(seconds, (time_ns - time_ns[0]) * 1e-9, track_t_m[:, k]) for k in range(2)], axis=1
-    )
-    own, other = own - own.mean(axis=0), place_t_m[inside, :2] - place_t_m[inside, :2].mean(axis=0)
-    own_extent, extent = (float(np.sqrt((one**2).sum(axis=1).mean())) for one in (own, other))
-    if extent < LEAST_EXTENT_M:
-        return None
-    turned = complex((own[:, 0] - 1j * own[:, 1]) @ (other[:, 0] + 1j * other[:, 1]))
-    angle = float(np.angle(turned))
-    spin = Rotation.from_euler("Z", angle).as_matrix()[:2, :2]
-    before = float(np.sqrt(((own - other) ** 2).sum(axis=1).mean()))
-    left = own @ spin.T - other
-    after = float(np.sqrt((left**2).sum(axis=1).mean()))
-    white = 0.5 * float((np.diff(left, axis=0) ** 2).sum(axis=1).mean())
-    return Fit(
-        name, angle, before, after, float(np.sqrt(max(after**2 - white, 0.0))), extent, own_extent, claimed_m
-    )
-
-
-def track_finding(case: Case, track: list[Fit], reckoned: list[Fit]) -> Finding | None:
+def track_finding(case: Case, track: list[TrackFit], reckoned: list[TrackFit]) -> Finding | None:
     """What is turned, or not of this dive, by a method's track and that of dead reckoning against the same positions.
 
     Args:
@@ -127,7 +57,7 @@ def _claimed_yaw_rad(case: Case) -> float:
     return float(np.deg2rad(np.hypot(attitude.yaw_constant_sd_deg, attitude.yaw_walk_sd_deg)))
 
 
-def _other_dive(one: Fit, beside: Fit | None) -> Finding:
+def _other_dive(one: TrackFit, beside: TrackFit | None) -> Finding:
     best = beside or one
     what = "dead-reckoned track" if beside is not None else "track"
     return Finding(
@@ -140,11 +70,11 @@ def _other_dive(one: Fit, beside: Fit | None) -> Finding:
     )  # fmt: skip
 
 
-def _attitude_turned(case: Case, fit: Fit) -> Finding:
+def _attitude_turned(case: Case, fit: TrackFit) -> Finding:
     degrees = float(np.rad2deg(fit.angle_rad))
     offset = 0.0 if case.attitude is None else case.attitude.yaw_offset_deg
     return Finding(
-        "attitude_heading", "fault", (fit.angle_rad / fit.sd_rad) ** 2,
+        "attitude_heading", "fault", (fit.angle_rad / fit.whole_sd_rad) ** 2,
         f"The heading of [attitude] is {-degrees:+.1f} deg off: dead reckoning with it is turned against the positions "
         f"of [{fit.name}].",
         f"RMS distance {fit.before_m:.1f} m as reckoned, {fit.after_m:.1f} m after turning it back.",
@@ -154,7 +84,7 @@ def _attitude_turned(case: Case, fit: Fit) -> Finding:
     )  # fmt: skip
 
 
-def _track_turned(case: Case, fit: Fit) -> Finding:
+def _track_turned(case: Case, fit: TrackFit) -> Finding:
     degrees = float(np.rad2deg(fit.angle_rad))
     aided = case.attitude is not None and case.attitude.aids != "nothing"
     cause = (
@@ -168,7 +98,7 @@ def _track_turned(case: Case, fit: Fit) -> Finding:
         else "Use another source of start.heading"
     )
     return Finding(
-        "magnetic_heading" if aided else "start_heading", "fault", (fit.angle_rad / fit.sd_rad) ** 2,
+        "magnetic_heading" if aided else "start_heading", "fault", (fit.angle_rad / fit.whole_sd_rad) ** 2,
         f"The track is turned by {-degrees:+.1f} deg against the positions of [{fit.name}]; {cause}.",
         f"RMS distance {fit.before_m:.1f} m as navigated, {fit.after_m:.1f} m after turning it back.",
         f"{remedy}; is it true north?", "attitude.yaw_offset_deg" if aided else "start.heading",

@@ -3,19 +3,20 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
 from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
 from bottomlock.recordings.streams import Floats, Inertial
+from bottomlock.recordings.track_fit import TrackFit, fit_track
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
 from bottomlock.replay.init.other_parts import AttitudePart
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at, match_gyros, slope
-from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_positions
 
 EARTH_RADPS = 7.292115e-5
 SURE = 0.7
@@ -136,7 +137,7 @@ def _yaw(yaw_rad: float) -> Floats:
     return np.asarray(Rotation.from_euler("Z", yaw_rad).as_matrix()).round(12) + 0.0
 
 
-def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: MountingYaw | None) -> ImuPart:
+def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: TrackFit | None) -> ImuPart:
     """Axes by which the velocity follows the inertial readings, and what a fit of both finds in them.
 
     Args:
@@ -175,7 +176,7 @@ def _felt(recorded: Recorded, *, left_handed: bool) -> Match | None:
 
 
 def _placed(
-    dvl: DvlPart, imu: ImuPart, felt: Match | None, track: MountingYaw | None, *, of_vehicle: bool
+    dvl: DvlPart, imu: ImuPart, felt: Match | None, track: TrackFit | None, *, of_vehicle: bool
 ) -> ImuPart:
     """The IMU turned to a DVL's vehicle axes, or the DVL mounted, as accelerations and track show.
 
@@ -192,7 +193,7 @@ def _placed(
     words += [] if track is None else [_by_track(track)]
     dvl.mounting_why = "; ".join(words)
     if felt is not None and track is not None:
-        apart = abs(float(np.angle(np.exp(1j * (track.yaw_rad - _heading(felt.turned))))))
+        apart = abs(float(np.angle(np.exp(1j * (track.angle_rad - _heading(felt.turned))))))
         if apart > 3.0 * np.hypot(felt.part_sd("rotation")[2], track.sd_rad):
             dvl.questions.append(
                 f"is the heading right? Both disagree: yaw_offset_deg of [attitude] may be {np.rad2deg(apart):.0f} off"
@@ -200,7 +201,7 @@ def _placed(
             track = None
     by_track = track is not None and (felt is None or felt.turned[2, 2] > np.cos(OFF_QUARTER_RAD))
     if track is not None and by_track:
-        turned, sd = _yaw(track.yaw_rad), track.sd_rad
+        turned, sd = _yaw(track.angle_rad), track.sd_rad
     elif felt is not None:
         turned, sd = felt.turned, float(felt.part_sd("rotation")[2])
     else:
@@ -252,7 +253,7 @@ def _by_accelerations(felt: Match) -> str:
     )
 
 
-def set_yaw_by_track(dvl: DvlPart, track: MountingYaw | None) -> None:
+def set_yaw_by_track(dvl: DvlPart, track: TrackFit | None) -> None:
     """Mounting yaw of a DVL on a vehicle without inertial readings, by its track against positions."""
     if track is None:
         dvl.questions.append("no inertial readings: are clock and axes of the DVL those of the attitude?")
@@ -261,25 +262,25 @@ def set_yaw_by_track(dvl: DvlPart, track: MountingYaw | None) -> None:
     _mounted(dvl, track)
 
 
-def _by_track(track: MountingYaw) -> str:
-    return f"by its track against the recorded positions by {track.words}, an error of the heading included"
+def _by_track(track: TrackFit) -> str:
+    yaw, sd = np.rad2deg(track.angle_rad), np.rad2deg(track.sd_rad)
+    told = f"{yaw:+.1f} ± {sd:.2g} deg (agreement {track.agreement:.2f})"
+    return f"by its track against the recorded positions by {told}, an error of the heading included"
 
 
-def _mounted(dvl: DvlPart, track: MountingYaw) -> None:
+def _mounted(dvl: DvlPart, track: TrackFit) -> None:
     """The DVL turned by the yaw of its track, where that is beyond doubt."""
-    if abs(track.yaw_rad) > max(SIGMAS * track.sd_rad, LEAST_YAW_RAD):
-        dvl.turned(_yaw(track.yaw_rad))
+    if abs(track.angle_rad) > max(SIGMAS * track.sd_rad, LEAST_YAW_RAD):
+        dvl.turned(_yaw(track.angle_rad))
 
 
-def telling_track(track: MountingYaw | None) -> MountingYaw | None:
+def telling_track(track: TrackFit | None) -> TrackFit | None:
     """The yaw of a track, where it tells a direction and its sigma tells quarter turns apart."""
     tells = track is not None and track.agreement > TRACKED and track.sd_rad < QUARTER_SD_RAD
     return track if tells else None
 
 
-def track_yaw(
-    dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPart | None
-) -> MountingYaw | None:
+def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPart | None) -> TrackFit | None:
     """Yaw of the velocity by its track against recorded positions; None where these do not tell.
 
     The frame of the attitude need not be known: in a wrong one track and positions do not agree.
@@ -292,10 +293,9 @@ def track_yaw(
     own = attitude_at(own_ns, platform, times, max(LONGEST_STEP_S, USUAL_STEPS * usual_s))
     if own is None:
         return None
-    known = own[1]
-    return yaw_by_positions(
-        times[known], dvl.velocity_p_mps[known], own[0][known], positions.time_ns, positions.north_east_m
-    )
+    times, velocity = times[own[1]], own[0][own[1]].apply(dvl.velocity_p_mps[own[1]])
+    way = cumulative_trapezoid(velocity, times * 1e-9 - times[0] * 1e-9, axis=0, initial=0.0)
+    return fit_track("positions", times, way, positions.time_ns, positions.north_east_m)
 
 
 def _refine_clock(dvl: DvlPart) -> None:

@@ -11,6 +11,7 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.io.columns import column_names
 from bottomlock.plant.surroundings import world_magnetic_model
+from bottomlock.recordings.track_fit import TrackFit
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init.axes_part import (
     recorded,
@@ -39,7 +40,6 @@ from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart, choose_positions, guess_positions
 from bottomlock.replay.init.sections import draft
 from bottomlock.replay.init.sources import Sources, read_sources
-from bottomlock.replay.motion.mounting_yaw import MountingYaw
 from bottomlock.replay.motion.ping_noise import ping_noise
 
 CONFIRMED = 0.5
@@ -215,7 +215,7 @@ def _made(sources: Sources, attitudes: list[Found]) -> ImuPart | None:
     return made
 
 
-def _track(parts: Parts) -> MountingYaw | None:
+def _track(parts: Parts) -> TrackFit | None:
     """Yaw of the velocity by its track against recorded positions, which also tell a true yaw from a magnetic one."""
     track = telling_track(track_yaw(parts.dvl, parts.attitude, parts.reference))
     if track is None or parts.attitude is None:
@@ -297,7 +297,7 @@ def set_declination(attitude: AttitudePart | None, positions: PositionPart | Non
     attitude.declination_why = f"declination of {year:.1f} (World Magnetic Model); 0 where the yaw is true"
 
 
-def without_declination(attitude: AttitudePart, track: MountingYaw) -> MountingYaw:
+def without_declination(attitude: AttitudePart, track: TrackFit) -> TrackFit:
     """The track's yaw with the declination taken back, where the track follows positions far better without it.
 
     A DVL mounted at the very angle of the declination cannot be told from it; the case says what was decided.
@@ -306,8 +306,8 @@ def without_declination(attitude: AttitudePart, track: MountingYaw) -> MountingY
         attitude: its yaw is taken to be true then.
         track: yaw of the DVL's track with the declination.
     """
-    before = replace(track, yaw_rad=track.yaw_rad + attitude.declination_rad)
-    if (track.yaw_rad / track.sd_rad) ** 2 - (before.yaw_rad / track.sd_rad) ** 2 < CLEAR:
+    before = replace(track, angle_rad=track.angle_rad + attitude.declination_rad)
+    if (track.angle_rad / track.sd_rad) ** 2 - (before.angle_rad / track.sd_rad) ** 2 < CLEAR:
         return track
     declination_deg = math.degrees(attitude.declination_rad)
     attitude.declination_rad = 0.0
