@@ -24,7 +24,7 @@ from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
-from bottomlock.replay.motion.gyros import match_gyros, slope
+from bottomlock.replay.motion.gyros import match_gyros, turns_of
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
 from bottomlock.replay.motion.pings import ping_velocity
 from bottomlock.replay.run import replay_case
@@ -115,10 +115,11 @@ def made(folder: Path, files: dict[str, Path]) -> tuple[Case, str]:
 @pytest.mark.parametrize("factor", [1.0, 180.0 / np.pi, 648_000.0 / np.pi])
 def test_slope_of_turns_tells_the_unit(dive: Dive, factor: float) -> None:
     """A slope of 1 is rad/s; an offset of 2,400 deg/h and noise do not change it."""
-    found = slope(ns(dive.imu_s), factor * noisy(dive, 0.0, 0.002)[1], *attitude(dive))
+    found = turns_of(ns(dive.imu_s), factor * noisy(dive, 0.0, 0.002)[1], *attitude(dive))
     assert found is not None
-    assert found[0] == pytest.approx(factor, rel=0.03)
-    assert found[1] > 0.9
+    slope, correlation = found.slope()
+    assert slope == pytest.approx(factor, rel=0.03)
+    assert correlation > 0.9
 
 
 @pytest.mark.parametrize(("accel", "gyro"), [(0.01, 0.001), (0.07, 0.005), (0.15, 0.01)])

@@ -1,8 +1,7 @@
 """The recorded attitude against the gyros and the accelerometers: unit of the gyros, mounting of the instrument.
 
-Over each second the attitude turns by Cᵀ(t) C(t + 1 s), and the gyros by the integral of their readings. Both are
-vectors in platform axes and so is gravity, which both show over some seconds. One rotation from the attitude's axes to
-the IMU's fits all of them (Kabsch 1976); the ratio of the turns is the unit.
+Both turn over each second, and both show gravity over some seconds, in platform axes. One rotation from the attitude's
+axes to the IMU's fits all of that (Kabsch 1976); the ratio of the turns is the unit.
 """
 
 from dataclasses import dataclass
@@ -11,19 +10,18 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
-from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding
-from bottomlock.recordings.streams import Floats, Inertial, Times, integrals
+from bottomlock.recordings.streams import Floats, integrals
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.motion_findings import ANEW
-from bottomlock.replay.motion.gyros import slope
+from bottomlock.replay.motion.gyros import SLOPE_S, Turns, turns_of
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.tables.replay import FORWARD
 
-STEP_S, LEVEL_S = 1.0, 10.0
-"""Intervals over which turns and the direction of gravity are compared."""
+LEVEL_S = 10.0
+"""Interval over which the direction of gravity is compared."""
 FEWEST = 60
 CORRELATED = 0.6
 """Correlation of the turns from which both are of one vehicle."""
@@ -35,32 +33,27 @@ UNITS = {np.pi / 180.0: ("deg/s", "rad/s"), 180.0 / np.pi: ("rad/s", "deg/s")}
 """Ratio of gyros to attitude: the unit that is stated, and the right one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Turns:
-    """Turns of gyros and attitude, rad/s, (n, 3) each, less their means; directions of down of both, (m, 3)."""
-
-    gyros: Floats
-    attitude: Floats
-    down_imu: Floats
-    down_attitude: Floats
-
-
 def attitude_findings(case: Case, prepared: PreparedRun) -> list[Finding]:
     """Unit of the gyros and mounting of the attitude sensor, where both instruments contradict what is stated."""
-    if not isinstance(case.imu, ImuStream):
-        # The turns are those of the attitude itself.
+    attitudes, inertial = prepared.streams.attitudes, prepared.readings
+    # Without an IMU the turns are those of the attitude itself.
+    if case.attitude is None or attitudes is None or not isinstance(case.imu, ImuStream):
         return []
-    turns = compared(prepared)
-    if case.attitude is None or turns is None:
+    rows = slice(int(np.searchsorted(attitudes.time_ns, prepared.alignment.time_ns)), None)
+    turns = turns_of(
+        inertial.time_ns, inertial.omega_p_radps, attitudes.time_ns[rows], attitudes.attitude[rows]
+    )
+    if turns is None or len(turns.gyros) < FEWEST:
         return []
-    rotation = aligned(turns)
-    inertial, attitudes = prepared.readings, prepared.streams.attitudes
-    assert attitudes is not None  # there are turns of it
-    in_imu_axes = attitudes.attitude * rotation.inv()
-    seen = slope(inertial.time_ns, inertial.omega_p_radps, attitudes.time_ns, in_imu_axes)
-    if seen is None or seen[1] < CORRELATED:
+    edges = np.arange(turns.edges_ns[0], turns.edges_ns[-1], round(LEVEL_S * 1e9), dtype=np.int64)
+    force = integrals(inertial.time_ns, inertial.force_p_mps2, edges)
+    level = integrals(attitudes.time_ns, attitudes.attitude.inv().apply([0.0, 0.0, 1.0]), edges)
+    down = -_unit_rows(force), _unit_rows(level)
+    rotation = _aligned(turns, *down)
+    ratio, correlation = turns.slope(rotation)
+    if correlation < CORRELATED:
         return []
-    found = [_unit(case, *seen, turns), _mounting(turns, rotation, seen[0])]
+    found = [_unit(case, ratio, correlation, turns), _mounting(turns, down, rotation, ratio)]
     return [one for one in found if one is not None]
 
 
@@ -75,16 +68,16 @@ def _unit(case: Case, ratio: float, correlation: float, turns: Turns) -> Finding
         "gyro_unit", "fault", min(turns.gyros.size * misfit / max(left, 1e-12), 1e9),
         f"The unit of the angular rate is wrong: {right} taken for {stated}.",
         f"Slope of the gyros over the turns of the recorded attitude: {ratio:.3g} as stated, {ratio / factor:.3g} with "
-        f"{right}, expected 1; correlation {correlation:.2f} over {len(turns.gyros)} intervals of {STEP_S:g} s.",
+        f"{right}, expected 1; correlation {correlation:.2f} over {len(turns.gyros)} intervals of {SLOPE_S:g} s.",
         f'Set imu.omega_unit = "{right}" (now "{stated}"), and imu.errors anew: {ANEW}.', "imu.omega_unit",
         expected="a slope of 1",
     )  # fmt: skip
 
 
-def _mounting(turns: Turns, rotation: Rotation, ratio: float) -> Finding | None:
+def _mounting(turns: Turns, down: tuple[Floats, Floats], rotation: Rotation, ratio: float) -> Finding | None:
     if rotation.magnitude() < TURNED_RAD:
         return None
-    parts = ((turns.gyros / ratio, turns.attitude), (turns.down_imu, turns.down_attitude))
+    parts = ((turns.gyros / ratio, turns.attitude), down)
     before, after = (
         sum(float(np.sum((a - r.apply(b)) ** 2) / max(np.sum(a**2), 1e-12)) for a, b in parts)
         for r in (Rotation.identity(), rotation)
@@ -97,54 +90,22 @@ def _mounting(turns: Turns, rotation: Rotation, ratio: float) -> Finding | None:
         f"The attitude sensor is mounted {np.rad2deg(rotation.magnitude()):.0f} deg off what is stated.",
         f"Its turns and its level fit gyros and accelerometers after roll {roll:+.0f}, pitch {pitch:+.0f}, yaw "
         f"{yaw:+.0f} deg: {100.0 * after / before:.0f} % of the misfit is left, over {len(turns.gyros)} intervals of "
-        f"{STEP_S:g} s.",
+        f"{SLOPE_S:g} s.",
         f"Turn attitude.mounting_roll_deg, mounting_pitch_deg and mounting_yaw_deg by {roll:+.0f}, {pitch:+.0f}, "
         f"{yaw:+.0f}; or the IMU is turned, imu.axes.", "attitude.mounting_yaw_deg",
     )  # fmt: skip
 
 
-def aligned(turns: Turns) -> Rotation:
+def _aligned(turns: Turns, down_imu: Floats, down_attitude: Floats) -> Rotation:
     """The rotation from the attitude's platform axes to the IMU's, by turns and level with the same weight."""
     k = float(np.sqrt(np.sum(turns.gyros**2) / max(float(np.sum(turns.attitude**2)), 1e-12)))
-    share = [1.0 / max(float(np.sum(turns.gyros**2)), 1e-12), 1.0 / len(turns.down_imu)]
-    weights = np.repeat(share, [len(turns.gyros), len(turns.down_imu)])
+    share = [1.0 / max(float(np.sum(turns.gyros**2)), 1e-12), 1.0 / len(down_imu)]
     found, _ = Rotation.align_vectors(
-        np.concatenate([turns.gyros, turns.down_imu]),
-        np.concatenate([k * turns.attitude, turns.down_attitude]),
-        weights=weights,
+        np.concatenate([turns.gyros, down_imu]),
+        np.concatenate([k * turns.attitude, down_attitude]),
+        weights=np.repeat(share, [len(turns.gyros), len(down_imu)]),
     )
     return found
-
-
-def compared(prepared: PreparedRun) -> Turns | None:
-    """Turns and level of both instruments where both have readings; None where that is too short."""
-    attitudes, inertial = prepared.streams.attitudes, prepared.readings
-    if attitudes is None or len(attitudes.time_ns) < 2:
-        return None
-    begin = max(int(attitudes.time_ns[0]), int(inertial.time_ns[0]), prepared.alignment.time_ns)
-    end = min(int(attitudes.time_ns[-1]), int(inertial.time_ns[-1]))
-    step_s = max(STEP_S, 2e-9 * float(np.median(np.diff(attitudes.time_ns))))
-    edges = np.arange(begin, end, round(step_s * 1e9), dtype=np.int64)
-    far = np.arange(begin, end, round(LEVEL_S * 1e9), dtype=np.int64)
-    if len(edges) <= FEWEST or len(far) < 3:
-        return None
-    attitude_at = attitude_between(attitudes)
-    C = attitude_at(edges)
-    turned = (C[:-1].inv() * C[1:]).as_rotvec() / step_s
-    gyros = _means(inertial, inertial.omega_p_radps, edges)
-    force = _means(inertial, inertial.force_p_mps2, far)
-    fine = attitude_at(edges).inv().apply([0.0, 0.0, 1.0])
-    block = np.minimum(np.searchsorted(far, edges, side="right") - 1, len(far) - 2)
-    summed = [np.bincount(block, fine[:, k], minlength=len(far) - 1) for k in range(3)]
-    down = np.stack(summed, axis=1).astype(np.float64)
-    return Turns(
-        gyros - gyros.mean(axis=0), turned - turned.mean(axis=0), -_unit_rows(force), _unit_rows(down)
-    )
-
-
-def _means(inertial: Inertial, values: Floats, edges: Times) -> Floats:
-    """(n − 1, 3) means of readings between edges (n,)."""
-    return np.asarray(integrals(inertial.time_ns, values, edges) / (np.diff(edges) * 1e-9)[:, None])
 
 
 def _unit_rows(values: Floats) -> Floats:

@@ -168,13 +168,13 @@ def _values(stated: Stated, cause: Cause) -> tuple[str, dict[str, Any]]:
             "size": size, "axis": "xyz"[k], "times": size / max(now, 1e-9), "listed": listed, "now": now
         }  # fmt: skip
     turned = Rotation.from_matrix(cause.match.turned)
-    off, right = (
+    off, to_set = (
         np.rad2deg(to_angles(one)) for one in (turned, turned * from_angles(*stated.mounting_rpy_rad))
     )
     main = int(np.argmax(np.abs(off)))
     keys = (
         f"mounting_{axis}_deg = {angle:.1f} ± {spread:.1g}"
-        for axis, angle, spread in zip(ANGLES, right, sd, strict=True)
+        for axis, angle, spread in zip(ANGLES, to_set, sd, strict=True)
     )
     return name, {"angle": off[main], "main": ANGLES[main], "listed": ", ".join(keys)}
 

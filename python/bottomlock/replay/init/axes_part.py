@@ -16,7 +16,7 @@ from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
 from bottomlock.replay.init.other_parts import AttitudePart
 from bottomlock.replay.init.positions import PositionPart
-from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at, match_gyros, slope
+from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at, match_gyros, turns_of
 
 EARTH_RADPS = 7.292115e-5
 SURE = 0.7
@@ -47,10 +47,11 @@ def unit_by_attitude(imu: ImuPart, attitude: AttitudePart | None) -> Guess | Non
     if attitude is None or imu.increments or attitude.match is None or not attitude.match.clear:
         return None
     own = OMEGA_SI[imu.omega.value]
-    found = slope(imu.time_ns, imu.omega_p_radps, *attitude.platform())
-    if found is None or found[1] < SURE or not found[0] > 0.0:
+    both = turns_of(imu.time_ns, imu.omega_p_radps, *attitude.platform())
+    slope, correlation = (0.0, 0.0) if both is None else both.slope()
+    if correlation < SURE or not slope > 0.0:
         return None
-    slopes = {unit: found[0] * factor / own for unit, factor in OMEGA_SI.items()}
+    slopes = {unit: slope * factor / own for unit, factor in OMEGA_SI.items()}
     best = min(slopes, key=lambda unit: abs(np.log(slopes[unit])))
     if not 1.0 / NEAR < slopes[best] < NEAR:
         return None
@@ -58,7 +59,7 @@ def unit_by_attitude(imu: ImuPart, attitude: AttitudePart | None) -> Guess | Non
     return Guess(
         best,
         f"in a second the gyros turn {slopes[best]:.2f} times as far as the recorded attitude ({slopes[other]:.2g} in "
-        f"{other}), correlation {found[1]:.2f}",
+        f"{other}), correlation {correlation:.2f}",
     )
 
 

@@ -78,14 +78,47 @@ def attitude_at(
     return slerp((clipped - origin) * 1e-9), known
 
 
-def slope(
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """Mean rates of gyros and of an attitude over the same steps, less their medians.
+
+    Attributes:
+        edges_ns: (n + 1) times of the steps, some of them left out.
+        gyros, attitude: (n, 3), the gyros in any unit.
+    """
+
+    edges_ns: Integers
+    gyros: Floats
+    attitude: Floats
+
+    def slope(self, rotation: Rotation | None = None) -> tuple[float, float]:
+        """Slope of the gyros over the attitude, which is 1 in rad/s, robust, and their correlation.
+
+        Args:
+            rotation: from the attitude's axes to those of the gyros.
+        """
+        a, b = self.attitude if rotation is None else rotation.apply(self.attitude), self.gyros
+        weight = np.ones(len(a))
+        value = 0.0
+        for _ in range(10):
+            value = float(
+                (weight[:, None] * a * b).sum() / max(float((weight[:, None] * a * a).sum()), 1e-30)
+            )
+            left = np.linalg.norm(b - value * a, axis=1)
+            weight = 1.0 / np.maximum(1.0, left / max(2.0 * float(np.median(left)), 1e-30))
+        w = weight[:, None]
+        size = np.sqrt(float((w * a * a).sum()) * float((w * b * b).sum()))
+        return value, float((w * a * b).sum()) / max(size, 1e-30)
+
+
+def turns_of(
     time_ns: Integers, omega_p: Floats, attitude_time_ns: Integers, attitude: Rotation
-) -> tuple[float, float] | None:
-    """Slope of the gyros' increments over those of the attitude, robust, and their correlation; None without overlap.
+) -> Turns | None:
+    """Turns over steps of a second, longer ones of a slower attitude; None without overlap.
 
     Args:
-        time_ns, omega_p: (n,), (n, 3) gyros in platform axes, in any unit: in rad/s the slope is 1.
-        attitude_time_ns, attitude: (m,) of the platform, on the clock of the gyros.
+        time_ns, omega_p: (n,), (n, 3) gyros.
+        attitude_time_ns, attitude: (m,) on the clock of the gyros.
     """
     inside = (attitude_time_ns >= time_ns[0]) & (attitude_time_ns <= time_ns[-1])
     if inside.sum() < 10:
@@ -93,20 +126,13 @@ def slope(
     steps_ns = np.diff(attitude_time_ns[inside])
     rows = np.flatnonzero(inside)[:: max(1, round(SLOPE_S * 1e9 / float(np.median(steps_ns))))]
     times, own = attitude_time_ns[rows], attitude[rows]
-    good = np.diff(times) <= SLOWEST_STEP_S * 1e9
+    steps_s = np.diff(times)[:, None] * 1e-9
+    good = steps_s[:, 0] <= SLOWEST_STEP_S
     if good.sum() < 10:
         return None
-    a, b = (own[:-1].inv() * own[1:]).as_rotvec()[good], integrals(time_ns, omega_p, times)[good]
-    a, b = a - np.median(a, axis=0), b - np.median(b, axis=0)
-    weight = np.ones(len(a))
-    value = 0.0
-    for _ in range(10):
-        value = float((weight[:, None] * a * b).sum() / max(float((weight[:, None] * a * a).sum()), 1e-30))
-        left = np.linalg.norm(b - value * a, axis=1)
-        weight = 1.0 / np.maximum(1.0, left / max(2.0 * float(np.median(left)), 1e-30))
-    w = weight[:, None]
-    size = np.sqrt(float((w * a * a).sum()) * float((w * b * b).sum()))
-    return value, float((w * a * b).sum()) / max(size, 1e-30)
+    a = ((own[:-1].inv() * own[1:]).as_rotvec() / steps_s)[good]
+    b = (integrals(time_ns, omega_p, times) / steps_s)[good]
+    return Turns(times, b - np.median(b, axis=0), a - np.median(a, axis=0))
 
 
 def match_gyros(
