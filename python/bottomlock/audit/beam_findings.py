@@ -6,16 +6,14 @@ from scipy.stats import binom, norm
 from bottomlock.audit.beam_order import (
     NEAR_RAD,
     Match,
-    Order,
     closing_combination,
-    closure_size,
-    orders_by_closure,
 )
 from bottomlock.audit.closure import GAUSSIAN_BEYOND_3, Closure, Slope, closure_of
 from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD, MATERIAL_SCALE, SIGNIFICANCE, beam_words
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, tilt
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, sigmas_for
+from bottomlock.recordings.closure import Order, closure_sd, orders_by_closure
 from bottomlock.recordings.finding import Finding
 
 BETTER, FAR_BETTER = 0.5, 0.2
@@ -102,7 +100,7 @@ def order_findings(
     reordered = np.array(chosen.sign)[:, None] * rows[list(chosen.beam)]
     flips = any(s < 0 for s in chosen.sign)
     ratio = plain.closure_mps / max(best.closure_mps, 1e-12)
-    scatter = closure_size(readings, rows, biased=True)
+    scatter = closure_sd(rows, readings, biased=True)
     evidence = (
         f"Robust closure of a unit combination {1e3 * plain.closure_mps:.1f} mm/s as stated "
         f"({1e3 * scatter:.1f} about its median), {1e3 * best.closure_mps:.1f} mm/s after the change."
@@ -129,11 +127,10 @@ def order_findings(
 
 
 def _order_words(order: Order) -> str:
-    moved = [k for k, beam in enumerate(order.beam) if beam != k]
     flipped = [k for k, sign in enumerate(order.sign) if sign < 0]
     parts = []
-    if moved:
-        parts.append(f"{beam_words(moved)} exchanged")
+    if order.moved:
+        parts.append(f"{beam_words(order.moved)} exchanged")
     if flipped:
         parts.append(f"{beam_words(flipped)} flipped in sign")
     return " and ".join(parts)

@@ -1,6 +1,5 @@
 """Assignment of the log's channels to the beams of a stated geometry: order, signs, and remaining direction errors."""
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,9 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from bottomlock.audit.closure import null_space
 from bottomlock.audit.robust import Array, sigma
-from bottomlock.statistics.rms import rms
 
 NEAR_RAD = np.deg2rad(15.0)
 """A beam within this of a stated one is that beam with a wrong tilt; two beams within it are parallel."""
@@ -73,71 +70,6 @@ def _assign(found: Array, stated: Array, rotation: Rotation) -> Match:
     order = np.where(copy, nearest, order)
     sign = np.where(cosine[rows, order] < 0.0, -1, 1)
     return Match(order, sign, angle[rows, order], rotation)
-
-
-@dataclass(frozen=True)
-class Order:
-    """A beam order: channel k reads sign[k] × beam[k]; `closure_mps` is the robust size of its closure, about zero.
-
-    About zero, not about the median: a steady course gives a wrong order a constant closure.
-
-    `steps` counts swaps and sign flips; the simplest explanation has the fewest.
-    """
-
-    beam: tuple[int, ...]
-    sign: tuple[int, ...]
-    steps: int
-    closure_mps: float
-
-
-def closure_size(readings_mps: Array, rows: Array, *, biased: bool = False) -> float:
-    """Robust size, m/s, of the closure of readings (n, beams) with unit weights; NaN without a closure.
-
-    The size is about zero, or about the median where the closure may be biased.
-    """
-    weights = null_space(rows)
-    if not weights.size:
-        return float("nan")
-    values = readings_mps @ (weights / np.linalg.norm(weights, axis=0))
-    return float(rms([sigma(one if biased else np.concatenate([one, -one])) for one in values.T]))
-
-
-def orders_by_closure(readings_mps: Array, stated: Array) -> list[Order]:
-    """Every order within two swaps or flips of the stated one with its closure over full pings, the least first.
-
-    Orders with the same null space have the same closure; they are ranked by the number of their steps.
-    """
-    beams = len(stated)
-    pairs = list(itertools.combinations(range(beams), 2))
-    swaps = [_swapped(range(beams), pair) for pair in pairs]
-    twice = [_swapped(order, pair) for order in swaps for pair in pairs]
-    plain, straight = tuple(range(beams)), (1,) * beams
-    flips = [_flipped(straight, [k]) for k in range(beams)]
-    flips_two = [_flipped(straight, list(pair)) for pair in pairs]
-    steps: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {(plain, straight): 0}
-    for count, candidates in (
-        (1, [*((swap, straight) for swap in swaps), *((plain, flip) for flip in flips)]),
-        (2, [*((two, straight) for two in twice), *((plain, flip) for flip in flips_two)]),
-        (2, [(swap, flip) for swap in swaps for flip in flips]),
-    ):
-        for candidate in candidates:
-            steps.setdefault(candidate, count)
-    found = []
-    for (beam, sign), count in steps.items():
-        spread = closure_size(readings_mps, np.array(sign)[:, None] * stated[list(beam)])
-        if np.isfinite(spread):
-            found.append(Order(beam, sign, count, spread))
-    return sorted(found, key=lambda one: (round(one.closure_mps, 9), one.steps))
-
-
-def _swapped(order: range | tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...]:
-    new = list(order)
-    new[pair[0]], new[pair[1]] = new[pair[1]], new[pair[0]]
-    return tuple(new)
-
-
-def _flipped(sign: tuple[int, ...], beams: list[int]) -> tuple[int, ...]:
-    return tuple(-s if k in beams else s for k, s in enumerate(sign))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.audit import defects
 from bottomlock.audit.beam_findings import closure_findings
-from bottomlock.audit.beam_order import closure_size
 from bottomlock.audit.beams import BeamAssessment, assess_beams
 from bottomlock.audit.closure import Closure, closure_of
 from bottomlock.audit.defects import lock_findings, noisy_findings, stuck_findings
@@ -24,6 +23,7 @@ from bottomlock.files.atomic_write import plain
 from bottomlock.io.beam_table import WaterTable, read_water_table, water_file
 from bottomlock.io.beams import check_beam_count, packaged_geometries, read_geometry
 from bottomlock.kernel import BeamGeometry
+from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.streams import Depths, Inertial
 
@@ -64,7 +64,7 @@ def packaged_findings(
         return []
     readings = log.velocity_mps[found.full]
     named = {one: tried[one] for one in fits} | ({} if stated is None or name is None else {name: stated})
-    closures = {one: 1e3 * closure_size(readings, rows) for one, rows in named.items()}
+    closures = {one: 1e3 * closure_sd(rows, readings) for one, rows in named.items()}
     sizes = ", ".join(f"{size:.1f} with {one}" for one, size in closures.items() if np.isfinite(size))
     evidence = f"Robust closure of a unit combination, mm/s: {sizes}." if sizes else ""
     if len(fits) > 1:

@@ -1,7 +1,17 @@
-"""Closure of redundant beams: combinations of their readings to which no velocity contributes, of noise alone."""
+"""Closure of redundant beams: combinations of their readings to which no velocity contributes, of noise alone.
+
+What closes tells the order of the beams: one that is not theirs has the velocity in its closure.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from bottomlock.recordings.robust import sd_about_median, sd_about_zero
+from bottomlock.recordings.streams import Flags, Floats
 
 SMALLEST = 1e-9
 """Of the largest singular value: below it, a direction is none."""
@@ -28,3 +38,118 @@ def closure_rows(directions_p: ArrayLike) -> NDArray[np.float64]:
     # The sign of a singular vector is arbitrary.
     signs = np.where(null[:, :1] < 0.0, -1.0, 1.0)
     return np.ascontiguousarray(null * signs)
+
+
+def closure_sd(directions_p: ArrayLike, velocity_mps: Floats, *, biased: bool = False) -> float:
+    """Robust size of the closures of readings (n, B), m/s, RMS over the combinations of unit length; NaN without any.
+
+    It is about zero, as a steady course gives a wrong order a constant closure; about the median where the closure may
+    be biased.
+    """
+    rows = closure_rows(directions_p)
+    sd = sd_about_median if biased else sd_about_zero
+    return float(np.sqrt(np.mean(sd(velocity_mps @ rows.T, axis=0) ** 2))) if len(rows) else float("nan")
+
+
+@dataclass(frozen=True)
+class Order:
+    """A beam order: channel k reads sign[k] × beam[k], and closes to `closure_mps`.
+
+    `steps` counts swaps and sign flips; the simplest explanation has the fewest.
+    """
+
+    beam: tuple[int, ...]
+    sign: tuple[int, ...]
+    steps: int
+    closure_mps: float
+
+    @property
+    def moved(self) -> tuple[int, ...]:
+        """Channels with another beam than stated."""
+        return tuple(k for k, beam in enumerate(self.beam) if beam != k)
+
+
+def orders_by_closure(readings_mps: Floats, stated: Floats, *, signs: bool = True) -> list[Order]:
+    """Every order within two swaps or flips of the stated one with its closure over full pings, the least first.
+
+    Orders with the same null space have the same closure; they are ranked by the number of their steps.
+
+    Args:
+        readings_mps: (n, B).
+        stated: (B, 3) directions of the beams.
+        signs: whether signs may be flipped.
+    """
+    beams = len(stated)
+    pairs = list(itertools.combinations(range(beams), 2))
+    swaps = [_swapped(range(beams), pair) for pair in pairs]
+    plain, straight = tuple(range(beams)), (1,) * beams
+    flips = [_flipped(straight, [k]) for k in range(beams)] if signs else []
+    tried = [(0, plain, straight)]
+    tried += [*((1, swap, straight) for swap in swaps), *((1, plain, flip) for flip in flips)]
+    tried += [(2, _swapped(swap, pair), straight) for swap in swaps for pair in pairs]
+    tried += [(2, plain, _flipped(straight, pair)) for pair in pairs if signs]
+    tried += [(2, swap, flip) for swap in swaps for flip in flips]
+    steps: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {}
+    for count, beam, sign in tried:
+        steps.setdefault((beam, sign), count)
+    found = []
+    for (beam, sign), count in steps.items():
+        spread = closure_sd(np.array(sign)[:, None] * stated[list(beam)], readings_mps)
+        if np.isfinite(spread):
+            found.append(Order(beam, sign, count, spread))
+    return sorted(found, key=lambda one: (round(one.closure_mps, 9), one.steps))
+
+
+def _swapped(order: Sequence[int], pair: tuple[int, int]) -> tuple[int, ...]:
+    new = list(order)
+    new[pair[0]], new[pair[1]] = new[pair[1]], new[pair[0]]
+    return tuple(new)
+
+
+def _flipped(sign: tuple[int, ...], beams: Sequence[int]) -> tuple[int, ...]:
+    return tuple(-s if k in beams else s for k, s in enumerate(sign))
+
+
+CLOSES_BETTER = 2.5
+"""Exchanged beams are a finding from this ratio of the closures."""
+ALIKE = 1.15
+"""Orders whose closures differ by less than this factor are told apart by nothing."""
+LEAST_PINGS = 30
+
+
+@dataclass(frozen=True)
+class BetterOrder:
+    """Beams that close better in another order.
+
+    Attributes:
+        pings: pings of all beams.
+        stated_mps, best_mps: closure as stated, and of the best order.
+        words: the beams that may be exchanged, where fewest are.
+    """
+
+    pings: int
+    stated_mps: float
+    best_mps: float
+    words: str
+
+    @property
+    def ratio(self) -> float:
+        """How many times better the beams close."""
+        return self.stated_mps / self.best_mps
+
+
+def better_order(
+    directions_p: Floats, velocity_mps: Floats, valid: Flags, claimed_mps: float
+) -> BetterOrder | None:
+    """Another order of four or five beams in which they close far better; None where the stated one is as good."""
+    full = valid.all(axis=1)
+    if not 4 <= len(directions_p) <= 5 or full.sum() < LEAST_PINGS:
+        return None
+    orders = orders_by_closure(velocity_mps[full], directions_p, signs=False)
+    stated, best = next(one for one in orders if not one.steps).closure_mps, orders[0].closure_mps
+    if stated < CLOSES_BETTER * max(best, 0.5 * claimed_mps):
+        return None
+    moved = [one.moved for one in orders if one.closure_mps < ALIKE * best]
+    fewest = min(map(len, moved))
+    words = (" and ".join(str(k + 1) for k in one) for one in moved if len(one) == fewest)
+    return BetterOrder(int(full.sum()), stated, best, ", or ".join(words))

@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 
 from bottomlock.own_method import DEAD_RECKONING
+from bottomlock.recordings.closure import closure_sd
 from bottomlock.replay.findings.against_reckoning import metres
 from bottomlock.replay.findings.attitude_checks import start_correction
-from bottomlock.replay.motion.pings import closure_sd
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.statistics.replay import track_table
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from bottomlock.recordings.closure import LEAST_PINGS, better_order
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.rig_fit import Match, Recorded
 from bottomlock.recordings.rig_segments import LENGTH_S
@@ -9,7 +10,6 @@ from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
-from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
 from bottomlock.replay.streams import Streams
 
 SIGMAS = 5.0
@@ -30,8 +30,7 @@ def order_finding(streams: Streams) -> Finding | None:
         f"The beams do not close as the geometry states, and close {found.ratio:.1f} times better with beams "
         f"{found.words} exchanged.",
         f"Robust closure {1e3 * found.stated_mps:.0f} mm/s as stated, {1e3 * found.best_mps:.1f} mm/s after the "
-        f"change, claimed noise {1e3 * claimed:.1f} mm/s; {found.pings} pings of all beams. Closure alone leaves "
-        f"{len(found.moved)} orders.",
+        f"change, claimed noise {1e3 * claimed:.1f} mm/s; {found.pings} pings of all beams.",
         "Correct the geometry of the DVL or the order of the columns; `bottomlock audit` tells more.", "dvl.geometry",
     )  # fmt: skip
 
