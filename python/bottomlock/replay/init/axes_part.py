@@ -1,6 +1,6 @@
 """Axes, turns and velocity of IMU, attitude sensor and DVL against one another: quarter turns, handedness, yaw."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -138,16 +138,20 @@ def _yaw(yaw_rad: float) -> Floats:
     return np.asarray(Rotation.from_euler("Z", yaw_rad).as_matrix()).round(12) + 0.0
 
 
-def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: TrackFit | None) -> ImuPart:
+def set_axes(
+    dvl: DvlPart, imu: ImuPart, attitude: AttitudePart | None, turned: Turns | None, track: TrackFit | None
+) -> ImuPart:
     """Axes by which the velocity follows the inertial readings, and what a fit of both finds in them.
 
     Args:
-        dvl, imu: as guessed.
+        dvl, imu, attitude: as guessed.
         turned: rates of turn by an attitude that confirms the axes of the gyros; None without one.
         track: yaw of the velocity by recorded positions; None where they do not tell it.
     """
     before, omega = imu.axes, None if turned is None else turned.omega_p_radps
     felt = _felt(recorded(imu, dvl, omega), left_handed=turned is None and not imu.handed)
+    if track is not None and attitude is not None:
+        track = true_or_magnetic(attitude, track, felt)
     imu = _placed(dvl, imu, felt, track, of_vehicle=turned is None or dvl.recording is None)
     omega = None if omega is None else omega @ before @ imu.axes.T
     prior = LOOSE | (STIFF if turned is not None and turned.of_attitude else {})
@@ -254,11 +258,12 @@ def _by_accelerations(felt: Match) -> str:
     )
 
 
-def set_yaw_by_track(dvl: DvlPart, track: TrackFit | None) -> None:
+def set_yaw_by_track(dvl: DvlPart, attitude: AttitudePart | None, track: TrackFit | None) -> None:
     """Mounting yaw of a DVL on a vehicle without inertial readings, by its track against positions."""
-    if track is None:
+    if track is None or attitude is None:
         dvl.questions.append("no inertial readings: are clock and axes of the DVL those of the attitude?")
         return
+    track = true_or_magnetic(attitude, track, None)
     dvl.mounting_why = _by_track(track)
     _mounted(dvl, track)
 
@@ -275,14 +280,38 @@ def _mounted(dvl: DvlPart, track: TrackFit) -> None:
         dvl.turned(_yaw(track.angle_rad))
 
 
-def telling_track(track: TrackFit | None) -> TrackFit | None:
-    """The yaw of a track, where it tells a direction and its sigma tells quarter turns apart."""
-    tells = track is not None and track.agreement > TRACKED and track.sd_rad < QUARTER_SD_RAD
-    return track if tells else None
+CLEAR = 9.0
+"""Difference of the squares of two departures in sigmas from which a yaw is taken to be true."""
+
+
+def true_or_magnetic(attitude: AttitudePart, track: TrackFit, felt: Match | None) -> TrackFit:
+    """The track's yaw with the declination taken back, where the track follows positions far better without it.
+
+    It should be that of the accelerations. Without them a DVL mounted at the very angle of the declination cannot be
+    told from it; the case says what was decided.
+
+    Args:
+        attitude: its yaw is taken to be true then.
+        track: yaw of the DVL's track with the declination.
+        felt: the velocity against the inertial readings, where these tell its axes.
+    """
+    expected = QUARTER_RAD * round(track.angle_rad / QUARTER_RAD) if felt is None else _heading(felt.turned)
+    without = track.angle_rad + attitude.declination_rad
+    off = [
+        float(np.angle(np.exp(1j * (yaw - expected)))) / track.sd_rad for yaw in (track.angle_rad, without)
+    ]
+    if off[0] ** 2 - off[1] ** 2 < CLEAR:
+        return track
+    attitude.declination_why = (
+        "is the yaw true? The track follows the positions without the declination of "
+        f"{np.rad2deg(attitude.declination_rad):+.1f} deg, which yaw_offset_deg would add"
+    )
+    attitude.declination_rad = 0.0
+    return replace(track, angle_rad=without)
 
 
 def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPart | None) -> TrackFit | None:
-    """Yaw of the velocity by its track against recorded positions; None where these do not tell.
+    """Yaw of the velocity by its track against recorded positions; None where these do not tell quarter turns apart.
 
     The frame of the attitude need not be known: in a wrong one track and positions do not agree.
     """
@@ -296,7 +325,9 @@ def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPa
         return None
     times, velocity = times[own[1]], own[0][own[1]].apply(dvl.velocity_p_mps[own[1]])
     way = cumulative_trapezoid(velocity, times * 1e-9 - times[0] * 1e-9, axis=0, initial=0.0)
-    return fit_track("positions", times, way, positions.time_ns, positions.north_east_m)
+    track = fit_track("positions", times, way, positions.time_ns, positions.north_east_m)
+    tells = track is not None and track.agreement > TRACKED and track.sd_rad < QUARTER_SD_RAD
+    return track if tells else None
 
 
 def _refine_clock(dvl: DvlPart) -> None:

@@ -11,13 +11,11 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.io.columns import column_names
 from bottomlock.plant.surroundings import world_magnetic_model
-from bottomlock.recordings.track_fit import TrackFit
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init.axes_part import (
     recorded,
     set_axes,
     set_yaw_by_track,
-    telling_track,
     track_yaw,
     turns,
     unit_by_attitude,
@@ -146,7 +144,7 @@ def choose(sources: Sources) -> Parts:
         set_declination(attitude, parts.reference or parts.gps)
     if imu.made:
         set_noise(dvl, noise_of_pings(dvl))
-        set_yaw_by_track(dvl, _track(parts))
+        set_yaw_by_track(dvl, attitude, track_yaw(dvl, attitude, parts.reference))
     elif len(dvl.time_ns) > ENOUGH_PINGS:
         _compare(parts)
     else:
@@ -215,21 +213,14 @@ def _made(sources: Sources, attitudes: list[Found]) -> ImuPart | None:
     return made
 
 
-def _track(parts: Parts) -> TrackFit | None:
-    """Yaw of the velocity by its track against recorded positions, which also tell a true yaw from a magnetic one."""
-    track = telling_track(track_yaw(parts.dvl, parts.attitude, parts.reference))
-    if track is None or parts.attitude is None:
-        return None
-    return without_declination(parts.attitude, track)
-
-
 def _compare(parts: Parts) -> None:
     """Axes, clock and noise by comparing IMU, DVL and attitude with one another."""
     dvl, attitude = parts.dvl, parts.attitude
     interval_s = float(np.median(np.diff(dvl.time_ns))) * 1e-9
     confirmed = attitude is not None and attitude.match is not None and attitude.match.least > CONFIRMED
     turned = turns(parts.imu, attitude, interval_s, parts.latitude_rad) if confirmed else None
-    parts.imu = set_axes(dvl, parts.imu, turned, None if parts.attitude_of_reference else _track(parts))
+    track = None if parts.attitude_of_reference else track_yaw(dvl, attitude, parts.reference)
+    parts.imu = set_axes(dvl, parts.imu, attitude, turned, track)
     if attitude is not None:
         again = guess_attitude(attitude.found, parts.imu, dvl)
         if again is not None:
@@ -262,8 +253,6 @@ def _duration_s(sources: Sources, dvl: DvlPart) -> float | None:
 
 
 YEAR_S = 365.2425 * 86_400.0
-CLEAR = 9.0
-"""Difference of the squares of two departures in sigmas from which a yaw is taken to be true."""
 
 
 def set_declination(attitude: AttitudePart | None, positions: PositionPart | None) -> None:
@@ -295,24 +284,3 @@ def set_declination(attitude: AttitudePart | None, positions: PositionPart | Non
         return
     attitude.declination_rad = field.declination_rad
     attitude.declination_why = f"declination of {year:.1f} (World Magnetic Model); 0 where the yaw is true"
-
-
-def without_declination(attitude: AttitudePart, track: TrackFit) -> TrackFit:
-    """The track's yaw with the declination taken back, where the track follows positions far better without it.
-
-    A DVL mounted at the very angle of the declination cannot be told from it; the case says what was decided.
-
-    Args:
-        attitude: its yaw is taken to be true then.
-        track: yaw of the DVL's track with the declination.
-    """
-    before = replace(track, angle_rad=track.angle_rad + attitude.declination_rad)
-    if (track.angle_rad / track.sd_rad) ** 2 - (before.angle_rad / track.sd_rad) ** 2 < CLEAR:
-        return track
-    declination_deg = math.degrees(attitude.declination_rad)
-    attitude.declination_rad = 0.0
-    attitude.declination_why = (
-        f"is the yaw true? The track follows the positions without the declination of {declination_deg:+.1f} deg, "
-        "which yaw_offset_deg would add"
-    )
-    return before
