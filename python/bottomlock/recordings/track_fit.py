@@ -9,9 +9,9 @@ from bottomlock.recordings.streams import Floats, Integers, Times
 SIGMAS = 5.0
 LEAST_EXTENT_M = 5.0
 FEWEST = 10
-PARTS, LEAST_PARTS, SHORTEST_S, LONGEST_S = 10, 5, 30.0, 60.0
-"""Windows of a track, about so many, as many at least for a sigma, and within these lengths: long against the noise of
-positions, short against a walk of the heading."""
+PARTS, SHORTEST_S, LONGEST_S = 4, 30.0, 60.0
+"""Windows of a track, as many at least for a sigma, and their lengths: long against the noise of positions, short
+against a walk of the heading."""
 LEAST_SD_RAD = float(np.deg2rad(0.3))
 UNLIKE, BEYOND, WANDER_M = 0.15, 5.0, 3.0
 """Part of the extent, multiple of the claimed error, and error of good positions that lasts, m: no turn and shift of a
@@ -97,7 +97,7 @@ def fit_track(
     white = 0.5 * _rms(np.diff(left)) ** 2
     sd = float(np.linalg.norm((product * np.conj(turn)).imag) / size)
     return TrackFit(
-        name, float(np.angle(turn)), sd if len(product) >= LEAST_PARTS else np.inf,
+        name, float(np.angle(turn)), sd if len(product) >= PARTS else np.inf,
         float(size / max(np.linalg.norm(gone) * np.linalg.norm(moved), 1e-12)), _rms(own - other), after,
         float(np.sqrt(max(after**2 - white, 0.0))), extent, own_extent, claimed_m,
     )  # fmt: skip

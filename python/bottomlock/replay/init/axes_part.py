@@ -295,7 +295,7 @@ def true_or_magnetic(attitude: AttitudePart, track: TrackFit, felt: Match | None
         track: yaw of the DVL's track with the declination.
         felt: the velocity against the inertial readings, where these tell its axes.
     """
-    expected = QUARTER_RAD * round(track.angle_rad / QUARTER_RAD) if felt is None else _heading(felt.turned)
+    expected = 0.0 if felt is None else _heading(felt.turned)
     without = track.angle_rad + attitude.declination_rad
     off = [
         float(np.angle(np.exp(1j * (yaw - expected)))) / track.sd_rad for yaw in (track.angle_rad, without)
