@@ -36,16 +36,8 @@ SMALL_PLACE = (0.135, 0.145, 0.595, 0.755)
 """Of the axes in a small figure."""
 
 _COLUMNS = {
-    "velocity": (
-        "velocity_rms_over_runs_mps",
-        "velocity_rms_over_runs_lo_mps",
-        "velocity_rms_over_runs_hi_mps",
-    ),
-    "attitude": (
-        "attitude_rms_over_runs_deg",
-        "attitude_rms_over_runs_lo_deg",
-        "attitude_rms_over_runs_hi_deg",
-    ),
+    quantity: [f"{quantity}_rms_over_runs{end}_{unit}" for end in ("", "_lo", "_hi")]
+    for quantity, unit in (("velocity", "mps"), ("attitude", "deg"))
 }
 _AXIS = {"velocity": "velocity error, m/s RMS", "attitude": "misalignment, degrees RMS"}
 

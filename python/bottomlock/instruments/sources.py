@@ -13,7 +13,7 @@ from bottomlock.config.scenario_sections import Dvl
 from bottomlock.config.validation import refusal
 from bottomlock.errors import DataError
 from bottomlock.instruments.readings import Floats, Readings, TrueStates, ranges_or_flat
-from bottomlock.io.beam_table import BeamTable, WaterTable, read_beam_table, read_water_table, water_file
+from bottomlock.io.beam_table import WaterTable, read_beam_table, read_water_table, water_file
 from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.io.formats import read_recording
 from bottomlock.plant.telemetry import euler_rad
@@ -150,7 +150,7 @@ def readings_of_log(path: Path, *, geometry: str | None, altitude_m: float = 20.
         time_ns=table.time_ns,
         beam_mps=beam_mps,
         range_m=ranges_or_flat(table.range_m, beam_mps, instrument.geometry, altitude_m),
-        stated=_stated(table),
+        stated=np.asarray(table.instrument_valid != 0),
     )
     return readings if water is None or not water.rows else _with_water(readings, water)
 
@@ -170,10 +170,6 @@ def _with_water(readings: Readings, water: WaterTable) -> Readings:
         water_range_m=float(np.median(water.range_m[nearest])),
         water_sd_mps=float(np.median(sd[known])) if known.any() else readings.water_sd_mps,
     )
-
-
-def _stated(table: BeamTable) -> np.ndarray:
-    return np.asarray(table.instrument_valid != 0)
 
 
 def readings_of_case(path: Path, *, altitude_m: float = 20.0) -> Readings:

@@ -27,19 +27,8 @@ MOST = 5
 """Methods in a figure that stands open; the others are one click away, a panel each."""
 
 ORDER = (
-    "dead_reckoning",
-    "lc",
-    "tc",
-    "nsv",
-    "ins",
-    "vb",
-    "sway_current",
-    "weak_sway",
-    "plcf",
-    "vhv",
-    "elc",
-    "info",
-)
+    "dead_reckoning", "lc", "tc", "nsv", "ins", "vb", "sway_current", "weak_sway", "plcf", "vhv", "elc", "info",
+)  # fmt: skip
 """Who comes first after the methods of one's own and the recommended one: dead reckoning, which a filter has to beat,
 the reference with every beam, the method without assumptions, the usual assumption, what happens without beams."""
 

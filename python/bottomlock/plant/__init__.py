@@ -22,23 +22,7 @@ from bottomlock.plant.vehicle import Vehicle
 from bottomlock.plant.vehicle_file import load_vehicle, packaged_vehicles
 
 __all__ = [
-    "AnyVehicle",
-    "Current",
-    "DepthProfile",
-    "Flight",
-    "HoveringVehicle",
-    "Mission",
-    "StateHistory",
-    "StuckFin",
-    "Vehicle",
-    "figure_eight",
-    "fly",
-    "lawn_mower",
-    "load_vehicle",
-    "packaged_vehicles",
-    "straight",
-    "swim",
-    "telemetry",
-    "truth_of",
-    "waypoint_mission",
-]
+    "AnyVehicle", "Current", "DepthProfile", "Flight", "HoveringVehicle", "Mission", "StateHistory",
+    "StuckFin", "Vehicle", "figure_eight", "fly", "lawn_mower", "load_vehicle", "packaged_vehicles",
+    "straight", "swim", "telemetry", "truth_of", "waypoint_mission",
+]  # fmt: skip

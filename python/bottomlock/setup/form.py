@@ -103,15 +103,8 @@ def config_text(form: SetupForm, geometry: str) -> str:
 
 
 def _source(name: str, address: str, form: str, rate_hz: float) -> str:
-    return "\n".join(
-        [
-            "[[source]]",
-            f'name = "{name}"',
-            f"address = {_quoted(address)}",
-            f'format = "{form}"',
-            f"rate_hz = {rate_hz:g}",
-        ]
-    )
+    head = f'[[source]]\nname = "{name}"\naddress = {_quoted(address)}'
+    return f'{head}\nformat = "{form}"\nrate_hz = {rate_hz:g}'
 
 
 def _quoted(text: str) -> str:
