@@ -184,16 +184,8 @@ def fix(
                 "every method is scored", place="--method and --leave-out", hint="give one of the two"
             )
         walk = VelocityWalk(walk_mps_rts=walk_mps_per_rt_s)
-        score(
-            log.name,
-            instrument,
-            pings,
-            beams=leave_out,
-            walk=walk,
-            closure_gate=closure_gate,
-            robust=robust,
-            out=out,
-        )
+        given: dict[str, Any] = {"beams": leave_out, "walk": walk, "closure_gate": closure_gate}
+        score(log.name, instrument, pings, robust=robust, out=out, **given)
         return
     assert out is not None  # without --leave-out it has a default
     _require_lock(pings, str(log))
@@ -253,28 +245,15 @@ def _solve(
 ) -> tuple[pl.DataFrame, RobustFixes | None]:
     """The table of fixes, and what was measured and screened where `robust`."""
     cov = None if pings.prior_sd_mps is None else pings.prior_sd_mps[:, :, None] ** 2 * np.eye(3)
+    beams = (pings.velocity_mps, pings.valid)
+    given: dict[str, Any] = {
+        "method": method, "beam_sd_mps": instrument.beam_sd_mps,
+        "prior_velocity_p_mps": pings.prior_velocity_p_mps, "prior_cov_m2ps2": cov,
+    }  # fmt: skip
     if not robust:
-        fixes = solve_velocity(
-            instrument.geometry,
-            pings.velocity_mps,
-            pings.valid,
-            method=method,
-            beam_sd_mps=instrument.beam_sd_mps,
-            prior_velocity_p_mps=pings.prior_velocity_p_mps,
-            prior_cov_m2ps2=cov,
-        )
-        return fixes.to_frame(pings.time_ns), None
-    solved = solve_robust(
-        instrument.geometry,
-        pings.time_ns,
-        pings.velocity_mps,
-        pings.valid,
-        method=method,
-        beam_sd_mps=instrument.beam_sd_mps,
-        instrument_valid=pings.instrument_valid,
-        prior_velocity_p_mps=pings.prior_velocity_p_mps,
-        prior_cov_m2ps2=cov,
-    )
+        return solve_velocity(instrument.geometry, *beams, **given).to_frame(pings.time_ns), None
+    given["instrument_valid"] = pings.instrument_valid
+    solved = solve_robust(instrument.geometry, pings.time_ns, *beams, **given)
     return solved.to_frame(pings.time_ns), solved
 
 

@@ -55,22 +55,8 @@ def _atan2_array(y: FloatArray, x: FloatArray) -> FloatArray:
 
 
 SCALAR: Maths[float] = Maths(
-    sqrt=math.sqrt,
-    sin=math.sin,
-    cos=math.cos,
-    asin=math.asin,
-    atan2=math.atan2,
-    tanh=math.tanh,
-    clip=_clip_scalar,
-    wrap=_wrap_scalar,
+    math.sqrt, math.sin, math.cos, math.asin, math.atan2, math.tanh, clip=_clip_scalar, wrap=_wrap_scalar
 )
 ARRAY: Maths[FloatArray] = Maths(
-    sqrt=np.sqrt,
-    sin=np.sin,
-    cos=np.cos,
-    asin=np.arcsin,
-    atan2=_atan2_array,
-    tanh=np.tanh,
-    clip=_clip_array,
-    wrap=_wrap_array,
+    np.sqrt, np.sin, np.cos, np.arcsin, _atan2_array, np.tanh, clip=_clip_array, wrap=_wrap_array
 )

@@ -222,18 +222,10 @@ class MessageIntervals:
         return b""
 
     def _ask(self, system: int, number: int, interval_us: float) -> bytes:
+        interval = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
+        unused = [0] * 5
         command = self._dialect.MAVLink_command_long_message(
-            system,
-            AUTOPILOT,
-            self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
-            0,
-            number,
-            interval_us,
-            0,
-            0,
-            0,
-            0,
-            0,
+            system, AUTOPILOT, interval, 0, number, interval_us, *unused
         )
         data = bytes(command.pack(self._link))
         self._link.seq = (self._link.seq + 1) % 256

@@ -23,20 +23,9 @@ from bottomlock.ports.vision_speed_estimate import VisionSpeedEstimate
 from bottomlock.support.nearest import did_you_mean
 
 _CLASSES: tuple[type[Port], ...] = (
-    VisionPositionDelta,
-    VisionSpeedEstimate,
-    Odometry,
-    DistanceSensor,
-    MicroStrain,
-    RosVelocity,
-    RosTwist,
-    RosDvl,
-    RosOdometry,
-    RosTransform,
-    WaterLinkedJson,
-    Pd0,
-    Sentence,
-)
+    VisionPositionDelta, VisionSpeedEstimate, Odometry, DistanceSensor, MicroStrain, RosVelocity, RosTwist, RosDvl,
+    RosOdometry, RosTransform, WaterLinkedJson, Pd0, Sentence,
+)  # fmt: skip
 PORTS: dict[str, type[Port]] = {one.name: one for one in _CLASSES}
 
 
