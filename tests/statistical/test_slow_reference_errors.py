@@ -1,4 +1,4 @@
-"""Slow errors of references and of a depth sensor: a filter that expects them is consistent, others overconfident."""
+"""Errors of instruments that last: a filter that expects them is consistent, others are overconfident."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import bottomlock
+from bottomlock.config.instrument_grades import imu
 from bottomlock.kernel import Method
-from bottomlock.kernel.models import DepthModel, HeadingModel, MagnetometerModel
+from bottomlock.kernel.models import DepthModel, HeadingModel, MagnetometerModel, Settings
 from bottomlock.statistics.chi_squared import mean_band
 from tests.analytic import analytic_simulation
 from tests.statistical import ensembles
@@ -25,19 +26,22 @@ DEGREE = np.pi / 180.0
 
 @dataclass(frozen=True)
 class Slow:
-    """A sensor with slow errors and without, its column of zeros, and the state overclaimed without them."""
+    """A section of the model with the errors and without, its column of zeros, the state overclaimed without them."""
 
-    errors: DepthModel | HeadingModel | MagnetometerModel
-    white: DepthModel | HeadingModel | MagnetometerModel
+    section: str
+    errors: Settings
+    white: Settings
     column: str | None
     trajectory_key: int
     state: int
     least_over: float
 
 
+TACTICAL = imu("tactical")
 DEPTH = DepthModel(sd_m=0.02, bias_sd_m=0.3, bias_time_s=600.0)
 SENSORS = {
     "magnetometer": Slow(
+        "magnetometer",
         MagnetometerModel(
             yaw_sd_rad=0.5 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE, yaw_offset_sd_rad=2.0 * DEGREE,
             roll_pitch_offset_sd_rad=0.5 * DEGREE, yaw_walk_sd_rad=1.0 * DEGREE, roll_pitch_walk_sd_rad=0.3 * DEGREE,
@@ -47,6 +51,7 @@ SENSORS = {
         column="yaw_offset_rad", trajectory_key=47, state=5, least_over=3.0,
     ),
     "heading": Slow(
+        "heading",
         HeadingModel(
             sd_rad=0.1 * DEGREE, offset_sd_rad=0.5 * DEGREE, walk_sd_rad=0.3 * DEGREE, walk_time_s=100.0,
             semicircular_sd_rad=1.0 * DEGREE, quadrantal_sd_rad=0.5 * DEGREE,
@@ -55,12 +60,21 @@ SENSORS = {
         column=None, trajectory_key=47, state=5, least_over=3.0,
     ),
     "depth": Slow(
-        DEPTH, DEPTH.replace(bias_sd_m=0.0), column="depth_offset_m", trajectory_key=31, state=2, least_over=5.0
+        "depth", DEPTH, DEPTH.replace(bias_sd_m=0.0), column="depth_offset_m", trajectory_key=31, state=2,
+        least_over=5.0,
+    ),
+    "waves": Slow(
+        "depth", DEPTH.replace(bias_sd_m=0.05, wave_sd_m=0.35), DEPTH.replace(bias_sd_m=0.05),
+        column="depth_offset_m", trajectory_key=31, state=2, least_over=2.0,
+    ),
+    "gyros": Slow(
+        "imu", TACTICAL, TACTICAL.replace(gyro_scale_sd=0.0, gyro_misalignment_sd_rad=0.0),
+        column=None, trajectory_key=53, state=3, least_over=1.5,
     ),
 }  # fmt: skip
 
 
-@lru_cache(maxsize=6)
+@lru_cache(maxsize=10)
 def flown(sensor: str, *, expected: bool) -> dict[str, Any]:
     """Runs on the figure of eight with beams 1 and 2 and one sensor, its slow errors expected or not."""
     simulation = analytic_simulation("figure_eight")
@@ -68,12 +82,13 @@ def flown(sensor: str, *, expected: bool) -> dict[str, Any]:
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     schedule["beam_valid"] = np.tile([True, True, False, False], (len(schedule["dvl_time_ns"]), 1))
     slow = SENSORS[sensor]
-    schedule[f"{sensor}_time_ns"] = schedule["dvl_time_ns"]
+    if slow.section != "imu":
+        schedule[f"{slow.section}_time_ns"] = schedule["dvl_time_ns"]
     if slow.column is not None:
         schedule[slow.column] = np.zeros(len(schedule["dvl_time_ns"]))
     schedule["sample_time_ns"] = schedule["sample_time_ns"][49::50]
-    model = scenario.kernel_model(simulation.gravity_mps2).replace(**{sensor: slow.errors})
-    assumed = model.replace(**{sensor: slow.errors if expected else slow.white})
+    model = scenario.kernel_model(simulation.gravity_mps2).replace(**{slow.section: slow.errors})
+    assumed = model.replace(**{slow.section: slow.errors if expected else slow.white})
     options = scenario.kernel_options().replace(gate="off")
     arrays: Any = truth.kernel_arrays()
     return dict(

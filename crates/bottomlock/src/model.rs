@@ -30,6 +30,12 @@ pub struct ImuModel {
     pub accel_bias_walk_mps2_rts: f64,
     /// Gyro bias random walk, rad/s/√s.
     pub gyro_bias_walk_radps_rts: f64,
+    /// Scale factor of a gyro, 1; considered, not estimated.
+    #[serde(default)]
+    pub gyro_scale_sd: f64,
+    /// What a gyro sees of turns about each of the other axes, rad; considered, not estimated.
+    #[serde(default)]
+    pub gyro_misalignment_sd_rad: f64,
 }
 
 impl ImuModel {
@@ -45,6 +51,8 @@ impl ImuModel {
             ("imu.gyro_bias_sd_radps", self.gyro_bias_sd_radps),
             ("imu.accel_bias_walk_mps2_rts", self.accel_bias_walk_mps2_rts),
             ("imu.gyro_bias_walk_radps_rts", self.gyro_bias_walk_radps_rts),
+            ("imu.gyro_scale_sd", self.gyro_scale_sd),
+            ("imu.gyro_misalignment_sd_rad", self.gyro_misalignment_sd_rad),
         ];
         non_negative
             .into_iter()
@@ -112,6 +120,7 @@ impl Model {
                 gyro_bias_sd_radps: 3.0 * degree / 3600.0,
                 accel_bias_walk_mps2_rts: 1e-5,
                 gyro_bias_walk_radps_rts: 2.8e-5 * degree,
+                ..ImuModel::default()
             },
             initial: InitialModel {
                 position_sd_m: [2.0; 3],
@@ -209,6 +218,7 @@ mod tests {
             gyro_bias_sd_radps: 7.0,
             accel_bias_walk_mps2_rts: 11.0,
             gyro_bias_walk_radps_rts: 13.0,
+            ..ImuModel::default()
         };
         model.initial = InitialModel {
             position_sd_m: [1.0, 2.0, 3.0],

@@ -23,14 +23,23 @@ class DepthErrors(Section):
     """what the reading is off for hours, 1 sigma, which the filter estimates; 0 says nothing"""
     bias_time_s: Positive = DEPTH_BIAS_TIME_S
     """correlation time of the bias"""
+    wave_m: NonNegative = 0.0
+    """what waves add to the reading near the surface, 1 sigma, which the filter estimates; 0 says nothing"""
+    wave_period_s: Positive = models.WAVE_PERIOD_S
+    """mean period of the waves"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     """position of the sensor from the IMU, platform axes"""
 
     def kernel_models(self) -> dict[str, models.Settings]:
         """Section of the kernel's model, SI."""
-        return {
-            "depth": models.DepthModel(sd_m=self.sd_m, bias_sd_m=self.bias_m, bias_time_s=self.bias_time_s)
-        }
+        errors = models.DepthModel(
+            sd_m=self.sd_m,
+            bias_sd_m=self.bias_m,
+            bias_time_s=self.bias_time_s,
+            wave_sd_m=self.wave_m,
+            wave_period_s=self.wave_period_s,
+        )
+        return {"depth": errors}
 
     def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""

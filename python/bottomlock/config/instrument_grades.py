@@ -98,6 +98,8 @@ def imu_model(keys: Mapping[str, float]) -> models.ImuModel:
         gyro_bias_sd_radps=radps_from_deg_per_h(keys["gyro_bias_deg_per_h"]),
         accel_bias_walk_mps2_rts=keys["accel_bias_walk_mps2_per_rt_s"],
         gyro_bias_walk_radps_rts=rad_from_deg(keys["gyro_bias_walk_deg_per_s_per_rt_s"]),
+        gyro_scale_sd=keys["gyro_scale_ppm"] * 1e-6,
+        gyro_misalignment_sd_rad=keys["gyro_misalignment_mrad"] * 1e-3,
     )
 
 

@@ -126,6 +126,10 @@ class ImuErrors(Section):
     """random walk of the accelerometer bias"""
     gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
     """random walk of the gyro bias"""
+    gyro_scale_ppm: NonNegative = 0.0
+    """scale factor of a gyro, constant; the filter considers it and does not estimate it"""
+    gyro_misalignment_mrad: NonNegative = 0.0
+    """what a gyro sees of turns about each of the other axes, constant; likewise"""
 
     @model_validator(mode="wrap")
     @classmethod

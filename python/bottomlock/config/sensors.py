@@ -49,6 +49,10 @@ class Depth(Section):
     """what the tide adds to the reading; not drawn"""
     barometric_offset_pa: Finite = 0.0
     """what the barometer adds to the pressure; not drawn"""
+    wave_m: NonNegative = 0.0
+    """what waves add to the reading, drawn for each run; a state of the filter unless 0"""
+    wave_period_s: Positive = models.WAVE_PERIOD_S
+    """mean period of the waves"""
 
 
 class Magnetometer(Section):
@@ -193,6 +197,8 @@ DEPTH = Sensor(
         sd_m=depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2),
         bias_sd_m=depth.bias_m,
         bias_time_s=depth.bias_time_s,
+        wave_sd_m=depth.wave_m,
+        wave_period_s=depth.wave_period_s,
     ),
 )
 MAGNETOMETER = Sensor(

@@ -5,7 +5,7 @@ _UNITS = (
     ("_deg_per_s_per_rt_s", "deg/s/√s"), ("_percent_per_rt_s", "%/√s"), ("_mps2_per_rt_s", "m/s²/√s"),
     ("_mps_per_rt_s", "m/s/√s"), ("_mps_per_rt_h", "m/s/√h"), ("_deg_per_rt_h", "deg/√h"), ("_deg_per_h", "deg/h"),
     ("_deg_per_s", "deg/s"), ("_kg_per_m3", "kg/m³"), ("_m2ps2", "m²/s²"), ("_percent", "%"), ("_mps2", "m/s²"),
-    ("_mps", "m/s"),
+    ("_mps", "m/s"), ("_mrad", "mrad"), ("_ppm", "ppm"),
     ("_deg", "deg"), ("_mg", "mg"), ("_hz", "Hz"), ("_pa", "Pa"), ("_s", "s"), ("_m", "m"),
 )  # fmt: skip
 

@@ -30,6 +30,8 @@ from bottomlock.kernel import EARTH_RATE_RADPS, KernelError, check_settings, nor
 
 WALK_TIME_S = 300.0
 """Correlation time of the slow error of an attitude reference where none is given, s: minutes, as of manoeuvres."""
+WAVE_PERIOD_S = 8.0
+"""Mean period of waves where none is given, s: a wind sea of some metres."""
 
 
 def _tuple(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - the kernel has checked it
@@ -150,6 +152,10 @@ class ImuModel(Settings):
     """random walk of the accelerometer bias"""
     gyro_bias_walk_radps_rts: float
     """random walk of the gyro bias"""
+    gyro_scale_sd: float = 0.0
+    """scale factor of a gyro; considered, not estimated"""
+    gyro_misalignment_sd_rad: float = 0.0
+    """what a gyro sees of turns about each of the other axes; considered, not estimated"""
 
 
 class DvlModel(Settings):
@@ -200,6 +206,10 @@ class DepthModel(Settings):
     """bias, 0 for none"""
     bias_time_s: float
     """correlation time of the bias"""
+    wave_sd_m: float = 0.0
+    """what waves add to the reading; a state of the filter unless 0"""
+    wave_period_s: float = WAVE_PERIOD_S
+    """mean period of the waves"""
 
 
 class MagnetometerModel(Settings):

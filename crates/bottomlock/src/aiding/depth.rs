@@ -2,11 +2,21 @@
 //!
 //! Its reading has a bias that lasts for hours: tide, density and barometric pressure, and the sensor's own offset. The
 //! filter estimates it as a Gauss–Markov process (`filter/gauss_markov.rs`).
+//!
+//! Near the surface the pressure also has the waves above, in deep water η e^(−kz) of a wave of the height η and the wave number
+//! k. They are a Gauss–Markov process of second order, of the covariance σ² e^(−|τ|/P) cos(2πτ/P) with their mean period P: two
+//! states of first order that turn into each other. Its spectrum falls to half of its peak at 0.84 and 1.16 of the peak's
+//! frequency, that of fully grown wind waves at the surface at 0.80 and 1.37 (Pierson & Moskowitz 1964), and depth takes the short
+//! ones away.
+
+use std::f64::consts::TAU;
 
 use crate::aiding::declare::model_section;
-use crate::aiding::further::{DEPTH_BIAS, FurtherRows};
+use crate::aiding::further::{DEPTH_BIAS, FIRST_DEPTH_WAVE, FurtherRows};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, TimeConstant};
+use crate::aiding::sensor::{
+    AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, TimeConstant, WavePeriod,
+};
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
@@ -23,6 +33,12 @@ model_section! {
         pub bias_sd_m: f64,
         /// Correlation time of the bias, s.
         pub bias_time_s: TimeConstant,
+        /// What waves add to the reading, m; 0 for none.
+        #[serde(default)]
+        pub wave_sd_m: SlowSd,
+        /// Mean period of the waves, s.
+        #[serde(default)]
+        pub wave_period_s: WavePeriod,
     }
 }
 
@@ -49,7 +65,8 @@ impl AidingSensor for DepthSample {
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "depth",
         offset: Some("depth_offset_m"),
-        random: &[7, 13],
+        // White noise, bias, then the waves in phase and a quarter of their period behind.
+        random: &[7, 13, 34, 35],
         columns: Self::LOG,
     });
 
@@ -82,15 +99,24 @@ impl AidingSensor for DepthSample {
         })
     }
 
-    /// With its offset by density, tide and barometer, and a bias drawn per run.
+    /// With its offset by density, tide and barometer, and a bias and waves drawn per run.
     #[cfg(feature = "simulation")]
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
-        let [noise, bias] = random else { return None };
+        let [noise, bias, wave @ ..] = random else {
+            return None;
+        };
         let actual = &scene.actual.depth;
         let bias_m = bias.gauss_markov(actual.bias_sd_m, actual.bias_time_s.0, scene.time_ns);
+        let period_s = actual.wave_period_s.0;
+        let (sin, cos) = (TAU * (scene.time_ns as f64 * 1e-9 / period_s).fract()).sin_cos();
+        let wave_m: f64 = wave
+            .iter_mut()
+            .zip([cos, sin])
+            .map(|(stream, part)| part * stream.gauss_markov(actual.wave_sd_m.0, period_s, scene.time_ns))
+            .sum();
         Some(Self {
             time_ns: scene.time_ns,
-            depth_m: scene.level.depth_m + scene.offset + bias_m + actual.sd_m * noise.one(),
+            depth_m: scene.level.depth_m + scene.offset + bias_m + wave_m + actual.sd_m * noise.one(),
             sd_m: scene.claimed.depth.sd_m,
         })
     }
@@ -121,6 +147,7 @@ pub fn depth(motion: &Motion<'_>, depth_m: f64, sd_m: f64, lever_p_m: &Vec3<Plat
     innovation.noise[(0, 0)] = sd_m.powi(2);
     let mut rows = Box::new(FurtherRows::zeros());
     rows[(0, DEPTH_BIAS)] = 1.0;
+    rows[(0, FIRST_DEPTH_WAVE)] = 1.0;
     innovation.by_further = Some(rows);
     innovation
 }

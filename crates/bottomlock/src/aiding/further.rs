@@ -26,10 +26,18 @@ pub const DEVIATION: usize = 4;
 /// Number of states of the motion of the vehicle.
 pub const MOTION: usize = 6;
 
+/// Number of states of the waves in a depth: what they add now, and the same a quarter of their period ago.
+pub const DEPTH_WAVE: usize = 2;
+
+/// Number of states of the gyros' scale factors and misalignments: a matrix by rows.
+pub const GYRO_MATRIX: usize = 9;
+
 /// Index of the bias of the depth sensor, m.
 pub const DEPTH_BIAS: usize = 0;
+/// First index of the waves in a depth, m ([`crate::aiding::depth`]).
+pub const FIRST_DEPTH_WAVE: usize = DEPTH_BIAS + 1;
 /// First index of mounting and clock of the DVL ([`crate::aiding::calibration`]).
-pub const FIRST_CALIBRATION: usize = DEPTH_BIAS + 1;
+pub const FIRST_CALIBRATION: usize = FIRST_DEPTH_WAVE + DEPTH_WAVE;
 /// First index of the error of the attitude reference, rad ([`crate::aiding::attitude`]).
 pub const FIRST_ATTITUDE_ERROR: usize = FIRST_CALIBRATION + CALIBRATION;
 /// First index of the deviation of the attitude reference's yaw, rad (`aiding/deviation.rs`).
@@ -38,9 +46,11 @@ pub const FIRST_ATTITUDE_DEVIATION: usize = FIRST_ATTITUDE_ERROR + ATTITUDE_ERRO
 pub const FIRST_HEADING_ERROR: usize = FIRST_ATTITUDE_DEVIATION + DEVIATION;
 /// First index of the deviation of the heading sensor, rad.
 pub const FIRST_HEADING_DEVIATION: usize = FIRST_HEADING_ERROR + HEADING_ERROR;
+/// First index of the gyros' scale factors and misalignments (`filter/gyro_matrix.rs`).
+pub const FIRST_GYRO_MATRIX: usize = FIRST_HEADING_DEVIATION + DEVIATION;
 /// First index of the motion of the vehicle: mean of surge, sway and heave, then their changes, m/s
 /// ([`crate::aiding::motion_prior`]).
-pub const FIRST_MOTION: usize = FIRST_HEADING_DEVIATION + DEVIATION;
+pub const FIRST_MOTION: usize = FIRST_GYRO_MATRIX + GYRO_MATRIX;
 /// First index of the thrust: advance per revolution, m, then slip, m/s ([`crate::aiding::thrust`]).
 pub const FIRST_THRUST: usize = FIRST_MOTION + MOTION;
 /// First index of what the forces of thrusters make of the speed ([`crate::aiding::effort`]).
@@ -54,13 +64,15 @@ pub const FIRST_LAYERS: usize = FIRST_WATER + WATER;
 pub const FURTHER: usize = FIRST_LAYERS + LAYER_STATES;
 
 /// Name and range of each block, in order.
-pub const FURTHER_BLOCKS: [(&str, Range<usize>); 11] = [
-    ("depth_bias_m", DEPTH_BIAS..FIRST_CALIBRATION),
+pub const FURTHER_BLOCKS: [(&str, Range<usize>); 13] = [
+    ("depth_bias_m", DEPTH_BIAS..FIRST_DEPTH_WAVE),
+    ("depth_wave_m", FIRST_DEPTH_WAVE..FIRST_CALIBRATION),
     ("dvl_mounting_and_clock", FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR),
     ("attitude_error_rad", FIRST_ATTITUDE_ERROR..FIRST_ATTITUDE_DEVIATION),
     ("attitude_deviation_rad", FIRST_ATTITUDE_DEVIATION..FIRST_HEADING_ERROR),
     ("heading_error_rad", FIRST_HEADING_ERROR..FIRST_HEADING_DEVIATION),
-    ("heading_deviation_rad", FIRST_HEADING_DEVIATION..FIRST_MOTION),
+    ("heading_deviation_rad", FIRST_HEADING_DEVIATION..FIRST_GYRO_MATRIX),
+    ("gyro_matrix", FIRST_GYRO_MATRIX..FIRST_MOTION),
     ("motion_p_mps", FIRST_MOTION..FIRST_THRUST),
     ("thrust", FIRST_THRUST..FIRST_EFFORT),
     ("effort", FIRST_EFFORT..FIRST_WATER),
@@ -85,6 +97,6 @@ mod tests {
             assert_eq!(range.start, next);
             next = range.end;
         }
-        assert_eq!((next, FURTHER_BLOCKS[9].1.start), (FURTHER, FIRST_WATER));
+        assert_eq!((next, FURTHER_BLOCKS[11].1.start), (FURTHER, FIRST_WATER));
     }
 }

@@ -34,6 +34,7 @@ fn models() -> SensorModels {
             sd_m: 0.2,
             bias_sd_m: 3.0,
             bias_time_s: TimeConstant(100.0),
+            ..DepthModel::default()
         },
         magnetometer: MagnetometerModel {
             roll_pitch_sd_rad: 0.01,

@@ -254,6 +254,22 @@ impl Field for WalkTime {
     }
 }
 
+/// Mean period of waves, s: more than 0, and eight seconds where it is not given.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, serde::Serialize, serde::Deserialize)]
+pub struct WavePeriod(pub f64);
+
+impl Default for WavePeriod {
+    fn default() -> Self {
+        Self(8.0)
+    }
+}
+
+impl Field for WavePeriod {
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        require_positive(name, self.0)
+    }
+}
+
 /// A position: any finite numbers.
 impl Field for Vec3<Tangent> {
     fn check(&self, name: &'static str) -> Result<(), NavError> {
@@ -279,6 +295,7 @@ mod tests {
         assert_eq!(times, [true, false, false, false]);
         assert!(SlowSd(0.0).check("field").is_ok() && SlowSd(-1e-9).check("field").is_err());
         assert!(WalkTime(1.0).check("field").is_ok() && WalkTime(0.0).check("field").is_err());
+        assert!(WavePeriod(1.0).check("field").is_ok() && WavePeriod(0.0).check("field").is_err());
         let places = [-7.0, f64::NAN].map(|value| Vec3::<Tangent>::new(0.0, 0.0, value).check("field").is_ok());
         assert_eq!(places, [true, false]);
         let text = Fraction(1.5).check("fraction").unwrap_err().to_string();

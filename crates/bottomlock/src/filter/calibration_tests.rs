@@ -37,6 +37,7 @@ fn filter() -> Eskf {
         sd_m: 0.02,
         bias_sd_m: 0.3,
         bias_time_s: TimeConstant(100.0),
+        ..DepthModel::default()
     };
     // Within the linear range.
     model.initial.attitude_sd_rad = [1e-3; 3];

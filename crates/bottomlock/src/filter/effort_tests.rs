@@ -101,7 +101,7 @@ fn states_at_their_model() {
     assert!(found[SPEED_SCALE] < 0.99 && found[SLIP] < -1e-4, "{found}");
     // exp(−1000 s / 1000 s) of it is left.
     let left = with.extensions.processes.left(1000.0);
-    with.extensions.processes.propagate(&left);
+    with.extensions.processes.propagate(1000.0, &left);
     let later = with.effort().unwrap().0;
     let expected = 1.0 + (found[SPEED_SCALE] - 1.0) * (-1.0_f64).exp();
     assert!((later[SPEED_SCALE] - expected).abs() < 1e-12 && later[SLIP].abs() < 1e-80);

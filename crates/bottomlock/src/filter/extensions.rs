@@ -6,6 +6,7 @@ use super::calibration::CalibrationBlock;
 use super::effort::EffortBlock;
 use super::further_states::{FurtherStates, NONE, Update};
 use super::gauss_markov::GaussMarkovStates;
+use super::gyro_matrix::{GyroMatrix, MATRIX, Turned};
 use super::options::Options;
 use super::tape::{Step, Tape, transition};
 use super::water_block::WaterBlock;
@@ -14,13 +15,14 @@ use crate::aiding::current_layers::LAYER_STATES;
 use crate::aiding::further::{
     FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_LAYERS, FIRST_WATER, FURTHER, FurtherVector,
 };
-use crate::aiding::registry::SensorModels;
 use crate::aiding::thrust::ThrustUse;
 use crate::aiding::water::{HEAVE, SWAY, WATER};
 use crate::aiding::{CorrectedPath, Innovation};
 use crate::error_model::Interval;
-use crate::layout::{ATTITUDE, DIM, POSITION};
+use crate::layout::{ATTITUDE, DIM, GYRO_BIAS, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
+use crate::model::Model;
+use crate::state::Covariance;
 
 /// Optional parts of a filter.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
@@ -31,6 +33,11 @@ pub(super) struct Extensions {
     pub(super) processes: Box<GaussMarkovStates>,
     /// Mounting and clock of the DVL.
     pub(super) calibration: Option<Box<CalibrationBlock>>,
+    /// Scale factors and misalignments of the gyros, where they are unknown.
+    pub(super) gyros: Option<Box<GyroMatrix>>,
+    /// What they add to the covariance of the error state over the interval that is being propagated.
+    #[serde(skip)]
+    pub(super) added: Option<Box<Covariance>>,
     /// Mass and drag of the vehicle, where the forces of thrusters are used.
     pub(super) effort: Option<Box<EffortBlock>>,
     /// States of the motion through the water.
@@ -42,13 +49,16 @@ pub(super) struct Extensions {
 
 impl Extensions {
     /// Slow errors of the sensors, the motion, and mounting and clock of the DVL, at their priors.
-    pub(super) fn new(models: &SensorModels, options: &Options, kinematics: &Kinematics<f64>) -> Self {
+    pub(super) fn new(model: &Model, options: &Options, kinematics: &Kinematics<f64>) -> Self {
+        let models = &model.sensors;
         let calibration = CalibrationBlock::new(&options.calibration, kinematics);
         let uses_effort = options.thrust != ThrustUse::Off && models.effort.is_given();
         let mut extensions = Self {
             further: None,
             processes: Box::new(GaussMarkovStates::new(models, options)),
             calibration: calibration.map(Box::new),
+            gyros: GyroMatrix::new(&model.imu, kinematics).map(Box::new),
+            added: None,
             effort: uses_effort.then(|| Box::new(EffortBlock::new(&models.effort, kinematics))),
             water: None,
             tape: None,
@@ -67,6 +77,9 @@ impl Extensions {
             let variance = calibration.prior_variance();
             begun(&mut self.further).begin(FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR, variance.as_slice());
         }
+        if let Some(gyros) = &self.gyros {
+            begun(&mut self.further).begin(MATRIX, gyros.variance().as_slice());
+        }
     }
 
     /// Begins all but the water states anew, at a state.
@@ -77,6 +90,9 @@ impl Extensions {
         }
         if let Some(effort) = &mut self.effort {
             **effort = effort.restarted(kinematics);
+        }
+        if let Some(gyros) = &mut self.gyros {
+            gyros.begin_interval(kinematics);
         }
         self.begin();
     }
@@ -146,6 +162,9 @@ impl Extensions {
         if let Some(effort) = &mut self.effort {
             effort.begin_interval(kinematics);
         }
+        if let Some(gyros) = &mut self.gyros {
+            gyros.begin_interval(kinematics);
+        }
     }
 
     /// Follows a move of the error state, δr ← A δr + B ρ.
@@ -201,6 +220,14 @@ impl Extensions {
         steady
     }
 
+    /// What the gyros' scale factors and misalignments add over an interval that ends at `end`.
+    pub(super) fn turned(&self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) -> Option<Turned> {
+        let gyros = self.gyros.as_deref().filter(|_| interval.duration_s() > 0.0)?;
+        let mut phi = Covariance::identity();
+        interval.carry(&mut phi.data.0[GYRO_BIAS..GYRO_BIAS + 3], end, earth);
+        Some(gyros.turned(&phi, interval.duration_s(), end))
+    }
+
     /// Records and propagates an interval of the error state that ends at `end`.
     pub(super) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
         if self.tape.is_some() {
@@ -213,9 +240,10 @@ impl Extensions {
             return;
         }
         let duration_s = interval.duration_s();
+        let turned = self.turned(interval, end, earth);
         let left = self.left(duration_s, end);
-        let steady = self.steady();
-        self.processes.propagate(&left);
+        let (steady, wave_turn) = (self.steady(), self.processes.wave_turn(duration_s));
+        self.processes.propagate(duration_s, &left);
         if let Some(calibration) = &mut self.calibration {
             calibration.extend(duration_s, end);
         }
@@ -229,7 +257,11 @@ impl Extensions {
             }
         }
         if let Some(further) = &mut self.further {
-            further.propagate(interval, end, earth, &left, &steady);
+            further.propagate(interval, end, earth, &left, &steady, wave_turn.as_ref());
+            self.added = turned.map(|turned| Box::new(further.consider(&turned)));
+        }
+        if let Some(gyros) = &mut self.gyros {
+            gyros.begin_interval(end);
         }
     }
 

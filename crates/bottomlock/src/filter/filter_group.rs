@@ -205,6 +205,26 @@ impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> PredictionHooks<T, I> for InLane
         }
     }
 
+    #[inline(always)]
+    fn propagated(&mut self, covariance: &mut Matrix<T>) {
+        if !self.are_extended {
+            return;
+        }
+        let added: [Option<Box<Covariance>>; WIDEST] = std::array::from_fn(|k| {
+            self.spans
+                .get_mut(k)
+                .and_then(|span| span.filter.extensions.added.take())
+        });
+        if added.iter().all(Option::is_none) {
+            return;
+        }
+        for (i, row) in covariance.iter_mut().enumerate() {
+            for (j, element) in row.iter_mut().enumerate() {
+                *element += element.each(|k| added[k].as_ref().map_or(0.0, |added| added[(i, j)]));
+            }
+        }
+    }
+
     #[cold]
     fn on_non_finite(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool {
         let [x, y, z] = group.kinematics.position_t_m;

@@ -22,7 +22,9 @@ fn filters(period_ns: i64) -> Vec<Eskf> {
         let mut start = NavState::at_rest(0);
         start.velocity_p_mps = Vec3::new(2.0, 0.1 * k as f64, -0.05);
         start.attitude_t_p = Rot::from_euler_rad(0.1, -0.2, 0.7 * k as f64);
-        let Ok(filter) = Eskf::new(start, &Model::table_2(), &options) else {
+        let mut model = Model::table_2();
+        model.imu.gyro_misalignment_sd_rad = if k == 2 { 1e-3 } else { 0.0 };
+        let Ok(filter) = Eskf::new(start, &model, &options) else {
             unreachable!("the model of the paper is a good one");
         };
         filter.with_water((k == 1).then(|| WaterBlock::new(&WaterPrior::default())))

@@ -8,19 +8,23 @@
 //! E[δf zᵀ] = Xᵀ (H + D_x)ᵀ + C D_fᵀ,               K_f = E[δf zᵀ] S⁻¹
 //! ```
 //!
-//! Each is a constant or a first-order Gauss–Markov process, so that the transition is diagonal. What an estimate is
-//! and how a correction is added to it belongs to its block.
+//! Each is a constant or a first-order Gauss–Markov process, so that the transition is diagonal, but for the waves in a depth,
+//! whose two states turn into each other. What an estimate is and how a correction is added to it belongs to its block.
 
 use std::ops::Range;
 
-use nalgebra::{ArrayStorage, Cholesky, Const, SMatrix};
+use nalgebra::{ArrayStorage, Cholesky, Const, Matrix2, SMatrix};
 
-use crate::aiding::further::{FURTHER, FURTHER_BLOCKS, FurtherRows, FurtherVector};
+use super::gyro_matrix::{MATRIX, Turned};
+use crate::aiding::further::{
+    DEPTH_WAVE, FIRST_DEPTH_WAVE, FIRST_GYRO_MATRIX, FURTHER, FURTHER_BLOCKS, FurtherRows, FurtherVector, GYRO_MATRIX,
+};
 use crate::aiding::{CorrectedPath, CorrelatedNoise, Innovation, MAX_ROWS};
 use crate::error::{NavError, require_finite_squares};
 use crate::error_model::Interval;
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
+use crate::state::Covariance;
 
 /// Covariances of the further states that a filter has.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -227,8 +231,29 @@ impl FurtherStates {
         (x, own)
     }
 
+    /// Carries the covariances with the error state over an interval that ends at `end`.
+    pub(super) fn carry(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
+        for block in &self.blocks {
+            interval.carry(&mut self.cross.data.0[block.clone()], end, earth);
+        }
+    }
+
+    /// Adds to the covariances with the error state what the gyros' scale factors and misalignments did over an interval;
+    /// returns what they add to the covariance of the error state.
+    pub(super) fn consider(&mut self, turned: &Turned) -> Covariance {
+        let covariance = self
+            .covariance
+            .fixed_rows::<GYRO_MATRIX>(FIRST_GYRO_MATRIX)
+            .into_owned();
+        let own = covariance.fixed_columns::<GYRO_MATRIX>(FIRST_GYRO_MATRIX).into_owned();
+        let cross = self.cross.fixed_columns::<GYRO_MATRIX>(FIRST_GYRO_MATRIX).into_owned();
+        let added = turned.added(&cross, &own);
+        self.cross += turned.times(&covariance);
+        added
+    }
+
     /// Propagates over an interval of the error state that ends at `end`: each state keeps the fraction `left` of its error,
-    /// and its variance tends to `steady`.
+    /// its variance tends to `steady`, and those of the waves turn.
     pub(super) fn propagate(
         &mut self,
         interval: &Interval,
@@ -236,10 +261,9 @@ impl FurtherStates {
         earth: &EarthTerms<f64>,
         left: &FurtherVector,
         steady: &FurtherVector,
+        wave_turn: Option<&Matrix2<f64>>,
     ) {
-        for block in &self.blocks {
-            interval.carry(&mut self.cross.data.0[block.clone()], end, earth);
-        }
+        self.carry(interval, end, earth);
         let states: Vec<usize> = self.states().collect();
         for &k in &states {
             self.cross.column_mut(k).scale_mut(left[k]);
@@ -247,6 +271,17 @@ impl FurtherStates {
                 self.covariance[(i, k)] *= left[i] * left[k];
             }
             self.covariance[(k, k)] += (1.0 - left[k] * left[k]) * steady[k];
+        }
+        if let Some(turn) = wave_turn {
+            let first = FIRST_DEPTH_WAVE;
+            let cross = self.cross.fixed_columns::<DEPTH_WAVE>(first) * turn.transpose();
+            self.cross.fixed_columns_mut::<DEPTH_WAVE>(first).copy_from(&cross);
+            let columns = self.covariance.fixed_columns::<DEPTH_WAVE>(first) * turn.transpose();
+            self.covariance
+                .fixed_columns_mut::<DEPTH_WAVE>(first)
+                .copy_from(&columns);
+            let rows = turn * self.covariance.fixed_rows::<DEPTH_WAVE>(first);
+            self.covariance.fixed_rows_mut::<DEPTH_WAVE>(first).copy_from(&rows);
         }
     }
 
@@ -277,7 +312,7 @@ impl FurtherStates {
                 }
             }
             x.set_column(k, &own);
-            if innovation.corrects.further_states().contains(&k) {
+            if innovation.corrects.further_states().contains(&k) && !MATRIX.contains(&k) {
                 let solved = update.factor.solve(&own);
                 s_gain.set_column(k, &(update.s * solved));
                 gain.set_column(k, &solved);

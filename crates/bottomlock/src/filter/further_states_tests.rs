@@ -11,7 +11,7 @@ use crate::aiding::effort::{EffortModel, EffortSample};
 use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_WATER};
 use crate::aiding::heading::{HeadingModel, heading};
 use crate::aiding::motion_prior::MotionPrior;
-use crate::aiding::sensor::{Fraction, SlowSd, TimeConstant, WalkTime};
+use crate::aiding::sensor::{Fraction, SlowSd, TimeConstant, WalkTime, WavePeriod};
 use crate::aiding::thrust::{ThrustModel, ThrustUse, thrust};
 use crate::aiding::water::{WATER, sway_row};
 use crate::aiding::{RowJacobian, tightly_coupled};
@@ -42,7 +42,10 @@ fn filter() -> Eskf {
         sd_m: 0.02,
         bias_sd_m: 0.3,
         bias_time_s: TimeConstant(100.0),
+        wave_sd_m: SlowSd(0.4),
+        wave_period_s: WavePeriod(7.0),
     };
+    (model.imu.gyro_scale_sd, model.imu.gyro_misalignment_sd_rad) = (1e-3, 3e-3);
     model.sensors.magnetometer = MagnetometerModel {
         yaw_offset_sd_rad: SlowSd(0.03),
         roll_pitch_offset_sd_rad: SlowSd(0.01),
@@ -152,7 +155,7 @@ fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
 }
 
 /// Covariance after the textbook's update of all states, and the error that it estimates; `estimate` is that of the
-/// slow errors, which the residual still contains.
+/// slow errors, which the residual still contains. Scale factors and misalignments of the gyros are considered.
 fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) -> (DMatrix<f64>, DVector<f64>) {
     let (m, rows) = (innovation.rows, innovation.by_further.as_deref().unwrap());
     let h = DMatrix::from_fn(m, ALL, |i, j| {
@@ -164,8 +167,10 @@ fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) 
     });
     let r = innovation.noise.view((0, 0), (m, m)).into_owned();
     let z = (innovation.residual - rows * estimate).rows(0, m).into_owned();
-    let gain = p * h.transpose() * (&h * p * h.transpose() + r).try_inverse().unwrap();
-    (p - &gain * h * p, gain * z)
+    let mut gain = p * h.transpose() * (&h * p * h.transpose() + &r).try_inverse().unwrap();
+    gain.rows_mut(DIM + MATRIX.start, MATRIX.len()).fill(0.0);
+    let left = DMatrix::identity(ALL, ALL) - &gain * h;
+    (&left * p * left.transpose() + &gain * r * gain.transpose(), gain * z)
 }
 
 /// Pings of four, two and one beam, depths, attitudes, headings, revolutions and assumptions by turns: covariance of all states and
@@ -205,8 +210,10 @@ fn updates_are_the_textbook_updates_of_all_states() {
         let at = filter.current_at_vehicle().unwrap();
         filter.with_motion(|motion| at.complete(motion, &Vector3::zeros(), 0, &mut by_state, &mut rows));
         let h = DVector::from_fn(ALL, |i, _| if i < DIM { by_state[(0, i)] } else { rows[(0, i - DIM)] });
-        let column = &p * &h;
-        let expected = &p - &column * column.transpose() / (h.dot(&column) + assumed.variance);
+        let mut gain = &p * &h / (h.dot(&(&p * &h)) + assumed.variance);
+        gain.rows_mut(DIM + MATRIX.start, MATRIX.len()).fill(0.0);
+        let left = DMatrix::identity(ALL, ALL) - &gain * h.transpose();
+        let expected = &left * p * left.transpose() + &gain * gain.transpose() * assumed.variance;
         filter.assume(&assumed, Sensor::Sway).unwrap();
         assert_close(&filter.joint_covariance(), &expected, 1e-9, "assumption");
     }
@@ -234,7 +241,7 @@ fn propagation_is_that_of_all_states() {
     let carried = phi * &before * phi.transpose();
     let steady = filter.extensions.processes.variance();
     for k in 0..FIRST_WATER {
-        let left = phi[(DIM + k, DIM + k)];
+        let left = phi.view((DIM + k, DIM), (1, FURTHER)).norm();
         for i in (0..FIRST_WATER).filter(|&i| i != k) {
             let gap = after[(DIM + i, DIM + k)] - carried[(DIM + i, DIM + k)];
             assert!(gap.abs() < 1e-13, "{i} {k}");

@@ -12,25 +12,31 @@
 //! z = reading − expected reading − D_f f̂ = H δx + D_f δf + white noise
 //! ```
 
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use nalgebra::{Matrix2, Rotation2};
+
 use crate::aiding::attitude::SlowAngleModel;
 use crate::aiding::effort::{self, INERTIA, SPEED_SCALE};
 use crate::aiding::further::{
-    DEPTH_BIAS, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_EFFORT,
-    FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST, FIRST_WATER, FurtherVector,
+    DEPTH_BIAS, DEPTH_WAVE, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_DEPTH_WAVE,
+    FIRST_EFFORT, FIRST_GYRO_MATRIX, FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST,
+    FIRST_WATER, FurtherVector,
 };
 use crate::aiding::registry::SensorModels;
 use crate::aiding::thrust::{ADVANCE, SLIP, ThrustUse};
 use crate::error::{NavError, require_finite};
 use crate::filter::options::Options;
-use std::ops::Range;
 
 /// Blocks of such states.
-pub(super) const BLOCKS: [Range<usize>; 8] = [
-    DEPTH_BIAS..FIRST_CALIBRATION,
+pub(super) const BLOCKS: [Range<usize>; 9] = [
+    DEPTH_BIAS..FIRST_DEPTH_WAVE,
+    FIRST_DEPTH_WAVE..FIRST_CALIBRATION,
     FIRST_ATTITUDE_ERROR..FIRST_ATTITUDE_DEVIATION,
     FIRST_ATTITUDE_DEVIATION..FIRST_HEADING_ERROR,
     FIRST_HEADING_ERROR..FIRST_HEADING_DEVIATION,
-    FIRST_HEADING_DEVIATION..FIRST_MOTION,
+    FIRST_HEADING_DEVIATION..FIRST_GYRO_MATRIX,
     FIRST_MOTION..FIRST_THRUST,
     FIRST_THRUST..FIRST_EFFORT,
     FIRST_EFFORT..FIRST_WATER,
@@ -46,6 +52,8 @@ pub(super) struct GaussMarkovStates {
     /// Estimate at the start and, but for constants, in the long run.
     initial: FurtherVector,
     estimate: FurtherVector,
+    /// Rate at which the two states of the waves turn into each other, rad/s.
+    wave_rate_radps: f64,
 }
 
 impl GaussMarkovStates {
@@ -56,6 +64,10 @@ impl GaussMarkovStates {
         let mut initial = FurtherVector::zeros();
         variance[DEPTH_BIAS] = models.depth.bias_sd_m.powi(2);
         rate_per_s[DEPTH_BIAS] = 1.0 / models.depth.bias_time_s.0;
+        for wave in FIRST_DEPTH_WAVE..FIRST_CALIBRATION {
+            variance[wave] = models.depth.wave_sd_m.0.powi(2);
+            rate_per_s[wave] = 1.0 / models.depth.wave_period_s.0;
+        }
         let attitude = &models.magnetometer;
         let axes = [attitude.roll_pitch(), attitude.roll_pitch(), attitude.yaw()];
         let mut put = |first: usize, axes: &[SlowAngleModel]| {
@@ -105,6 +117,7 @@ impl GaussMarkovStates {
             rate_per_s,
             initial,
             estimate: initial,
+            wave_rate_radps: TAU / models.depth.wave_period_s.0,
         }
     }
 
@@ -143,10 +156,22 @@ impl GaussMarkovStates {
         left
     }
 
-    /// Propagates the estimates.
-    pub(super) fn propagate(&mut self, left: &FurtherVector) {
+    /// How the two states of the waves turn into each other in `duration_s`; `None` where there are none.
+    pub(super) fn wave_turn(&self, duration_s: f64) -> Option<Matrix2<f64>> {
+        let has_waves = self.variance[FIRST_DEPTH_WAVE] > 0.0;
+        has_waves.then(|| *Rotation2::new(self.wave_rate_radps * duration_s).matrix())
+    }
+
+    /// Propagates the estimates over `duration_s`.
+    pub(super) fn propagate(&mut self, duration_s: f64, left: &FurtherVector) {
         let change = (self.estimate - self.initial).component_mul(left);
         self.estimate = self.initial + change;
+        if let Some(turn) = self.wave_turn(duration_s) {
+            let turned = turn * self.estimate.fixed_rows::<DEPTH_WAVE>(FIRST_DEPTH_WAVE);
+            self.estimate
+                .fixed_rows_mut::<DEPTH_WAVE>(FIRST_DEPTH_WAVE)
+                .copy_from(&turned);
+        }
     }
 
     /// Adds an error to the estimates.
@@ -163,7 +188,8 @@ impl GaussMarkovStates {
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
         [&self.variance, &self.rate_per_s, &self.initial, &self.estimate]
             .into_iter()
-            .try_for_each(|numbers| require_finite("slow errors and motion", time_ns, numbers.as_slice()))
+            .try_for_each(|numbers| require_finite("slow errors and motion", time_ns, numbers.as_slice()))?;
+        require_finite("rate of waves", time_ns, &[self.wave_rate_radps])
     }
 }
 

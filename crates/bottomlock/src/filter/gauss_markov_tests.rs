@@ -6,7 +6,7 @@ use crate::aiding::attitude::{MagnetometerModel, attitude};
 use crate::aiding::depth::{DepthModel, depth};
 use crate::aiding::heading::{HeadingModel, heading};
 use crate::aiding::motion_prior::MotionPrior;
-use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime};
+use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime, WavePeriod};
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
 use crate::filter::level_turn::advance;
@@ -14,7 +14,7 @@ use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::frames::{Rot, Tangent, Vec3};
 use crate::layout::{ATTITUDE, VELOCITY};
-use crate::model::Model;
+use crate::model::{ImuModel, Model};
 use crate::state::NavState;
 
 fn filter_of(change: impl FnOnce(&mut Model)) -> Eskf {
@@ -38,6 +38,7 @@ fn bias_of_a_depth_by_hand() {
             sd_m: 0.02,
             bias_sd_m: 0.3,
             bias_time_s: TimeConstant(100.0),
+            ..DepthModel::default()
         };
         // Within the linear range.
         model.initial.attitude_sd_rad = [1e-3; 3];
@@ -51,6 +52,37 @@ fn bias_of_a_depth_by_hand() {
     let again = depth(&Motion::still(&filter.state()), 2.3, 0.02, &Vec3::zeros());
     let report = filter.update(&again, Sensor::Depth).unwrap();
     assert!((report.residual[0] - (again.residual[0] - estimate_m)).abs() < 1e-12);
+}
+
+/// Waves of 0.5 m and a period of 8 s in a depth that is known to a millimetre: what they are now is −e^(−1/2) of it half a period
+/// later, e^(−1) of it a period later, and a quarter of a period later nothing; what is not known of them comes back to 0.5 m.
+#[test]
+fn waves_in_a_depth_by_hand() {
+    let mut filter = filter_of(|model| {
+        model.imu = ImuModel::default();
+        model.initial.position_sd_m = [1e-3; 3];
+        model.initial.velocity_sd_mps = [1e-6; 3];
+        model.initial.attitude_sd_rad = [1e-6; 3];
+        model.sensors.depth = DepthModel {
+            sd_m: 1e-3,
+            wave_sd_m: SlowSd(0.5),
+            wave_period_s: WavePeriod(8.0),
+            ..DepthModel::default()
+        };
+    });
+    let reading = depth(&Motion::still(&filter.state()), 0.4, 1e-3, &Vec3::zeros());
+    filter.update(&reading, Sensor::Depth).unwrap();
+    for (quarter, factor) in (1..=4).zip([0.0, -(-0.5_f64).exp(), 0.0, (-1.0_f64).exp()]) {
+        advance(&mut filter, 200);
+        filter.propagate_covariance();
+        let wave_m = filter.extensions.processes.estimate()[FIRST_DEPTH_WAVE];
+        let variance = filter.extensions.further().covariance()[(FIRST_DEPTH_WAVE, FIRST_DEPTH_WAVE)];
+        let left: f64 = (-f64::from(quarter) / 4.0).exp();
+        // In quadrature nothing was known from the start.
+        let known = if quarter % 2 == 0 { left * left } else { 0.0 };
+        assert!((wave_m - 0.4 * factor).abs() < 1e-4, "{quarter}: {wave_m}");
+        assert!((variance - 0.25 * (1.0 - known)).abs() < 1e-4, "{quarter}: {variance}");
+    }
 }
 
 /// A hundred headings of 0.1 rad at rest, exact but for an offset of 0.03 and a start of 0.1: the yaw goes to

@@ -15,6 +15,7 @@ pub mod filter_group;
 mod further_states;
 pub mod gate;
 mod gauss_markov;
+mod gyro_matrix;
 mod joseph;
 #[cfg(test)]
 mod level_turn;
@@ -130,7 +131,7 @@ impl Eskf {
             plausible: GateTable::plausible(options.gate, options.gate_probability)?,
             inflate_after_rejections: options.inflate_after_rejections,
             evidence: Evidence::default(),
-            extensions: Extensions::new(&model.sensors, options, &kinematics),
+            extensions: Extensions::new(model, options, &kinematics),
         })
     }
 
@@ -257,7 +258,13 @@ impl Eskf {
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
         let (earth, noise) = (&self.earth, &self.settings.noise);
+        let turned = self.extensions.turned(&interval, &self.kinematics, earth);
         interval.propagate(&mut covariance.data.0, &self.kinematics, noise, earth);
+        if let Some(turned) = turned {
+            let mut further = self.extensions.further().clone();
+            further.carry(&self.interval, &self.kinematics, earth);
+            covariance += further.consider(&turned);
+        }
         covariance
     }
 

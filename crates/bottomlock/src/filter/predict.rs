@@ -5,7 +5,7 @@ use super::extensions::Extensions;
 use super::prediction::{Group, LastStep, PredictionHooks, predict};
 use super::streams::Streams;
 use crate::error::NavError;
-use crate::error_model::{CovarianceInterval, Interval};
+use crate::error_model::{CovarianceInterval, Interval, Matrix};
 use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
 use crate::simd::{WIDEST, with_vectors};
 
@@ -83,6 +83,9 @@ impl Eskf {
         }
         self.interval
             .propagate(&mut self.covariance.data.0, &self.kinematics, noise, earth);
+        if let Some(added) = self.extensions.added.take() {
+            self.covariance += *added;
+        }
     }
 }
 
@@ -97,6 +100,14 @@ impl<I: CovarianceInterval<f64> + Into<Interval>> PredictionHooks<f64, I> for Al
     fn propagate(&mut self, interval: &I, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
         if !self.extensions.is_empty() {
             self.extensions.propagate(&(*interval).into(), end, earth);
+        }
+    }
+    #[inline(always)]
+    fn propagated(&mut self, covariance: &mut Matrix<f64>) {
+        if let Some(added) = self.extensions.added.take() {
+            for (column, added) in covariance.iter_mut().flatten().zip(&*added) {
+                *column += added;
+            }
         }
     }
     #[inline(always)]

@@ -42,6 +42,8 @@ impl Settings {
 pub(super) trait PredictionHooks<T, I> {
     /// The covariance is about to be propagated over an interval, which has come to `end`.
     fn propagate(&mut self, interval: &I, end: &Kinematics<T>, earth: &EarthTerms<T>);
+    /// The covariance has been propagated.
+    fn propagated(&mut self, covariance: &mut Matrix<T>);
     /// Some filter's position is no number after the step to reading `at`; true where a filter is left.
     fn on_non_finite(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool;
 }
@@ -98,6 +100,7 @@ pub(super) fn predict<S: Simd, T: Strips<S>, I: CovarianceInterval<T>>(
             group
                 .interval
                 .propagate(simd, group.covariance, group.kinematics, &settings.noise, group.earth);
+            hooks.propagated(group.covariance);
             if settings.earth.pulling().is_some() {
                 *group.earth = settings.earth_of_interval(group.kinematics);
             }

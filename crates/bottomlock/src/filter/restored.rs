@@ -41,6 +41,9 @@ impl Eskf {
         if let Some(calibration) = &self.extensions.calibration {
             calibration.check_restored(time_ns)?;
         }
+        if let Some(gyros) = &self.extensions.gyros {
+            gyros.check_restored()?;
+        }
         if let Some(effort) = &self.extensions.effort {
             effort.check_restored(time_ns)?;
         }

@@ -5,7 +5,8 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 use super::Eskf;
 use super::extensions::Extensions;
 use super::further_states::Update;
-use crate::aiding::further::FURTHER;
+use super::gyro_matrix::MATRIX;
+use crate::aiding::further::{DEPTH_WAVE, FIRST_DEPTH_WAVE, FURTHER, GYRO_MATRIX};
 use crate::aiding::{Corrects, Innovation};
 use crate::error_model::Interval;
 use crate::layout::DIM;
@@ -142,6 +143,8 @@ impl Eskf {
             further: self.extensions.further.clone(),
             processes: self.extensions.processes.clone(),
             calibration: self.extensions.calibration.clone(),
+            gyros: self.extensions.gyros.clone(),
+            added: None,
             effort: self.extensions.effort.clone(),
             water: self.extensions.water.clone(),
             tape: None,
@@ -180,6 +183,24 @@ pub(super) fn transition(
     let left = extensions.left(interval.duration_s(), end);
     for (at, k) in (DIM..).zip(extensions.further().states()) {
         whole[(at, at)] = left[k];
+    }
+    if let Some(turn) = extensions.processes.wave_turn(interval.duration_s()) {
+        let first = DIM
+            + extensions
+                .further()
+                .states()
+                .take_while(|&k| k < FIRST_DEPTH_WAVE)
+                .count();
+        let turned = turn * left[FIRST_DEPTH_WAVE];
+        whole
+            .fixed_view_mut::<DEPTH_WAVE, DEPTH_WAVE>(first, first)
+            .copy_from(&turned);
+    }
+    if let Some(turned) = extensions.turned(interval, end, earth) {
+        let first = DIM + extensions.further().states().take_while(|&k| k < MATRIX.start).count();
+        whole
+            .fixed_view_mut::<DIM, GYRO_MATRIX>(0, first)
+            .copy_from(&turned.by_matrix());
     }
     whole
 }

@@ -30,6 +30,8 @@ pub(super) struct Inertial {
     pub(super) accel_bias: Vector3<f64>,
     /// Its current value, rad/s.
     pub(super) gyro_bias: Vector3<f64>,
+    /// Its scale factors and misalignments, by which readings are too much.
+    gyro_matrix: Matrix3<f64>,
     started: bool,
 }
 
@@ -44,6 +46,7 @@ impl Inertial {
             gyro_bias: gyro_walk.each(&[1.0; 3]) * imu.gyro_bias_sd_radps,
             accel_walk,
             gyro_walk,
+            gyro_matrix: drawn_matrix(imu, &mut of(Stream::GyroMatrix)),
             started: false,
         }
     }
@@ -109,10 +112,26 @@ impl Inertial {
         let root_dt = root_interval_s(at, k);
         ImuSample {
             time_ns: at.time_ns[k],
-            rate_p_radps: (rate + self.gyro_bias + gyro_noise * (imu.gyro_noise_rad_rts / root_dt)).into(),
+            rate_p_radps: (rate
+                + self.gyro_matrix * rate
+                + self.gyro_bias
+                + gyro_noise * (imu.gyro_noise_rad_rts / root_dt))
+                .into(),
             force_p_mps2: (force + self.accel_bias + accel_noise * (imu.accel_noise_mps_rts / root_dt)).into(),
         }
     }
+}
+
+/// Scale factors and misalignments of the gyros of a run.
+fn drawn_matrix(imu: &ImuModel, normals: &mut Normals) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| {
+        let sd = if i == j {
+            imu.gyro_scale_sd
+        } else {
+            imu.gyro_misalignment_sd_rad
+        };
+        sd * normals.one()
+    })
 }
 
 /// Root of the time since the sample before; of the first sample, of the time to the next.

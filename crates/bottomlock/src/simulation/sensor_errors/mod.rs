@@ -47,6 +47,7 @@ enum Stream {
     AccelBias = 4,
     GyroBias = 5,
     DvlScale = 6,
+    GyroMatrix = 700,
     // 7 to 99 belong to the sensors of the registry, each of which declares its own.
     /// Plus the beam's index.
     BeamNoise = 100,

@@ -1,0 +1,157 @@
+//! Considered scale factors and misalignments: by hand, and against strapdown steps with readings that have them.
+
+use std::f64::consts::{PI, TAU};
+
+use super::*;
+use crate::aiding::Motion;
+use crate::aiding::heading::heading;
+use crate::earth::Environment;
+use crate::filter::Eskf;
+use crate::filter::level_turn::assert_close;
+use crate::filter::options::Options;
+use crate::filter::report::Sensor;
+use crate::filter::tape::transition;
+use crate::frames::Vec3;
+use crate::layout::{ATTITUDE, POSITION, VELOCITY};
+use crate::mechanisation::ImuSample;
+use crate::model::{InitialModel, Model};
+use crate::state::NavState;
+
+const SCALE: f64 = 3e-4;
+const MISALIGNMENT: f64 = 1e-3;
+const STEP_NS: i64 = 10_000_000;
+
+/// A filter at 2 m/s that knows everything but scale factors and misalignments, on an Earth that does not turn.
+fn filter(scale: f64, misalignment: f64, period_ns: i64) -> Eskf {
+    let mut model = Model::table_2();
+    model.environment = Environment {
+        earth_rate_radps: 0.0,
+        ..model.environment
+    };
+    model.imu = ImuModel {
+        gyro_scale_sd: scale,
+        gyro_misalignment_sd_rad: misalignment,
+        ..ImuModel::default()
+    };
+    model.initial = InitialModel {
+        position_sd_m: [1e-6; 3],
+        attitude_sd_rad: [1e-6; 3],
+        velocity_sd_mps: [1e-6; 3],
+    };
+    let mut start = NavState::at_rest(0);
+    start.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
+    let options = Options {
+        covariance_period_ns: period_ns,
+        estimate_dvl: false,
+        ..Options::default()
+    };
+    Eskf::new(start, &model, &options).unwrap()
+}
+
+/// Readings for `steps` steps at a rate about each axis, with what a matrix adds to them.
+fn readings(first: i64, steps: i64, rate: [f64; 3], matrix: &Matrix3<f64>) -> Vec<ImuSample> {
+    let rate = Vector3::from(rate);
+    let sample = |k: i64| ImuSample {
+        time_ns: k * STEP_NS,
+        rate_p_radps: (rate + matrix * rate).into(),
+        force_p_mps2: Vec3::new(0.1, 0.2, -9.6),
+    };
+    (first..=first + steps).map(sample).collect()
+}
+
+/// Variances of roll, pitch and yaw after turns about the vertical, each an angle in 10 s.
+fn after_turns(filter: &mut Eskf, turns: &[f64]) -> [f64; 3] {
+    for (first, angle) in (0..).step_by(1000).zip(turns) {
+        let samples = readings(first, 1000, [0.0, 0.0, angle / 10.0], &Matrix3::zeros());
+        filter.predict_along(&samples).unwrap();
+    }
+    let covariance = filter.covariance();
+    std::array::from_fn(|k| covariance[(ATTITUDE + k, ATTITUDE + k)])
+}
+
+/// A turn by θ tilts by δ √(2 − 2 cos θ) about each level axis, and turns the yaw by s θ. A whole turn takes the tilt back,
+/// a turn to the other side everything, and two turns to the same side add up.
+#[test]
+fn turns_by_hand() {
+    for period_ns in [0, 100_000_000] {
+        for (turns, tilt, yaw) in [
+            (&[PI][..], 4.0, PI),
+            (&[TAU], 0.0, TAU),
+            (&[PI, -PI], 0.0, 0.0),
+            (&[PI, PI], 0.0, TAU),
+            (&[1.0], 2.0 - 2.0 * 1.0_f64.cos(), 1.0),
+        ] {
+            let found = after_turns(&mut filter(SCALE, MISALIGNMENT, period_ns), turns);
+            let expected = [tilt, tilt, (yaw * SCALE / MISALIGNMENT).powi(2)];
+            for (found, expected) in found.iter().zip(expected) {
+                let error = found / MISALIGNMENT.powi(2) - expected;
+                assert!(
+                    error.abs() < 2e-3 * (1.0 + expected),
+                    "{turns:?}: {error} of {expected}"
+                );
+            }
+        }
+    }
+}
+
+/// The covariance is that of the differences which each element of M makes in strapdown steps, in any turn, with every pair of
+/// position, attitude and velocity.
+#[test]
+fn covariance_is_that_of_wrong_readings() {
+    let tiny = 1e-7;
+    let rate = [0.2, -0.1, 0.3];
+    let run = |matrix: &Matrix3<f64>| {
+        let mut filter = filter(SCALE, MISALIGNMENT, 100_000_000);
+        filter.predict_along(&readings(0, 300, rate, matrix)).unwrap();
+        filter
+    };
+    let right = run(&Matrix3::zeros());
+    let mut expected = Covariance::zeros();
+    for k in 0..GYRO_MATRIX {
+        let mut matrix = Matrix3::zeros();
+        matrix[(k / 3, k % 3)] = tiny;
+        let error = right.state().error_of(&run(&matrix).state()) / tiny;
+        let sd = if k / 3 == k % 3 { SCALE } else { MISALIGNMENT };
+        expected += error * error.transpose() * (sd * sd);
+    }
+    let found = right.covariance();
+    for i in (POSITION..VELOCITY + 3).filter(|i| expected[(*i, *i)] > 0.0) {
+        for j in POSITION..VELOCITY + 3 {
+            let size = (expected[(i, i)] * expected[(j, j)]).sqrt();
+            let difference = found[(i, j)] - expected[(i, j)];
+            assert!(difference.abs() < 0.01 * size, "({i}, {j}): {difference} of {size}");
+        }
+    }
+}
+
+/// A heading after a turn corrects the yaw and leaves M as unknown as it was; the covariance knows that the yaw's error is M's.
+#[test]
+fn nothing_is_learnt_of_them() {
+    let mut own = filter(SCALE, MISALIGNMENT, 0);
+    after_turns(&mut own, &[PI]);
+    let before = own.extensions.covariance_of::<GYRO_MATRIX>(MATRIX.start);
+    let [_, _, yaw] = own.state().attitude_t_p.to_euler_rad();
+    let reading = heading(&Motion::still(&own.state()), yaw + 1e-3, 1e-4);
+    own.update(&reading, Sensor::Heading).unwrap();
+    assert_eq!(own.extensions.covariance_of::<GYRO_MATRIX>(MATRIX.start), before);
+    // σ of the yaw is s π before, and with the heading's that of a mean of the two.
+    let prior = (SCALE * PI).powi(2);
+    let expected = 1.0 / (1.0 / prior + 1e8);
+    assert!((own.covariance()[(ATTITUDE + 2, ATTITUDE + 2)] / expected - 1.0).abs() < 0.01);
+    assert!(own.extensions.further().cross()[(ATTITUDE + 2, MATRIX.start + 8)].abs() < SCALE.powi(2) * PI * 0.02);
+}
+
+/// The transition of a smoother's tape, applied to the covariance of all states before, gives that after.
+#[test]
+fn a_tape_has_the_same_transition() {
+    let mut own = filter(SCALE, MISALIGNMENT, 10_000_000_000);
+    own.predict_along(&readings(0, 300, [0.2, -0.1, 0.3], &Matrix3::zeros()))
+        .unwrap();
+    own.propagate_covariance();
+    let before = own.joint_covariance();
+    own.predict_along(&readings(300, 300, [0.1, 0.2, -0.3], &Matrix3::zeros()))
+        .unwrap();
+    let phi = transition(&own.interval, &own.kinematics, &own.earth, &own.extensions);
+    let expected = &phi * before * phi.transpose();
+    assert_close(&own.joint_covariance(), &expected, 1e-9, "after a turn");
+}
