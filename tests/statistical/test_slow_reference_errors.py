@@ -37,7 +37,11 @@ class Slow:
     least_over: float
 
 
-TACTICAL = imu("tactical")
+TACTICAL = imu("tactical").replace(accel_warm_up_sd_mps2=0.0, gyro_warm_up_sd_radps=0.0)
+COLD = TACTICAL.replace(
+    gyro_scale_sd=0.0, gyro_misalignment_sd_rad=0.0, accel_warm_up_sd_mps2=0.02, gyro_warm_up_sd_radps=1e-4,
+    warm_up_time_s=100.0,
+)  # fmt: skip
 DEPTH = DepthModel(sd_m=0.02, bias_sd_m=0.3, bias_time_s=600.0)
 SENSORS = {
     "magnetometer": Slow(
@@ -71,10 +75,14 @@ SENSORS = {
         "imu", TACTICAL, TACTICAL.replace(gyro_scale_sd=0.0, gyro_misalignment_sd_rad=0.0),
         column=None, trajectory_key=53, state=3, least_over=1.5,
     ),
+    "warm-up": Slow(
+        "imu", COLD, COLD.replace(accel_warm_up_sd_mps2=0.0, gyro_warm_up_sd_radps=0.0),
+        column=None, trajectory_key=59, state=3, least_over=1.5,
+    ),
 }  # fmt: skip
 
 
-@lru_cache(maxsize=10)
+@lru_cache(maxsize=12)
 def flown(sensor: str, *, expected: bool) -> dict[str, Any]:
     """Runs on the figure of eight with beams 1 and 2 and one sensor, its slow errors expected or not."""
     simulation = analytic_simulation("figure_eight")

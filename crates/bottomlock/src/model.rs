@@ -8,6 +8,7 @@ use crate::aiding::declare::sections;
 use crate::aiding::depth::DepthModel;
 use crate::aiding::gps::GpsModel;
 use crate::aiding::registry::{SensorModels, sensor_models};
+use crate::aiding::sensor::{Field, WalkTime};
 use crate::earth::Environment;
 use crate::error::{NavError, require_non_negative};
 use crate::error_model::ProcessNoise;
@@ -36,6 +37,15 @@ pub struct ImuModel {
     /// What a gyro sees of turns about each of the other axes, rad; considered, not estimated.
     #[serde(default)]
     pub gyro_misalignment_sd_rad: f64,
+    /// How far the accelerometer biases move while the sensors warm up from the filter's start on, m/s².
+    #[serde(default)]
+    pub accel_warm_up_sd_mps2: f64,
+    /// How far the gyro biases do, rad/s.
+    #[serde(default)]
+    pub gyro_warm_up_sd_radps: f64,
+    /// Time constant of the warm-up, s.
+    #[serde(default)]
+    pub warm_up_time_s: WalkTime,
 }
 
 impl ImuModel {
@@ -53,10 +63,13 @@ impl ImuModel {
             ("imu.gyro_bias_walk_radps_rts", self.gyro_bias_walk_radps_rts),
             ("imu.gyro_scale_sd", self.gyro_scale_sd),
             ("imu.gyro_misalignment_sd_rad", self.gyro_misalignment_sd_rad),
+            ("imu.accel_warm_up_sd_mps2", self.accel_warm_up_sd_mps2),
+            ("imu.gyro_warm_up_sd_radps", self.gyro_warm_up_sd_radps),
         ];
         non_negative
             .into_iter()
-            .try_for_each(|(field, value)| require_non_negative(field, value))
+            .try_for_each(|(field, value)| require_non_negative(field, value))?;
+        self.warm_up_time_s.check("imu.warm_up_time_s")
     }
 }
 

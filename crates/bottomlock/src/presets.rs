@@ -32,18 +32,49 @@ impl Beams {
 }
 
 /// A grade of IMUs, 1 sigma per axis: its name, and of gyro and accelerometer, in the order and units of the file, bias (deg/h; mg),
-/// noise (deg/√h; m/s/√h) and bias walk (deg/s/√s; m/s²/√s); then of the gyros scale factor (ppm) and misalignment (mrad).
+/// noise (deg/√h; m/s/√h) and bias walk (deg/s/√s; m/s²/√s); then of the gyros scale factor (ppm) and misalignment (mrad);
+/// then warm-up of both (mg; deg/h).
 #[derive(Debug, Clone, Copy)]
-pub struct Grade(pub &'static str, [f64; 3], [f64; 3], [f64; 2]);
+pub struct Grade(pub &'static str, [f64; 3], [f64; 3], [f64; 4]);
 
 /// The coarsest first.
 pub const GRADES: [Grade; 6] = [
-    Grade("phone", [10800.0, 0.48, 5e-4], [40.0, 0.094, 1.6e-4], [10000.0, 7.0]),
-    Grade("autopilot", [1800.0, 0.66, 9.5e-5], [20.0, 0.11, 5.8e-5], [3300.0, 0.9]),
-    Grade("mti", [3600.0, 3.0, 6.5e-5], [2.0, 0.12, 3.5e-6], [1000.0, 1.7]),
-    Grade("tactical", [4.0, 0.15, 3.3e-6], [0.75, 0.07, 1.2e-5], [500.0, 1.0]),
-    Grade("fibre_optic", [0.75, 0.1, 4.9e-6], [1.0, 0.03, 2.3e-5], [300.0, 0.1]),
-    Grade("ring_laser", [0.01, 0.002, 6.5e-9], [0.1, 0.012, 2.3e-6], [5.0, 0.02]),
+    Grade(
+        "phone",
+        [10800.0, 0.48, 5e-4],
+        [40.0, 0.094, 1.6e-4],
+        [10000.0, 7.0, 0.0, 0.0],
+    ),
+    Grade(
+        "autopilot",
+        [1800.0, 0.66, 9.5e-5],
+        [20.0, 0.11, 5.8e-5],
+        [3300.0, 0.9, 0.0, 0.0],
+    ),
+    Grade(
+        "mti",
+        [3600.0, 3.0, 6.5e-5],
+        [2.0, 0.12, 3.5e-6],
+        [1000.0, 1.7, 0.0, 0.0],
+    ),
+    Grade(
+        "tactical",
+        [4.0, 0.15, 3.3e-6],
+        [0.75, 0.07, 1.2e-5],
+        [500.0, 1.0, 0.2, 1.0],
+    ),
+    Grade(
+        "fibre_optic",
+        [0.75, 0.1, 4.9e-6],
+        [1.0, 0.03, 2.3e-5],
+        [300.0, 0.1, 0.0, 0.0],
+    ),
+    Grade(
+        "ring_laser",
+        [0.01, 0.002, 6.5e-9],
+        [0.1, 0.012, 2.3e-6],
+        [5.0, 0.02, 0.0, 0.0],
+    ),
 ];
 
 impl Grade {
@@ -51,7 +82,7 @@ impl Grade {
     #[must_use]
     pub fn imu(&self) -> ImuModel {
         const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
-        let Self(_, gyro, accel, [scale_ppm, misalignment_mrad]) = self;
+        let Self(_, gyro, accel, [scale_ppm, misalignment_mrad, accel_warm_up, gyro_warm_up]) = self;
         let root_hour = 3600_f64.sqrt();
         ImuModel {
             accel_noise_mps_rts: accel[1] / root_hour,
@@ -62,6 +93,9 @@ impl Grade {
             gyro_bias_walk_radps_rts: gyro[2].to_radians(),
             gyro_scale_sd: scale_ppm * 1e-6,
             gyro_misalignment_sd_rad: misalignment_mrad * 1e-3,
+            accel_warm_up_sd_mps2: accel_warm_up * 1e-3 * STANDARD_GRAVITY_MPS2,
+            gyro_warm_up_sd_radps: gyro_warm_up.to_radians() / 3600.0,
+            ..ImuModel::default()
         }
     }
 }

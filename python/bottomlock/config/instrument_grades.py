@@ -100,6 +100,9 @@ def imu_model(keys: Mapping[str, float]) -> models.ImuModel:
         gyro_bias_walk_radps_rts=rad_from_deg(keys["gyro_bias_walk_deg_per_s_per_rt_s"]),
         gyro_scale_sd=keys["gyro_scale_ppm"] * 1e-6,
         gyro_misalignment_sd_rad=keys["gyro_misalignment_mrad"] * 1e-3,
+        accel_warm_up_sd_mps2=mps2_from_mg(keys.get("accel_warm_up_mg", 0.0)),
+        gyro_warm_up_sd_radps=radps_from_deg_per_h(keys.get("gyro_warm_up_deg_per_h", 0.0)),
+        warm_up_time_s=keys.get("warm_up_time_s", models.WALK_TIME_S),
     )
 
 

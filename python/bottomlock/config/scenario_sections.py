@@ -130,6 +130,12 @@ class ImuErrors(Section):
     """scale factor of a gyro, constant; the filter considers it and does not estimate it"""
     gyro_misalignment_mrad: NonNegative = 0.0
     """what a gyro sees of turns about each of the other axes, constant; likewise"""
+    accel_warm_up_mg: NonNegative = 0.0
+    """how far the accelerometer biases move while the sensors warm up from the start on, each axis"""
+    gyro_warm_up_deg_per_h: NonNegative = 0.0
+    """how far the gyro biases do, each axis"""
+    warm_up_time_s: Positive = models.WALK_TIME_S
+    """time constant of the warm-up"""
 
     @model_validator(mode="wrap")
     @classmethod

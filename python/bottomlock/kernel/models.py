@@ -156,6 +156,12 @@ class ImuModel(Settings):
     """scale factor of a gyro; considered, not estimated"""
     gyro_misalignment_sd_rad: float = 0.0
     """what a gyro sees of turns about each of the other axes; considered, not estimated"""
+    accel_warm_up_sd_mps2: float = 0.0
+    """how far the accelerometer biases move while the sensors warm up from the filter's start on"""
+    gyro_warm_up_sd_radps: float = 0.0
+    """how far the gyro biases do"""
+    warm_up_time_s: float = WALK_TIME_S
+    """time constant of the warm-up"""
 
 
 class DvlModel(Settings):

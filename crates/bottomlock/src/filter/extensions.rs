@@ -9,6 +9,7 @@ use super::gauss_markov::GaussMarkovStates;
 use super::gyro_matrix::{GyroMatrix, MATRIX, Turned};
 use super::options::Options;
 use super::tape::{Step, Tape, transition};
+use super::warm_up::WarmUp;
 use super::water_block::WaterBlock;
 use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::current_layers::LAYER_STATES;
@@ -35,7 +36,9 @@ pub(super) struct Extensions {
     pub(super) calibration: Option<Box<CalibrationBlock>>,
     /// Scale factors and misalignments of the gyros, where they are unknown.
     pub(super) gyros: Option<Box<GyroMatrix>>,
-    /// What they add to the covariance of the error state over the interval that is being propagated.
+    /// Warm-up of the inertial sensors.
+    pub(super) warm_up: Option<WarmUp>,
+    /// What both add to the covariance of the error state over the interval that is being propagated.
     #[serde(skip)]
     pub(super) added: Option<Box<Covariance>>,
     /// Mass and drag of the vehicle, where the forces of thrusters are used.
@@ -58,6 +61,7 @@ impl Extensions {
             processes: Box::new(GaussMarkovStates::new(models, options)),
             calibration: calibration.map(Box::new),
             gyros: GyroMatrix::new(&model.imu, kinematics).map(Box::new),
+            warm_up: WarmUp::new(&model.imu),
             added: None,
             effort: uses_effort.then(|| Box::new(EffortBlock::new(&models.effort, kinematics))),
             water: None,
@@ -188,7 +192,7 @@ impl Extensions {
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.further().is_empty() && self.tape.is_none()
+        self.further().is_empty() && self.tape.is_none() && self.warm_up.is_none()
     }
 
     /// Fraction of the error of each further state that is left after `duration_s` at the velocity of `end`.
@@ -236,10 +240,15 @@ impl Extensions {
                 tape.push(Step::Transition(whole));
             }
         }
+        let duration_s = interval.duration_s();
+        self.added = None;
+        if let Some(warm_up) = &mut self.warm_up {
+            self.added = warm_up.added(duration_s).map(Box::new);
+            warm_up.advance(duration_s);
+        }
         if self.further.is_none() {
             return;
         }
-        let duration_s = interval.duration_s();
         let turned = self.turned(interval, end, earth);
         let left = self.left(duration_s, end);
         let (steady, wave_turn) = (self.steady(), self.processes.wave_turn(duration_s));
@@ -258,7 +267,9 @@ impl Extensions {
         }
         if let Some(further) = &mut self.further {
             further.propagate(interval, end, earth, &left, &steady, wave_turn.as_ref());
-            self.added = turned.map(|turned| Box::new(further.consider(&turned)));
+            if let Some(turned) = turned {
+                **self.added.get_or_insert_default() += further.consider(&turned);
+            }
         }
         if let Some(gyros) = &mut self.gyros {
             gyros.begin_interval(end);

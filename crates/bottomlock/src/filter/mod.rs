@@ -36,6 +36,7 @@ mod streams;
 pub mod tape;
 pub(crate) mod thrust;
 mod update;
+mod warm_up;
 pub mod water_block;
 
 use nalgebra::{SMatrix, Vector3};
@@ -265,7 +266,11 @@ impl Eskf {
             further.carry(&self.interval, &self.kinematics, earth);
             covariance += further.consider(&turned);
         }
+        let warm_up = self.extensions.warm_up;
         covariance
+            + warm_up
+                .and_then(|warm_up| warm_up.added(self.interval.duration_s()))
+                .unwrap_or_default()
     }
 
     /// Sets the angular rate before the first step, for lever arms.

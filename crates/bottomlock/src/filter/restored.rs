@@ -44,6 +44,9 @@ impl Eskf {
         if let Some(gyros) = &self.extensions.gyros {
             gyros.check_restored()?;
         }
+        if let Some(warm_up) = &self.extensions.warm_up {
+            warm_up.check_restored()?;
+        }
         if let Some(effort) = &self.extensions.effort {
             effort.check_restored(time_ns)?;
         }

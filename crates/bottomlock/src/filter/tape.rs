@@ -144,6 +144,7 @@ impl Eskf {
             processes: self.extensions.processes.clone(),
             calibration: self.extensions.calibration.clone(),
             gyros: self.extensions.gyros.clone(),
+            warm_up: None,
             added: None,
             effort: self.extensions.effort.clone(),
             water: self.extensions.water.clone(),

@@ -32,7 +32,10 @@ pub(super) struct Inertial {
     pub(super) gyro_bias: Vector3<f64>,
     /// Its scale factors and misalignments, by which readings are too much.
     gyro_matrix: Matrix3<f64>,
-    started: bool,
+    /// How far the biases of accelerometers and gyros move while the sensors warm up.
+    warm_up: [Vector3<f64>; 2],
+    /// Time of the first reading.
+    first_ns: Option<i64>,
 }
 
 impl Inertial {
@@ -47,7 +50,11 @@ impl Inertial {
             accel_walk,
             gyro_walk,
             gyro_matrix: drawn_matrix(imu, &mut of(Stream::GyroMatrix)),
-            started: false,
+            warm_up: [
+                of(Stream::AccelWarmUp).each(&[1.0; 3]) * imu.accel_warm_up_sd_mps2,
+                of(Stream::GyroWarmUp).each(&[1.0; 3]) * imu.gyro_warm_up_sd_radps,
+            ],
+            first_ns: None,
         }
     }
 
@@ -61,7 +68,7 @@ impl Inertial {
         mut samples: Range<usize>,
         take: &mut Take<'_>,
     ) {
-        if !self.started {
+        if self.first_ns.is_none() {
             let Some(first) = samples.next() else { return };
             let (accel_noise, gyro_noise) = (self.accel_noise.each(&[1.0; 3]), self.gyro_noise.each(&[1.0; 3]));
             let truth = (
@@ -69,7 +76,7 @@ impl Inertial {
                 Vector3::from(at.force_p_mps2[first]),
             );
             let reading = self.reading(&model.imu, at, first, truth, &gyro_noise, &accel_noise);
-            self.started = true;
+            self.first_ns = Some(at.time_ns[first]);
             take(reading, &self.accel_bias, &self.gyro_bias);
         }
         let mut drawn = [[[0.0; 3]; AT_ONCE]; 4];
@@ -90,6 +97,7 @@ impl Inertial {
                 let root_dt = root_interval_s(at, k);
                 self.accel_bias += accel_walk * (model.imu.accel_bias_walk_mps2_rts * root_dt);
                 self.gyro_bias += gyro_walk * (model.imu.gyro_bias_walk_radps_rts * root_dt);
+                self.warm(model.imu.warm_up_time_s.0, [at.time_ns[k - 1], at.time_ns[k]]);
                 let truth = match sampling {
                     Sampling::Instantaneous => (Vector3::from(at.omega_p_radps[k]), Vector3::from(at.force_p_mps2[k])),
                     Sampling::Averaged => mean_readings(at, earth, k),
@@ -98,6 +106,18 @@ impl Inertial {
                 take(reading, &self.accel_bias, &self.gyro_bias);
             }
         }
+    }
+
+    /// The biases move on from one time to the next.
+    fn warm(&mut self, time_s: f64, between_ns: [i64; 2]) {
+        if self.warm_up == [Vector3::zeros(); 2] {
+            return;
+        }
+        let first_ns = self.first_ns.unwrap_or(between_ns[0]);
+        let [before, after] = between_ns.map(|time_ns| (-((time_ns - first_ns) as f64) * 1e-9 / time_s).exp());
+        let [accel, gyro] = self.warm_up.map(|whole| whole * (before - after));
+        self.accel_bias += accel;
+        self.gyro_bias += gyro;
     }
 
     fn reading(

@@ -48,6 +48,8 @@ enum Stream {
     GyroBias = 5,
     DvlScale = 6,
     GyroMatrix = 700,
+    AccelWarmUp = 701,
+    GyroWarmUp = 702,
     // 7 to 99 belong to the sensors of the registry, each of which declares its own.
     /// Plus the beam's index.
     BeamNoise = 100,
