@@ -108,7 +108,7 @@ def recorded(
     P = imu.axes if axes is None else axes
     omega = imu.omega_s_radps @ P.T if omega_p_radps is None else omega_p_radps
     inertial = Inertial(imu.time_ns, imu.force_s_mps2 @ P.T, omega)
-    return Recorded(inertial, dvl.time_ns + round(dvl.offset_s * 1e9), dvl.velocity_p_mps)
+    return Recorded(inertial, dvl.time_ns + round(dvl.offset.seconds * 1e9), dvl.velocity_p_mps)
 
 
 QUARTER_SD_RAD = np.deg2rad(20.0)
@@ -317,7 +317,7 @@ def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPa
     """
     if attitude is None or positions is None or len(dvl.time_ns) < 2:
         return None
-    times = dvl.time_ns + round(dvl.offset_s * 1e9)
+    times = dvl.time_ns + round(dvl.offset.seconds * 1e9)
     own_ns, platform = attitude.platform()
     usual_s = float(np.median(np.diff(own_ns))) * 1e-9
     own = attitude_at(own_ns, platform, times, max(LONGEST_STEP_S, USUAL_STEPS * usual_s))
@@ -341,6 +341,6 @@ def _refine_clock(dvl: DvlPart) -> None:
         return
     clock, sd = float(match.part("clock")[0]), float(match.part_sd("clock")[0])
     if abs(clock) > max(6.0 * sd, 0.03):
-        dvl.offset_s += clock
         words = f"the DVL's velocity follows the IMU best when moved by {clock:+.3f} ± {sd:.2g} s"
-        dvl.offset_why = f"{dvl.offset_why}; {words}" if dvl.offset_why else words
+        why = f"{dvl.offset.why}; {words}" if dvl.offset.why else words
+        dvl.offset = replace(dvl.offset, seconds=dvl.offset.seconds + clock, why=why)

@@ -10,13 +10,12 @@ from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry, make_geometry
 from bottomlock.recordings.closure import BetterOrder, better_order
-from bottomlock.recordings.rig_fit import Match, Recorded
-from bottomlock.recordings.rig_search import Searched, search_offset
-from bottomlock.recordings.streams import Floats, Inertial, Integers
+from bottomlock.recordings.rig_fit import Match
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.guess import Offset
 from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
 from bottomlock.replay.motion.pings import ping_velocity
 
@@ -56,7 +55,7 @@ class DvlPart:
         geometry_why, geometry_known: its reason.
         noise: of a beam, m/s, and why; None where it is what the geometry claims.
         unit, unit_why: of a velocity.
-        offset_s: to the IMU's clock.
+        offset: to the IMU's clock.
         claimed: geometry, and noise of each beam that it claims.
         mounting_deg, mounting_why: roll, pitch and yaw of the instrument on the vehicle; the velocity is turned by them
             already.
@@ -77,9 +76,7 @@ class DvlPart:
     noise: tuple[float, str] | None = None
     unit: str = "m/s"
     unit_why: str = ""
-    offset_s: float = 0.0
-    offset_why: str = ""
-    offset_known: bool = True
+    offset: Offset = field(default_factory=Offset)
     claimed: tuple[BeamGeometry, Floats] | None = None
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mounting_why: str = ""
@@ -263,44 +260,3 @@ def dvl_of_velocity(found: Found) -> DvlPart:
         None, found, times[good], values[good] * SPEED_SI[unit], int(times[0]), int(times[-1]), geometry=name,
         geometry_why=because, geometry_known=False, unit=unit, unit_why=why, claimed=_claimed(name, ""),
     )  # fmt: skip
-
-
-def set_clock(dvl: DvlPart, imu: ImuPart) -> Searched | None:
-    """Finds the offset of a DVL's clock to the IMU's: none where they run together, else by the motion."""
-    first, last = int(imu.time_ns[0]), int(imu.time_ns[-1])
-    together = min(last, dvl.last_ns) - max(first, dvl.first_ns)
-    shorter = min(last - first, dvl.last_ns - dvl.first_ns)
-    if together > 0.3 * shorter:
-        return None
-    starts_s = (first - dvl.first_ns) * 1e-9
-    imu_s, dvl_s = (last - first) * 1e-9, (dvl.last_ns - dvl.first_ns) * 1e-9
-    for hours in range(-28, 29):
-        shift = round(hours * 1800e9)
-        if hours and min(last, dvl.last_ns + shift) - max(first, dvl.first_ns + shift) > 0.6 * shorter:
-            dvl.offset_s = shift * 1e-9
-            dvl.offset_why = (
-                f"the files overlap when the DVL's clock is moved by {hours / 2.0:g} h, a time zone"
-            )
-            return None
-    least_s = min(60.0, 0.5 * min(imu_s, dvl_s))
-    found = None
-    if len(dvl.time_ns) > ENOUGH_PINGS:
-        begun_ns = dvl.time_ns + round(starts_s * 1e9)
-        origin = Recorded(
-            Inertial(imu.time_ns, imu.force_p_mps2, imu.omega_p_radps), begun_ns, dvl.velocity_p_mps
-        )
-        found = search_offset(origin, least_s - dvl_s, imu_s - least_s)
-    if found is not None and found.clear:
-        dvl.offset_s = starts_s + found.offset_s
-        dvl.offset_why = (
-            f"the DVL's velocity follows the IMU's best there, {found.gain:.1f} times better than at other "
-            "offsets (next best "
-            f"{found.second:.1f})"
-        )
-    else:
-        dvl.offset_s, dvl.offset_known = starts_s, False
-        dvl.offset_why = (
-            "the clocks have nothing in common, and the motion does not tell the offset: both "
-            "files are taken to begin together"
-        )
-    return found

@@ -26,6 +26,15 @@ class Guess:
     factor: float = 1.0
 
 
+@dataclass(frozen=True)
+class Offset:
+    """A stream's clock against the IMU's, and why; `known` is false for a question."""
+
+    seconds: float = 0.0
+    why: str = ""
+    known: bool = True
+
+
 def force_unit(force: Floats) -> Guess | None:
     """Unit of specific force by its median size, which is gravity; None where it is not in it.
 

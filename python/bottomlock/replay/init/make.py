@@ -20,13 +20,13 @@ from bottomlock.replay.init.axes_part import (
     turns,
     unit_by_attitude,
 )
+from bottomlock.replay.init.clocks import dvl_offset
 from bottomlock.replay.init.draft import Entry, toml_of
 from bottomlock.replay.init.dvl_part import (
     ENOUGH_PINGS,
     DvlPart,
     dvl_of_recording,
     dvl_of_velocity,
-    set_clock,
     set_noise,
 )
 from bottomlock.replay.init.files import Files
@@ -121,7 +121,7 @@ def choose(sources: Sources) -> Parts:
     _check_pings(dvl, sources)
     duration_s = _duration_s(sources, dvl)
     imu = guess_imu(found_imu, duration_s) if made is None else made
-    set_clock(dvl, imu)
+    dvl.offset = dvl_offset(dvl, imu)
     places = [one for one in sources.of("geodetic", "local") if one.times.time_ns is not None]
     reference, gps = choose_positions(places)
     own.sort(key=lambda one: reference is not None and one.table is reference.table)

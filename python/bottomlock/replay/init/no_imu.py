@@ -1,7 +1,6 @@
 """A first case of a vehicle without inertial readings: they are made from its attitude."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.kernel.attitude_motion import inertial_readings
@@ -9,8 +8,9 @@ from bottomlock.recordings.axes import from_angles
 from bottomlock.replay.init.draft import Section
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import Guess, angle_unit, round_up
+from bottomlock.replay.init.guess import Guess, round_up
 from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.other_parts import angles_of
 from bottomlock.replay.motion.ping_noise import PingNoise
 from bottomlock.replay.vehicle_motion import vehicle_motion
 
@@ -28,22 +28,12 @@ def imu_of_attitude(attitudes: list[Found]) -> ImuPart | None:
     found = max(attitudes, key=lambda one: one.table.frame.height)
     times = found.times.time_ns
     assert times is not None  # the caller's choice
-    if "q0" in found.columns:
-        values = found.values("q0", "q1", "q2", "q3")
-        whole = np.isfinite(values).all(axis=1) & (np.linalg.norm(values, axis=1) > 0.5)
-    else:
-        values = found.values("roll", "pitch", "yaw")
-        whole = np.isfinite(values).all(axis=1)
+    rpy, _ = angles_of(found)
     rises = np.concatenate([[True], times[1:] > np.maximum.accumulate(times)[:-1]])
-    rows = np.flatnonzero(whole & rises)
+    rows = np.flatnonzero(np.isfinite(rpy).all(axis=1) & rises)
     if len(rows) < FEWEST:
         return None
-    time_ns, values = times[rows], values[rows]
-    if "q0" in found.columns:
-        attitude = Rotation.from_quat(np.roll(values, -1, axis=1))
-    else:
-        unit = angle_unit(values, found.units.get("yaw", ""))
-        attitude = from_angles(*(values * (np.pi / 180.0 if unit.value == "deg" else 1.0)).T)
+    time_ns, attitude = times[rows], from_angles(*rpy[rows].T)
     still = np.zeros((len(rows), 3))
     readings = inertial_readings(time_ns, attitude, still, latitude_rad=0.0)
     return ImuPart(

@@ -8,49 +8,14 @@ from scipy.spatial.transform import Rotation
 from bottomlock.recordings.axes import from_angles, platform_attitude
 from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Integers
+from bottomlock.replay.init.clocks import clock_offset
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import BAR, Guess, angle_unit, pressure_unit
+from bottomlock.replay.init.guess import BAR, Guess, Offset, angle_unit, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
 
-ENOUGH = 0.3
-"""Streams that overlap by this fraction of the shorter one are taken to share a clock."""
 OFFSET_S = 0.1
 """Smaller clock offsets of an attitude are not set."""
-
-
-@dataclass(frozen=True)
-class Offset:
-    """A stream's clock against the IMU's, and why; `known` is false for a question."""
-
-    seconds: float = 0.0
-    why: str = ""
-    known: bool = True
-
-
-def clock_offset(time_ns: Integers, imu: ImuPart, dvl: DvlPart) -> Offset:
-    """The offset of a stream's clock: that of the IMU, of the DVL, another time zone, or unknown."""
-    ours, theirs = (int(imu.time_ns[0]), int(imu.time_ns[-1])), (int(time_ns[0]), int(time_ns[-1]))
-    if _overlap(ours, theirs) > ENOUGH:
-        return Offset()
-    if dvl.offset_s and _overlap((dvl.first_ns, dvl.last_ns), theirs) > ENOUGH:
-        return Offset(dvl.offset_s, "it shares the DVL's clock", known=dvl.offset_known)
-    for hours in (k / 2.0 for k in range(-28, 29)):
-        shift = round(hours * 3600e9)
-        if hours and _overlap(ours, (theirs[0] + shift, theirs[1] + shift)) > 0.6:
-            return Offset(
-                shift * 1e-9, f"the files overlap when its clock is moved by {hours:g} h, a time zone"
-            )
-    return Offset(
-        (ours[0] - theirs[0]) * 1e-9, "its clock has nothing in common with the IMU's: both are taken to begin "
-        "together",
-        known=False,
-    )  # fmt: skip
-
-
-def _overlap(a: tuple[int, int], b: tuple[int, int]) -> float:
-    shorter = max(min(a[1] - a[0], b[1] - b[0]), 1)
-    return (min(a[1], b[1]) - max(a[0], b[0])) / shorter
 
 
 @dataclass(frozen=True)
@@ -131,22 +96,26 @@ class AttitudePart:
         )
 
 
+def angles_of(found: Found) -> tuple[Floats, Guess]:
+    """(n, 3) roll, pitch, yaw, rad, of angles or quaternions, NaN where there is none, and the unit of the angles."""
+    if "q0" not in found.columns:
+        angles = found.values("roll", "pitch", "yaw")
+        unit = angle_unit(angles, found.units.get("yaw", ""))
+        return angles * (np.pi / 180.0 if unit.value == "deg" else 1.0), unit
+    q = found.values("q0", "q1", "q2", "q3")
+    size = np.linalg.norm(q, axis=1)
+    good = np.isfinite(size) & (size > 0.5)
+    rpy = np.full((len(q), 3), np.nan)
+    rpy[good] = Rotation.from_quat(np.roll(q[good], -1, axis=1)).as_euler("ZYX")[:, ::-1]
+    return rpy, Guess("rad", "")
+
+
 def guess_attitude(found: Found, imu: ImuPart, dvl: DvlPart) -> AttitudePart | None:
     """Unit, frames and clock of an attitude; None where it has no times."""
     times = found.times.time_ns
     if times is None:
         return None
-    if "q0" in found.columns:
-        q = found.values("q0", "q1", "q2", "q3")
-        size = np.linalg.norm(q, axis=1)
-        good = np.isfinite(size) & (size > 0.5)
-        rpy = np.full((len(q), 3), np.nan)
-        rpy[good] = Rotation.from_quat(np.roll(q[good], -1, axis=1)).as_euler("ZYX")[:, ::-1]
-        unit = Guess("rad", "")
-    else:
-        angles = found.values("roll", "pitch", "yaw")
-        unit = angle_unit(angles, found.units.get("yaw", ""))
-        rpy = angles * (np.pi / 180.0 if unit.value == "deg" else 1.0)
+    rpy, unit = angles_of(found)
     offset = clock_offset(times, imu, dvl)
     match = match_attitude(times + round(offset.seconds * 1e9), rpy, imu.time_ns, imu.omega_p_radps)
     part = AttitudePart(found, rpy, unit, match, offset)

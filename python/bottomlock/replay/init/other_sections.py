@@ -232,7 +232,7 @@ def put_start(section: Section, parts: Parts) -> None:
         times = attitude.found.times.time_ns
         assert times is not None  # guessed from them
         earliest_s = max(earliest_s, (int(times[0]) - begin) * 1e-9 + attitude.offset.seconds + 0.02)
-    pings_s = (parts.dvl.time_ns - begin) * 1e-9 + parts.dvl.offset_s
+    pings_s = (parts.dvl.time_ns - begin) * 1e-9 + parts.dvl.offset.seconds
     later = pings_s[(pings_s >= earliest_s) & (pings_s < length_s)]
     has_ping = bool(later.size)
     at_s = float(later[0]) + 0.02 if has_ping else earliest_s

@@ -8,11 +8,12 @@ import numpy as np
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Floats, Integers
+from bottomlock.replay.init.clocks import clock_offset
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import Guess, angle_unit
+from bottomlock.replay.init.guess import Guess, Offset, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.init.other_parts import AttitudePart, Offset, clock_offset
+from bottomlock.replay.init.other_parts import AttitudePart
 
 LEAST_SD_M = 1.0
 """Positions of satellites wander by as much over minutes, which their scatter does not show."""
@@ -106,7 +107,7 @@ def guess_positions(
     steps = [np.diff(np.unique(place[:, k].round(3))) for k in range(2)]
     least = [float(x.min()) for x in steps if x.size]
     gaps_s = np.diff(own) * 1e-9
-    pings = dvl.time_ns + round(dvl.offset_s * 1e9)
+    pings = dvl.time_ns + round(dvl.offset.seconds * 1e9)
     nearest = np.clip(np.searchsorted(own, pings), 1, len(own) - 1)
     apart = np.minimum(np.abs(own[nearest] - pings), np.abs(own[nearest - 1] - pings))
     near = float((apart < 2e9 * float(np.median(gaps_s))).mean()) if len(pings) else 0.0

@@ -10,7 +10,7 @@ from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.replay.init.draft import Entry, Section
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.files import Files
-from bottomlock.replay.init.guess import round_up
+from bottomlock.replay.init.guess import Offset, round_up
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.no_imu import put_source
 from bottomlock.replay.init.other_parts import AttitudePart
@@ -81,8 +81,10 @@ def _origin(parts: Parts) -> Section:
     return section
 
 
-def _clock(clock: dict[str, Any], offset_s: float = 0.0) -> dict[str, Any]:
-    return clock | ({"offset_s": round(float(offset_s), 6)} if offset_s else {})
+def _put_clock(section: Section, clock: dict[str, Any], offset: Offset, why: str = "") -> None:
+    """The clock of a stream, with the reasons of its times and of its offset."""
+    moved = {"offset_s": round(float(offset.seconds), 6)} if offset.seconds else {}
+    section.put("clock", clock | moved, "; ".join(filter(None, (why, offset.why))), known=offset.known)
 
 
 def _imu(imu: ImuPart, files: Files) -> Section:
@@ -174,12 +176,7 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
             f"converted from {sources.log.name}",
             known=None,
         )
-        section.put(
-            "clock",
-            _clock({"column": "time_ns", "unit": "ns"}, dvl.offset_s),
-            dvl.offset_why,
-            known=dvl.offset_known,
-        )
+        _put_clock(section, {"column": "time_ns", "unit": "ns"}, dvl.offset)
     else:
         assert dvl.found is not None  # one of the two
         file, clock, names = files.table(dvl.found, "dvl")
@@ -191,8 +188,7 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
         section.put("file", file)
         if dvl.found.table.remark:
             section.say(dvl.found.table.remark)
-        why = "; ".join(word for word in (dvl.found.times.why, dvl.offset_why) if word)
-        section.put("clock", _clock(clock, dvl.offset_s), why, known=dvl.offset_known)
+        _put_clock(section, clock, dvl.offset, dvl.found.times.why)
         section.put("velocity", [names[f"v{k}"] for k in range(3)])
         section.put("velocity_unit", dvl.unit, dvl.unit_why)
         if "valid" in names:
@@ -265,12 +261,7 @@ def _depth(parts: Parts, files: Files) -> list[Section]:
     section = Section("depth")
     file, clock, names = files.table(depth.found, "depth")
     section.put("file", file)
-    section.put(
-        "clock",
-        _clock(clock, depth.offset.seconds),
-        depth.offset.why or depth.found.times.why,
-        known=depth.offset.known,
-    )
+    _put_clock(section, clock, depth.offset, depth.found.times.why)
     section.put("column", next(iter(names.values())))
     section.put("unit", depth.unit.value, depth.unit.why, known=depth.unit.known)
     if depth.up is not None:
@@ -294,7 +285,7 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
     if found.table.remark:
         section.say(found.table.remark)
     offset = attitude.offset
-    section.put("clock", _clock(clock, offset.seconds), offset.why or found.times.why, known=offset.known)
+    _put_clock(section, clock, offset, found.times.why)
     for part in ("roll", "pitch", "yaw"):
         section.put(part, names[part])
     section.put("unit", attitude.unit.value, attitude.unit.why, known=attitude.unit.known)
@@ -393,12 +384,7 @@ def _position(found: PositionPart, files: Files, name: str) -> tuple[Section, di
     section = Section(name)
     file, clock, names = files.table(found.found, name, found.columns)
     section.put("file", file)
-    section.put(
-        "clock",
-        _clock(clock, found.offset.seconds),
-        found.offset.why or found.found.times.why,
-        known=found.offset.known,
-    )
+    _put_clock(section, clock, found.offset, found.found.times.why)
     for part in ("latitude", "longitude", "height", "north", "east", "down"):
         if part in names:
             section.put(part, names[part])
