@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.recordings.robust import sd_about_median, sd_about_zero
-from bottomlock.recordings.streams import Flags, Floats
+from bottomlock.recordings.streams import Floats
 
 SMALLEST = 1e-9
 """Of the largest singular value: below it, a direction is none."""
@@ -108,48 +108,3 @@ def _swapped(order: Sequence[int], pair: tuple[int, int]) -> tuple[int, ...]:
 
 def _flipped(sign: tuple[int, ...], beams: Sequence[int]) -> tuple[int, ...]:
     return tuple(-s if k in beams else s for k, s in enumerate(sign))
-
-
-CLOSES_BETTER = 2.5
-"""Exchanged beams are a finding from this ratio of the closures."""
-ALIKE = 1.15
-"""Orders whose closures differ by less than this factor are told apart by nothing."""
-LEAST_PINGS = 30
-
-
-@dataclass(frozen=True)
-class BetterOrder:
-    """Beams that close better in another order.
-
-    Attributes:
-        pings: pings of all beams.
-        stated_mps, best_mps: closure as stated, and of the best order.
-        words: the beams that may be exchanged, where fewest are.
-    """
-
-    pings: int
-    stated_mps: float
-    best_mps: float
-    words: str
-
-    @property
-    def ratio(self) -> float:
-        """How many times better the beams close."""
-        return self.stated_mps / self.best_mps
-
-
-def better_order(
-    directions_p: Floats, velocity_mps: Floats, valid: Flags, claimed_mps: float
-) -> BetterOrder | None:
-    """Another order of four or five beams in which they close far better; None where the stated one is as good."""
-    full = valid.all(axis=1)
-    if not 4 <= len(directions_p) <= 5 or full.sum() < LEAST_PINGS:
-        return None
-    orders = orders_by_closure(velocity_mps[full], directions_p, signs=False)
-    stated, best = next(one for one in orders if not one.steps).closure_mps, orders[0].closure_mps
-    if stated < CLOSES_BETTER * max(best, 0.5 * claimed_mps):
-        return None
-    moved = [one.moved for one in orders if one.closure_mps < ALIKE * best]
-    fewest = min(map(len, moved))
-    words = (" and ".join(str(k + 1) for k in one) for one in moved if len(one) == fewest)
-    return BetterOrder(int(full.sum()), stated, best, ", or ".join(words))

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from bottomlock.recordings.closure import LEAST_PINGS, better_order
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.rig_fit import Match, Recorded
 from bottomlock.recordings.rig_segments import LENGTH_S
@@ -10,6 +9,7 @@ from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
+from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
 from bottomlock.replay.streams import Streams
 
 SIGMAS = 5.0

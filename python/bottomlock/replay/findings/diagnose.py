@@ -8,7 +8,7 @@ import polars as pl
 
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.axes import to_angles
-from bottomlock.recordings.closure import LEAST_PINGS, closure_sd
+from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.streams import Floats, Inertial, Integers
@@ -34,7 +34,7 @@ from bottomlock.replay.findings.verdict import (
     no_fix,
     verdict_finding,
 )
-from bottomlock.replay.motion.pings import ping_velocity
+from bottomlock.replay.motion.pings import LEAST_PINGS, ping_velocity
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
 from bottomlock.replay.stream_sections import ImuStream

@@ -28,7 +28,7 @@ POOR_RAD_RTS = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Turns:
+class Rates:
     """Rates of turn of the vehicle as known best.
 
     Attributes:
@@ -65,7 +65,7 @@ def unit_by_attitude(imu: ImuPart, attitude: AttitudePart | None) -> Guess | Non
 
 def turns(
     imu: ImuPart, attitude: AttitudePart | None, interval_s: float, latitude_rad: float = float("nan")
-) -> Turns:
+) -> Rates:
     """Rates of turn: of the gyros less their offset, or of the attitude where the gyros are poor.
 
     Args:
@@ -73,7 +73,7 @@ def turns(
         interval_s: between pings.
         latitude_rad: for the Earth's rate, which is in the gyros; NaN where it is not known.
     """
-    plain = Turns(None, imu.omega_p_radps)
+    plain = Rates(None, imu.omega_p_radps)
     if attitude is None or attitude.match is None or not attitude.match.clear:
         return plain
     times, platform = attitude.platform()
@@ -91,8 +91,8 @@ def turns(
             rates = _rates(imu, found[0])
             known = found[1] & np.isfinite(rates).all(axis=1)
             omega = np.where(known[:, None], rates, imu.omega_p_radps - gyros.offset_radps)
-            return Turns(gyros, omega, of_attitude=True)
-    return Turns(gyros, imu.omega_p_radps - gyros.offset_radps)
+            return Rates(gyros, omega, of_attitude=True)
+    return Rates(gyros, imu.omega_p_radps - gyros.offset_radps)
 
 
 def _rates(imu: ImuPart, attitude: Rotation) -> Floats:
@@ -139,7 +139,7 @@ def _yaw(yaw_rad: float) -> Floats:
 
 
 def set_axes(
-    dvl: DvlPart, imu: ImuPart, attitude: AttitudePart | None, turned: Turns | None, track: TrackFit | None
+    dvl: DvlPart, imu: ImuPart, attitude: AttitudePart | None, turned: Rates | None, track: TrackFit | None
 ) -> ImuPart:
     """Axes by which the velocity follows the inertial readings, and what a fit of both finds in them.
 

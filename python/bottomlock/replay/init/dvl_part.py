@@ -9,7 +9,6 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry, make_geometry
-from bottomlock.recordings.closure import BetterOrder, better_order
 from bottomlock.recordings.rig_fit import Match
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.beam_noise import measure_noise
@@ -17,7 +16,7 @@ from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Offset
 from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
-from bottomlock.replay.motion.pings import ping_velocity
+from bottomlock.replay.motion.pings import BetterOrder, better_order, ping_velocity
 
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60
