@@ -347,6 +347,8 @@ FAULTS: dict[str, Fault] = {
     "DVL clock 1.5 s late": later(*BOTH, by_s=1.5),
     "velocities 8 % too large": _scaled("velocity", "vx vy vz", 1.08),
     "velocities in feet a second": _scaled("velocity", "vx vy vz", 3.28084),
+    "velocity forward, left, up": _scaled("velocity", "vy vz", -1.0),
+    "velocity forward, left, down": _scaled("velocity", "vy", -1.0),
     "DVL times in ms": changed(*BOTH, time_s=1e3 * pl.col("time_s")),
     "radians named degrees": _scaled("ahrs", "roll_deg pitch_deg heading_deg", 1.0 / DEGREES),
     "heading from east": changed("ahrs", heading_deg=(90.0 - pl.col("heading_deg")) % WHOLE_SPHERE),

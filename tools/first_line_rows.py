@@ -208,7 +208,7 @@ def _mistakes() -> Iterator[Row]:
         "deg/s named rad/s", "rad/s named deg/s", "IMU in g named m/s2", "IMU axes exchanged", "IMU with z up",
         "gyro z reversed", "dropped readings", "DVL clock 1.5 s late", "velocities 8 % too large", "DVL times in ms",
         "radians named degrees", "heading from east", "pressure named depth", "depth upwards",
-        "velocities in feet a second",
+        "velocities in feet a second", "velocity forward, left, up", "velocity forward, left, down",
     ):  # fmt: skip
         yield _dive("mistake", fault, velocity, fault)
     yield _dive(

@@ -32,6 +32,7 @@ ROWS = {row.name: row for row in rows()}
         ("mistake: beams 2 and 3 exchanged", "no"),
         ("mistake: pressure named depth", "no"),
         ("mistake: velocities in feet a second", "no"),
+        ("mistake: velocity forward, left, down", "partly"),
         ("case: 07 frozen depth", "partly"),
         ("case: 08 compass jumps", "partly"),
         ("case: 22 clock set after 40 s", "partly"),

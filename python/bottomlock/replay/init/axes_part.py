@@ -149,7 +149,7 @@ def set_axes(
         track: yaw of the velocity by recorded positions; None where they do not tell it.
     """
     before, omega = imu.axes, None if turned is None else turned.omega_p_radps
-    felt = _felt(recorded(imu, dvl, omega), left_handed=turned is None and not imu.handed)
+    felt = _felt(dvl, recorded(imu, dvl, omega), left_handed=turned is None and not imu.handed)
     if track is not None and attitude is not None:
         track = true_or_magnetic(attitude, track, felt)
     imu = _placed(dvl, imu, felt, track, of_vehicle=turned is None or dvl.recording is None)
@@ -165,19 +165,24 @@ def set_axes(
     return imu
 
 
-def _felt(recorded: Recorded, *, left_handed: bool) -> Match | None:
+def _felt(dvl: DvlPart, recorded: Recorded, *, left_handed: bool) -> Match | None:
     """The fit in the axes that a search finds, where it tells them; of an IMU that may be left-handed, the better.
 
-    In left-handed axes rates turn the other way.
+    In left-handed axes of an IMU rates turn the other way. A velocity in left-handed axes gets its y axis reversed.
     """
     fits = [
         (hand, fit_anyhow(recorded.with_gyros(hand))) for hand in ((1.0, -1.0) if left_handed else (1.0,))
     ]
-    telling = [
-        one for hand, one in fits
-        if one is not None and one.explained > FELT and np.linalg.det(one.turned) * hand > 0.0
-    ]  # fmt: skip
-    return min(telling, key=lambda one: one.sigma_mps, default=None)
+    telling = [(hand, one) for hand, one in fits if one is not None and one.explained > FELT]
+    if not telling:
+        return None
+    hand, best = min(telling, key=lambda one: one[1].sigma_mps)
+    if np.linalg.det(best.turned) * hand > 0.0:
+        return best
+    if hand < 0.0 or dvl.recording is not None:
+        return None
+    dvl.mirror()
+    return replace(best, axes=best.axes @ MIRROR)
 
 
 def _placed(

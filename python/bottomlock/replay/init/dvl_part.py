@@ -10,6 +10,7 @@ from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry, make_geometry
 from bottomlock.recordings.rig_fit import Match
+from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, permute_axes
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
@@ -56,6 +57,7 @@ class DvlPart:
         unit, unit_why: of a velocity.
         offset: to the IMU's clock.
         claimed: geometry, and noise of each beam that it claims.
+        axes: of a velocity, those that point forward, starboard, down; it is in these already.
         mounting_deg, mounting_why: roll, pitch and yaw of the instrument on the vehicle; the velocity is turned by them
             already.
         match: of its velocity with the IMU's readings.
@@ -77,10 +79,16 @@ class DvlPart:
     unit_why: str = ""
     offset: Offset = field(default_factory=Offset)
     claimed: tuple[BeamGeometry, Floats] | None = None
+    axes: Axes = UNCHANGED_AXES
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mounting_why: str = ""
     match: Match | None = None
     questions: list[str] = field(default_factory=list)
+
+    def mirror(self) -> None:
+        """Takes over that the y axis of a velocity is reversed."""
+        self.axes = ("x", "-y", "z")
+        self.velocity_p_mps = permute_axes(self.velocity_p_mps, self.axes)
 
     def turned(self, C: Floats) -> None:
         """Takes over a mounting of the instrument: a rotation (3, 3)."""

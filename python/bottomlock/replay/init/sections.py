@@ -7,6 +7,7 @@ import numpy as np
 
 from bottomlock.io.beams import geometry_text
 from bottomlock.kernel import RECOMMENDED_METHOD
+from bottomlock.recordings.rotation import UNCHANGED_AXES
 from bottomlock.replay.init.draft import Entry, Section
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.files import Files
@@ -190,6 +191,8 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
             section.say(dvl.found.table.remark)
         _put_clock(section, clock, dvl.offset, dvl.found.times.why)
         section.put("velocity", [names[f"v{k}"] for k in range(3)])
+        if dvl.axes != UNCHANGED_AXES:
+            section.put("axes", dvl.axes, "the velocity follows the IMU in left-handed axes alone")
         section.put("velocity_unit", dvl.unit, dvl.unit_why)
         if "valid" in names:
             section.put("valid", names["valid"])
@@ -202,7 +205,8 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
             known=False,
         )
     if dvl.mounting_why:
-        section.say(f"mounting_yaw_deg is {dvl.mounting_deg[2]:g}: {dvl.mounting_why}")
+        angles = ", ".join(f"{angle:g}" for angle in dvl.mounting_deg)
+        section.say(f"mounting (roll, pitch, yaw) is {angles} deg: {dvl.mounting_why}")
     if any(dvl.mounting_deg):
         section.ask(
             "is the DVL mounted so? Where positions told it, they judge the heading no longer by themselves"
