@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from bottomlock.config.scenario import load_scenario
-from bottomlock.config.water_track import WaterTrack
+from bottomlock.config.sensors import WaterTrack
 from bottomlock.encoders.registry import encoder
 from bottomlock.instruments.faults import NONE
 from bottomlock.instruments.schedule import records

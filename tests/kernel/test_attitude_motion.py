@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import bottomlock
-from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
+from bottomlock.config.imu import WEIGHTLESS_MPS2
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel.attitude_motion import MotionFromAttitude, divided, held, inertial_readings
 

@@ -13,7 +13,8 @@ import pytest
 
 import bottomlock
 from bottomlock import tables
-from bottomlock.config.scenario_sections import Filter, ImuLimits, Robust
+from bottomlock.config.imu import ImuLimits
+from bottomlock.config.scenario_sections import Filter, Robust
 from bottomlock.errors import DataError
 from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
 from bottomlock.kernel.models import Options

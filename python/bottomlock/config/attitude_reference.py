@@ -1,14 +1,13 @@
 """An attitude or heading reference: its mounting, its errors, what a filter uses of it; of a replay or live."""
 
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from bottomlock import units
 from bottomlock.config.instrument_grades import filled_from_grade
-from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Section
+from bottomlock.config.section import Mounting, SensorErrors, in_si, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
 
@@ -17,32 +16,10 @@ START_FACTOR = 3.0
 error then counts twice by a tenth of its variance, and not by half."""
 
 
-class AttitudeReference(Section):
-    """Mounting and errors of an attitude sensor.
+class SlowAttitudeErrors(SensorErrors):
+    """What an attitude is off for longer than a reading, 1 sigma: states of the filter unless 0."""
 
-    Of a reading's error `roll_pitch_sd_deg` and `yaw_sd_deg` are white noise, a constant offset and a first-order walk
-    last: the filter estimates these two where they are given.
-    """
-
-    grade: Annotated[str | None, shown(example="mti_ahrs")] = None
-    """packaged grade that gives the standard deviations and the walk time left out here: magnetic, mti_ahrs,
-    gyrocompass; bottomlock list grades lists them"""
-    frame: Literal["ned_frd", "enu_flu"] = "ned_frd"
-    """frames of the angles: north-east-down to forward-starboard-down, or east-north-up to forward-port-up"""
-    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    """rotation from sensor to platform axes: roll"""
-    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    """rotation from sensor to platform axes: pitch"""
-    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """rotation from sensor to platform axes: yaw"""
-    yaw_offset_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """added to the yaw, for instance a declination"""
-    aids: Literal["attitude", "heading", "nothing"] = "nothing"
-    """what the filter uses of it; the alignment may use it in any case"""
-    roll_pitch_sd_deg: Positive = 1.0
-    """noise of roll and pitch, 1 sigma"""
-    yaw_sd_deg: Positive = 5.0
-    """noise of the yaw, 1 sigma"""
+    kernel: ClassVar = models.MagnetometerModel
     roll_pitch_offset_sd_deg: NonNegative = 0.0
     """constant offset of roll and of pitch, 1 sigma; a state of the filter unless 0"""
     yaw_offset_sd_deg: NonNegative = 0.0
@@ -58,6 +35,28 @@ class AttitudeReference(Section):
     unless 0"""
     yaw_quadrantal_sd_deg: NonNegative = 0.0
     """deviation by cosine and by sine of twice the heading, likewise"""
+
+
+class AttitudeReference(SlowAttitudeErrors, Mounting):
+    """Mounting and errors of an attitude sensor.
+
+    Of a reading's error `roll_pitch_sd_deg` and `yaw_sd_deg` are white noise, a constant offset and a first-order walk
+    last: the filter estimates these two where they are given.
+    """
+
+    grade: Annotated[str | None, shown(example="mti_ahrs")] = None
+    """packaged grade that gives the standard deviations and the walk time left out here: magnetic, mti_ahrs,
+    gyrocompass; bottomlock list grades lists them"""
+    frame: Literal["ned_frd", "enu_flu"] = "ned_frd"
+    """frames of the angles: north-east-down to forward-starboard-down, or east-north-up to forward-port-up"""
+    yaw_offset_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """added to the yaw, for instance a declination"""
+    aids: Literal["attitude", "heading", "nothing"] = "nothing"
+    """what the filter uses of it; the alignment may use it in any case"""
+    roll_pitch_sd_deg: Positive = 1.0
+    """noise of roll and pitch, 1 sigma"""
+    yaw_sd_deg: Positive = 5.0
+    """noise of the yaw, 1 sigma"""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -105,25 +104,5 @@ class AttitudeReference(Section):
 
     def kernel_models(self) -> dict[str, models.Settings]:
         """The errors in SI, as the kernel names them: of the whole attitude, and of the heading alone."""
-        yaw = {
-            "sd_rad": units.rad_from_deg(self.yaw_sd_deg),
-            "offset_sd_rad": units.rad_from_deg(self.yaw_offset_sd_deg),
-            "walk_sd_rad": units.rad_from_deg(self.yaw_walk_sd_deg),
-            "semicircular_sd_rad": units.rad_from_deg(self.yaw_semicircular_sd_deg),
-            "quadrantal_sd_rad": units.rad_from_deg(self.yaw_quadrantal_sd_deg),
-        }
-        attitude = models.MagnetometerModel(
-            roll_pitch_sd_rad=units.rad_from_deg(self.roll_pitch_sd_deg),
-            roll_pitch_offset_sd_rad=units.rad_from_deg(self.roll_pitch_offset_sd_deg),
-            roll_pitch_walk_sd_rad=units.rad_from_deg(self.roll_pitch_walk_sd_deg),
-            walk_time_s=self.walk_time_s,
-            **{f"yaw_{key}": value for key, value in yaw.items()},
-        )
-        return {
-            "magnetometer": attitude,
-            "heading": models.HeadingModel(walk_time_s=self.walk_time_s, **yaw),
-        }
-
-    def kernel_options(self) -> dict[str, Any]:
-        """Nothing: an attitude has no lever arm."""
-        return {}
+        yaw = {key.removeprefix("yaw_"): value for key, value in self if key != "yaw_offset_deg"}
+        return super().kernel_models() | {"heading": in_si(yaw, models.HeadingModel)}

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from bottomlock import units
-from bottomlock.config.meaning import shown
+from bottomlock.config.section import Mounting, Section, Vector, shown
 from bottomlock.kernel import BeamGeometry, Configuration, make_geometry
-from bottomlock.kernel.models import Finite, Positive
+from bottomlock.kernel.models import Positive
 
 LEAST_TILT_DEG = 2.0
 """Least tilt of the most tilted beam of a DVL; any tilt in radians is less."""
@@ -37,13 +37,10 @@ def check_tilts(tilts_deg: Sequence[float]) -> None:
 BeamTilt = Annotated[float, Field(gt=0, lt=90), AfterValidator(_not_in_radians)]
 """The tilt of every beam of a Janus configuration."""
 
-Vector = tuple[Finite, Finite, Finite]
 
+class BeamDirections(Section):
+    """Directions and places of the beams, in the instrument's axes."""
 
-class BeamLayout(BaseModel):
-    """Directions, places and mounting of the beams, and the scale of their readings."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     configuration: Configuration = "x"
     """beams in an x (azimuths 45, 135, 225, 315 deg), in a + (0, 90, 180, 270), by angles, or by directions"""
     tilt_deg: Annotated[BeamTilt | None, shown(range="≥ 2.0, < 90.0", example=20.0)] = None
@@ -67,14 +64,6 @@ class BeamLayout(BaseModel):
         shown(example=[[0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1], [0.4, 0.0, 0.1]]),
     ] = None
     """position of each transducer from the IMU, platform axes; none: at the IMU"""
-    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    """rotation from instrument to platform axes: roll"""
-    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    """rotation from instrument to platform axes: pitch"""
-    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """rotation from instrument to platform axes: yaw"""
-    sound_speed_scale: Annotated[Positive, shown(unit="1")] = 1.0
-    """factor of the readings, for instance true over assumed speed of sound"""
 
     @property
     def beams(self) -> int:
@@ -99,6 +88,13 @@ class BeamLayout(BaseModel):
             )
         return self
 
+
+class BeamLayout(Mounting, BeamDirections):
+    """Directions, places and mounting of the beams, and the scale of their readings."""
+
+    sound_speed_scale: Annotated[Positive, shown(unit="1")] = 1.0
+    """factor of the readings, for instance true over assumed speed of sound"""
+
     def geometry(self, scale: float = 1.0) -> BeamGeometry:
         """The beams; `scale` is a factor of the readings beside that of the sound's speed.
 
@@ -112,8 +108,6 @@ class BeamLayout(BaseModel):
             azimuths_rad=np.deg2rad(self.azimuths_deg or ()),
             directions=self.directions,
             lever_arms_p_m=self.lever_arms_m,
-            mounting_rpy_rad=np.deg2rad(
-                [self.mounting_roll_deg, self.mounting_pitch_deg, self.mounting_yaw_deg]
-            ),
+            mounting_rpy_rad=self.mounting_rpy_rad,
             sound_speed_scale=self.sound_speed_scale * scale,
         )

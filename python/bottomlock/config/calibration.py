@@ -5,8 +5,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Section
+from bottomlock.config.section import Section, shown
 from bottomlock.kernel.models import Calibration, Finite, NonNegative, Positive
 
 SmallAngle = Annotated[float, Field(ge=0, le=30, allow_inf_nan=False)]

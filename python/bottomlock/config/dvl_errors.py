@@ -6,8 +6,7 @@ from pydantic import model_validator
 
 from bottomlock import units
 from bottomlock.config.calibration import StatedCalibration
-from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Section
+from bottomlock.config.section import Section, in_si, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
 
@@ -16,11 +15,11 @@ class DvlErrors(Section):
     """Errors of the DVL that the filter assumes beside the beams' white noise, 1 sigma."""
 
     beam_bias_mps: NonNegative = 0.005
-    """bias of a beam that is constant in a dive"""
+    """bias of a beam that is constant in a run or dive"""
     beam_bias_walk_mps_per_rt_s: NonNegative = 5e-5
     """random walk of a beam's bias"""
     scale_factor_percent: NonNegative = 0.7
-    """scale factor common to the beams, constant in a dive"""
+    """scale factor common to the beams, constant in a run or dive"""
     scale_factor_walk_percent_per_rt_s: NonNegative = 5e-3
     """random walk of the scale factor"""
 
@@ -29,13 +28,8 @@ class DvlErrors(Section):
         scale_percent = self.scale_factor_percent
         if "scale_factor_percent" not in self.model_fields_set and stated is not None:
             scale_percent = stated.scale_sd_percent or scale_percent
-        return models.DvlModel(
-            beam_noise_sd_mps=beam_noise_sd_mps,
-            beam_bias_sd_mps=self.beam_bias_mps,
-            beam_bias_walk_mps_rts=self.beam_bias_walk_mps_per_rt_s,
-            scale_factor_sd=units.fraction_from_percent(scale_percent),
-            scale_factor_walk_rts=units.fraction_from_percent(self.scale_factor_walk_percent_per_rt_s),
-        )
+        scale = units.fraction_from_percent(scale_percent)
+        return in_si(dict(self), models.DvlModel, beam_noise_sd_mps=beam_noise_sd_mps, scale_factor_sd=scale)
 
 
 class DvlSettings(Section):

@@ -8,11 +8,11 @@ from typing import Any, Literal, TypeVar
 from pydantic import BaseModel, ModelWrapValidatorHandler
 
 from bottomlock.config.packaged import packaged_text
+from bottomlock.config.section import in_si
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.support.nearest import did_you_mean
-from bottomlock.units import mps2_from_mg, per_rt_s_from_per_rt_h, rad_from_deg, radps_from_deg_per_h
 
 M = TypeVar("M", bound=BaseModel)
 Kind = Literal["imu", "attitude", "water"]
@@ -86,24 +86,7 @@ def imu(name: str) -> models.ImuModel:
         >>> round(imu("mti").accel_bias_sd_mps2, 4)
         0.0196
     """
-    return imu_model(grade_of("imu", name).keys)
-
-
-def imu_model(keys: Mapping[str, float]) -> models.ImuModel:
-    """Errors of an IMU in SI units, from the keys of a case or scenario."""
-    return models.ImuModel(
-        accel_noise_mps_rts=per_rt_s_from_per_rt_h(keys["accel_noise_mps_per_rt_h"]),
-        gyro_noise_rad_rts=rad_from_deg(per_rt_s_from_per_rt_h(keys["gyro_noise_deg_per_rt_h"])),
-        accel_bias_sd_mps2=mps2_from_mg(keys["accel_bias_mg"]),
-        gyro_bias_sd_radps=radps_from_deg_per_h(keys["gyro_bias_deg_per_h"]),
-        accel_bias_walk_mps2_rts=keys["accel_bias_walk_mps2_per_rt_s"],
-        gyro_bias_walk_radps_rts=rad_from_deg(keys["gyro_bias_walk_deg_per_s_per_rt_s"]),
-        gyro_scale_sd=keys["gyro_scale_ppm"] * 1e-6,
-        gyro_misalignment_sd_rad=keys["gyro_misalignment_mrad"] * 1e-3,
-        accel_warm_up_sd_mps2=mps2_from_mg(keys.get("accel_warm_up_mg", 0.0)),
-        gyro_warm_up_sd_radps=radps_from_deg_per_h(keys.get("gyro_warm_up_deg_per_h", 0.0)),
-        warm_up_time_s=keys.get("warm_up_time_s", models.WALK_TIME_S),
-    )
+    return in_si(grade_of("imu", name).keys, models.ImuModel)
 
 
 def vehicle_water(name: str) -> models.Water:

@@ -11,8 +11,8 @@ import annotated_types
 from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 
+from bottomlock.config.section import unit_of
 from bottomlock.config.toml_value import toml_value
-from bottomlock.config.unit_of_key import unit_of
 
 REQUIRED = "required"
 _WORDS = {

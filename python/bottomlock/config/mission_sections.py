@@ -4,18 +4,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
-from bottomlock.config.meaning import shown
+from bottomlock.config.section import Section, shown
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.support.nearest import guess
 
 Table = TypeVar("Table", bound=BaseModel)
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Speed = Annotated[float, Field(gt=0.0, le=50.0)]
 Duration = Annotated[float, Field(gt=0.0, le=86_400.0)]
 """Seconds, a day at most: a mission is integrated step by step."""
@@ -24,14 +22,10 @@ Length = Annotated[float, Field(ge=0.1, le=1e6)]
 """Metres of a part of a path, of which a mission has a number that can be held."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-
-
-class CurrentTable(_Table):
+class CurrentTable(Section):
     """The current: mean speed and direction, its turn, shear with depth, and a Gauss-Markov variation."""
 
-    speed_mps: NotNegative = 0.0
+    speed_mps: NonNegative = 0.0
     """mean speed of the current"""
     towards_deg: Finite = 0.0
     """direction that it sets towards at the start, from north to east"""
@@ -41,7 +35,7 @@ class CurrentTable(_Table):
     """change of its north component with depth"""
     shear_east_mps_per_m: Annotated[Finite, shown(unit="m/s per m")] = 0.0
     """change of its east component with depth"""
-    wander_sd_mps: NotNegative = 0.0
+    wander_sd_mps: NonNegative = 0.0
     """1 sigma of its variation, each component"""
     wander_time_s: Positive = 120.0
     """correlation time of its variation"""
@@ -49,7 +43,7 @@ class CurrentTable(_Table):
     """seed of its variation"""
 
 
-class StuckFinTable(_Table):
+class StuckFinTable(Section):
     """A fin that is stuck at an angle."""
 
     fin: Annotated[int, Field(ge=1, le=4), shown(unit="1", example=2)]
@@ -58,7 +52,7 @@ class StuckFinTable(_Table):
     """angle at which it stands"""
 
 
-class _MissionTable(_Table):
+class _MissionTable(Section):
     speed_mps: Speed = 2.0
     """speed over ground"""
     guidance: Literal["line_of_sight", "constant_bearing"] = "line_of_sight"
@@ -76,7 +70,7 @@ class StraightTable(_MissionTable):
     """the path"""
     duration_s: Duration = 250.0
     """length of a run"""
-    depth_m: NotNegative = 20.0
+    depth_m: NonNegative = 20.0
     """depth throughout"""
 
 
@@ -87,7 +81,7 @@ class FigureEightTable(_MissionTable):
     """the path"""
     duration_s: Duration = 250.0
     """length of a run"""
-    depth_m: NotNegative = 20.0
+    depth_m: NonNegative = 20.0
     """depth at the start"""
     radius_m: Length = 40.0
     """radius of each circle"""
@@ -102,7 +96,7 @@ class LawnMowerTable(_MissionTable):
     """the path"""
     duration_s: Duration = 250.0
     """length of a run"""
-    depth_m: NotNegative = 20.0
+    depth_m: NonNegative = 20.0
     """depth at the start"""
     leg_m: Length = 80.0
     """length of a leg"""
@@ -130,7 +124,7 @@ class WaypointsTable(_MissionTable):
     turn_radius_m: Length = 15.0
     """radius of the corners"""
     depth_profile: Annotated[
-        list[tuple[Finite, NotNegative]],
+        list[tuple[Finite, NonNegative]],
         Field(min_length=1),
         shown(unit="s, m", example=[[0.0, 5.0], [60.0, 20.0]]),
     ]
@@ -148,7 +142,7 @@ MISSIONS: dict[str, type[AnyMission]] = {
 }
 
 
-class FlatSeabedTable(_Table):
+class FlatSeabedTable(Section):
     """A plane: depth below the origin and slopes, positive where it deepens."""
 
     kind: Literal["plane"]
@@ -161,14 +155,14 @@ class FlatSeabedTable(_Table):
     """slope, positive where it deepens eastwards"""
 
 
-class RollingSeabedTable(_Table):
+class RollingSeabedTable(Section):
     """A synthetic grid of crossed undulations."""
 
     kind: Literal["rolling"]
     """a made grid of crossed undulations"""
     depth_m: Annotated[Positive, shown(example=60.0)]
     """mean depth of the bottom"""
-    relief_m: Annotated[NotNegative, shown(example=6.0)]
+    relief_m: Annotated[NonNegative, shown(example=6.0)]
     """height of the undulations"""
     wavelength_m: Annotated[Positive, shown(example=120.0)]
     """their wavelength"""
@@ -176,7 +170,7 @@ class RollingSeabedTable(_Table):
     """distance from the origin to the grid's edge"""
 
 
-class GridSeabedTable(_Table):
+class GridSeabedTable(Section):
     """A user's grid file (.toml or .npz)."""
 
     kind: Literal["grid"]

@@ -3,16 +3,15 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from bottomlock import own_method
-from bottomlock.config.meaning import shown
+from bottomlock.config.section import Section, shown
 
 
-class OwnMethods(BaseModel):
+class OwnMethods(Section):
     """Methods of one's own; `methods` may name or hold them too, and has their names afterwards."""
 
-    model_config = ConfigDict(use_attribute_docstrings=True)
     own_methods: Annotated[tuple[str, ...], shown(example=["partial_loose.py:PartialLoose"])] = ()
     """methods of your own, as module:Class or file.py:Class; a name of this form among the methods is put here by
     itself"""

@@ -3,9 +3,10 @@
 from collections.abc import Set as AbstractSet
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from bottomlock.config.meaning import shown
+from bottomlock.config.section import Section, shown
+from bottomlock.kernel.models import NonNegative, Positive
 
 _KEYS = {
     "analytic": (
@@ -15,37 +16,32 @@ _KEYS = {
     "file": ("file", "columns", "max_gap_s", "limits"),
 }  # fmt: skip
 
-_Above = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-
-class PathLimits(BaseModel):
+class PathLimits(Section):
     """What is plausible of a path; a file beyond it is refused with the row."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-
-    speed_mps: _Above = 15.0
+    speed_mps: Positive = 15.0
     """greatest speed"""
-    least_speed_mps: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.05
+    least_speed_mps: NonNegative = 0.05
     """least mean speed: below it the unit is probably wrong"""
-    accel_mps2: _Above = 5.0
+    accel_mps2: Positive = 5.0
     """greatest acceleration"""
-    jerk_mps3: Annotated[_Above, shown(unit="m/s³")] = 20.0
+    jerk_mps3: Annotated[Positive, shown(unit="m/s³")] = 20.0
     """greatest change of the acceleration in a second"""
-    turn_deg_per_s: _Above = 60.0
+    turn_deg_per_s: Positive = 60.0
     """greatest angular rate"""
 
 
-class PathKeys(BaseModel):
+class PathKeys(Section):
     """A path of one's own (docs/own_trajectory.md): CSV or Parquet, samples of a smooth motion."""
 
-    model_config = ConfigDict(use_attribute_docstrings=True)
     file: Annotated[str | None, shown(example="nav.csv")] = None
     """a path of your own: CSV or Parquet, from the scenario's folder; it alone says that the source is a file"""
     columns: Annotated[dict[str, str], shown(example={"time_s": "t", "north_m": "x"})] = Field(
         default_factory=dict
     )
     """the file's names of columns, by ours"""
-    max_gap_s: Annotated[_Above | None, shown(example=2.0)] = None
+    max_gap_s: Annotated[Positive | None, shown(example=2.0)] = None
     """longest time between rows; by default ten times the usual one, and a second at least"""
     limits: PathLimits = PathLimits()
     """what is plausible of the path"""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from bottomlock import units
-from bottomlock.config.meaning import shown
+from bottomlock.config.imu import Imu
 from bottomlock.config.mission_sections import CurrentTable, faults_of
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.packaged import packaged_names, text_of
@@ -18,16 +18,15 @@ from bottomlock.config.scenario_sections import (
     Dvl,
     Environment,
     Filter,
-    Imu,
     Initial,
     Robust,
     Trajectory,
 )
 from bottomlock.config.scenario_words import line_of, table_of
-from bottomlock.config.sensors import SENSORS, SensorSections
+from bottomlock.config.section import in_si, shown
+from bottomlock.config.sensors import SENSORS, SensorSections, WaterTrack
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.config.validation import refusal
-from bottomlock.config.water_track import WaterTrack
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.own_method import AnyMethod
@@ -213,41 +212,34 @@ class Scenario(SensorSections):
 
     def kernel_model(self, gravity_mps2: float) -> models.Model:
         """Environment and sensor errors in SI, as the kernel takes them."""
-        dvl, initial = self.dvl, self.initial
-        roll, pitch, yaw = initial.roll_deg, initial.pitch_deg, initial.yaw_deg
+        initial = self.initial
         sensors: dict[str, Any] = {
-            sensor.name: sensor.model(getattr(self, sensor.name), gravity_mps2) for sensor in SENSORS
+            sensor.name: getattr(self, sensor.name).errors(gravity_mps2) for sensor in SENSORS
         }
+        if self.water_track.enabled:
+            sensors |= self.water_track.kernel_models()
+        angles = (initial.roll_deg, initial.pitch_deg, initial.yaw_deg)
         return models.Model(
-            environment=models.Environment(
-                latitude_rad=units.rad_from_deg(self.environment.latitude_deg),
+            environment=in_si(
+                dict(self.environment),
+                models.Environment,
                 gravity_mps2=gravity_mps2,
                 earth_rate_radps=EARTH_RATE_RADPS if self.environment.earth_rotation else 0.0,
-                earth=self.environment.earth,
             ),
             imu=self.imu.kernel_model(),
-            dvl=models.DvlModel(
-                beam_noise_sd_mps=dvl.beam_noise_mps,
-                beam_bias_sd_mps=dvl.beam_bias_mps,
-                beam_bias_walk_mps_rts=dvl.beam_bias_walk_mps_per_rt_s,
-                scale_factor_sd=units.fraction_from_percent(dvl.scale_factor_percent),
-                scale_factor_walk_rts=units.fraction_from_percent(dvl.scale_factor_walk_percent_per_rt_s),
+            dvl=self.dvl.kernel_model(self.dvl.beam_noise_mps, None),
+            dvl_outliers=in_si(dict(self.dvl), models.DvlOutlierModel),
+            initial=in_si(
+                dict(initial),
+                models.InitialModel,
+                attitude_sd_rad=[units.rad_from_deg(angle) for angle in angles],
             ),
-            dvl_outliers=models.DvlOutlierModel(
-                outlier_fraction=dvl.outlier_fraction, outlier_factor=dvl.outlier_factor
-            ),
-            initial=models.InitialModel(
-                position_sd_m=initial.position_m,
-                attitude_sd_rad=[units.rad_from_deg(angle) for angle in (roll, pitch, yaw)],
-                velocity_sd_mps=initial.velocity_mps,
-            ),
-            water_track=self.water_track.kernel_model(),
             **sensors,
         )
 
     def kernel_options(self) -> models.Options:
         """Filter options as the kernel takes them."""
-        sensors = (sensor.options(getattr(self, sensor.name)) for sensor in SENSORS)
+        sensors = (getattr(self, sensor.name).kernel_options() for sensor in SENSORS)
         imu = {"imu_sampling": self.imu.sampling, "imu_limits": self.imu.limits.kernel_limits()}
         robust = {"robust": self.robust.kernel_options()}
         water = self.water_track.kernel_options()

@@ -5,9 +5,7 @@ from collections.abc import Iterable
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     ModelWrapValidatorHandler,
     SerializerFunctionWrapHandler,
@@ -17,28 +15,18 @@ from pydantic import (
 
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout, BeamTilt
-from bottomlock.config.instrument_grades import filled_from_grade, imu_model
-from bottomlock.config.meaning import shown
+from bottomlock.config.dvl_errors import DvlErrors
+from bottomlock.config.instrument_grades import filled_from_grade
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
+from bottomlock.config.section import Factor, Fraction, Section, Triple, shown
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import known_names, not_replaced
 from bottomlock.support.nearest import did_you_mean
 
-Fraction = Annotated[float, Field(ge=0, le=1)]
-Factor = Annotated[float, Field(ge=1, allow_inf_nan=False)]
-Triple = tuple[NonNegative, NonNegative, NonNegative]
-Vector = tuple[Finite, Finite, Finite]
 
-
-class Section(BaseModel):
-    """A section: unknown keys are errors, values are kept as read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-
-
-class Trajectory(PathKeys, Section):
+class Trajectory(PathKeys):
     """The true motion: of a simulated vehicle, analytic, or along a path of one's own from a file."""
 
     kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints", "file"]
@@ -108,89 +96,6 @@ class Environment(Section):
     """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
 
 
-class ImuErrors(Section):
-    """Errors of inertial sensors, 1 sigma; those of a packaged grade where `grade` names one and a key is left out."""
-
-    grade: Annotated[str | None, shown(example="mti")] = None
-    """packaged grade that gives the keys left out here: phone, autopilot, mti, tactical, fibre_optic, ring_laser;
-    bottomlock list grades lists them"""
-    accel_bias_mg: Annotated[NonNegative, shown(example=0.5)]
-    """accelerometer bias that is constant in a run, each axis"""
-    gyro_bias_deg_per_h: Annotated[NonNegative, shown(example=3.0)]
-    """gyro bias that is constant in a run, each axis"""
-    accel_noise_mps_per_rt_h: Annotated[NonNegative, shown(example=0.072)]
-    """velocity random walk, each axis"""
-    gyro_noise_deg_per_rt_h: Annotated[NonNegative, shown(example=0.34)]
-    """angle random walk, each axis"""
-    accel_bias_walk_mps2_per_rt_s: NonNegative = 0.0
-    """random walk of the accelerometer bias"""
-    gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
-    """random walk of the gyro bias"""
-    gyro_scale_ppm: NonNegative = 0.0
-    """scale factor of a gyro, constant; the filter considers it and does not estimate it"""
-    gyro_misalignment_mrad: NonNegative = 0.0
-    """what a gyro sees of turns about each of the other axes, constant; likewise"""
-    accel_warm_up_mg: NonNegative = 0.0
-    """how far the accelerometer biases move while the sensors warm up from the start on, each axis"""
-    gyro_warm_up_deg_per_h: NonNegative = 0.0
-    """how far the gyro biases do, each axis"""
-    warm_up_time_s: Positive = models.WALK_TIME_S
-    """time constant of the warm-up"""
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
-        return filled_from_grade("imu", content, handler)
-
-    def kernel_model(self) -> models.ImuModel:
-        """The errors in SI."""
-        return imu_model(self.model_dump())
-
-
-_LIMITS: Final = models.ImuLimits()
-
-
-class ImuLimits(Section):
-    """What readings of a live navigator or a recorded log are checked against; simulated ones are not.
-
-    The last of `stuck_after` equal readings is rejected (docs/imu_faults.md).
-    """
-
-    max_rate_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = math.degrees(_LIMITS.max_rate_radps)
-    """full scale of the gyros: a reading at or beyond it is rejected"""
-    max_force_mps2: Annotated[float, Field(gt=0, le=1e6)] = _LIMITS.max_force_mps2
-    """full scale of the accelerometers: a reading at or beyond it is rejected"""
-    stuck_after: Annotated[int, Field(ge=0, le=1_000_000), shown(unit="1")] = _LIMITS.stuck_after
-    """equal readings in a row after which a sensor counts as stuck; 0 never"""
-    max_gap_s: Annotated[float, Field(gt=0, le=1e6)] = _LIMITS.max_gap_s
-    """longest interval without good readings that is bridged as it is"""
-    gap: Literal["refuse", "inflate"] = _LIMITS.gap
-    """what a longer one does: refuse ends with an error, inflate bridges it with its uncertainty"""
-    gap_rate_deg_per_s: NonNegative = math.degrees(_LIMITS.gap_rate_sd_radps)
-    """angular rate that may happen unseen in a gap, each axis"""
-    gap_accel_mps2: NonNegative = _LIMITS.gap_accel_sd_mps2
-    """acceleration that may happen unseen in a gap, each axis"""
-
-    def kernel_limits(self) -> models.ImuLimits:
-        """The limits in SI."""
-        return models.ImuLimits(
-            max_rate_radps=units.rad_or_default(self.max_rate_deg_per_s, _LIMITS.max_rate_radps),
-            gap_rate_sd_radps=units.rad_or_default(self.gap_rate_deg_per_s, _LIMITS.gap_rate_sd_radps),
-            gap_accel_sd_mps2=self.gap_accel_mps2,
-            **self.model_dump(include={"max_force_mps2", "stuck_after", "max_gap_s", "gap"}),
-        )
-
-
-class Imu(ImuErrors):
-    """Inertial measurement unit: rate, errors, and the limits of its readings outside a simulation."""
-
-    rate_hz: Annotated[float, Field(ge=1, le=10_000)] = 150.0
-    """rate of the readings"""
-    sampling: Literal["instantaneous", "averaged"] = "instantaneous"
-    """whether a reading is of its moment, or the mean over the interval before it"""
-    limits: ImuLimits = ImuLimits()
-
-
 class Outage(Section):
     """Beams that do not return between two times."""
 
@@ -228,7 +133,7 @@ class AltitudeLoss(Section):
     """mean time that it is not, and no beam returns"""
 
 
-class Dvl(BeamLayout):
+class Dvl(DvlErrors, BeamLayout):
     """Doppler velocity log: geometry, rate, errors (1 sigma), limits over the seabed, and which beams are lost.
 
     The defaults of bias and scale factor are those of the paper's Table 2, as in a replay. Every rule of loss must let
@@ -241,14 +146,6 @@ class Dvl(BeamLayout):
     """tilt of every beam from the vertical, for x and +"""
     beam_noise_mps: Annotated[Positive, shown(example=0.042)]
     """white noise of a beam"""
-    beam_bias_mps: NonNegative = 0.005
-    """bias of a beam that is constant in a run"""
-    beam_bias_walk_mps_per_rt_s: NonNegative = 5e-5
-    """random walk of a beam's bias"""
-    scale_factor_percent: NonNegative = 0.7
-    """scale factor common to the beams, constant in a run"""
-    scale_factor_walk_percent_per_rt_s: NonNegative = 5e-3
-    """random walk of the scale factor"""
     outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
     """part of a beam's readings that are outliers; the filter does not model them"""
     outlier_factor: Annotated[Factor, shown(unit="1")] = 10.0
@@ -411,7 +308,7 @@ def known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call 
     return methods
 
 
-class Campaign(OwnMethods, Section):
+class Campaign(OwnMethods):
     """How many runs of what; `own_methods` says where methods of one's own are (docs/own_method.md)."""
 
     runs: Annotated[int, Field(ge=1, le=10_000_000), shown(unit="1")] = 100

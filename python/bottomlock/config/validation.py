@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pydantic import BaseModel, ValidationError
 
 from bottomlock.config.key_reference import key_of, model_at, section_models, section_paths
-from bottomlock.config.unit_of_key import unit_of
+from bottomlock.config.section import unit_of
 from bottomlock.errors import ScenarioError
 from bottomlock.support.nearest import nearest
 

@@ -4,8 +4,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Section
+from bottomlock.config.section import Section, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import Positive
 

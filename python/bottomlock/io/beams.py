@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout
 from bottomlock.config.calibration import StatedCalibration
-from bottomlock.config.meaning import shown
 from bottomlock.config.packaged import packaged_names, text_of
+from bottomlock.config.section import shown
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.config.validation import refusal
 from bottomlock.errors import DataError, ScenarioError, bad_column

@@ -5,8 +5,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import ValidationError, model_validator
 
-from bottomlock.config.effort import require_one_use
-from bottomlock.config.meaning import shown
+from bottomlock.config.section import shown
+from bottomlock.config.through_water import require_one_use
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError

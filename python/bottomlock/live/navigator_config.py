@@ -13,7 +13,7 @@ from pydantic import Discriminator, Tag
 from bottomlock import units
 from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.dvl_errors import DvlSettings
-from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
+from bottomlock.config.imu import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust
 from bottomlock.io.beams import Instrument, read_geometry, read_instrument_file
 from bottomlock.kernel import KernelError, models, normal_gravity_mps2

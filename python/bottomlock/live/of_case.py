@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bottomlock.config.scenario_sections import ImuLimits
+from bottomlock.config.imu import ImuLimits
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.errors import ScenarioError
 from bottomlock.recordings.sensors import SENSORS

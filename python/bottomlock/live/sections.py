@@ -7,11 +7,9 @@ from pydantic_core import PydanticCustomError
 
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
-from bottomlock.config.effort import EffortErrors
-from bottomlock.config.meaning import shown
-from bottomlock.config.motion_errors import MotionErrors
-from bottomlock.config.scenario_sections import Imu, ImuLimits, Section, Vector
-from bottomlock.config.thrust import ThrustErrors
+from bottomlock.config.imu import Imu, ImuLimits, MotionErrors
+from bottomlock.config.section import Section, Vector, shown
+from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import RECOMMENDED_METHOD, Method

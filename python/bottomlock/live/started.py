@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
-from bottomlock.config.effort import require_one_use
-from bottomlock.config.scenario_sections import ImuErrors
+from bottomlock.config.imu import ImuErrors
+from bottomlock.config.through_water import require_one_use
 from bottomlock.config.validation import refusal
 from bottomlock.errors import KernelError, ScenarioError
 from bottomlock.io.beams import Instrument

@@ -9,8 +9,8 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from bottomlock.config.meaning import shown
 from bottomlock.config.packaged import packaged_text
+from bottomlock.config.section import shown
 from bottomlock.plant import coefficients as coef
 
 

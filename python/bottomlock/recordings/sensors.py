@@ -13,8 +13,7 @@ import numpy as np
 from bottomlock import units
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
-from bottomlock.config.effort import EffortErrors
-from bottomlock.config.thrust import ThrustErrors
+from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.kernel import Navigator, Report
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent, tangent_from_geodetic

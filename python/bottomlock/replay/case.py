@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, model_validator
 
 from bottomlock.config.calibration import CalibrationSection
-from bottomlock.config.effort import require_one_use
-from bottomlock.config.meaning import shown
 from bottomlock.config.own_methods import OwnMethods, own_methods_from
-from bottomlock.config.scenario_sections import Filter, Robust, Section, Vector, known_methods
+from bottomlock.config.scenario_sections import Filter, Robust, known_methods
+from bottomlock.config.section import Section, Vector, shown
+from bottomlock.config.through_water import require_one_use
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from bottomlock.config.dvl_errors import DvlSettings
-from bottomlock.config.meaning import shown
-from bottomlock.config.scenario_sections import Outage, Section
+from bottomlock.config.scenario_sections import Outage
+from bottomlock.config.section import Section, shown
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.kernel.models import Positive
 from bottomlock.replay.stream_sections import Clock, ColumnTriple, ReorderedStream

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
+from bottomlock.config.imu import WEIGHTLESS_MPS2
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
 from bottomlock.kernel.models import Environment, ImuModel, InitialModel, Model, Options

@@ -8,11 +8,9 @@ from pydantic import Field, model_validator
 
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
-from bottomlock.config.effort import EffortErrors
-from bottomlock.config.meaning import shown
-from bottomlock.config.motion_errors import MotionErrors
-from bottomlock.config.scenario_sections import ImuErrors, ImuLimits, Section, Vector
-from bottomlock.config.thrust import ThrustErrors
+from bottomlock.config.imu import ImuErrors, ImuLimits, MotionErrors
+from bottomlock.config.section import Section, Vector, shown
+from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.errors import DataError
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.recordings.axes import from_angles, platform_attitude

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from bottomlock.config.scenario_sections import Section
+from bottomlock.config.section import Section
 from bottomlock.io.beams import geometry_text, read_geometry
 from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.kernel.models import Finite

@@ -6,8 +6,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock import kernel
-from bottomlock.config.sensors import SENSORS, Sensor
-from bottomlock.config.water_track import WaterTrack
+from bottomlock.config.sensors import SENSORS, Sensor, WaterTrack
 from bottomlock.plant.beam_loss import noisy_ranges
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.simulation.build import Simulation, trajectory_key

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from bottomlock import units
-from bottomlock.config.scenario_sections import Section
+from bottomlock.config.section import Section
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case
 from bottomlock.replay.model import imu_model

@@ -1,0 +1,142 @@
+"""A section of a settings file: its base, what a key means, and the unit that its name ends in."""
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from bottomlock import units
+from bottomlock.kernel.models import Finite, NonNegative, Settings
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Factor = Annotated[float, Field(ge=1, allow_inf_nan=False)]
+Triple = tuple[NonNegative, NonNegative, NonNegative]
+Vector = tuple[Finite, Finite, Finite]
+Kernel = TypeVar("Kernel", bound=Settings)
+
+
+def _rad_rts_from_deg_per_rt_h(density: float) -> float:
+    return units.rad_from_deg(units.per_rt_s_from_per_rt_h(density))
+
+
+_UNITS: dict[str, tuple[str, str, Callable[[float], float] | None]] = {
+    "_percent_of_range": ("% of range", "_per_range", units.fraction_from_percent),
+    "_deg_per_s_per_rt_s": ("deg/s/√s", "_radps_rts", units.rad_from_deg),
+    "_percent_per_rt_s": ("%/√s", "_rts", units.fraction_from_percent),
+    "_mps2_per_rt_s": ("m/s²/√s", "_mps2_rts", None),
+    "_mps_per_rt_s": ("m/s/√s", "_mps_rts", None),
+    "_mps_per_rt_h": ("m/s/√h", "_mps_rts", units.per_rt_s_from_per_rt_h),
+    "_deg_per_rt_h": ("deg/√h", "_rad_rts", _rad_rts_from_deg_per_rt_h),
+    "_deg_per_h": ("deg/h", "_radps", units.radps_from_deg_per_h),
+    "_deg_per_s": ("deg/s", "_radps", units.rad_from_deg),
+    "_kg_per_m3": ("kg/m³", "_kgpm3", None),
+    "_kg_per_m": ("N s²/m²", "_kgpm", None),
+    "_kg_per_s": ("N s/m", "_kgps", None),
+    "_m2ps2": ("m²/s²", "_m2ps2", None),
+    "_percent": ("%", "", units.fraction_from_percent),
+    "_mps2": ("m/s²", "_mps2", None),
+    "_mrad": ("mrad", "_rad", lambda angle: angle * 1e-3),
+    "_ppm": ("ppm", "", lambda part: part * 1e-6),
+    "_mps": ("m/s", "_mps", None),
+    "_deg": ("deg", "_rad", units.rad_from_deg),
+    "_mg": ("mg", "_mps2", units.mps2_from_mg),
+    "_hz": ("Hz", "_hz", None),
+    "_pa": ("Pa", "_pa", None),
+    "_kg": ("kg", "_kg", None),
+    "_n": ("N", "_n", None),
+    "_s": ("s", "_s", None),
+    "_m": ("m", "_m", None),
+}
+"""Endings of keys, longer ones first: the unit, the ending of the kernel's name, and how SI is made of a value."""
+
+
+def unit_of(key: str) -> str:
+    """The unit that a key's name ends in, "" for none.
+
+    >>> unit_of("gyro_bias_deg_per_h")
+    'deg/h'
+    """
+    return next((unit for ending, (unit, *_) in _UNITS.items() if key.endswith(ending)), "")
+
+
+def in_si(keys: Mapping[str, Any], settings: type[Kernel], **others: Any) -> Kernel:  # noqa: ANN401
+    """The kernel's settings out of a section's keys, each of the same name but for its unit.
+
+    A 1 sigma that a key names without saying so, or as noise, is the kernel's `sd`. What is computed otherwise is
+    given; a setting that no key has keeps its default.
+
+    >>> from bottomlock.kernel.models import HeadingModel
+    >>> in_si({"noise_deg": 180.0, "offset_sd_deg": 0.0, "walk_time_s": 60.0}, HeadingModel)
+    HeadingModel(sd_rad=3.141592653589793, walk_time_s=60.0)
+    """
+    exact, alike = {}, {}
+    for key, value in keys.items():
+        end = next((end for end in _UNITS if key.endswith(end)), "")
+        _, ending, convert = _UNITS.get(end, ("", "", None))
+        stem = key.removesuffix(end)
+        exact[stem + ending] = alike[f"{stem}_sd{ending}"] = alike[stem.replace("noise", "sd") + ending] = (
+            value,
+            convert,
+        )
+    found = alike | exact
+    values = {
+        name: value if convert is None else convert(value)
+        for name, (value, convert) in found.items()
+        if name in settings.model_fields and name not in others
+    }
+    return settings(**values, **others)
+
+
+def shown(*, unit: str = "", range: str = "", example: Any = None) -> Any:  # noqa: A002, ANN401 - of any key
+    """What the key reference and the schema show of a key: a unit not in its name, a range in words, an example.
+
+    The example is needed where the default is none; of a choice it is the first.
+    """
+    stated = {"unit": unit, "range": range}
+    return Field(
+        examples=None if example is None else [example],
+        json_schema_extra={name: words for name, words in stated.items() if words},
+    )
+
+
+class Section(BaseModel):
+    """A section: unknown keys are errors, values are kept as read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class SensorErrors(Section):
+    """Errors of a sensor as a filter assumes them; most are the kernel's own, by name and unit."""
+
+    kernel: ClassVar[type[Settings]]
+    """The kernel's settings of the sensor."""
+
+    def si(self) -> dict[str, Any]:
+        """Those of the kernel's settings that no key of the same name has, by their names there."""
+        return {}
+
+    def kernel_models(self) -> dict[str, Settings]:
+        """Section of the kernel's model, SI."""
+        return {self.kernel.place: in_si(dict(self), self.kernel, **self.si())}
+
+    def kernel_options(self) -> dict[str, Any]:
+        """What it adds to the filter's options: the place of the sensor, where it matters."""
+        place = getattr(self, "lever_arm_m", None)
+        return {} if place is None else {"levers": {f"{self.kernel.place}_p_m": place}}
+
+
+class Mounting(Section):
+    """How a sensor's axes stand to those of the platform."""
+
+    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    """rotation from instrument to platform axes: roll"""
+    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    """rotation from instrument to platform axes: pitch"""
+    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """rotation from instrument to platform axes: yaw"""
+
+    @property
+    def mounting_rpy_rad(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw, rad."""
+        roll, pitch, yaw = self.mounting_roll_deg, self.mounting_pitch_deg, self.mounting_yaw_deg
+        return units.rad_from_deg(roll), units.rad_from_deg(pitch), units.rad_from_deg(yaw)

@@ -1,0 +1,94 @@
+"""Speed through the water by the propeller's revolutions, or by the forces of thrusters and the vehicle's drag."""
+
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import model_validator
+
+from bottomlock import units
+from bottomlock.config.section import SensorErrors, Vector, shown
+from bottomlock.kernel import models
+from bottomlock.kernel.models import Finite, NonNegative, Positive
+
+
+class ThroughWaterErrors(SensorErrors):
+    """What revolutions and forces have in common: slip, and what a reading corrects."""
+
+    slip_mps: Positive = 0.02
+    """slip, 1 sigma: what waves, turns, a tether and changes of speed make of the speed at a reading"""
+    slip_time_s: Positive = 5.0
+    """correlation time of the slip"""
+    corrects: Literal["velocity", "all"] = "velocity"
+    """what a reading corrects: the velocity, the current and the sensor's own errors alone, or all states"""
+
+    def kernel_options(self) -> dict[str, Any]:
+        """What it adds to the filter's options."""
+        return super().kernel_options() | {"thrust": self.corrects}
+
+
+class ThrustErrors(ThroughWaterErrors):
+    """What a filter takes the revolutions of a propeller for: advance per revolution, slip and noise, 1 sigma."""
+
+    kernel: ClassVar = models.ThrustModel
+    advance_m: Annotated[Positive, shown(example=0.1)]
+    """advance per revolution that the filter expects"""
+    uncertainty_percent: NonNegative = 10.0
+    """what the filter expects of its error, and how simulated vehicles differ, 1 sigma"""
+    noise_mps: Positive = 0.01
+    """white noise of a reading, as a speed"""
+
+    def si(self) -> dict[str, Any]:
+        """What is no key of the same name."""
+        return {"advance_sd_m": self.advance_m * units.fraction_from_percent(self.uncertainty_percent)}
+
+
+class EffortErrors(ThroughWaterErrors):
+    """What a filter makes of the forces of thrusters: mass, drag, slip and noise, 1 sigma; surge, sway and heave each.
+
+    An axis without drag is not used.
+    """
+
+    kernel: ClassVar = models.EffortModel
+    mass_kg: Annotated[Vector, shown(example=[19.9, 20.6, 32.2])]
+    """mass and added mass along surge, sway and heave"""
+    linear_drag_kg_per_s: Annotated[Vector, shown(example=[13.7, 0.0, 33.0])] = (0.0, 0.0, 0.0)
+    """drag over speed"""
+    quadratic_drag_kg_per_m: Annotated[Vector, shown(example=[141.0, 217.0, 190.0])] = (0.0, 0.0, 0.0)
+    """drag over speed squared"""
+    buoyancy_n: Finite = 0.0
+    """buoyancy less weight; negative for a vehicle that sinks"""
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    """the place that mass and drag refer to, platform frame"""
+    uncertainty_percent: NonNegative = 10.0
+    """of the speed at a force, 1 sigma: half of that of a quadratic drag, all of that of a linear one"""
+    inertia_percent: NonNegative = 20.0
+    """of mass and added mass, 1 sigma"""
+    noise_n: Positive = 1.0
+    """white noise of a force"""
+
+    @model_validator(mode="after")
+    def _has_drag(self) -> Self:
+        for key in ("mass_kg", "linear_drag_kg_per_s", "quadratic_drag_kg_per_m"):
+            if min(getattr(self, key)) < 0.0:
+                raise ValueError(f"{key} is {getattr(self, key)}, expected numbers of 0 or more")
+        drags = zip(self.linear_drag_kg_per_s, self.quadratic_drag_kg_per_m, strict=True)
+        has_drag = [max(drag) > 0.0 for drag in drags]
+        if not any(has_drag):
+            raise ValueError(
+                "linear_drag_kg_per_s and quadratic_drag_kg_per_m are 0: an axis needs one of them"
+            )
+        for axis, mass, has in zip(("surge", "sway", "heave"), self.mass_kg, has_drag, strict=True):
+            if has and mass == 0.0:
+                raise ValueError(f"mass_kg of {axis} is 0, expected mass and added mass: the axis has drag")
+        return self
+
+    def si(self) -> dict[str, Any]:
+        """What is no key of the same name."""
+        return {"speed_scale_sd": units.fraction_from_percent(self.uncertainty_percent)}
+
+
+def require_one_use(thrust: ThrustErrors | None, effort: EffortErrors | None) -> None:
+    """Raises ValueError where revolutions and forces are to correct different states: a filter has one use of both."""
+    if thrust is not None and effort is not None and thrust.corrects != effort.corrects:
+        raise ValueError(
+            f'thrust.corrects is "{thrust.corrects}" and effort.corrects "{effort.corrects}", expected the same'
+        )
