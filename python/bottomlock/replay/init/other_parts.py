@@ -13,7 +13,10 @@ from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import BAR, Guess, Offset, angle_unit, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.waves import Waves, find_waves
 
+DEEPEST_WAVES_M = 60.0
+"""Deeper, even a swell of 15 s leaves less than a third of its height."""
 OFFSET_S = 0.1
 """Smaller clock offsets of an attitude are not set."""
 
@@ -145,6 +148,7 @@ class DepthPart:
     sd_m: float
     offset: Offset
     depth_m: Floats
+    waves: Waves | None
 
 
 def guess_depth(found: Found, imu: ImuPart, dvl: DvlPart) -> DepthPart | None:
@@ -176,9 +180,15 @@ def guess_depth(found: Found, imu: ImuPart, dvl: DvlPart) -> DepthPart | None:
     good = metres[np.isfinite(metres)]
     second = good[2:] - 2.0 * good[1:-1] + good[:-2]
     sd = float(sd_about_zero(second)) / np.sqrt(6.0) if len(second) else 0.0
-    return DepthPart(
-        found, unit, up, shift, max(0.02, round(2.0 * sd, 3)), clock_offset(times, imu, dvl), metres
+    offset = clock_offset(times, imu, dvl)
+    clock = times + round(offset.seconds * 1e9)
+    rising = np.isfinite(metres) & (
+        clock > np.concatenate([[clock[0] - 1], np.maximum.accumulate(clock)[:-1]])
     )
+    waves = None
+    if not imu.made and rising.sum() > 1 and float(np.median(metres[rising])) < DEEPEST_WAVES_M:
+        waves = find_waves(clock[rising], metres[rising], imu.time_ns, imu.force_p_mps2[:, 2])
+    return DepthPart(found, unit, up, shift, max(0.02, round(2.0 * sd, 3)), offset, metres, waves)
 
 
 LAGS_S = 3.0

@@ -273,6 +273,10 @@ def _depth(parts: Parts, files: Files) -> list[Section]:
     if depth.offset_m is not None:
         section.put("offset_m", float(depth.offset_m.value), depth.offset_m.why)
     section.put("sd_m", depth.sd_m, "twice the scatter from reading to reading")
+    if depth.waves is not None:
+        why = "it moves so with a mean period of some seconds, and the accelerometers do not"
+        section.put("wave_m", float(f"{depth.waves.sd_m:.2g}"), why)
+        section.put("wave_period_s", float(f"{depth.waves.period_s:.2g}"))
     return [section]
 
 

@@ -1,0 +1,74 @@
+"""Waves above a depth sensor: what its pressure sees move and the accelerometers do not."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bottomlock.recordings.streams import Floats, Integers
+
+LEAST_HZ, MOST_HZ, WINDOW_S = 0.9, 2.0, 128.0
+"""Rates of readings that show waves, and are looked at; length of the spectra."""
+LONGEST_S, SHORTEST_S = 20.0, 3.0
+"""Periods of waves that reach a sensor below the surface."""
+NARROW, MOST = 0.35, 0.5
+"""Waves have at least this part of the power within this part of their frequency."""
+LEAST_M, LEAST_OVER_NOISE = 0.1, 2.0
+"""Standard deviation from which waves are told, and over that of the white noise of a reading."""
+
+
+@dataclass(frozen=True)
+class Waves:
+    """1 sigma of what waves add to a depth, m, and their mean period, s."""
+
+    sd_m: float
+    period_s: float
+
+
+def find_waves(
+    time_ns: Integers, depth_m: Floats, imu_time_ns: Integers, accel_down_mps2: Floats
+) -> Waves | None:
+    """Waves in a depth, by the spectrum of what the twice integrated accelerations do not explain; None for none.
+
+    Args:
+        time_ns, depth_m: (n,) rising, on the IMU's clock.
+        imu_time_ns, accel_down_mps2: (m,) acceleration along the platform's down axis, less a constant.
+    """
+    begin, end = (max(time_ns[0], imu_time_ns[0]), min(time_ns[-1], imu_time_ns[-1]))
+    rate_hz = min(1e9 / float(np.median(np.diff(time_ns))), MOST_HZ)
+    if rate_hz < LEAST_HZ or (end - begin) * 1e-9 < WINDOW_S:
+        return None
+    length = round(WINDOW_S * rate_hz)
+    seconds = np.arange(0.0, (end - begin) * 1e-9, 1.0 / rate_hz)
+    steps_s = np.diff(imu_time_ns) * 1e-9
+    accel = accel_down_mps2 - accel_down_mps2.mean()
+    gained = np.concatenate([[0.0], np.cumsum(0.5 * (accel[1:] + accel[:-1]) * steps_s)])
+    depth = np.interp(seconds, (time_ns - begin) * 1e-9, depth_m)
+    velocity = np.interp(seconds, (imu_time_ns - begin) * 1e-9, gained)
+    frequency = np.fft.rfftfreq(length, 1.0 / rate_hz)
+    band = (frequency > 1.0 / LONGEST_S) & (frequency < 1.0 / SHORTEST_S)
+    noisy = frequency > 1.0 / SHORTEST_S
+    window = np.hanning(length)
+    scale = 2.0 / (window**2).sum() / length
+    powers = []
+    for first in range(0, len(seconds) - length + 1, length // 2):
+        part = slice(first, first + length)
+        of_depth, of_velocity = (np.fft.rfft(window * _level(one[part])) for one in (depth, velocity))
+        moved = of_velocity[1:] / (2j * np.pi * frequency[1:])
+        powers.append(scale * np.abs(np.concatenate([[0.0], of_depth[1:] - moved])) ** 2)
+    power = np.mean(powers, axis=0)
+    white = float(np.median(power[noisy]))
+    waves = np.where(band, np.maximum(power - white, 0.0), 0.0)
+    total = float(waves.sum())
+    if total <= max(LEAST_M**2, LEAST_OVER_NOISE**2 * white * len(frequency)):
+        return None
+    middle = float((waves * frequency).sum()) / total
+    if float(waves[np.abs(frequency - middle) < NARROW * middle].sum()) < MOST * total:
+        return None
+    return Waves(float(np.sqrt(total)), 1.0 / middle)
+
+
+def _level(values: Floats) -> Floats:
+    """Values less their straight line."""
+    at = np.linspace(-1.0, 1.0, len(values))
+    level: Floats = values - values.mean() - at * float((at * values).sum() / (at * at).sum())
+    return level
