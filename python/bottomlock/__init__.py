@@ -39,7 +39,6 @@ if TYPE_CHECKING:
         simulate_sensors,
         solve_velocity,
     )
-    from bottomlock.kernel.attitude_motion import MotionFromAttitude
     from bottomlock.kernel.models import (
         AcousticPositionModel,
         Assumptions,
@@ -68,6 +67,7 @@ if TYPE_CHECKING:
         WaterTrackModel,
     )
     from bottomlock.live.started import StartedNavigator
+    from bottomlock.recordings.attitude_motion import MotionFromAttitude
     from bottomlock.recordings.readings import (
         AcousticPositionReading,
         AttitudeReading,
@@ -118,7 +118,6 @@ _LAZY = {
             "BeamGeometry FIX_METHODS METHODS Navigator Report VelocityFixes normal_gravity_mps2 "
             "replay_log run_batch simulate_sensors solve_velocity"
         ),
-        "kernel.attitude_motion": "MotionFromAttitude",
         "kernel.models": (
             "AcousticPositionModel Assumptions Calibration CurrentLayers DepthModel DvlModel "
             "DvlOutlierModel EffortModel Environment GpsModel HeadingModel ImuLimits ImuModel "
@@ -127,6 +126,7 @@ _LAZY = {
         ),
         "live.started": "StartedNavigator",
         "own_method": "own_method",
+        "recordings.attitude_motion": "MotionFromAttitude",
         "recordings.readings": (
             "AcousticPositionReading AttitudeReading DepthReading EffortReading GpsReading ImuReading "
             "Ping ThrustReading WaterReading"

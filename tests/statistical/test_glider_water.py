@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.beam_table import read_water_table, water_file
 from bottomlock.kernel import BeamGeometry, models
-from bottomlock.kernel.attitude_motion import divided, held, inertial_readings
+from bottomlock.recordings.attitude_motion import divided, held, inertial_readings
 from bottomlock.recordings.streams import Inertial, WaterBeams
 from bottomlock.recordings.water_cells import water_beams
 from bottomlock.replay.vehicle_motion import vehicle_motion

@@ -1,19 +1,18 @@
 """Errors and lever arms of depth, GPS and acoustic positions as a filter takes them; of a replay or live."""
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from bottomlock.config.section import SensorErrors, Vector, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
 
 
-class SlowDepthErrors(SensorErrors):
+class SlowDepthErrors(SensorErrors, kernel=models.DepthModel):
     """What a depth is off for longer than a reading: by the defaults 0.1 % of 200 m, in waters with a tide.
 
     The time is that of half a semidiurnal tide.
     """
 
-    kernel: ClassVar = models.DepthModel
     bias_m: NonNegative = 0.3
     """offset, tide, density and barometer together, 1 sigma, which the filter estimates; 0 says that there are none"""
     bias_time_s: Positive = 21_600.0
@@ -33,10 +32,9 @@ class DepthErrors(SlowDepthErrors):
     """position of the sensor from the IMU, platform axes"""
 
 
-class GpsErrors(SensorErrors):
+class GpsErrors(SensorErrors, kernel=models.GpsModel):
     """Noise of GPS positions along north, east, down, 1 sigma, of an antenna at `lever_arm_m` from the IMU."""
 
-    kernel: ClassVar = models.GpsModel
     position_sd_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
     """noise of north, east, down, 1 sigma"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
@@ -47,14 +45,13 @@ class GpsErrors(SensorErrors):
         return {"velocity_sd_mps": (0.1, 0.1, 0.2)}
 
 
-class AcousticPositionErrors(SensorErrors):
+class AcousticPositionErrors(SensorErrors, kernel=models.AcousticPositionModel):
     """Noise of acoustic positions (USBL, LBL) of a transponder at `lever_arm_m` from the IMU (platform frame).
 
     1 sigma of each axis is the root of sd_m² + (sd_percent_of_range/100 · slant range)², the slant range from
     `transceiver_m` in the tangent frame, unless the readings state it.
     """
 
-    kernel: ClassVar = models.AcousticPositionModel
     sd_m: Positive = 0.5
     """part of the noise that does not depend on range, each axis, 1 sigma"""
     sd_percent_of_range: NonNegative = 1.0

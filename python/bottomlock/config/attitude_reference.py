@@ -1,7 +1,7 @@
 """An attitude or heading reference: its mounting, its errors, what a filter uses of it; of a replay or live."""
 
 import math
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
@@ -16,10 +16,9 @@ START_FACTOR = 3.0
 error then counts twice by a tenth of its variance, and not by half."""
 
 
-class SlowAttitudeErrors(SensorErrors):
+class SlowAttitudeErrors(SensorErrors, kernel=models.MagnetometerModel):
     """What an attitude is off for longer than a reading, 1 sigma: states of the filter unless 0."""
 
-    kernel: ClassVar = models.MagnetometerModel
     roll_pitch_offset_sd_deg: NonNegative = 0.0
     """constant offset of roll and of pitch, 1 sigma; a state of the filter unless 0"""
     yaw_offset_sd_deg: NonNegative = 0.0

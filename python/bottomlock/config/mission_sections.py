@@ -63,41 +63,36 @@ class _MissionTable(Section):
     """heading that a vehicle with thrusters holds; without it the vehicle points along its path"""
 
 
-class StraightTable(_MissionTable):
+class _TimedTable(_MissionTable):
+    duration_s: Duration = 250.0
+    """length of a run"""
+    depth_m: NonNegative = 20.0
+    """depth, of a dive at its start"""
+
+
+class StraightTable(_TimedTable):
     """Trajectory 1: north at constant depth."""
 
     kind: Literal["straight"]
     """the path"""
-    duration_s: Duration = 250.0
-    """length of a run"""
-    depth_m: NonNegative = 20.0
-    """depth throughout"""
 
 
-class FigureEightTable(_MissionTable):
+class FigureEightTable(_TimedTable):
     """Trajectory 2: circles to the right and to the left in turn, with a dive."""
 
     kind: Literal["figure_eight"]
     """the path"""
-    duration_s: Duration = 250.0
-    """length of a run"""
-    depth_m: NonNegative = 20.0
-    """depth at the start"""
     radius_m: Length = 40.0
     """radius of each circle"""
     dive_rate_mps: Finite = 0.1
     """sink rate throughout"""
 
 
-class LawnMowerTable(_MissionTable):
+class LawnMowerTable(_TimedTable):
     """Trajectory 3: a dive, then legs at constant depth joined by half turns."""
 
     kind: Literal["lawn_mower"]
     """the path"""
-    duration_s: Duration = 250.0
-    """length of a run"""
-    depth_m: NonNegative = 20.0
-    """depth at the start"""
     leg_m: Length = 80.0
     """length of a leg"""
     spacing_m: Length = 30.0
@@ -135,11 +130,9 @@ class WaypointsTable(_MissionTable):
 
 AnyMission: TypeAlias = StraightTable | FigureEightTable | LawnMowerTable | WaypointsTable
 MISSIONS: dict[str, type[AnyMission]] = {
-    "straight": StraightTable,
-    "figure_eight": FigureEightTable,
-    "lawn_mower": LawnMowerTable,
+    "straight": StraightTable, "figure_eight": FigureEightTable, "lawn_mower": LawnMowerTable,
     "waypoints": WaypointsTable,
-}
+}  # fmt: skip
 
 
 class FlatSeabedTable(Section):
@@ -181,10 +174,8 @@ class GridSeabedTable(Section):
 
 AnySeabed: TypeAlias = FlatSeabedTable | RollingSeabedTable | GridSeabedTable
 SEABEDS: dict[str, type[AnySeabed]] = {
-    "plane": FlatSeabedTable,
-    "rolling": RollingSeabedTable,
-    "grid": GridSeabedTable,
-}
+    "plane": FlatSeabedTable, "rolling": RollingSeabedTable, "grid": GridSeabedTable,
+}  # fmt: skip
 
 
 def checked_table(kinds: dict[str, type[Table]], table: dict[str, Any], place: str) -> Table:

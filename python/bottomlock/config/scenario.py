@@ -22,14 +22,15 @@ from bottomlock.config.scenario_sections import (
     Robust,
     Trajectory,
 )
-from bottomlock.config.scenario_words import line_of, table_of
 from bottomlock.config.section import in_si, shown
 from bottomlock.config.sensors import SENSORS, SensorSections, WaterTrack
 from bottomlock.config.toml_file import parse_toml
+from bottomlock.config.toml_value import toml_value
 from bottomlock.config.validation import refusal
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.own_method import AnyMethod
+from bottomlock.support.notebook import html_table
 
 Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
@@ -119,13 +120,30 @@ class Scenario(SensorSections):
 
     def __repr__(self) -> str:
         """Name, path, beams, sensors and runs in a line."""
-        return line_of(self)
+        path, dvl, campaign = self.trajectory, self.dvl, self.campaign
+        length = "" if path.kind == "waypoints" else f" for {path.duration_s:g} s"
+        lost = f" without {', '.join(str(beam) for beam in dvl.beams_lost)}" if dvl.beams_lost else ""
+        sensors = [*(sensor.name for sensor in SENSORS), "water_track"]
+        parts = [
+            f"{path.kind} at {path.speed_mps:g} m/s{length}",
+            f"{dvl.beams} beams{lost}",
+            *(name for name in sensors if getattr(self, name).enabled),
+            f"{campaign.runs} runs of {len(campaign.methods)} methods",
+        ]
+        return f"<Scenario {self.name}: {', '.join(parts)}>"
 
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        """What the file states, for notebooks."""
-        return table_of(self)
+        """Every key that the file states, a row for each section, for notebooks."""
+        rows = []
+        for name, value in self.model_dump(exclude_unset=True).items():
+            if isinstance(value, dict):
+                keys = ", ".join(f"{key} = {toml_value(stated)}" for key, stated in value.items())
+                rows.append((f"[{name}]", keys))
+            elif name != "name":
+                rows.append((name, str(value)))
+        return html_table(f"Scenario {self.name}", rows)
 
     def replace(self, changes: Mapping[str, Any]) -> Self:
         """The scenario with other values of some keys, for instance "imu.gyro_bias_deg_per_h"; checked as a file is.

@@ -111,6 +111,12 @@ class SensorErrors(Section):
     kernel: ClassVar[type[Settings]]
     """The kernel's settings of the sensor."""
 
+    def __init_subclass__(cls, kernel: type[Settings] | None = None, **others: Any) -> None:  # noqa: ANN401
+        """A section states the kernel's settings; those derived from it have the same."""
+        super().__init_subclass__(**others)
+        if kernel is not None:
+            cls.kernel = kernel
+
     def si(self) -> dict[str, Any]:
         """Those of the kernel's settings that no key of the same name has, by their names there."""
         return {}

@@ -6,7 +6,7 @@ What a filter assumes of it stands in the section that a case and live have too,
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -86,10 +86,9 @@ class Magnetometer(SlowAttitudeErrors, Simulated):
     """matrix that distorts the field, rows in platform axes"""
 
 
-class Heading(Simulated):
+class Heading(Simulated, kernel=models.HeadingModel):
     """Heading sensor, such as a gyrocompass: yaw alone; its slow errors as of the magnetometer."""
 
-    kernel: ClassVar = models.HeadingModel
     noise_deg: Positive = 0.5
     """white noise of the heading"""
     offset_sd_deg: NonNegative = 0.0
@@ -104,10 +103,9 @@ class Heading(Simulated):
     """deviation by cosine and by sine of twice the heading, likewise"""
 
 
-class Gps(Simulated):
+class Gps(Simulated, kernel=models.GpsModel):
     """GPS receiver: fixes at the surface only, from `acquire_s` after the antenna has come up."""
 
-    kernel: ClassVar = models.GpsModel
     position_noise_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
     """white noise of north, east, down"""
     velocity_noise_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.2)
@@ -118,13 +116,12 @@ class Gps(Simulated):
     """time from surfacing to the first fix"""
 
 
-class AcousticPosition(Simulated):
+class AcousticPosition(Simulated, kernel=models.AcousticPositionModel):
     """Acoustic position (USBL, LBL): fixes whose noise grows with the slant range from the transceiver.
 
     The standard deviation of each axis is the root of noise_m² + (noise_percent_of_range/100 · slant range)².
     """
 
-    kernel: ClassVar = models.AcousticPositionModel
     rate_hz: Positive = 0.2
     """rate of the fixes"""
     noise_m: Positive = 0.5
@@ -167,7 +164,7 @@ class Thrust(ThrustErrors, Simulated):
         return super().kernel_options() if self.enabled else {"thrust": "off"}
 
 
-class WaterTrack(SensorErrors):
+class WaterTrack(SensorErrors, kernel=models.WaterTrackModel):
     """Water track: pings of the DVL return the velocity relative to the water in a cell, on every beam.
 
     Beam biases, scale factor, mounting and clock are those of the bottom's beams; losses, noise and outliers are the
@@ -176,7 +173,6 @@ class WaterTrack(SensorErrors):
     vehicle stands in `[mission]`.
     """
 
-    kernel: ClassVar = models.WaterTrackModel
     enabled: bool = True
     """whether the water returns beams; a section that is there is on unless it says otherwise"""
     pings: Literal["all", "without_bottom"] = "all"

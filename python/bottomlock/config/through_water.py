@@ -1,6 +1,6 @@
 """Speed through the water by the propeller's revolutions, or by the forces of thrusters and the vehicle's drag."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import model_validator
 
@@ -25,10 +25,9 @@ class ThroughWaterErrors(SensorErrors):
         return super().kernel_options() | {"thrust": self.corrects}
 
 
-class ThrustErrors(ThroughWaterErrors):
+class ThrustErrors(ThroughWaterErrors, kernel=models.ThrustModel):
     """What a filter takes the revolutions of a propeller for: advance per revolution, slip and noise, 1 sigma."""
 
-    kernel: ClassVar = models.ThrustModel
     advance_m: Annotated[Positive, shown(example=0.1)]
     """advance per revolution that the filter expects"""
     uncertainty_percent: NonNegative = 10.0
@@ -41,13 +40,12 @@ class ThrustErrors(ThroughWaterErrors):
         return {"advance_sd_m": self.advance_m * units.fraction_from_percent(self.uncertainty_percent)}
 
 
-class EffortErrors(ThroughWaterErrors):
+class EffortErrors(ThroughWaterErrors, kernel=models.EffortModel):
     """What a filter makes of the forces of thrusters: mass, drag, slip and noise, 1 sigma; surge, sway and heave each.
 
     An axis without drag is not used.
     """
 
-    kernel: ClassVar = models.EffortModel
     mass_kg: Annotated[Vector, shown(example=[19.9, 20.6, 32.2])]
     """mass and added mass along surge, sway and heave"""
     linear_drag_kg_per_s: Annotated[Vector, shown(example=[13.7, 0.0, 33.0])] = (0.0, 0.0, 0.0)

@@ -74,47 +74,13 @@ if TYPE_CHECKING:
     from bottomlock.arguments import AnyGeometry
 
 __all__ = [
-    "COMPONENT_STATUS",
-    "DEFAULT_OPTIONS",
-    "EARTH_RATE_RADPS",
-    "FIX_METHODS",
-    "FIX_STATUS",
-    "INERTIAL_STATES",
-    "METHODS",
-    "RECOMMENDED_METHOD",
-    "REPLACED_METHODS",
-    "SENSORS",
-    "SOURCES",
-    "STATES",
-    "STATUS",
-    "BeamGeometry",
-    "ClosedLoop",
-    "Configuration",
-    "FixMethod",
-    "JanusConfiguration",
-    "KernelError",
-    "Method",
-    "Navigator",
-    "OwnName",
-    "Report",
-    "VelocityFixes",
-    "check_settings",
-    "covariance_history",
-    "error_model",
-    "fix_method",
-    "integrate_segments",
-    "kernel_version",
-    "local_earth",
-    "make_geometry",
-    "normal_gravity_mps2",
-    "observe",
-    "register_method",
-    "rejected_imu",
-    "replay_log",
-    "run_batch",
-    "simulate_sensors",
-    "solve_velocity",
-]
+    "COMPONENT_STATUS", "DEFAULT_OPTIONS", "EARTH_RATE_RADPS", "FIX_METHODS", "FIX_STATUS", "INERTIAL_STATES",
+    "METHODS", "RECOMMENDED_METHOD", "REPLACED_METHODS", "SENSORS", "SOURCES", "STATES", "STATUS", "BeamGeometry",
+    "ClosedLoop", "Configuration", "FixMethod", "JanusConfiguration", "KernelError", "Method", "Navigator", "OwnName",
+    "Report", "VelocityFixes", "check_settings", "covariance_history", "error_model", "fix_method",
+    "integrate_segments", "kernel_version", "local_earth", "make_geometry", "normal_gravity_mps2", "observe",
+    "register_method", "rejected_imu", "replay_log", "run_batch", "simulate_sensors", "solve_velocity",
+]  # fmt: skip
 
 Method = Literal["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "info", "weak_sway", "sway_current"]
 """Name of an aiding method, one of `METHODS`."""
@@ -133,28 +99,17 @@ Configuration = Literal["x", "+", "angles", "directions"]
 """How the beams of an instrument are described."""
 
 FIX_METHODS: dict[FixMethod, FixMethod] = {
-    "lc": "least_squares",
-    "vb": "virtual_beam",
-    "nsv": "nullified_sway",
-    "plcf": "partial_loose",
-    "vhv": "virtual_heave",
-    "elc": "selector",
-    "info": "information",
-    "weak_sway": "weak_sway",
-}
+    "lc": "least_squares", "vb": "virtual_beam", "nsv": "nullified_sway", "plcf": "partial_loose",
+    "vhv": "virtual_heave", "elc": "selector", "info": "information", "weak_sway": "weak_sway",
+}  # fmt: skip
 """Short method names and the kernel's."""
 
 STATUS = ("fix", "partial", "unobservable", "too_few_beams", "prior_required")
 """Outcome of a ping, by the kernel's code."""
 
 COMPONENT_STATUS: tuple[str, ...] = (
-    "solved",
-    "no_beams",
-    "outside_row_space",
-    "constraint_singular",
-    "prior_required",
-    "prior_only",
-)
+    "solved", "no_beams", "outside_row_space", "constraint_singular", "prior_required", "prior_only",
+)  # fmt: skip
 """Status of a component, by the kernel's code."""
 
 SOURCES = ("none", "lc", "vb", "nsv", "plcf", "vhv", "info", "weak_sway")
@@ -264,36 +219,20 @@ def make_geometry(
         >>> make_geometry("+", tilt_rad=0.35).rank
         3
     """
-    lacking = KernelError(f"configuration '{configuration}' lacks its tilts, azimuths or directions")
+    common: dict[str, Any] = {
+        "lever_arms_p_m": lever_arms_p_m, "mounting_rpy_rad": mounting_rpy_rad,
+        "sound_speed_scale": sound_speed_scale,
+    }  # fmt: skip
+    geometry: BeamGeometry | None = None
     if configuration == "directions":
-        if directions is None:
-            raise lacking
-        geometry = BeamGeometry(
-            directions,
-            lever_arms_p_m=lever_arms_p_m,
-            mounting_rpy_rad=mounting_rpy_rad,
-            sound_speed_scale=sound_speed_scale,
-        )
+        geometry = None if directions is None else BeamGeometry(directions, **common)
     elif configuration == "angles":
-        if tilts_rad is None or azimuths_rad is None:
-            raise lacking
-        geometry = BeamGeometry.from_angles(
-            tilts_rad,
-            azimuths_rad,
-            lever_arms_p_m=lever_arms_p_m,
-            mounting_rpy_rad=mounting_rpy_rad,
-            sound_speed_scale=sound_speed_scale,
-        )
-    else:
-        if tilt_rad is None:
-            raise lacking
-        geometry = BeamGeometry.janus(
-            tilt_rad,
-            configuration=configuration,
-            lever_arms_p_m=lever_arms_p_m,
-            mounting_rpy_rad=mounting_rpy_rad,
-            sound_speed_scale=sound_speed_scale,
-        )
+        if tilts_rad is not None and azimuths_rad is not None:
+            geometry = BeamGeometry.from_angles(tilts_rad, azimuths_rad, **common)
+    elif tilt_rad is not None:
+        geometry = BeamGeometry.janus(tilt_rad, configuration=configuration, **common)
+    if geometry is None:
+        raise KernelError(f"configuration '{configuration}' lacks its tilts, azimuths or directions")
     if geometry.beams >= 3 and geometry.rank < 3:
         raise KernelError(
             f"the {geometry.beams} beams see only {geometry.rank} directions",

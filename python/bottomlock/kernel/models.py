@@ -58,6 +58,11 @@ class Settings(BaseModel):
     beside: ClassVar[frozenset[str]] = frozenset()
     """Keys that the kernel does not know."""
 
+    def __init_subclass__(cls, place: str = "", **others: Any) -> None:  # noqa: ANN401 - of pydantic
+        """Settings state their name; those derived from others have theirs."""
+        super().__init_subclass__(**others)
+        cls.place = place or cls.place
+
     def __init__(self, **given: Any) -> None:  # noqa: ANN401 - the fields of the settings have their types
         """Checks keys and values.
 
@@ -112,10 +117,9 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - values come as users give them
 _Errors = TypeVar("_Errors", bound=Settings)
 
 
-class Environment(Settings):
+class Environment(Settings, place="environment"):
     """Latitude, gravity and Earth rate; what is left out of gravity is normal gravity (`normal_gravity_mps2`)."""
 
-    place: ClassVar[str] = "environment"
     latitude_rad: float
     """geodetic latitude"""
     gravity_mps2: float = None  # type: ignore[assignment] # a number in every object
@@ -136,10 +140,9 @@ class Environment(Settings):
         return given | {"gravity_mps2": normal_gravity_mps2(given["latitude_rad"])}
 
 
-class ImuModel(Settings):
+class ImuModel(Settings, place="imu"):
     """Errors of the inertial sensors, 1 sigma per axis."""
 
-    place: ClassVar[str] = "imu"
     accel_noise_mps_rts: float
     """velocity random walk"""
     gyro_noise_rad_rts: float
@@ -164,10 +167,9 @@ class ImuModel(Settings):
     """time constant of the warm-up"""
 
 
-class DvlModel(Settings):
+class DvlModel(Settings, place="dvl"):
     """Errors of the DVL, 1 sigma."""
 
-    place: ClassVar[str] = "dvl"
     beam_noise_sd_mps: float
     """noise of a beam"""
     beam_bias_sd_mps: float
@@ -180,20 +182,18 @@ class DvlModel(Settings):
     """random walk of the scale factor"""
 
 
-class DvlOutlierModel(Settings):
+class DvlOutlierModel(Settings, place="dvl_outliers"):
     """Outliers among simulated beams."""
 
-    place: ClassVar[str] = "dvl_outliers"
     outlier_fraction: float
     """fraction of the readings"""
     outlier_factor: float
     """their noise over that of a good reading"""
 
 
-class InitialModel(Settings):
+class InitialModel(Settings, place="initial"):
     """Uncertainty of the state at the start, 1 sigma, (3,) each."""
 
-    place: ClassVar[str] = "initial"
     position_sd_m: Vector
     """position, tangent frame"""
     attitude_sd_rad: Vector
@@ -202,10 +202,9 @@ class InitialModel(Settings):
     """velocity, platform frame"""
 
 
-class DepthModel(Settings):
+class DepthModel(Settings, place="depth"):
     """Errors of the depth sensor, 1 sigma."""
 
-    place: ClassVar[str] = "depth"
     sd_m: float
     """noise"""
     bias_sd_m: float
@@ -218,14 +217,13 @@ class DepthModel(Settings):
     """mean period of the waves"""
 
 
-class MagnetometerModel(Settings):
+class MagnetometerModel(Settings, place="magnetometer"):
     """Errors of an attitude reference (AHRS, magnetometer and tilt sensor), 1 sigma.
 
     White noise of a reading; and the slow errors that the filter then estimates, 0 for none: a constant offset, a
     first-order walk with its correlation time, and the deviation that the vehicle's iron gives a magnetic compass.
     """
 
-    place: ClassVar[str] = "magnetometer"
     yaw_sd_rad: float
     """noise of yaw"""
     roll_pitch_sd_rad: float
@@ -246,10 +244,9 @@ class MagnetometerModel(Settings):
     """deviation of yaw by cosine and by sine of twice it, each"""
 
 
-class HeadingModel(Settings):
+class HeadingModel(Settings, place="heading"):
     """Error of a heading sensor, 1 sigma: white noise, and the slow errors as of `MagnetometerModel`."""
 
-    place: ClassVar[str] = "heading"
     sd_rad: float
     """noise"""
     offset_sd_rad: float = 0.0
@@ -264,20 +261,18 @@ class HeadingModel(Settings):
     """deviation by cosine and by sine of twice the heading, each"""
 
 
-class GpsModel(Settings):
+class GpsModel(Settings, place="gps"):
     """Errors of the GPS receiver, 1 sigma per axis of the tangent frame, (3,) each."""
 
-    place: ClassVar[str] = "gps"
     position_sd_m: Vector
     """noise of a position"""
     velocity_sd_mps: Vector
     """noise of a velocity"""
 
 
-class AcousticPositionModel(Settings):
+class AcousticPositionModel(Settings, place="acoustic_position"):
     """Errors of acoustic position fixes (USBL, LBL), 1 sigma per axis, and outliers among simulated ones."""
 
-    place: ClassVar[str] = "acoustic_position"
     sd_m: float
     """noise at zero range"""
     sd_per_range: float = 0.0
@@ -290,10 +285,9 @@ class AcousticPositionModel(Settings):
     """their noise over that of a good fix"""
 
 
-class WaterTrackModel(Settings):
+class WaterTrackModel(Settings, place="water_track"):
     """Errors of simulated beams that the water returned; bias and scale factor are those of `DvlModel`."""
 
-    place: ClassVar[str] = "water_track"
     beam_noise_sd_mps: float
     """white noise of a beam, 1 sigma"""
     range_m: float = 0.0
@@ -308,10 +302,9 @@ class WaterTrackModel(Settings):
     """part of the vehicle's velocity through the water with which the water in the cell follows it, 0 to 1"""
 
 
-class ThrustModel(Settings):
+class ThrustModel(Settings, place="thrust"):
     """Speed through the water by the propeller's revolutions, 1 sigma."""
 
-    place: ClassVar[str] = "thrust"
     advance_m: float
     """advance per revolution"""
     advance_sd_m: float
@@ -326,13 +319,12 @@ class ThrustModel(Settings):
     """white noise of a reading, as a speed"""
 
 
-class EffortModel(Settings):
+class EffortModel(Settings, place="effort"):
     """Speed through the water by the forces of thrusters, 1 sigma; surge, sway and heave each.
 
     An axis without drag is not used.
     """
 
-    place: ClassVar[str] = "effort"
     mass_kg: Vector
     """mass and added mass (3,)"""
     linear_drag_kgps: Vector
@@ -357,13 +349,12 @@ class EffortModel(Settings):
     """white noise of a force"""
 
 
-class Model(Settings):
+class Model(Settings, place="model"):
     """Environment, and errors of the sensors: what `Scenario.kernel_model` returns.
 
     A sensor that aids is None, which is the default, where there is none.
     """
 
-    place: ClassVar[str] = "model"
     environment: Environment
     imu: ImuModel
     initial: InitialModel
@@ -390,10 +381,9 @@ class Model(Settings):
         return found
 
 
-class Water(Settings):
+class Water(Settings, place="options.water"):
     """Prior of the motion through the water for the method `sway_current` (docs/methods/sway_current.md), 1 sigma."""
 
-    place: ClassVar[str] = "options.water"
     current_sd_mps: NonNegative = 0.3
     """current along north and along east"""
     current_time_s: Positive = 1800.0
@@ -414,10 +404,9 @@ class Water(Settings):
     """weight of the slip's prior variance, as a number of epochs"""
 
 
-class CurrentLayers(Settings):
+class CurrentLayers(Settings, place="options.current_layers"):
     """Prior of the current by depth, with `Options.water_track` or `thrust` (docs/methods/without_bottom.md)."""
 
-    place: ClassVar[str] = "options.current_layers"
     sd_mps: NonNegative = 0.04
     """a layer's own part, 1 sigma; 0 for no layers"""
     time_s: Positive = 1800.0
@@ -430,23 +419,21 @@ class CurrentLayers(Settings):
     """correlation time of what all depths have in common"""
 
 
-class Calibration(Settings):
+class Calibration(Settings, place="options.calibration"):
     """Prior of the DVL's mounting and clock as states (docs/calibration.md), 1 sigma; 0 is certain, all 0 is off."""
 
-    place: ClassVar[str] = "options.calibration"
     mounting_sd_rad: Vector = (0.0, 0.0, 0.0)
     """mounting about the platform's forward, right and down axes (3,)"""
     clock_sd_s: float = 0.0
     """time to add to the stamps"""
 
 
-class Motion(Settings):
+class Motion(Settings, place="options.motion"):
     """Prior of the velocity of a vehicle without usable accelerometers, 1 sigma; all zero is off (docs/no_imu.md).
 
     Along forward, right and down of the platform, (3,) each. An axis of which both are zero is free.
     """
 
-    place: ClassVar[str] = "options.motion"
     mean_sd_mps: NonNegatives = (0.0, 0.0, 0.0)
     """mean, which hardly changes"""
     mean_time_s: Positive = 10_000.0
@@ -457,10 +444,9 @@ class Motion(Settings):
     """correlation times of the change"""
 
 
-class Robust(Settings):
+class Robust(Settings, place="options.robust"):
     """Treatment of outliers among the beams (docs/robust.md)."""
 
-    place: ClassVar[str] = "options.robust"
     closure_gate: float | None = 0.9973
     """probability with which a good ping passes the closure test; None for no gate"""
     beam_gate: float | None = 0.9973
@@ -485,16 +471,13 @@ class AssumptionKeys(BaseModel):
     """variance of sway times its correlation time, once a second (weak_sway)"""
 
 
-class Assumptions(AssumptionKeys, Settings):
+class Assumptions(AssumptionKeys, Settings, place="options.assumptions"):
     """Parameters of the partial-beam methods."""
 
-    place: ClassVar[str] = "options.assumptions"
 
-
-class ImuLimits(Settings):
+class ImuLimits(Settings, place="options.imu_limits"):
     """What inertial readings from outside are checked against (docs/imu_faults.md)."""
 
-    place: ClassVar[str] = "options.imu_limits"
     max_rate_radps: float = 10.0
     """full scale of the angular rate on each axis"""
     max_force_mps2: float = 100.0
@@ -511,20 +494,18 @@ class ImuLimits(Settings):
     """unknown specific force while nothing is read, 1 sigma on each axis"""
 
 
-class SpeedBound(Settings):
+class SpeedBound(Settings, place="options.speed_bound"):
     """Bound on each component of the velocity where the beams leave a direction unobserved (docs/linear_range.md)."""
 
-    place: ClassVar[str] = "options.speed_bound"
     sd_mps: float = 0.0
     """1 sigma; 0 for no bound"""
     time_s: float = 60.0
     """correlation time of the bound's error"""
 
 
-class Levers(Settings):
+class Levers(Settings, place="options.levers"):
     """Place of each sensor (3,), platform frame."""
 
-    place: ClassVar[str] = "options.levers"
     depth_p_m: Vector = (0.0, 0.0, 0.0)
     gps_p_m: Vector = (0.0, 0.0, 0.0)
     acoustic_position_p_m: Vector = (0.0, 0.0, 0.0)
@@ -547,10 +528,9 @@ class FilterKeys(BaseModel):
     """what info hands over: the observable axes, or the full vector with a large variance"""
 
 
-class Options(FilterKeys, Settings):
+class Options(FilterKeys, Settings, place="options"):
     """Options of the filters; the page of a method explains each."""
 
-    place: ClassVar[str] = "options"
     covariance_period_ns: int = 100_000_000
     """interval of the covariance propagation; 0 for every inertial step"""
     imu_limits: ImuLimits = ImuLimits()
@@ -577,10 +557,9 @@ class Options(FilterKeys, Settings):
         return cls(**{key: value for part in parts for key, value in part.items()} | {"levers": levers})
 
 
-class InitialState(Settings):
+class InitialState(Settings, place="initial_state"):
     """State at the start of a navigator or a replay: what `Navigator.state` returns makes one, too."""
 
-    place: ClassVar[str] = "initial_state"
     time_ns: int
     position_t_m: Vector = (0.0, 0.0, 0.0)
     """position (3,), tangent frame, by default its origin"""

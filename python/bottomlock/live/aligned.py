@@ -11,11 +11,11 @@ from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
-from bottomlock.kernel.attitude_motion import MotionFromAttitude
 from bottomlock.live.alignment import Alignment, AttitudeAlignment
 from bottomlock.live.estimator import solve_ping
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig
 from bottomlock.live.sections import ImuFromAttitude
+from bottomlock.recordings.attitude_motion import MotionFromAttitude
 from bottomlock.recordings.readings import (
     AidingReading,
     AttitudeReading,

@@ -6,7 +6,7 @@ import numpy as np
 
 from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.errors import DataError
-from bottomlock.kernel.attitude_motion import divided, held, inertial_readings
+from bottomlock.recordings.attitude_motion import divided, held, inertial_readings
 from bottomlock.recordings.streams import Attitudes, Beams, Flags, Floats, Inertial, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport

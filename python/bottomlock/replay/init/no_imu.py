@@ -3,7 +3,7 @@
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.kernel.attitude_motion import inertial_readings
+from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles
 from bottomlock.replay.init.draft import Section
 from bottomlock.replay.init.dvl_part import DvlPart

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import bottomlock
 from bottomlock.config.imu import WEIGHTLESS_MPS2
 from bottomlock.config.scenario import load_scenario
-from bottomlock.kernel.attitude_motion import MotionFromAttitude, divided, held, inertial_readings
+from bottomlock.recordings.attitude_motion import MotionFromAttitude, divided, held, inertial_readings
 
 LATITUDE = 0.7
 
