@@ -1,12 +1,12 @@
 """An attitude or heading reference: its mounting, its errors, what a filter uses of it; of a replay or live."""
 
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, ModelWrapValidatorHandler, model_validator
+from pydantic import Field
 
 from bottomlock import units
-from bottomlock.config.instrument_grades import filled_from_grade
+from bottomlock.config.instrument_grades import Graded
 from bottomlock.config.section import Mounting, SensorErrors, in_si, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
@@ -36,13 +36,14 @@ class SlowAttitudeErrors(SensorErrors, kernel=models.MagnetometerModel):
     """deviation by cosine and by sine of twice the heading, likewise"""
 
 
-class AttitudeReference(SlowAttitudeErrors, Mounting):
+class AttitudeReference(Graded, SlowAttitudeErrors, Mounting):
     """Mounting and errors of an attitude sensor.
 
     Of a reading's error `roll_pitch_sd_deg` and `yaw_sd_deg` are white noise, a constant offset and a first-order walk
     last: the filter estimates these two where they are given.
     """
 
+    of_grade = ("attitude", "grade")
     grade: Annotated[str | None, shown(example="mti_ahrs")] = None
     """packaged grade that gives the standard deviations and the walk time left out here: magnetic, mti_ahrs,
     gyrocompass; bottomlock list grades lists them"""
@@ -56,11 +57,6 @@ class AttitudeReference(SlowAttitudeErrors, Mounting):
     """noise of roll and pitch, 1 sigma"""
     yaw_sd_deg: Positive = 5.0
     """noise of the yaw, 1 sigma"""
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
-        return filled_from_grade("attitude", content, handler)
 
     @property
     def start_roll_pitch_sd_deg(self) -> float:

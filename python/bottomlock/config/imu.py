@@ -1,12 +1,12 @@
 """Errors of an IMU and the limits of its readings; the noise of a motion made from attitudes in their place."""
 
 import math
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Final, Literal
 
-from pydantic import Field, ModelWrapValidatorHandler, model_validator
+from pydantic import Field
 
 from bottomlock import units
-from bottomlock.config.instrument_grades import filled_from_grade
+from bottomlock.config.instrument_grades import Graded
 from bottomlock.config.section import Section, in_si, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
@@ -15,9 +15,10 @@ WEIGHTLESS_MPS2 = 0.0
 """Gravity of a filter whose specific forces are made without it."""
 
 
-class ImuErrors(Section):
+class ImuErrors(Graded, Section):
     """Errors of inertial sensors, 1 sigma; those of a packaged grade where `grade` names one and a key is left out."""
 
+    of_grade = ("imu", "grade")
     grade: Annotated[str | None, shown(example="mti")] = None
     """packaged grade that gives the keys left out here: phone, autopilot, mti, tactical, fibre_optic, ring_laser;
     bottomlock list grades lists them"""
@@ -43,11 +44,6 @@ class ImuErrors(Section):
     """how far the gyro biases do, each axis"""
     warm_up_time_s: Positive = models.WALK_TIME_S
     """time constant of the warm-up"""
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
-        return filled_from_grade("imu", content, handler)
 
     def kernel_model(self) -> models.ImuModel:
         """The errors in SI."""

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, TypeVar
+from typing import Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ModelWrapValidatorHandler
+from pydantic import BaseModel, ModelWrapValidatorHandler, model_validator
 
 from bottomlock.config.packaged import packaged_text
 from bottomlock.config.section import in_si
@@ -14,7 +14,6 @@ from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.support.nearest import did_you_mean
 
-M = TypeVar("M", bound=BaseModel)
 Kind = Literal["imu", "attitude", "water"]
 KINDS: dict[Kind, str] = {
     "imu": "IMUs, 1 sigma per axis",
@@ -102,27 +101,26 @@ def vehicle_water(name: str) -> models.Water:
     return models.Water(**grade_of("water", name).keys)
 
 
-def filled_from_grade(
-    kind: Kind,
-    content: Any,  # noqa: ANN401
-    handler: ModelWrapValidatorHandler[M],
-    key: str = "grade",
-) -> M:
-    """Validates a section with a key that gives the keys left out, of a grade; only what was written counts as set.
+class Graded(BaseModel):
+    """A section with a key that gives the keys left out, of a packaged grade."""
 
-    Raises:
-        ValueError: for an unknown grade.
-    """
-    if not isinstance(content, dict) or content.get(key) is None:
-        return handler(content)
-    try:
-        own = grade_of(kind, str(content[key])).keys
-    except ScenarioError as error:
-        raise ValueError(str(error)) from None
-    filled = handler({**own, **content})
-    # A key of the grade is written nowhere, so that another grade can take its place (`Scenario.replace`).
-    object.__setattr__(filled, "__pydantic_fields_set__", set(content) & set(type(filled).model_fields))
-    return filled
+    of_grade: ClassVar[tuple[Kind, str]]
+    """The kind of grade, and the key that names it."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
+        """Only what was written counts as set, so that another grade can take its place (`Scenario.replace`)."""
+        kind, key = cls.of_grade
+        if not isinstance(content, dict) or content.get(key) is None:
+            return handler(content)
+        try:
+            own = grade_of(kind, str(content[key])).keys
+        except ScenarioError as error:
+            raise ValueError(str(error)) from None
+        filled = handler({**own, **content})
+        object.__setattr__(filled, "__pydantic_fields_set__", set(content) & set(cls.model_fields))
+        return filled
 
 
 def listing(kind: Kind) -> Iterator[str]:

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from bottomlock.config.section import Section, shown
-from bottomlock.config.validation import refusal
+from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.support.nearest import guess
@@ -193,10 +193,7 @@ def checked_table(kinds: dict[str, type[Table]], table: dict[str, Any], place: s
             expected=f"one of {', '.join(kinds)}",
             hint=guess(kind, kinds),
         )
-    try:
-        return kinds[kind].model_validate(table)
-    except ValidationError as error:
-        raise refusal(error, place, kinds[kind]) from error
+    return checked(kinds[kind], table, place)
 
 
 def faults_of(content: Mapping[str, Any], place: str) -> list[str]:

@@ -4,9 +4,9 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.imu import Imu
@@ -26,13 +26,12 @@ from bottomlock.config.section import in_si, shown
 from bottomlock.config.sensors import SENSORS, SensorSections, WaterTrack
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.config.toml_value import toml_value
-from bottomlock.config.validation import refusal
+from bottomlock.config.validation import Model, checked
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.own_method import AnyMethod
 from bottomlock.support.notebook import html_table
 
-Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
 
 
@@ -207,10 +206,8 @@ class Scenario(SensorSections):
         content = self.campaign.model_dump() | {
             key: value for key, value in change.items() if value is not None
         }
-        try:
-            return self.model_copy(update={"campaign": Campaign.model_validate(content)})
-        except ValidationError as error:
-            raise refusal(error, f"scenario {self.name}: campaign", Campaign) from error
+        campaign = checked(Campaign, content, f"scenario {self.name}: campaign")
+        return self.model_copy(update={"campaign": campaign})
 
     def with_trajectory(self, **change: Any) -> Self:  # noqa: ANN401 - any key of the section
         """The scenario with other keys under `[trajectory]`; a change of source drops the keys of the old one.
@@ -222,10 +219,7 @@ class Scenario(SensorSections):
         moved = change.get("source", self.trajectory.source) != self.trajectory.source
         if moved:
             kept = {key: kept[key] for key in kept if key in {"kind", "duration_s", "speed_mps"}}
-        try:
-            trajectory = Trajectory.model_validate(kept | change)
-        except ValidationError as error:
-            raise refusal(error, f"scenario {self.name}: trajectory", Trajectory) from error
+        trajectory = checked(Trajectory, kept | change, f"scenario {self.name}: trajectory")
         return self.model_copy(update={"trajectory": trajectory} | ({"mission": {}} if moved else {}))
 
     def kernel_model(self, gravity_mps2: float) -> models.Model:
@@ -328,10 +322,7 @@ def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
         ScenarioError: naming everything that is wrong, in `[mission]` and `[seabed]` too.
     """
     faults = faults_of(content, place)
-    try:
-        scenario = model.model_validate(content)
-    except ValidationError as error:
-        raise refusal(error, place, model, *faults) from error
+    scenario = checked(model, content, place, *faults)
     if faults:
         raise ScenarioError("\n".join(faults))
     return scenario

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import (
     BeforeValidator,
     Field,
-    ModelWrapValidatorHandler,
     SerializerFunctionWrapHandler,
     model_serializer,
     model_validator,
@@ -16,10 +15,10 @@ from pydantic import (
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout, BeamTilt
 from bottomlock.config.dvl_errors import DvlErrors
-from bottomlock.config.instrument_grades import filled_from_grade
+from bottomlock.config.instrument_grades import Graded
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
-from bottomlock.config.section import Factor, Fraction, Section, Triple, shown
+from bottomlock.config.section import Earth, Factor, Fraction, Section, Triple, shown
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import known_names, not_replaced
@@ -77,7 +76,7 @@ class Trajectory(PathKeys):
         return {key: value for key, value in dumped.items() if key not in strange - self.model_fields_set}
 
 
-class Environment(Section):
+class Environment(Earth):
     """Position on the Earth, and the date; longitude and decimal year are used for the magnetic field only."""
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)] = 32.8
@@ -86,14 +85,10 @@ class Environment(Section):
     """longitude, for the magnetic field alone"""
     year: Annotated[float, Field(ge=1900, le=2100), shown(unit="year")] = 2026.0
     """decimal year, for the magnetic field alone"""
-    gravity: Annotated[Literal["normal"] | Positive, shown(unit="m/s²")] = "normal"
-    """gravity: normal (WGS 84, at latitude and depth), or a number"""
     depth_m: Finite = 0.0
     """depth at which normal gravity is taken; on the ellipsoid it follows from the vehicle's depth"""
     earth_rotation: bool = True
     """whether the Earth turns, for truth and filter alike"""
-    earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
-    """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
 
 
 class Outage(Section):
@@ -198,21 +193,17 @@ class Initial(Section):
     """yaw"""
 
 
-class Water(models.Water):
+class Water(Graded, models.Water):
     """Prior of the method sway_current for the motion through the water, 1 sigma.
 
     The defaults are of a torpedo of 3 m at 2 m/s; docs/methods/sway_current.md says where each number comes from.
     """
 
+    of_grade = ("water", "vehicle")
     beside = frozenset({"vehicle"})
     vehicle: Annotated[str | None, shown(example="hovering")] = None
     """kind of vehicle that gives the keys left out here: torpedo, hovering, glider, surface; bottomlock list grades
     lists them"""
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _of_vehicle(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
-        return filled_from_grade("water", content, handler, "vehicle")
 
 
 _OPTIONS: Final = models.Options()

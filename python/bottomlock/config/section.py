@@ -1,12 +1,12 @@
 """A section of a settings file: its base, what a key means, and the unit that its name ends in."""
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from bottomlock import units
-from bottomlock.kernel.models import Finite, NonNegative, Settings
+from bottomlock.kernel.models import Finite, NonNegative, Positive, Settings
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Factor = Annotated[float, Field(ge=1, allow_inf_nan=False)]
@@ -103,6 +103,15 @@ class Section(BaseModel):
     """A section: unknown keys are errors, values are kept as read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class Earth(Section):
+    """The Earth that a vehicle is on."""
+
+    gravity: Annotated[Literal["normal"] | Positive, shown(unit="m/s²")] = "normal"
+    """gravity: normal (WGS 84, of the place), or a number"""
+    earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
+    """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
 
 
 class SensorErrors(Section):

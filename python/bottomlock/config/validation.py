@@ -1,7 +1,8 @@
 """Error messages for settings files: place, key, value found, value expected, unit."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -10,6 +11,7 @@ from bottomlock.config.section import unit_of
 from bottomlock.errors import ScenarioError
 from bottomlock.support.nearest import nearest
 
+Model = TypeVar("Model", bound=BaseModel)
 _BOUNDS = {
     "greater_than": ("gt", ">"),
     "greater_than_equal": ("ge", ">="),
@@ -86,6 +88,18 @@ def refusal(error: ValidationError, place: str, model: type[BaseModel], *others:
     refused.place, refused.key = place, found[0].key
     refused.expected, refused.hint = found[0].expected, found[0].hint
     return refused
+
+
+def checked(model: type[Model], content: Mapping[str, Any], place: str, *others: str) -> Model:
+    """The content of a settings file as its model.
+
+    Raises:
+        ScenarioError: a line per fault, then `others`.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise refusal(error, place, model, *others) from error
 
 
 def faults(error: ValidationError, model: type[BaseModel]) -> Iterator[Fault]:

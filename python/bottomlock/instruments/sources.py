@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-from pydantic import ValidationError
 
 from bottomlock.config.beam_layout import BeamLayout
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.scenario_sections import Dvl
-from bottomlock.config.validation import refusal
+from bottomlock.config.validation import checked
 from bottomlock.errors import DataError
 from bottomlock.instruments.readings import Floats, Readings, TrueStates, ranges_or_flat
 from bottomlock.io.beam_table import WaterTable, read_beam_table, read_water_table, water_file
@@ -39,11 +38,7 @@ def with_geometry(scenario: Scenario, geometry: str) -> Scenario:
         if k not in BeamLayout.model_fields
     }
     beams = {key: value for key in BeamLayout.model_fields if (value := getattr(other, key)) is not None}
-    try:
-        dvl = Dvl.model_validate(kept | beams)
-    except ValidationError as error:
-        place = f"scenario {scenario.name} with geometry {geometry}: dvl"
-        raise refusal(error, place, Dvl) from error
+    dvl = checked(Dvl, kept | beams, f"scenario {scenario.name} with geometry {geometry}: dvl")
     return scenario.model_copy(update={"dvl": dvl})
 
 

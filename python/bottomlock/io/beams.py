@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout
@@ -19,7 +19,7 @@ from bottomlock.config.calibration import StatedCalibration
 from bottomlock.config.packaged import packaged_names, text_of
 from bottomlock.config.section import shown
 from bottomlock.config.toml_file import parse_toml
-from bottomlock.config.validation import refusal
+from bottomlock.config.validation import checked
 from bottomlock.errors import DataError, ScenarioError, bad_column
 from bottomlock.files.table_file import read_table_file
 from bottomlock.io.account import Account
@@ -155,10 +155,7 @@ def read_instrument_file(source: str | Path) -> InstrumentFile:
     """
     text, place = text_of("geometry", source)
     content = parse_toml(text, place=place, kind="DVL geometry")
-    try:
-        return InstrumentFile.model_validate(content)
-    except ValidationError as error:
-        raise refusal(error, place, InstrumentFile) from error
+    return checked(InstrumentFile, content, place)
 
 
 def read_geometry(source: str | Path, *, beam_noise_mps: float | None = None) -> Instrument:
@@ -184,9 +181,7 @@ def instrument_of(settings: InstrumentFile, *, place: str) -> Instrument:
     Raises:
         ScenarioError: for directions that are not unit vectors, and another number of noises than of beams.
     """
-    mounting = np.deg2rad(
-        [settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg]
-    )
+    mounting = np.array(settings.mounting_rpy_rad)
     calibration = settings.calibration
     scale = 1.0 if calibration is None else 1.0 + units.fraction_from_percent(calibration.scale_percent)
     try:

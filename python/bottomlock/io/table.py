@@ -8,10 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from bottomlock.config.toml_file import parse_toml, read_text
-from bottomlock.config.validation import refusal
+from bottomlock.config.validation import checked
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import check_regular, read_table_file
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Floats, Recording
@@ -40,10 +39,7 @@ def read_map(path: Path) -> Columns:
     """
     check_regular(path)
     content = parse_toml(read_text(path), place=str(path))
-    try:
-        return Columns.model_validate(content.get("columns", content))
-    except ValidationError as error:
-        raise refusal(error, str(path), Columns) from error
+    return checked(Columns, content.get("columns", content), str(path))
 
 
 def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:

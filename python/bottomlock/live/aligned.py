@@ -36,8 +36,7 @@ class PlatformAttitude:
     """Attitudes of the platform: the sensor's, out of its frames and its mounting, with its yaw offset added."""
 
     def __init__(self, section: AttitudeReference) -> None:
-        angles = (section.mounting_roll_deg, section.mounting_pitch_deg, section.mounting_yaw_deg)
-        self._after = np.array(quaternion(*map(units.rad_from_deg, angles))) * _CONJUGATE
+        self._after = np.array(quaternion(*section.mounting_rpy_rad)) * _CONJUGATE
         self._before = np.array(quaternion(0.0, 0.0, units.rad_from_deg(section.yaw_offset_deg)))
         if section.frame == "enu_flu":
             self._after = product(QUATERNION_FLU_FRD, self._after)

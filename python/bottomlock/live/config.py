@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import ValidationError, model_validator
+from pydantic import model_validator
 
 from bottomlock.config.section import shown
 from bottomlock.config.through_water import require_one_use
 from bottomlock.config.toml_file import parse_toml, read_text
-from bottomlock.config.validation import refusal
+from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
 from bottomlock.io.formats import LIVE
 from bottomlock.live.navigator_config import NavigatorConfig, kernel_settings
@@ -256,10 +256,7 @@ def parse_config(text: str, *, place: str, folder: Path | None = None) -> LiveCo
             content = with_case(content, Path(content["case"]))
         except ScenarioError as error:
             raise ScenarioError(error, place=place) from error
-    try:
-        config = LiveConfig.model_validate(content)
-    except ValidationError as error:
-        raise refusal(error, place, LiveConfig) from error
+    config = checked(LiveConfig, content, place)
     try:
         return config.checked()
     except (ScenarioError, ValueError) as error:

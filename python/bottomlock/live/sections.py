@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import Imu, ImuLimits, MotionErrors
-from bottomlock.config.section import Section, Vector, shown
+from bottomlock.config.section import Earth, Section, Vector, shown
 from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.formats import LIVE
@@ -142,7 +142,7 @@ class AidingSections(Section):
     effort: EffortErrors | None = None
 
 
-class OriginSection(Section):
+class OriginSection(Earth):
     """Where the vehicle is: latitude, for gravity and the Earth's rate; all three for GPS positions.
 
     `height_m` is the origin's as the receiver counts: above the ellipsoid, or above the sea.
@@ -154,10 +154,6 @@ class OriginSection(Section):
     """longitude; needed by [gps] alone"""
     height_m: Finite = 0.0
     """height of the origin, as the GPS receiver counts it"""
-    gravity: Annotated[Literal["normal"] | Positive, shown(unit="m/s²")] = "normal"
-    """gravity: normal (WGS 84, at the latitude), or a number"""
-    earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
-    """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
 
 
 HEADING_SD_DEG = 2.0

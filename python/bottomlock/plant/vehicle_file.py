@@ -3,11 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from bottomlock.config.packaged import packaged_names, text_of
 from bottomlock.config.toml_file import parse_toml
-from bottomlock.config.validation import refusal
+from bottomlock.config.validation import checked
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.vehicle import Vehicle
 
@@ -37,7 +35,4 @@ def parse_vehicle(tables: dict[str, Any], place: str) -> AnyVehicle:
         ScenarioError: with every fault found.
     """
     kind: type[AnyVehicle] = HoveringVehicle if "thrusters" in tables else Vehicle
-    try:
-        return kind.model_validate(tables)
-    except ValidationError as error:
-        raise refusal(error, place, kind) from error
+    return checked(kind, tables, place)

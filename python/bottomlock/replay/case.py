@@ -7,15 +7,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.own_methods import OwnMethods, own_methods_from
 from bottomlock.config.scenario_sections import Filter, Robust, known_methods
-from bottomlock.config.section import Section, Vector, shown
+from bottomlock.config.section import Earth, Section, Vector, shown
 from bottomlock.config.through_water import require_one_use
 from bottomlock.config.toml_file import parse_toml, read_text
-from bottomlock.config.validation import refusal
+from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beam_table import water_file
 from bottomlock.kernel import METHODS
@@ -35,7 +35,7 @@ from bottomlock.replay.stream_sections import (
 FROM_REFERENCE = "reference"
 
 
-class Origin(Section):
+class Origin(Earth):
     """Origin of the tangent frame; without coordinates, the first position of the reference or of GPS."""
 
     latitude_deg: Annotated[Annotated[float, Field(ge=-90, le=90)] | None, shown(example=42.3)] = None
@@ -44,10 +44,6 @@ class Origin(Section):
     """longitude of the origin; needs the latitude"""
     height_m: Finite = 0.0
     """height of the origin above the ellipsoid"""
-    gravity: Annotated[Literal["normal"] | Positive, shown(unit="m/s²")] = "normal"
-    """gravity: normal (WGS 84, at the latitude), or a number"""
-    earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
-    """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
 
     @model_validator(mode="after")
     def _longitude_needs_latitude(self) -> Self:
@@ -244,10 +240,7 @@ class Case(SensorStreams):
             ScenarioError: for an unknown or repeated method.
         """
         content = self.replay.model_dump() | {"methods": tuple(methods)}
-        try:
-            return self.model_copy(update={"replay": Settings.model_validate(content)})
-        except ValidationError as error:
-            raise refusal(error, f"case {self.name}: replay", Settings) from error
+        return self.model_copy(update={"replay": checked(Settings, content, f"case {self.name}: replay")})
 
     @property
     def readings(self) -> ImuStream:
@@ -322,10 +315,7 @@ def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
     own_methods_from(content.get("replay"), folder)
     if folder is not None:
         _from_folder(content, folder)
-    try:
-        return Case.model_validate(content)
-    except ValidationError as error:
-        raise refusal(error, place, Case) from error
+    return checked(Case, content, place)
 
 
 def _from_folder(table: dict[str, Any], folder: Path) -> None:

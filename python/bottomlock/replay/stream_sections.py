@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import ImuErrors, ImuLimits, MotionErrors
-from bottomlock.config.section import Section, Vector, shown
+from bottomlock.config.section import Mounting, Section, Vector, shown
 from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.errors import DataError
 from bottomlock.kernel.models import Finite, NonNegative, Positive
@@ -109,20 +109,8 @@ class ReorderedStream(Stream):
         return self
 
 
-class MountedStream(ReorderedStream):
+class MountedStream(Mounting, ReorderedStream):
     """A sensor whose axes, reordered, are rotated to platform axes by the mounting angles."""
-
-    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    """rotation from sensor to platform axes: roll"""
-    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    """rotation from sensor to platform axes: pitch"""
-    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """rotation from sensor to platform axes: yaw"""
-
-    @property
-    def mounting_rpy_rad(self) -> Floats:
-        """(3,) roll, pitch, yaw, rad."""
-        return np.deg2rad([self.mounting_roll_deg, self.mounting_pitch_deg, self.mounting_yaw_deg])
 
 
 class ImuStream(MountedStream):
@@ -319,9 +307,8 @@ class AttitudeStream(AttitudeReference, SensorStream):
     def stream(self, time_ns: Times, values: Floats) -> Attitudes:
         """The stream in SI, of the columns (n, k)."""
         sensor = from_angles(*(values * ANGLE_SI[self.unit]).T)
-        mounting = np.deg2rad([self.mounting_roll_deg, self.mounting_pitch_deg, self.mounting_yaw_deg])
         offset = float(np.deg2rad(self.yaw_offset_deg))
-        return Attitudes(time_ns, platform_attitude(sensor, self.frame, mounting, offset))
+        return Attitudes(time_ns, platform_attitude(sensor, self.frame, self.mounting_rpy_rad, offset))
 
 
 class MagnetometerStream(MountedStream):
