@@ -1,5 +1,6 @@
 """Methods of one's own in a scenario or a case: where they come from, and their names among the methods."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -7,6 +8,9 @@ from pydantic import SerializerFunctionWrapHandler, model_serializer, model_vali
 
 from bottomlock import own_method
 from bottomlock.config.section import Section, shown
+from bottomlock.kernel import METHODS
+from bottomlock.own_method import known_names, not_replaced
+from bottomlock.support.nearest import did_you_mean
 
 
 class OwnMethods(Section):
@@ -54,3 +58,30 @@ def own_methods_from(section: Any, folder: Path | None) -> None:  # noqa: ANN401
             section[key] = [
                 str(folder / name) if isinstance(name, str) and ".py:" in name else name for name in names
             ]
+
+
+def check_methods(methods: Iterable[str]) -> None:
+    """Rejects unknown and repeated methods and an empty list.
+
+    Raises:
+        ValueError: naming the known methods.
+    """
+    seen: set[str] = set()
+    for method in methods:
+        if not_replaced(method) not in known_names():
+            hint = did_you_mean(method, known_names())
+            raise ValueError(
+                f"unknown method '{method}'{hint} (known: {', '.join(known_names())}; your own: MODULE:CLASS)"
+            )
+        if method in seen:
+            raise ValueError(f"method '{method}' is named twice")
+        seen.add(method)
+    if not seen:
+        raise ValueError(f"no method is named, expected one or more of {', '.join(METHODS)}")
+
+
+def known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call names
+    """The methods, if they are a list of texts that `check_methods` accepts."""
+    if isinstance(methods, list | tuple) and all(isinstance(method, str) for method in methods):
+        check_methods(methods)
+    return methods

@@ -20,12 +20,12 @@ from bottomlock.config.scenario_sections import (
     Filter,
     Initial,
     Robust,
-    Trajectory,
 )
 from bottomlock.config.section import in_si, shown
 from bottomlock.config.sensors import SENSORS, SensorSections, WaterTrack
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.config.toml_value import toml_value
+from bottomlock.config.trajectory import Trajectory
 from bottomlock.config.validation import Model, checked
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models

@@ -1,14 +1,11 @@
 """The sections of a scenario file, in human units, each checked as it is read."""
 
 import math
-from collections.abc import Iterable
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
     BeforeValidator,
     Field,
-    SerializerFunctionWrapHandler,
-    model_serializer,
     model_validator,
 )
 
@@ -16,64 +13,10 @@ from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout, BeamTilt
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.instrument_grades import Graded
-from bottomlock.config.own_methods import OwnMethods
-from bottomlock.config.path_keys import PathKeys, check_source, others_keys
+from bottomlock.config.own_methods import OwnMethods, known_methods
 from bottomlock.config.section import Earth, Factor, Fraction, Section, Triple, shown
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
-from bottomlock.own_method import known_names, not_replaced
-from bottomlock.support.nearest import did_you_mean
-
-
-class Trajectory(PathKeys):
-    """The true motion: of a simulated vehicle, analytic, or along a path of one's own from a file."""
-
-    kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints", "file"]
-    """the path; constant_turn is analytic only, waypoints of a vehicle only; a file needs no kind"""
-    source: Literal["vehicle", "analytic", "file"] = "vehicle"
-    """who makes the motion: a simulated vehicle under guidance, analytic functions with exact derivatives, or the
-    splines through a file"""
-    vehicle: str = "tauv"
-    """packaged vehicle, or a vehicle file, from the scenario's folder; source vehicle only"""
-    feedback: Literal["truth", "estimate"] = "truth"
-    """state that guidance and control use; with the estimate the path has the navigation error; source vehicle only"""
-    pilot: Annotated[str, shown(range='"own" or a method of the campaign')] = "own"
-    """with feedback = "estimate": the method whose estimate steers, or "own": each method has its own vehicle"""
-    duration_s: Annotated[float, Field(gt=0, le=86_400)] = 250.0
-    """length of a run; a path through waypoints ends at the last of them unless this is given"""
-    speed_mps: Annotated[float, Field(gt=0, le=50)] = 2.0
-    """speed over ground that the path is followed with"""
-    heading_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """heading at the start, from north to east; source analytic only"""
-    yaw_rate_deg_per_s: Annotated[float, Field(gt=0, le=90)] = 3.0
-    """rate of the turns; source analytic only"""
-    dive_angle_deg: Annotated[float, Field(ge=0, le=60)] = 5.0
-    """pitch of the dive, down; source analytic only"""
-    dive_s: NonNegative = 30.0
-    """length of the dive; source analytic only"""
-    leg_s: Positive = 40.0
-    """length of a leg of the lawn mower; source analytic only"""
-    turn_s: Positive = 20.0
-    """length of a half turn of the lawn mower; source analytic only"""
-    sway_gain_m: Annotated[float, Field(ge=-10, le=10)] = 0.6
-    """sway over yaw rate in turns, m/s for each rad/s; source analytic only"""
-
-    @model_validator(mode="after")
-    def _of_one_source(self) -> Self:
-        check_source(self.source, self.kind, self.model_fields_set)
-        if self.pilot != "own":
-            check_methods([self.pilot])
-        return self
-
-    @model_serializer(mode="wrap")
-    def _of_its_source(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leaves out the keys that would mean something else if they were given: what is dumped can be read again."""
-        strange = others_keys(self.source)
-        # A path through waypoints ends at the last of them, unless it has a duration; so does one from a file.
-        strange |= {"duration_s"} if self.kind in {"waypoints", "file"} else set()
-        strange |= {"speed_mps"} if self.kind == "file" else set()
-        dumped: dict[str, Any] = handler(self)
-        return {key: value for key, value in dumped.items() if key not in strange - self.model_fields_set}
 
 
 class Environment(Earth):
@@ -270,33 +213,6 @@ class Robust(Section):
         content: dict[str, Any] = self.model_dump(exclude={"enabled"})
         content |= {key: None for key, value in content.items() if value == "off"}
         return models.Robust(**content)
-
-
-def check_methods(methods: Iterable[str]) -> None:
-    """Rejects unknown and repeated methods and an empty list.
-
-    Raises:
-        ValueError: naming the known methods.
-    """
-    seen: set[str] = set()
-    for method in methods:
-        if not_replaced(method) not in known_names():
-            hint = did_you_mean(method, known_names())
-            raise ValueError(
-                f"unknown method '{method}'{hint} (known: {', '.join(known_names())}; your own: MODULE:CLASS)"
-            )
-        if method in seen:
-            raise ValueError(f"method '{method}' is named twice")
-        seen.add(method)
-    if not seen:
-        raise ValueError(f"no method is named, expected one or more of {', '.join(METHODS)}")
-
-
-def known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call names
-    """The methods, if they are a list of texts that `check_methods` accepts."""
-    if isinstance(methods, list | tuple) and all(isinstance(method, str) for method in methods):
-        check_methods(methods)
-    return methods
 
 
 class Campaign(OwnMethods):

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from bottomlock.config.calibration import CalibrationSection
-from bottomlock.config.own_methods import OwnMethods, own_methods_from
-from bottomlock.config.scenario_sections import Filter, Robust, known_methods
+from bottomlock.config.own_methods import OwnMethods, known_methods, own_methods_from
+from bottomlock.config.scenario_sections import Filter, Robust
 from bottomlock.config.section import Earth, Section, Vector, shown
 from bottomlock.config.through_water import require_one_use
 from bottomlock.config.toml_file import parse_toml, read_text

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario, load_scenario
-from bottomlock.config.scenario_sections import Trajectory
+from bottomlock.config.trajectory import Trajectory
 from bottomlock.errors import DataError
 from bottomlock.truth.truth import Array, Truth, sample_times_ns
 

@@ -11,8 +11,8 @@ from pathlib import Path as FilePath
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from bottomlock.config.path_keys import PathLimits
 from bottomlock.config.scenario import EARTH_RATE_RADPS
+from bottomlock.config.trajectory import PathLimits
 from bottomlock.errors import DataError
 from bottomlock.io.track import Track, read_track
 from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings, rate_tp, rotation_t_p

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.config.path_keys import PathLimits
+from bottomlock.config.trajectory import PathLimits
 from bottomlock.errors import DataError
 from bottomlock.io.track import Track
 from bottomlock.truth.truth import Array
