@@ -32,7 +32,7 @@ def test_perfect_imu_returns_the_truth(name: str) -> None:
     sections = {name: values for name, values in model.as_dict().items() if values is not None}
     perfect = {
         section: {
-            key: np.zeros(3) if np.ndim(value) else value if key.endswith("time_s") else 0.0
+            key: np.zeros(3) if np.ndim(value) else value if key.endswith(("time_s", "period_s")) else 0.0
             for key, value in values.items()
         }
         for section, values in sections.items()
