@@ -15,9 +15,11 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.table_file import read_table_file
 from bottomlock.io.beams import Columns, read_geometry, read_times
 from bottomlock.kernel import BeamGeometry, KernelError, Method
+from bottomlock.recordings.sensors import SENSORS, Sensor
 from tests.kernel.test_models import JANUS, LOG, MODEL, OPTIONS, STATE
 
 SECOND = 1_000_000_000
+EFFORT = {"mass_kg": [20.0, 20.0, 30.0], "linear_drag_kg_per_s": [14.0, 0.0, 33.0]}
 
 
 def navigator(method: Method = "tc") -> kernel.Navigator:
@@ -231,3 +233,14 @@ def test_pings_in_milli_and_microseconds_are_named(step: int, tmp_path: Path) ->
                     read(tmp_path / "log.csv")
             else:
                 read(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("sensor", SENSORS[:-1], ids=lambda sensor: sensor.name)
+def test_every_number_of_a_section_reaches_the_kernel(sensor: Sensor) -> None:
+    """The kernel's default would stand for a key that none of its settings is named like."""
+    needed: dict[str, Any] = {"depth": {"sd_m": 0.1}, "thrust": {"advance_m": 0.1}, "effort": EFFORT}
+    section = sensor.settings(**needed.get(sensor.name, {}))
+    for key, value in section:
+        if isinstance(value, float) and not key.startswith("mounting") and key != "yaw_offset_deg":
+            other = section.model_copy(update={key: value + 0.25})
+            assert other.kernel_models() != section.kernel_models(), key
