@@ -14,7 +14,7 @@ from bottomlock.config.beam_layout import BeamLayout, BeamTilt
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.instrument_grades import Graded
 from bottomlock.config.own_methods import OwnMethods, known_methods
-from bottomlock.config.section import Earth, Factor, Fraction, Section, Triple, shown
+from bottomlock.config.section import Earth, Outliers, Section, Triple, shown
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
@@ -71,7 +71,7 @@ class AltitudeLoss(Section):
     """mean time that it is not, and no beam returns"""
 
 
-class Dvl(DvlErrors, BeamLayout):
+class Dvl(Outliers, DvlErrors, BeamLayout):
     """Doppler velocity log: geometry, rate, errors (1 sigma), limits over the seabed, and which beams are lost.
 
     The defaults of bias and scale factor are those of the paper's Table 2, as in a replay. Every rule of loss must let
@@ -84,10 +84,6 @@ class Dvl(DvlErrors, BeamLayout):
     """tilt of every beam from the vertical, for x and +"""
     beam_noise_mps: Annotated[Positive, shown(example=0.042)]
     """white noise of a beam"""
-    outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
-    """part of a beam's readings that are outliers; the filter does not model them"""
-    outlier_factor: Annotated[Factor, shown(unit="1")] = 10.0
-    """noise of an outlier over that of a good reading"""
     min_range_m: NonNegative = 0.0
     """least range at which a beam returns; needs [seabed]"""
     max_range_m: Annotated[float, Field(gt=0), shown(example=64.0)] = math.inf

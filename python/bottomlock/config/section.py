@@ -9,7 +9,6 @@ from bottomlock import units
 from bottomlock.kernel.models import Finite, NonNegative, Positive, Settings
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
-Factor = Annotated[float, Field(ge=1, allow_inf_nan=False)]
 Triple = tuple[NonNegative, NonNegative, NonNegative]
 Vector = tuple[Finite, Finite, Finite]
 Kernel = TypeVar("Kernel", bound=Settings)
@@ -112,6 +111,15 @@ class Earth(Section):
     """gravity: normal (WGS 84, of the place), or a number"""
     earth: Literal["ellipsoid", "tangent_plane"] = "ellipsoid"
     """the Earth: the ellipsoid of WGS 84, or a plane with gravity, level and north of the origin everywhere"""
+
+
+class Outliers(Section):
+    """Outliers among simulated readings."""
+
+    outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
+    """part of the readings that are outliers; the filter does not model them"""
+    outlier_factor: Annotated[float, Field(ge=1, allow_inf_nan=False), shown(unit="1")] = 10.0
+    """noise of an outlier over that of a good reading"""
 
 
 class SensorErrors(Section):

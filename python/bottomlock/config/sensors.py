@@ -14,17 +14,22 @@ from bottomlock import units
 from bottomlock.config.aiding_errors import SlowDepthErrors
 from bottomlock.config.attitude_reference import SlowAttitudeErrors
 from bottomlock.config.mission_sections import CurrentTable
-from bottomlock.config.section import Factor, Fraction, Section, SensorErrors, Vector, in_si, shown
+from bottomlock.config.section import Fraction, Outliers, Section, SensorErrors, Vector, in_si, shown
 from bottomlock.config.through_water import ThrustErrors
 from bottomlock.kernel import models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
 
-class Simulated(SensorErrors):
-    """A sensor of a simulation."""
+class Switched(SensorErrors):
+    """A sensor of a simulation, which is on or off."""
 
     enabled: bool = True
     """whether there is such a sensor; a section that is there is on unless it says otherwise"""
+
+
+class Simulated(Switched):
+    """A sensor of a simulation with a rate of its own."""
+
     rate_hz: Positive = 1.0
     """rate of the readings"""
 
@@ -116,7 +121,7 @@ class Gps(Simulated, kernel=models.GpsModel):
     """time from surfacing to the first fix"""
 
 
-class AcousticPosition(Simulated, kernel=models.AcousticPositionModel):
+class AcousticPosition(Outliers, Simulated, kernel=models.AcousticPositionModel):
     """Acoustic position (USBL, LBL): fixes whose noise grows with the slant range from the transceiver.
 
     The standard deviation of each axis is the root of noise_m² + (noise_percent_of_range/100 · slant range)².
@@ -132,10 +137,6 @@ class AcousticPosition(Simulated, kernel=models.AcousticPositionModel):
     """position of the transceiver: north, east, down"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     """position of the transponder from the IMU, platform axes"""
-    outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
-    """part of the fixes that are outliers; the filter does not model them"""
-    outlier_factor: Annotated[Factor, shown(unit="1")] = 10.0
-    """noise of an outlier over that of a good fix"""
 
     def si(self) -> dict[str, Any]:
         """What is no key of the same name."""
@@ -164,7 +165,7 @@ class Thrust(ThrustErrors, Simulated):
         return super().kernel_options() if self.enabled else {"thrust": "off"}
 
 
-class WaterTrack(SensorErrors, kernel=models.WaterTrackModel):
+class WaterTrack(Outliers, Switched, kernel=models.WaterTrackModel):
     """Water track: pings of the DVL return the velocity relative to the water in a cell, on every beam.
 
     Beam biases, scale factor, mounting and clock are those of the bottom's beams; losses, noise and outliers are the
@@ -173,8 +174,6 @@ class WaterTrack(SensorErrors, kernel=models.WaterTrackModel):
     vehicle stands in `[mission]`.
     """
 
-    enabled: bool = True
-    """whether the water returns beams; a section that is there is on unless it says otherwise"""
     pings: Literal["all", "without_bottom"] = "all"
     """which pings return the water: all of them, or those of which no beam returns from the bottom"""
     range_m: NonNegative = 10.0
@@ -183,10 +182,6 @@ class WaterTrack(SensorErrors, kernel=models.WaterTrackModel):
     """white noise of each beam"""
     lost_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
     """part of the readings of each beam that are lost"""
-    outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
-    """part of the readings of each beam that are outliers, such as fish; the filter does not model them"""
-    outlier_factor: Annotated[Factor, shown(unit="1")] = 10.0
-    """noise of an outlier over that of a good reading"""
     wake: Annotated[Fraction, shown(unit="1")] = 0.0
     """part of the vehicle's velocity relative to the water with which the water in the cell follows it; the filter
     does not model it"""
