@@ -118,13 +118,13 @@ def test_a_current_that_changes_leaves_them_bounded(sd_mps: float, time_s: float
 
 @pytest.mark.parametrize(("sd_mps", "time_s"), [(0.3, 7200.0), (0.1, 1800.0)])
 def test_velocity_and_current_grow_together(sd_mps: float, time_s: float) -> None:
-    """What v has besides is the part of yaw and of the gyros in turns, as with the bottom. Seen: 0.020 to 0.046 m/s."""
+    """What v has besides is the yaw's part, as with the bottom. Seen: sqrt(σ_v² − σ_c²) from 0.021 to 0.034 m/s."""
     water = sigmas(current_sd_mps=sd_mps, current_time_s=time_s)
     assert (np.diff(water.current[1:]) > 0.0).all()
     assert water.current[-1] > 3.0 * water.current[0]
     apart = np.sqrt(water.velocity**2 - water.current**2)
     assert (apart > 0.015).all()
-    assert (apart < 0.05).all()
+    assert (apart < 0.04).all()
 
 
 def of_any_time(sd_mps: float, time_s: float, start_sd_mps: float, after_s: Floats) -> Floats:
