@@ -25,6 +25,9 @@ Floats = NDArray[np.float64]
 
 LOCK_S, DURATION_S = 60, 1860
 STEADY_S = 1e9
+ESTIMATED = dict.fromkeys(
+    ("gyro_scale_ppm", "gyro_misalignment_mrad", "accel_warm_up_mg", "gyro_warm_up_deg_per_h"), 0.0
+)
 CURRENT_T_MPS = np.array([0.2, 0.1, 0.0])
 
 
@@ -42,12 +45,14 @@ class Sigmas(NamedTuple):
 
 @cache
 def dive() -> tuple[Scenario, Simulation, Truth, Readings]:
-    """A tactical IMU along legs, turns and dives."""
+    """A tactical IMU along legs, turns and dives, of errors that its filter estimates alone."""
     content = load_scenario("straight").model_dump(exclude_unset=True)
     content.pop("mission")
     motion: dict[str, Any] = {"dive_angle_deg": 10.0, "dive_s": 60.0, "leg_s": 120.0, "turn_s": 20.0}
     motion |= {"kind": "lawn_mower", "source": "analytic", "duration_s": float(DURATION_S)}
-    scenario = Scenario.model_validate(content | {"imu": {"grade": "tactical"}, "trajectory": motion})
+    scenario = Scenario.model_validate(
+        content | {"imu": {"grade": "tactical"} | ESTIMATED, "trajectory": motion}
+    )
     simulation = build_simulation(scenario)
     truth = simulation.truth()
     return scenario, simulation, truth, Readings(simulation, truth, run=0)
