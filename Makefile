@@ -76,8 +76,8 @@ test-rust:
 # What `make test` leaves out; Rust with overflow checks, and the laws with more examples.
 test-long: $(VENV)/.tools $(VENV)/.installed
 	HYPOTHESIS_PROFILE=long $(pytest) -m "(long or hypothesis) and not deep" tests
-	cargo test --locked --lib
-	BOTTOMLOCK_LONG=1 cargo test --locked --test laws
+	cargo test --locked --lib --test laws
+	BOTTOMLOCK_LONG=1 $(released) --test laws
 	BOTTOMLOCK_LONG=1 $(released) --tests no_bytes_give
 
 # The largest sizes, before a release: an hour and a half of two cores.
