@@ -21,6 +21,7 @@ from bottomlock.io.beams import (
 )
 from bottomlock.io.columns import check_valid, column_numbers, read_rows
 from bottomlock.recordings.streams import Depths, Inertial
+from bottomlock.support.rising import rising
 
 AXES = ("x", "y", "z")
 
@@ -233,8 +234,7 @@ def read_own_attitude(path: str | Path) -> Reference | None:
         return None
     rpy = np.stack([numbers(table, name, place) for name in names], axis=1)
     time_ns = times_as_they_stand(table, Columns(), place)
-    before = np.concatenate([[np.iinfo(np.int64).min], np.maximum.accumulate(time_ns)[:-1]])
-    rows = np.isfinite(rpy).all(axis=1) & (time_ns > before)
+    rows = np.isfinite(rpy).all(axis=1) & rising(time_ns)
     return Reference(time_ns[rows], rpy[rows], None) if rows.sum() > 1 else None
 
 

@@ -26,6 +26,7 @@ from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.streams import Depths, Inertial
+from bottomlock.support.rising import rising
 
 OTHER_INSTRUMENT = {"swapped_beams", "sign_flipped", "order_or_bias", "rotated_geometry"}
 """Findings that another geometry may explain; so does a wrong direction of every beam."""
@@ -293,8 +294,7 @@ def _velocity(
 def _rising(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Rows of the chosen pings with a time later than all before; repeats and steps back have their own findings."""
     rows = np.flatnonzero(chosen)
-    before = np.concatenate([[np.iinfo(np.int64).min], np.maximum.accumulate(time_ns[rows])[:-1]])
-    return np.asarray(rows[time_ns[rows] > before])
+    return np.asarray(rows[rising(time_ns[rows])])
 
 
 def audit_file(

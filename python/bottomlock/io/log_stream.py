@@ -12,6 +12,7 @@ from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import Options, make_table, raise_if_empty
 from bottomlock.io.sentences import printable
 from bottomlock.support.later import pl, transform
+from bottomlock.support.rising import rising
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -129,8 +130,7 @@ def attitudes_of(streams: Sequence[LogStream]) -> Attitudes | None:
             else [f"q_{k}" for k in "xyzw"]
         )
         values = np.stack([one.columns[name] for name in names], axis=1)
-        rises = np.concatenate([[True], one.time_ns[1:] > np.maximum.accumulate(one.time_ns)[:-1]])
-        good = np.isfinite(values).all(axis=1) & rises
+        good = np.isfinite(values).all(axis=1) & rising(one.time_ns)
         if angles is None:
             good &= np.linalg.norm(values, axis=1) > 0.5
         if good.sum() < 2:

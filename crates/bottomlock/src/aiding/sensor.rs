@@ -211,21 +211,38 @@ impl Field for Signed {
     }
 }
 
-/// A correlation time, s: more than 0.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, serde::Serialize, serde::Deserialize)]
-pub struct TimeConstant(pub f64);
+/// Declares a time, s: more than 0, and so long where it is not given.
+macro_rules! time {
+    ($(#[$doc:meta])* $name:ident = $default:literal) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, serde::Serialize, serde::Deserialize)]
+        pub struct $name(pub f64);
 
-impl Default for TimeConstant {
-    /// Six hours, half a semidiurnal tide.
-    fn default() -> Self {
-        Self(21_600.0)
-    }
+        impl Default for $name {
+            fn default() -> Self {
+                Self($default)
+            }
+        }
+
+        impl Field for $name {
+            fn check(&self, name: &'static str) -> Result<(), NavError> {
+                require_positive(name, self.0)
+            }
+        }
+    };
 }
 
-impl Field for TimeConstant {
-    fn check(&self, name: &'static str) -> Result<(), NavError> {
-        require_positive(name, self.0)
-    }
+time! {
+    /// A correlation time, s: six hours where it is not given, half a semidiurnal tide.
+    TimeConstant = 21_600.0
+}
+time! {
+    /// Correlation time of a slow error, s: five minutes where it is not given.
+    WalkTime = 300.0
+}
+time! {
+    /// Mean period of waves, s: eight seconds where it is not given.
+    WavePeriod = 8.0
 }
 
 /// Standard deviation of a slow error, rad: 0 or more, and 0, which is none, where it is not given.
@@ -235,38 +252,6 @@ pub struct SlowSd(pub f64);
 impl Field for SlowSd {
     fn check(&self, name: &'static str) -> Result<(), NavError> {
         require_non_negative(name, self.0)
-    }
-}
-
-/// Correlation time of a slow error, s: more than 0, and five minutes where it is not given.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, serde::Serialize, serde::Deserialize)]
-pub struct WalkTime(pub f64);
-
-impl Default for WalkTime {
-    fn default() -> Self {
-        Self(300.0)
-    }
-}
-
-impl Field for WalkTime {
-    fn check(&self, name: &'static str) -> Result<(), NavError> {
-        require_positive(name, self.0)
-    }
-}
-
-/// Mean period of waves, s: more than 0, and eight seconds where it is not given.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, serde::Serialize, serde::Deserialize)]
-pub struct WavePeriod(pub f64);
-
-impl Default for WavePeriod {
-    fn default() -> Self {
-        Self(8.0)
-    }
-}
-
-impl Field for WavePeriod {
-    fn check(&self, name: &'static str) -> Result<(), NavError> {
-        require_positive(name, self.0)
     }
 }
 

@@ -20,7 +20,7 @@ use crate::aiding::thrust::ThrustUse;
 use crate::aiding::water::{HEAVE, SWAY, WATER};
 use crate::aiding::{CorrectedPath, Innovation};
 use crate::error_model::Interval;
-use crate::layout::{ATTITUDE, DIM, GYRO_BIAS, POSITION};
+use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
 use crate::model::Model;
 use crate::state::Covariance;
@@ -227,9 +227,7 @@ impl Extensions {
     /// What the gyros' scale factors and misalignments add over an interval that ends at `end`.
     pub(super) fn turned(&self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) -> Option<Turned> {
         let gyros = self.gyros.as_deref().filter(|_| interval.duration_s() > 0.0)?;
-        let mut phi = Covariance::identity();
-        interval.carry(&mut phi.data.0[GYRO_BIAS..GYRO_BIAS + 3], end, earth);
-        Some(gyros.turned(&phi, interval.duration_s(), end))
+        Some(gyros.turned(interval, end, earth))
     }
 
     /// Records and propagates an interval of the error state that ends at `end`.

@@ -17,7 +17,7 @@ use nalgebra::{ArrayStorage, Cholesky, Const, Matrix2, SMatrix};
 
 use super::gyro_matrix::{MATRIX, Turned};
 use crate::aiding::further::{
-    DEPTH_WAVE, FIRST_DEPTH_WAVE, FIRST_GYRO_MATRIX, FURTHER, FURTHER_BLOCKS, FurtherRows, FurtherVector, GYRO_MATRIX,
+    DEPTH_WAVE, FIRST_DEPTH_WAVE, FURTHER, FURTHER_BLOCKS, FurtherRows, FurtherVector, GYRO_MATRIX,
 };
 use crate::aiding::{CorrectedPath, CorrelatedNoise, Innovation, MAX_ROWS};
 use crate::error::{NavError, require_finite_squares};
@@ -231,25 +231,33 @@ impl FurtherStates {
         (x, own)
     }
 
-    /// Carries the covariances with the error state over an interval that ends at `end`.
-    pub(super) fn carry(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
-        for block in &self.blocks {
-            interval.carry(&mut self.cross.data.0[block.clone()], end, earth);
-        }
-    }
-
-    /// Adds to the covariances with the error state what the gyros' scale factors and misalignments did over an interval;
-    /// returns what they add to the covariance of the error state.
+    /// Adds to the covariances with the error state, which have been propagated, what the gyros' scale factors and misalignments
+    /// did over the interval; returns what they add to the covariance of the error state.
     pub(super) fn consider(&mut self, turned: &Turned) -> Covariance {
-        let covariance = self
-            .covariance
-            .fixed_rows::<GYRO_MATRIX>(FIRST_GYRO_MATRIX)
-            .into_owned();
-        let own = covariance.fixed_columns::<GYRO_MATRIX>(FIRST_GYRO_MATRIX).into_owned();
-        let cross = self.cross.fixed_columns::<GYRO_MATRIX>(FIRST_GYRO_MATRIX).into_owned();
-        let added = turned.added(&cross, &own);
+        let added = turned.added(&self.cross.fixed_columns(MATRIX.start).into_owned(), &self.of_matrix());
+        let covariance = self.covariance.fixed_rows::<GYRO_MATRIX>(MATRIX.start).into_owned();
         self.cross += turned.times(&covariance);
         added
+    }
+
+    /// What they add to the covariance of the error state over an interval that ends at `end`, over which nothing has been propagated.
+    pub(super) fn considered(
+        &self,
+        turned: &Turned,
+        interval: &Interval,
+        end: &Kinematics<f64>,
+        earth: &EarthTerms<f64>,
+    ) -> Covariance {
+        let mut cross = self.cross.fixed_columns(MATRIX.start).into_owned();
+        interval.carry(&mut cross.data.0, end, earth);
+        turned.added(&cross, &self.of_matrix())
+    }
+
+    /// Covariance of the gyros' scale factors and misalignments.
+    fn of_matrix(&self) -> SMatrix<f64, GYRO_MATRIX, GYRO_MATRIX> {
+        self.covariance
+            .fixed_view::<GYRO_MATRIX, GYRO_MATRIX>(MATRIX.start, MATRIX.start)
+            .into_owned()
     }
 
     /// Propagates over an interval of the error state that ends at `end`: each state keeps the fraction `left` of its error,
@@ -263,7 +271,9 @@ impl FurtherStates {
         steady: &FurtherVector,
         wave_turn: Option<&Matrix2<f64>>,
     ) {
-        self.carry(interval, end, earth);
+        for block in &self.blocks {
+            interval.carry(&mut self.cross.data.0[block.clone()], end, earth);
+        }
         let states: Vec<usize> = self.states().collect();
         for &k in &states {
             self.cross.column_mut(k).scale_mut(left[k]);

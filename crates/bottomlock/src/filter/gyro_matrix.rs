@@ -5,23 +5,29 @@
 //! column Ψ by which Φ carries such a bias into the other states, and the turn θ of the platform over the duration T,
 //!
 //! ```text
-//! δx⁺ = Φ δx + B m,   B = Ψ (θ / T)ᵀ ⊗,   m the rows of M
-//! P⁺ = Φ P Φᵀ + Q + B Y + Yᵀ Bᵀ,   Y = X_mᵀ + ½ C_m Bᵀ,   X_m = Φ E[δx mᵀ] before,   E[δx fᵀ] += B E[m fᵀ]
+//! δx⁺ = Φ δx + B m,   B = Ψ ⊗ (θ / T)ᵀ,   m the rows of M
+//! P⁺ = Φ P Φᵀ + Q + B Y + Yᵀ Bᵀ,   Y = X_mᵀ + ½ C_m Bᵀ,   X_m = Φ E[δx mᵀ],   E[δx fᵀ] += B E[m fᵀ]
 //! ```
 //!
 //! for every further state f. So a turn and the same turn back leave nothing behind, and a spiral adds up. An update changes the
-//! covariances with m as it does with any state, but has no gain for m (Schmidt 1966, a considered state): which part of an
-//! error of the attitude came from M, two turns about the vertical do not tell.
+//! covariances with m as it does with any state, but has no gain for m (Schmidt 1966, a considered state): the turns of a dive do
+//! not show which part of an attitude error M has caused.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use std::ops::Range;
 
-use crate::aiding::further::{FIRST_GYRO_MATRIX, GYRO_MATRIX};
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::aiding::further::{FIRST_GYRO_MATRIX, FIRST_MOTION, GYRO_MATRIX};
 use crate::error::{NavError, require_non_negative};
+use crate::error_model::Interval;
 use crate::frames::{Platform, Rot, Tangent};
 use crate::layout::{DIM, GYRO_BIAS};
-use crate::mechanisation::Kinematics;
+use crate::mechanisation::{EarthTerms, Kinematics};
 use crate::model::ImuModel;
 use crate::state::Covariance;
+
+/// The states of M among the further ones.
+pub(super) const MATRIX: Range<usize> = FIRST_GYRO_MATRIX..FIRST_MOTION;
 
 /// What is known of M, and the attitude at the start of the interval.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -31,7 +37,7 @@ pub(super) struct GyroMatrix {
     start_t_p: Rot<Tangent, Platform>,
 }
 
-/// What M adds over an interval, factored: B = Ψ (θ / T)ᵀ ⊗.
+/// What M adds over an interval, factored: B = Ψ ⊗ (θ / T)ᵀ.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Turned {
     /// Ψ.
@@ -62,14 +68,15 @@ impl GyroMatrix {
         self.start_t_p = Rot::from_quaternion_wxyz(kinematics.attitude_t_p);
     }
 
-    /// What M adds over an interval with the transition `phi` that ends at `end`.
-    pub(super) fn turned(&self, phi: &Covariance, duration_s: f64, end: &Kinematics<f64>) -> Turned {
-        let mut by_bias = phi.fixed_columns::<3>(GYRO_BIAS).into_owned();
-        by_bias.fixed_rows_mut::<3>(GYRO_BIAS).copy_from(&Matrix3::zeros());
+    /// What M adds over an interval that ends at `end`.
+    pub(super) fn turned(&self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) -> Turned {
+        let mut by_bias = SMatrix::from_fn(|i, k| f64::from(u8::from(i == GYRO_BIAS + k)));
+        interval.carry(&mut by_bias.data.0, end, earth);
+        by_bias.fixed_rows_mut::<3>(GYRO_BIAS).fill(0.0);
         let turn: Rot<Platform, Platform> = self.start_t_p.inverse() * Rot::from_quaternion_wxyz(end.attitude_t_p);
         Turned {
             by_bias,
-            rate_p_radps: turn.log() / duration_s,
+            rate_p_radps: turn.log() / interval.duration_s(),
         }
     }
 
@@ -107,9 +114,6 @@ impl Turned {
         half + half.transpose()
     }
 }
-
-/// The states of M among the further ones.
-pub(super) const MATRIX: std::ops::Range<usize> = FIRST_GYRO_MATRIX..FIRST_GYRO_MATRIX + GYRO_MATRIX;
 
 #[cfg(test)]
 #[path = "gyro_matrix_tests.rs"]

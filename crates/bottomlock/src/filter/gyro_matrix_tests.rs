@@ -2,6 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use nalgebra::Matrix3;
+
 use super::*;
 use crate::aiding::Motion;
 use crate::aiding::heading::heading;

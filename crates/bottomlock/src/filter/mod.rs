@@ -262,15 +262,14 @@ impl Eskf {
         let turned = self.extensions.turned(&interval, &self.kinematics, earth);
         interval.propagate(&mut covariance.data.0, &self.kinematics, noise, earth);
         if let Some(turned) = turned {
-            let mut further = self.extensions.further().clone();
-            further.carry(&self.interval, &self.kinematics, earth);
-            covariance += further.consider(&turned);
+            let further = self.extensions.further();
+            covariance += further.considered(&turned, &self.interval, &self.kinematics, earth);
         }
         let warm_up = self.extensions.warm_up;
+        if let Some(added) = warm_up.and_then(|warm_up| warm_up.added(self.interval.duration_s())) {
+            covariance += added;
+        }
         covariance
-            + warm_up
-                .and_then(|warm_up| warm_up.added(self.interval.duration_s()))
-                .unwrap_or_default()
     }
 
     /// Sets the angular rate before the first step, for lever arms.

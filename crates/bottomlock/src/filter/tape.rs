@@ -185,20 +185,16 @@ pub(super) fn transition(
     for (at, k) in (DIM..).zip(extensions.further().states()) {
         whole[(at, at)] = left[k];
     }
+    let place = |state: usize| DIM + extensions.further().states().take_while(|&k| k < state).count();
     if let Some(turn) = extensions.processes.wave_turn(interval.duration_s()) {
-        let first = DIM
-            + extensions
-                .further()
-                .states()
-                .take_while(|&k| k < FIRST_DEPTH_WAVE)
-                .count();
+        let first = place(FIRST_DEPTH_WAVE);
         let turned = turn * left[FIRST_DEPTH_WAVE];
         whole
             .fixed_view_mut::<DEPTH_WAVE, DEPTH_WAVE>(first, first)
             .copy_from(&turned);
     }
     if let Some(turned) = extensions.turned(interval, end, earth) {
-        let first = DIM + extensions.further().states().take_while(|&k| k < MATRIX.start).count();
+        let first = place(MATRIX.start);
         whole
             .fixed_view_mut::<DIM, GYRO_MATRIX>(0, first)
             .copy_from(&turned.by_matrix());

@@ -13,6 +13,7 @@ from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.other_parts import angles_of
 from bottomlock.replay.motion.ping_noise import PingNoise
 from bottomlock.replay.vehicle_motion import vehicle_motion
+from bottomlock.support.rising import rising
 
 FEWEST = 50
 """Attitudes that make a motion."""
@@ -29,8 +30,7 @@ def imu_of_attitude(attitudes: list[Found]) -> ImuPart | None:
     times = found.times.time_ns
     assert times is not None  # the caller's choice
     rpy, _ = angles_of(found)
-    rises = np.concatenate([[True], times[1:] > np.maximum.accumulate(times)[:-1]])
-    rows = np.flatnonzero(np.isfinite(rpy).all(axis=1) & rises)
+    rows = np.flatnonzero(np.isfinite(rpy).all(axis=1) & rising(times))
     if len(rows) < FEWEST:
         return None
     time_ns, attitude = times[rows], from_angles(*rpy[rows].T)

@@ -14,6 +14,7 @@ from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import BAR, Guess, Offset, angle_unit, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.waves import Waves, find_waves
+from bottomlock.support.rising import rising
 
 DEEPEST_WAVES_M = 60.0
 """Deeper, even a swell of 15 s leaves less than a third of its height."""
@@ -72,8 +73,7 @@ class AttitudePart:
         """Rising times on the IMU's clock, and attitudes of the platform."""
         times = self.found.times.time_ns
         assert times is not None  # guessed from them
-        before = np.concatenate([[np.iinfo(np.int64).min], np.maximum.accumulate(times)[:-1]])
-        good = np.isfinite(self.rpy_rad).all(axis=1) & (times > before)
+        good = np.isfinite(self.rpy_rad).all(axis=1) & rising(times)
         mounting = np.array([0.0, 0.0, 0.5 * np.pi * self.quarters])
         attitude = platform_attitude(
             from_angles(*self.rpy_rad[good].T), self.frame.value, mounting, self.declination_rad
@@ -182,12 +182,10 @@ def guess_depth(found: Found, imu: ImuPart, dvl: DvlPart) -> DepthPart | None:
     sd = float(sd_about_zero(second)) / np.sqrt(6.0) if len(second) else 0.0
     offset = clock_offset(times, imu, dvl)
     clock = times + round(offset.seconds * 1e9)
-    rising = np.isfinite(metres) & (
-        clock > np.concatenate([[clock[0] - 1], np.maximum.accumulate(clock)[:-1]])
-    )
+    used = np.isfinite(metres) & rising(clock)
     waves = None
-    if not imu.made and rising.sum() > 1 and float(np.median(metres[rising])) < DEEPEST_WAVES_M:
-        waves = find_waves(clock[rising], metres[rising], imu.time_ns, imu.force_p_mps2[:, 2])
+    if not imu.made and used.sum() > 1 and float(np.median(metres[used])) < DEEPEST_WAVES_M:
+        waves = find_waves(clock[used], metres[used], imu.time_ns, imu.force_p_mps2[:, 2])
     return DepthPart(found, unit, up, shift, max(0.02, round(2.0 * sd, 3)), offset, metres, waves)
 
 

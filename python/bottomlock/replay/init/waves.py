@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import detrend
 
 from bottomlock.recordings.streams import Floats, Integers
 
@@ -39,11 +41,10 @@ def find_waves(
         return None
     length = round(WINDOW_S * rate_hz)
     seconds = np.arange(0.0, (end - begin) * 1e-9, 1.0 / rate_hz)
-    steps_s = np.diff(imu_time_ns) * 1e-9
-    accel = accel_down_mps2 - accel_down_mps2.mean()
-    gained = np.concatenate([[0.0], np.cumsum(0.5 * (accel[1:] + accel[:-1]) * steps_s)])
+    imu_s = (imu_time_ns - begin) * 1e-9
+    gained = cumulative_trapezoid(accel_down_mps2 - accel_down_mps2.mean(), imu_s, initial=0.0)
     depth = np.interp(seconds, (time_ns - begin) * 1e-9, depth_m)
-    velocity = np.interp(seconds, (imu_time_ns - begin) * 1e-9, gained)
+    velocity = np.interp(seconds, imu_s, gained)
     frequency = np.fft.rfftfreq(length, 1.0 / rate_hz)
     band = (frequency > 1.0 / LONGEST_S) & (frequency < 1.0 / SHORTEST_S)
     noisy = frequency > 1.0 / SHORTEST_S
@@ -52,7 +53,7 @@ def find_waves(
     powers = []
     for first in range(0, len(seconds) - length + 1, length // 2):
         part = slice(first, first + length)
-        of_depth, of_velocity = (np.fft.rfft(window * _level(one[part])) for one in (depth, velocity))
+        of_depth, of_velocity = (np.fft.rfft(window * detrend(one[part])) for one in (depth, velocity))
         moved = of_velocity[1:] / (2j * np.pi * frequency[1:])
         powers.append(scale * np.abs(np.concatenate([[0.0], of_depth[1:] - moved])) ** 2)
     power = np.mean(powers, axis=0)
@@ -65,10 +66,3 @@ def find_waves(
     if float(waves[np.abs(frequency - middle) < NARROW * middle].sum()) < MOST * total:
         return None
     return Waves(float(np.sqrt(total)), 1.0 / middle)
-
-
-def _level(values: Floats) -> Floats:
-    """Values less their straight line."""
-    at = np.linspace(-1.0, 1.0, len(values))
-    level: Floats = values - values.mean() - at * float((at * values).sum() / (at * at).sum())
-    return level
