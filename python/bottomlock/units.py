@@ -16,15 +16,6 @@ def rad_from_deg(angle_deg: float) -> float:
     return math.radians(angle_deg)
 
 
-def rad_or_default(angle_deg: float, default_rad: float) -> float:
-    """As `rad_from_deg`, but a default that was turned into degrees is the default again, to the last bit.
-
-    >>> math.radians(math.degrees(0.1)), rad_or_default(math.degrees(0.1), 0.1)
-    (0.10000000000000002, 0.1)
-    """
-    return default_rad if angle_deg == math.degrees(default_rad) else rad_from_deg(angle_deg)
-
-
 def radps_from_deg_per_h(rate_deg_per_h: float) -> float:
     """Degrees per hour to rad/s."""
     return math.radians(rate_deg_per_h) / _SECONDS_PER_HOUR

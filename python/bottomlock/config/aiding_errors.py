@@ -14,13 +14,9 @@ class SlowDepthErrors(SensorErrors, kernel=models.DepthModel):
     """
 
     bias_m: NonNegative = 0.3
-    """offset, tide, density and barometer together, 1 sigma, which the filter estimates; 0 says that there are none"""
     bias_time_s: Positive = 21_600.0
-    """correlation time of the bias"""
     wave_m: NonNegative = 0.0
-    """what waves add to the reading near the surface, 1 sigma; a state of the filter unless 0"""
     wave_period_s: Positive = models.WAVE_PERIOD_S
-    """mean period of the waves"""
 
 
 class DepthErrors(SlowDepthErrors):
@@ -53,14 +49,7 @@ class AcousticPositionErrors(SensorErrors, kernel=models.AcousticPositionModel):
     """
 
     sd_m: Positive = 0.5
-    """part of the noise that does not depend on range, each axis, 1 sigma"""
     sd_percent_of_range: NonNegative = 1.0
-    """part of the noise that grows with the slant range, each axis, 1 sigma"""
     transceiver_m: Vector = (0.0, 0.0, 0.0)
-    """position of the transceiver: north, east, down"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     """position of the transponder from the IMU, platform axes"""
-
-    def si(self) -> dict[str, Any]:
-        """What is no key of the same name."""
-        return {"transceiver_t_m": self.transceiver_m}

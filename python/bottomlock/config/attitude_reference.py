@@ -20,20 +20,12 @@ class SlowAttitudeErrors(SensorErrors, kernel=models.MagnetometerModel):
     """What an attitude is off for longer than a reading, 1 sigma: states of the filter unless 0."""
 
     roll_pitch_offset_sd_deg: NonNegative = 0.0
-    """constant offset of roll and of pitch, 1 sigma; a state of the filter unless 0"""
     yaw_offset_sd_deg: NonNegative = 0.0
-    """constant offset of the yaw, likewise"""
     roll_pitch_walk_sd_deg: NonNegative = 0.0
-    """first-order walk of roll and of pitch, likewise"""
     yaw_walk_sd_deg: NonNegative = 0.0
-    """first-order walk of the yaw, likewise"""
     walk_time_s: Positive = models.WALK_TIME_S
-    """correlation time of the walks"""
     yaw_semicircular_sd_deg: NonNegative = 0.0
-    """deviation of a magnetic compass by the cosine and by the sine of the heading, each, 1 sigma; states of the filter
-    unless 0"""
     yaw_quadrantal_sd_deg: NonNegative = 0.0
-    """deviation by cosine and by sine of twice the heading, likewise"""
 
 
 class AttitudeReference(Graded, SlowAttitudeErrors, Mounting):
@@ -54,9 +46,7 @@ class AttitudeReference(Graded, SlowAttitudeErrors, Mounting):
     aids: Literal["attitude", "heading", "nothing"] = "nothing"
     """what the filter uses of it; the alignment may use it in any case"""
     roll_pitch_sd_deg: Positive = 1.0
-    """noise of roll and pitch, 1 sigma"""
     yaw_sd_deg: Positive = 5.0
-    """noise of the yaw, 1 sigma"""
 
     @property
     def start_roll_pitch_sd_deg(self) -> float:

@@ -11,17 +11,13 @@ from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
 
 
-class DvlErrors(Section):
+class DvlErrors(Section, kernel=models.DvlModel):
     """Errors of the DVL that the filter assumes beside the beams' white noise, 1 sigma."""
 
     beam_bias_mps: NonNegative = 0.005
-    """bias of a beam that is constant in a run or dive"""
     beam_bias_walk_mps_per_rt_s: NonNegative = 5e-5
-    """random walk of a beam's bias"""
     scale_factor_percent: NonNegative = 0.7
-    """scale factor common to the beams, constant in a run or dive"""
     scale_factor_walk_percent_per_rt_s: NonNegative = 5e-3
-    """random walk of the scale factor"""
 
     def kernel_model(self, beam_noise_sd_mps: float, stated: StatedCalibration | None) -> models.DvlModel:
         """The errors in SI, with the noise of a beam; a scale that is not given here is as the DVL's file states it."""

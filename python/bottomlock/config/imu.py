@@ -15,7 +15,7 @@ WEIGHTLESS_MPS2 = 0.0
 """Gravity of a filter whose specific forces are made without it."""
 
 
-class ImuErrors(Graded, Section):
+class ImuErrors(Graded, Section, kernel=models.ImuModel):
     """Errors of inertial sensors, 1 sigma; those of a packaged grade where `grade` names one and a key is left out."""
 
     of_grade = ("imu", "grade")
@@ -23,27 +23,16 @@ class ImuErrors(Graded, Section):
     """packaged grade that gives the keys left out here: phone, autopilot, mti, tactical, fibre_optic, ring_laser;
     bottomlock list grades lists them"""
     accel_bias_mg: Annotated[NonNegative, shown(example=0.5)]
-    """accelerometer bias that is constant in a run, each axis"""
     gyro_bias_deg_per_h: Annotated[NonNegative, shown(example=3.0)]
-    """gyro bias that is constant in a run, each axis"""
     accel_noise_mps_per_rt_h: Annotated[NonNegative, shown(example=0.072)]
-    """velocity random walk, each axis"""
     gyro_noise_deg_per_rt_h: Annotated[NonNegative, shown(example=0.34)]
-    """angle random walk, each axis"""
     accel_bias_walk_mps2_per_rt_s: NonNegative = 0.0
-    """random walk of the accelerometer bias"""
     gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
-    """random walk of the gyro bias"""
     gyro_scale_ppm: NonNegative = 0.0
-    """scale factor of a gyro, constant; the filter considers it and does not estimate it"""
     gyro_misalignment_mrad: NonNegative = 0.0
-    """what a gyro sees of turns about each of the other axes, constant; likewise"""
     accel_warm_up_mg: NonNegative = 0.0
-    """how far the accelerometer biases move while the sensors warm up from the start on, each axis"""
     gyro_warm_up_deg_per_h: NonNegative = 0.0
-    """how far the gyro biases do, each axis"""
     warm_up_time_s: Positive = models.WALK_TIME_S
-    """time constant of the warm-up"""
 
     def kernel_model(self) -> models.ImuModel:
         """The errors in SI."""
@@ -53,35 +42,23 @@ class ImuErrors(Graded, Section):
 _LIMITS: Final = models.ImuLimits()
 
 
-class ImuLimits(Section):
+class ImuLimits(Section, kernel=models.ImuLimits):
     """What readings of a live navigator or a recorded log are checked against; simulated ones are not.
 
     The last of `stuck_after` equal readings is rejected (docs/imu_faults.md).
     """
 
     max_rate_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = math.degrees(_LIMITS.max_rate_radps)
-    """full scale of the gyros: a reading at or beyond it is rejected"""
     max_force_mps2: Annotated[float, Field(gt=0, le=1e6)] = _LIMITS.max_force_mps2
-    """full scale of the accelerometers: a reading at or beyond it is rejected"""
     stuck_after: Annotated[int, Field(ge=0, le=1_000_000), shown(unit="1")] = _LIMITS.stuck_after
-    """equal readings in a row after which a sensor counts as stuck; 0 never"""
     max_gap_s: Annotated[float, Field(gt=0, le=1e6)] = _LIMITS.max_gap_s
-    """longest interval without good readings that is bridged as it is"""
     gap: Literal["refuse", "inflate"] = _LIMITS.gap
-    """what a longer one does: refuse ends with an error, inflate bridges it with its uncertainty"""
     gap_rate_deg_per_s: NonNegative = math.degrees(_LIMITS.gap_rate_sd_radps)
-    """angular rate that may happen unseen in a gap, each axis"""
     gap_accel_mps2: NonNegative = _LIMITS.gap_accel_sd_mps2
-    """acceleration that may happen unseen in a gap, each axis"""
 
     def kernel_limits(self) -> models.ImuLimits:
         """The limits in SI."""
-        return in_si(
-            dict(self),
-            models.ImuLimits,
-            max_rate_radps=units.rad_or_default(self.max_rate_deg_per_s, _LIMITS.max_rate_radps),
-            gap_rate_sd_radps=units.rad_or_default(self.gap_rate_deg_per_s, _LIMITS.gap_rate_sd_radps),
-        )
+        return in_si(dict(self), models.ImuLimits)
 
 
 class Imu(ImuErrors):

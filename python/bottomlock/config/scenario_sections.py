@@ -83,7 +83,6 @@ class Dvl(Outliers, DvlErrors, BeamLayout):
     tilt_deg: Annotated[BeamTilt, shown(range="≥ 2.0, < 90.0")] = 20.0
     """tilt of every beam from the vertical, for x and +"""
     beam_noise_mps: Annotated[Positive, shown(example=0.042)]
-    """white noise of a beam"""
     min_range_m: NonNegative = 0.0
     """least range at which a beam returns; needs [seabed]"""
     max_range_m: Annotated[float, Field(gt=0), shown(example=64.0)] = math.inf
@@ -188,7 +187,7 @@ _ROBUST: Final = models.Robust()
 Gate = Annotated[float, Field(gt=0, lt=1)] | Literal["off"]
 
 
-class Robust(Section):
+class Robust(Section, kernel=models.Robust):
     """Treatment of outliers among the beams before a method uses a ping; the defaults are the kernel's."""
 
     enabled: bool = True
@@ -198,9 +197,7 @@ class Robust(Section):
     beam_gate: Annotated[Gate, shown(unit="1")] = _ROBUST.beam_gate or "off"
     """probability with which a good beam passes against the filter's own velocity, or "off" """
     tail: Literal["gaussian", "student_t"] = _ROBUST.tail
-    """distribution of the noise of the beams that pass"""
     student_t_degrees: Annotated[Positive, shown(unit="1")] = _ROBUST.student_t_degrees
-    """degrees of freedom, for student_t"""
 
     def kernel_options(self) -> models.Robust | None:
         """The treatment as the kernel takes it, None for none."""

@@ -1,5 +1,6 @@
 """A section of a settings file: its base, what a key means, and the unit that its name ends in."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
@@ -61,29 +62,38 @@ def unit_of(key: str) -> str:
 def in_si(keys: Mapping[str, Any], settings: type[Kernel], **others: Any) -> Kernel:  # noqa: ANN401
     """The kernel's settings out of a section's keys, each of the same name but for its unit.
 
-    A 1 sigma that a key names without saying so, or as noise, is the kernel's `sd`. What is computed otherwise is
-    given; a setting that no key has keeps its default.
+    A 1 sigma that a key names without saying so, or as noise, is the kernel's `sd`, and a place is one in the tangent
+    frame. What is computed otherwise is given; a setting that no key has keeps its default.
 
     >>> from bottomlock.kernel.models import HeadingModel
     >>> in_si({"noise_deg": 180.0, "offset_sd_deg": 0.0, "walk_time_s": 60.0}, HeadingModel)
     HeadingModel(sd_rad=3.141592653589793, walk_time_s=60.0)
     """
-    exact, alike = {}, {}
+    values: dict[str, Any] = {}
     for key, value in keys.items():
-        end = next((end for end in _UNITS if key.endswith(end)), "")
-        _, ending, convert = _UNITS.get(end, ("", "", None))
-        stem = key.removesuffix(end)
-        exact[stem + ending] = alike[f"{stem}_sd{ending}"] = alike[stem.replace("noise", "sd") + ending] = (
-            value,
-            convert,
-        )
-    found = alike | exact
-    values = {
-        name: value if convert is None else convert(value)
-        for name, (value, convert) in found.items()
-        if name in settings.model_fields and name not in others
-    }
-    return settings(**values, **others)
+        names, convert = _settings_of(key)
+        for name in names:
+            # A key of the very name comes before one that is like it.
+            if name in settings.model_fields and (name == names[0] or name not in values):
+                values[name] = value if convert is None else convert(value)
+                default = settings.model_fields[name].default
+                if convert is not None and _is_but_for_rounding(values[name], default):
+                    values[name] = default
+    return settings(**values | others)
+
+
+def _is_but_for_rounding(value: float, default: object) -> bool:
+    """Whether a value that was a default in degrees is that default."""
+    return isinstance(default, float) and math.isclose(value, default, rel_tol=1e-14)
+
+
+def _settings_of(key: str) -> tuple[tuple[str, ...], Callable[[float], float] | None]:
+    """The names that a key's setting may have in the kernel, its own first, and how SI is made of the key's value."""
+    end = next((end for end in _UNITS if key.endswith(end)), "")
+    _, ending, convert = _UNITS.get(end, ("", "", None))
+    stem = key.removesuffix(end)
+    likes = (stem, f"{stem}_sd", stem.replace("noise", "sd"), f"{stem}_t")
+    return tuple(f"{like}{ending}" for like in likes), convert
 
 
 def shown(*, unit: str = "", range: str = "", example: Any = None) -> Any:  # noqa: A002, ANN401 - of any key
@@ -99,9 +109,33 @@ def shown(*, unit: str = "", range: str = "", example: Any = None) -> Any:  # no
 
 
 class Section(BaseModel):
-    """A section: unknown keys are errors, values are kept as read."""
+    """A section: unknown keys are errors, values are kept as read.
+
+    A key without a docstring means what it does in the class that it is from, or the kernel's setting of its name.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    kernel: ClassVar[type[Settings] | None] = None
+    """The kernel's settings among the keys, by name and unit."""
+
+    def __init_subclass__(cls, kernel: type[Settings] | None = None, **others: Any) -> None:  # noqa: ANN401
+        """A section states the kernel's settings; those derived from it have the same."""
+        super().__init_subclass__(**others)
+        if kernel is not None:
+            cls.kernel = kernel
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:  # noqa: ANN401
+        """Gives the keys their meanings."""
+        silent = {key: field for key, field in cls.model_fields.items() if field.description is None}
+        above = [getattr(one, "model_fields", {}) for one in cls.__mro__[1:]]
+        settings = cls.kernel.model_fields if cls.kernel else {}
+        for key, field in silent.items():
+            same = [one[key] for one in above if key in one]
+            same += [settings[name] for name in _settings_of(key)[0] if name in settings]
+            field.description = next((one.description for one in same if one.description), None)
+        if silent:
+            cls.model_rebuild(force=True)
 
 
 class Earth(Section):
@@ -126,13 +160,6 @@ class SensorErrors(Section):
     """Errors of a sensor as a filter assumes them; most are the kernel's own, by name and unit."""
 
     kernel: ClassVar[type[Settings]]
-    """The kernel's settings of the sensor."""
-
-    def __init_subclass__(cls, kernel: type[Settings] | None = None, **others: Any) -> None:  # noqa: ANN401
-        """A section states the kernel's settings; those derived from it have the same."""
-        super().__init_subclass__(**others)
-        if kernel is not None:
-            cls.kernel = kernel
 
     def si(self) -> dict[str, Any]:
         """Those of the kernel's settings that no key of the same name has, by their names there."""

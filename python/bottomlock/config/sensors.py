@@ -1,12 +1,11 @@
 """The sensors beside IMU and DVL: the section of each and its declaration for campaign, tables and studies.
 
-A sensor is a section and a line of `SENSORS`; nothing else in the package names the sensors of a simulation one by one.
+A sensor is a section in `SensorSections`; nothing else in the package names the sensors of a simulation one by one.
 What a filter assumes of it stands in the section that a case and live have too, where that is the same.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -20,6 +19,11 @@ from bottomlock.kernel import models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
 
+def _axes(words: str) -> tuple[str, ...]:
+    """Names of columns, one for each axis."""
+    return tuple(words.format(axis) for axis in ("north", "east", "down"))
+
+
 class Switched(SensorErrors):
     """A sensor of a simulation, which is on or off."""
 
@@ -28,10 +32,24 @@ class Switched(SensorErrors):
 
 
 class Simulated(Switched):
-    """A sensor of a simulation with a rate of its own."""
+    """A sensor of a simulation with a rate of its own.
 
+    `name` is its section in a scenario and in the kernel's model, and its name in a schedule; `updates` are its updates
+    as the kernel's `SENSORS` names them; `columns` are those of its `table` of readings, by the kernel's array of them.
+    """
+
+    name: ClassVar[str]
+    updates: ClassVar[tuple[str, ...]]
+    table: ClassVar[str]
+    columns: ClassVar[Mapping[str, tuple[str, ...]]]
     rate_hz: Positive = 1.0
     """rate of the readings"""
+
+    def __init_subclass__(cls, **others: Any) -> None:  # noqa: ANN401
+        """Table and updates have the sensor's name where it says nothing else."""
+        super().__init_subclass__(**others)
+        cls.name = cls.kernel.place
+        cls.table, cls.updates = cls.__dict__.get("table", cls.name), cls.__dict__.get("updates", (cls.name,))
 
     def errors(self, _gravity_mps2: float) -> models.Settings:
         """The errors in SI; gravity makes a depth of a pressure."""
@@ -41,8 +59,8 @@ class Simulated(Switched):
 class Depth(SlowDepthErrors, Simulated):
     """Depth sensor: noise, bias and waves that each run draws, and what density, tide and barometer add, not drawn."""
 
+    columns: ClassVar = {"depth_m": ("depth_m",)}
     rate_hz: Positive = 0.25
-    """rate of the readings"""
     noise_pa: Positive = 194.0
     """white noise of the pressure"""
     water_density_kg_per_m3: Positive = 1025.0
@@ -63,12 +81,11 @@ class Depth(SlowDepthErrors, Simulated):
 class Magnetometer(SlowAttitudeErrors, Simulated):
     """Magnetometer and tilt sensor: noise, slow errors that a run draws, and what declination and iron add to yaw."""
 
+    updates, table = ("attitude",), "attitude"
+    columns: ClassVar = {"magnetometer_attitude_t_p": tuple(f"attitude_{part}" for part in "wxyz")}
     rate_hz: Positive = 0.5
-    """rate of the readings"""
     yaw_noise_deg: Positive = 5.72
-    """white noise of the yaw"""
     roll_pitch_noise_deg: Positive = 1.15
-    """white noise of roll and pitch"""
     declination_deg: Annotated[
         Annotated[float, Field(ge=-180, le=180)] | Literal["wmm"], shown(range='≥ -180.0, ≤ 180.0, or "wmm"')
     ] = 0.0
@@ -94,27 +111,25 @@ class Magnetometer(SlowAttitudeErrors, Simulated):
 class Heading(Simulated, kernel=models.HeadingModel):
     """Heading sensor, such as a gyrocompass: yaw alone; its slow errors as of the magnetometer."""
 
+    columns: ClassVar = {"heading_rad": ("heading_rad",)}
     noise_deg: Positive = 0.5
-    """white noise of the heading"""
     offset_sd_deg: NonNegative = 0.0
-    """constant offset, drawn for each run; a state of the filter unless 0"""
     walk_sd_deg: NonNegative = 0.0
-    """first-order walk, likewise"""
     walk_time_s: Positive = models.WALK_TIME_S
-    """correlation time of the walk"""
     semicircular_sd_deg: NonNegative = 0.0
-    """deviation of a magnetic compass by the cosine and by the sine of the heading, each, likewise"""
     quadrantal_sd_deg: NonNegative = 0.0
-    """deviation by cosine and by sine of twice the heading, likewise"""
 
 
 class Gps(Simulated, kernel=models.GpsModel):
     """GPS receiver: fixes at the surface only, from `acquire_s` after the antenna has come up."""
 
+    updates = ("gps_position", "gps_velocity")
+    columns: ClassVar = {
+        "gps_position_t_m": _axes("position_{}_m"),
+        "gps_velocity_t_mps": _axes("velocity_{}_mps"),
+    }
     position_noise_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
-    """white noise of north, east, down"""
     velocity_noise_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.2)
-    """white noise of the velocity north, east, down"""
     antenna_depth_m: Finite = 0.3
     """depth of the platform above which the antenna is out of the water"""
     acquire_s: NonNegative = 5.0
@@ -127,20 +142,16 @@ class AcousticPosition(Outliers, Simulated, kernel=models.AcousticPositionModel)
     The standard deviation of each axis is the root of noise_m² + (noise_percent_of_range/100 · slant range)².
     """
 
+    columns: ClassVar = {
+        "acoustic_position_t_m": _axes("position_{}_m"),
+        "acoustic_position_sd_m": _axes("sd_{}_m"),
+    }
     rate_hz: Positive = 0.2
-    """rate of the fixes"""
     noise_m: Positive = 0.5
-    """part of the noise that does not depend on range, each axis"""
     noise_percent_of_range: NonNegative = 1.0
-    """part of the noise that grows with the slant range, each axis"""
     transceiver_m: Vector = (0.0, 0.0, 0.0)
-    """position of the transceiver: north, east, down"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     """position of the transponder from the IMU, platform axes"""
-
-    def si(self) -> dict[str, Any]:
-        """What is no key of the same name."""
-        return {"transceiver_t_m": self.transceiver_m}
 
 
 class Thrust(ThrustErrors, Simulated):
@@ -150,8 +161,8 @@ class Thrust(ThrustErrors, Simulated):
     water moves as for `[water_track]`.
     """
 
+    columns: ClassVar = {"thrust_revolutions_hz": ("revolutions_hz",)}
     advance_m: Positive = 0.1
-    """advance per revolution that the filter expects"""
     error_percent: Annotated[float, Field(gt=-100, allow_inf_nan=False)] = 0.0
     """by how much vehicles advance more on average; the filter does not model it"""
 
@@ -177,14 +188,11 @@ class WaterTrack(Outliers, Switched, kernel=models.WaterTrackModel):
     pings: Literal["all", "without_bottom"] = "all"
     """which pings return the water: all of them, or those of which no beam returns from the bottom"""
     range_m: NonNegative = 10.0
-    """distance along the beam from the transducer to the middle of the cell"""
     noise_mps: Positive = 0.05
     """white noise of each beam"""
     lost_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
     """part of the readings of each beam that are lost"""
     wake: Annotated[Fraction, shown(unit="1")] = 0.0
-    """part of the vehicle's velocity relative to the water with which the water in the cell follows it; the filter
-    does not model it"""
     current: CurrentTable = CurrentTable()
 
     def si(self) -> dict[str, Any]:
@@ -196,60 +204,6 @@ class WaterTrack(Outliers, Switched, kernel=models.WaterTrackModel):
         return {"water_track": self.enabled}
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """Declaration of a sensor of a scenario.
-
-    Attributes:
-        name: its section in a scenario and in the kernel's model, and its name in a schedule.
-        updates: its updates, as the kernel's `SENSORS` names them.
-        table: its table of simulated readings.
-        columns: columns of that table, by the kernel's array that holds them.
-    """
-
-    name: str
-    updates: tuple[str, ...]
-    table: str
-    columns: Mapping[str, tuple[str, ...]]
-
-
-def _axes(words: str) -> tuple[str, ...]:
-    """Names of columns, one for each axis."""
-    return tuple(words.format(axis) for axis in ("north", "east", "down"))
-
-
-SENSORS = (
-    Sensor("depth", ("depth",), "depth", {"depth_m": ("depth_m",)}),
-    Sensor(
-        "magnetometer",
-        ("attitude",),
-        "attitude",
-        {"magnetometer_attitude_t_p": tuple(f"attitude_{part}" for part in "wxyz")},
-    ),
-    Sensor("heading", ("heading",), "heading", {"heading_rad": ("heading_rad",)}),
-    Sensor(
-        "gps",
-        ("gps_position", "gps_velocity"),
-        "gps",
-        {
-            "gps_position_t_m": _axes("position_{}_m"),
-            "gps_velocity_t_mps": _axes("velocity_{}_mps"),
-        },
-    ),
-    Sensor(
-        "acoustic_position",
-        ("acoustic_position",),
-        "acoustic_position",
-        {
-            "acoustic_position_t_m": _axes("position_{}_m"),
-            "acoustic_position_sd_m": _axes("sd_{}_m"),
-        },
-    ),
-    Sensor("thrust", ("thrust",), "thrust", {"thrust_revolutions_hz": ("revolutions_hz",)}),
-)
-"""In the order in which the kernel takes measurements of the same time, after the DVL's."""
-
-
 class SensorSections(Section):
     """The sections of `SENSORS` in a scenario."""
 
@@ -259,3 +213,9 @@ class SensorSections(Section):
     gps: Gps = Gps(enabled=False)
     acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
     thrust: Thrust = Thrust(enabled=False)
+
+
+SENSORS: tuple[type[Simulated], ...] = tuple(
+    type(field.default) for field in SensorSections.model_fields.values()
+)
+"""In the order in which the kernel takes measurements of the same time, after the DVL's."""

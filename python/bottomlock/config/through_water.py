@@ -10,13 +10,11 @@ from bottomlock.kernel import models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
 
-class ThroughWaterErrors(SensorErrors):
+class ThroughWaterErrors(SensorErrors, kernel=models.ThrustModel):
     """What revolutions and forces have in common: slip, and what a reading corrects."""
 
     slip_mps: Positive = 0.02
-    """slip, 1 sigma: what waves, turns, a tether and changes of speed make of the speed at a reading"""
     slip_time_s: Positive = 5.0
-    """correlation time of the slip"""
     corrects: Literal["velocity", "all"] = "velocity"
     """what a reading corrects: the velocity, the current and the sensor's own errors alone, or all states"""
 
@@ -29,11 +27,9 @@ class ThrustErrors(ThroughWaterErrors, kernel=models.ThrustModel):
     """What a filter takes the revolutions of a propeller for: advance per revolution, slip and noise, 1 sigma."""
 
     advance_m: Annotated[Positive, shown(example=0.1)]
-    """advance per revolution that the filter expects"""
     uncertainty_percent: NonNegative = 10.0
     """what the filter expects of its error, and how simulated vehicles differ, 1 sigma"""
     noise_mps: Positive = 0.01
-    """white noise of a reading, as a speed"""
 
     def si(self) -> dict[str, Any]:
         """What is no key of the same name."""
@@ -47,21 +43,15 @@ class EffortErrors(ThroughWaterErrors, kernel=models.EffortModel):
     """
 
     mass_kg: Annotated[Vector, shown(example=[19.9, 20.6, 32.2])]
-    """mass and added mass along surge, sway and heave"""
     linear_drag_kg_per_s: Annotated[Vector, shown(example=[13.7, 0.0, 33.0])] = (0.0, 0.0, 0.0)
-    """drag over speed"""
     quadratic_drag_kg_per_m: Annotated[Vector, shown(example=[141.0, 217.0, 190.0])] = (0.0, 0.0, 0.0)
-    """drag over speed squared"""
     buoyancy_n: Finite = 0.0
-    """buoyancy less weight; negative for a vehicle that sinks"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     """the place that mass and drag refer to, platform frame"""
     uncertainty_percent: NonNegative = 10.0
     """of the speed at a force, 1 sigma: half of that of a quadratic drag, all of that of a linear one"""
     inertia_percent: NonNegative = 20.0
-    """of mass and added mass, 1 sigma"""
     noise_n: Positive = 1.0
-    """white noise of a force"""
 
     @model_validator(mode="after")
     def _has_drag(self) -> Self:

@@ -144,25 +144,25 @@ class ImuModel(Settings, place="imu"):
     """Errors of the inertial sensors, 1 sigma per axis."""
 
     accel_noise_mps_rts: float
-    """velocity random walk"""
+    """velocity random walk, each axis"""
     gyro_noise_rad_rts: float
-    """angle random walk"""
+    """angle random walk, each axis"""
     accel_bias_sd_mps2: float
-    """accelerometer bias at the start"""
+    """accelerometer bias that is constant in a run, each axis"""
     gyro_bias_sd_radps: float
-    """gyro bias at the start"""
+    """gyro bias that is constant in a run, each axis"""
     accel_bias_walk_mps2_rts: float
     """random walk of the accelerometer bias"""
     gyro_bias_walk_radps_rts: float
     """random walk of the gyro bias"""
     gyro_scale_sd: float = 0.0
-    """scale factor of a gyro; considered, not estimated"""
+    """scale factor of a gyro, constant; the filter considers it and does not estimate it"""
     gyro_misalignment_sd_rad: float = 0.0
-    """what a gyro sees of turns about each of the other axes; considered, not estimated"""
+    """what a gyro sees of turns about each of the other axes, constant; likewise"""
     accel_warm_up_sd_mps2: float = 0.0
-    """how far the accelerometer biases move while the sensors warm up from the filter's start on"""
+    """how far the accelerometer biases move while the sensors warm up from the start on, each axis"""
     gyro_warm_up_sd_radps: float = 0.0
-    """how far the gyro biases do"""
+    """how far the gyro biases do, each axis"""
     warm_up_time_s: float = WALK_TIME_S
     """time constant of the warm-up"""
 
@@ -171,13 +171,13 @@ class DvlModel(Settings, place="dvl"):
     """Errors of the DVL, 1 sigma."""
 
     beam_noise_sd_mps: float
-    """noise of a beam"""
+    """white noise of a beam"""
     beam_bias_sd_mps: float
-    """bias of a beam at the start"""
+    """bias of a beam that is constant in a run or dive"""
     beam_bias_walk_mps_rts: float
-    """random walk of the bias"""
+    """random walk of a beam's bias"""
     scale_factor_sd: float
-    """scale factor at the start"""
+    """scale factor common to the beams, constant in a run or dive"""
     scale_factor_walk_rts: float
     """random walk of the scale factor"""
 
@@ -208,11 +208,11 @@ class DepthModel(Settings, place="depth"):
     sd_m: float
     """noise"""
     bias_sd_m: float
-    """bias, 0 for none"""
+    """offset, tide, density and barometer together, 1 sigma, which the filter estimates; 0 says that there are none"""
     bias_time_s: float
     """correlation time of the bias"""
     wave_sd_m: float = 0.0
-    """what waves add to the reading; a state of the filter unless 0"""
+    """what waves add to the reading near the surface, 1 sigma; a state of the filter unless 0"""
     wave_period_s: float = WAVE_PERIOD_S
     """mean period of the waves"""
 
@@ -225,60 +225,63 @@ class MagnetometerModel(Settings, place="magnetometer"):
     """
 
     yaw_sd_rad: float
-    """noise of yaw"""
+    """white noise of the yaw"""
     roll_pitch_sd_rad: float
-    """noise of roll and pitch"""
+    """white noise of roll and pitch"""
     yaw_offset_sd_rad: float = 0.0
-    """constant offset of yaw"""
+    """constant offset of the yaw; a state of the filter unless 0"""
     roll_pitch_offset_sd_rad: float = 0.0
-    """constant offset of roll and pitch"""
+    """constant offset of roll and of pitch; a state of the filter unless 0"""
     yaw_walk_sd_rad: float = 0.0
-    """walk of yaw"""
+    """first-order walk of the yaw; a state of the filter unless 0"""
     roll_pitch_walk_sd_rad: float = 0.0
-    """walk of roll and pitch"""
+    """first-order walk of roll and of pitch; a state of the filter unless 0"""
     walk_time_s: float = WALK_TIME_S
     """correlation time of the walks"""
     yaw_semicircular_sd_rad: float = 0.0
-    """deviation of yaw by its cosine and by its sine, each"""
+    """deviation of a magnetic compass by cosine and by sine of the heading, each; states of the filter unless 0"""
     yaw_quadrantal_sd_rad: float = 0.0
-    """deviation of yaw by cosine and by sine of twice it, each"""
+    """deviation by cosine and by sine of twice the heading, each; states of the filter unless 0"""
 
 
 class HeadingModel(Settings, place="heading"):
     """Error of a heading sensor, 1 sigma: white noise, and the slow errors as of `MagnetometerModel`."""
 
     sd_rad: float
-    """noise"""
+    """white noise of the heading"""
     offset_sd_rad: float = 0.0
-    """constant offset"""
+    """constant offset; a state of the filter unless 0"""
     walk_sd_rad: float = 0.0
-    """walk"""
+    """first-order walk; a state of the filter unless 0"""
     walk_time_s: float = WALK_TIME_S
     """correlation time of the walk"""
     semicircular_sd_rad: float = 0.0
-    """deviation by the cosine and by the sine of the heading, each"""
+    """deviation of a magnetic compass by cosine and by sine of the heading, each; states of the filter unless 0"""
     quadrantal_sd_rad: float = 0.0
-    """deviation by cosine and by sine of twice the heading, each"""
+    """deviation by cosine and by sine of twice the heading, each; states of the filter unless 0"""
 
 
 class GpsModel(Settings, place="gps"):
     """Errors of the GPS receiver, 1 sigma per axis of the tangent frame, (3,) each."""
 
     position_sd_m: Vector
-    """noise of a position"""
+    """white noise of north, east, down"""
     velocity_sd_mps: Vector
-    """noise of a velocity"""
+    """white noise of the velocity north, east, down"""
 
 
 class AcousticPositionModel(Settings, place="acoustic_position"):
-    """Errors of acoustic position fixes (USBL, LBL), 1 sigma per axis, and outliers among simulated ones."""
+    """Errors of acoustic position fixes (USBL, LBL), 1 sigma per axis, and outliers among simulated ones.
+
+    The transceiver's place (3,) is one of the tangent frame.
+    """
 
     sd_m: float
-    """noise at zero range"""
+    """part of the noise that does not depend on range, each axis"""
     sd_per_range: float = 0.0
-    """noise per slant range from the transceiver, 0 for the same at every range"""
+    """part of the noise that grows with the slant range, each axis"""
     transceiver_t_m: Vector = (0.0, 0.0, 0.0)
-    """place of the transceiver (3,), tangent frame"""
+    """position of the transceiver: north, east, down"""
     outlier_fraction: float = 0.0
     """fraction of outliers"""
     outlier_factor: float = 1.0
@@ -291,7 +294,7 @@ class WaterTrackModel(Settings, place="water_track"):
     beam_noise_sd_mps: float
     """white noise of a beam, 1 sigma"""
     range_m: float = 0.0
-    """distance along the beam to the middle of the cell"""
+    """distance along the beam from the transducer to the middle of the cell"""
     outlier_fraction: float = 0.0
     """fraction of outliers"""
     outlier_factor: float = 1.0
@@ -299,20 +302,21 @@ class WaterTrackModel(Settings, place="water_track"):
     lost_fraction: float = 0.0
     """fraction of lost readings"""
     wake: float = 0.0
-    """part of the vehicle's velocity through the water with which the water in the cell follows it, 0 to 1"""
+    """part of the vehicle's velocity through the water with which the water in the cell follows it; the filter does not
+    model it"""
 
 
 class ThrustModel(Settings, place="thrust"):
     """Speed through the water by the propeller's revolutions, 1 sigma."""
 
     advance_m: float
-    """advance per revolution"""
+    """advance per revolution that the filter expects"""
     advance_sd_m: float
     """its uncertainty"""
     true_advance_m: float = 0.0
     """its mean among simulated vehicles, 0 for the same"""
     slip_sd_mps: float = 0.02
-    """slip"""
+    """slip, 1 sigma: what waves, turns, a tether and changes of speed make of the speed at a reading"""
     slip_time_s: float = 5.0
     """correlation time of the slip"""
     noise_sd_mps: float = 0.01
@@ -326,23 +330,23 @@ class EffortModel(Settings, place="effort"):
     """
 
     mass_kg: Vector
-    """mass and added mass (3,)"""
+    """mass and added mass along surge, sway and heave"""
     linear_drag_kgps: Vector
-    """linear drag (3,), N s/m"""
+    """drag over speed"""
     quadratic_drag_kgpm: Vector
-    """quadratic drag (3,), N s²/m²"""
+    """drag over speed squared"""
     buoyancy_n: float = 0.0
-    """buoyancy less weight"""
+    """buoyancy less weight; negative for a vehicle that sinks"""
     speed_scale_sd: float = 0.1
     """relative uncertainty of the speed at a force, half of that of a quadratic drag"""
     speed_scale_time_s: float = 86_400.0
     """its correlation time"""
     inertia_sd: float = 0.2
-    """relative uncertainty of mass and added mass"""
+    """of mass and added mass, 1 sigma"""
     inertia_time_s: float = 86_400.0
     """its correlation time"""
     slip_sd_mps: float = 0.02
-    """slip"""
+    """slip, 1 sigma: what waves, turns, a tether and changes of speed make of the speed at a reading"""
     slip_time_s: float = 5.0
     """correlation time of the slip"""
     noise_sd_n: float = 1.0
@@ -448,13 +452,13 @@ class Robust(Settings, place="options.robust"):
     """Treatment of outliers among the beams (docs/robust.md)."""
 
     closure_gate: float | None = 0.9973
-    """probability with which a good ping passes the closure test; None for no gate"""
+    """probability with which the closure of a good ping passes; None for no gate"""
     beam_gate: float | None = 0.9973
-    """probability with which a good beam passes its own test; None for no gate"""
+    """probability with which a good beam passes against the filter's own velocity; None for no gate"""
     tail: Literal["gaussian", "student_t"] = "student_t"
     """distribution of the noise of the beams that pass"""
     student_t_degrees: float = 4.0
-    """degrees of freedom of Student's t"""
+    """degrees of freedom, for student_t"""
 
 
 class AssumptionKeys(BaseModel):
@@ -479,19 +483,19 @@ class ImuLimits(Settings, place="options.imu_limits"):
     """What inertial readings from outside are checked against (docs/imu_faults.md)."""
 
     max_rate_radps: float = 10.0
-    """full scale of the angular rate on each axis"""
+    """full scale of the gyros: a reading at or beyond it is rejected"""
     max_force_mps2: float = 100.0
-    """full scale of the specific force on each axis"""
+    """full scale of the accelerometers: a reading at or beyond it is rejected"""
     stuck_after: int = 0
-    """number of equal readings in a row from which on they are rejected; 0 for never"""
+    """equal readings in a row after which a sensor counts as stuck; 0 never"""
     max_gap_s: float = 1.0
-    """longest gap that is bridged"""
+    """longest interval without good readings that is bridged as it is"""
     gap: Literal["refuse", "inflate"] = "refuse"
-    """what becomes of a longer one"""
+    """what a longer one does: refuse ends with an error, inflate bridges it with its uncertainty"""
     gap_rate_sd_radps: float = 0.1
-    """unknown angular rate while nothing is read, 1 sigma on each axis"""
+    """angular rate that may happen unseen in a gap, 1 sigma of each axis"""
     gap_accel_sd_mps2: float = 0.5
-    """unknown specific force while nothing is read, 1 sigma on each axis"""
+    """acceleration that may happen unseen in a gap, 1 sigma of each axis"""
 
 
 class SpeedBound(Settings, place="options.speed_bound"):

@@ -117,7 +117,6 @@ class DepthSection(DepthErrors):
     """
 
     sd_m: Positive = 0.05
-    """white noise, 1 sigma"""
     water_density_kg_per_m3: Positive = 1025.0
     """density, for pressures"""
     surface_pressure_pa: Positive = 101_325.0

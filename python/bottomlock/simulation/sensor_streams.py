@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock import kernel
-from bottomlock.config.sensors import SENSORS, Sensor, WaterTrack
+from bottomlock.config.sensors import SENSORS, Simulated, WaterTrack
 from bottomlock.plant.beam_loss import noisy_ranges
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.simulation.build import Simulation, trajectory_key
@@ -97,7 +97,7 @@ def _water(drawn: dict[str, Any], settings: WaterTrack) -> pl.DataFrame:
     return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def _readings(sensor: Sensor, drawn: dict[str, Any]) -> dict[str, Any]:
+def _readings(sensor: type[Simulated], drawn: dict[str, Any]) -> dict[str, Any]:
     columns = {"time_ns": drawn[f"{sensor.name}_time_ns"]}
     for array, names in sensor.columns.items():
         columns |= dict(zip(names, drawn[array].reshape(-1, len(names)).T, strict=True))
