@@ -1,4 +1,4 @@
-"""A batch as Python calls it: the GIL, the memory, and whose arrays are read."""
+"""A batch as Python calls it: the GIL, the memory, whose arrays are read, masks and seeds."""
 
 import sys
 import threading
@@ -58,6 +58,35 @@ def test_arrays_that_are_not_contiguous_give_the_same_bits(make: Callable[[Float
         kernel.run_batch(**(work | {"truth": truth}), methods=["tc"], runs=2, threads=1)
     )
     assert all(np.array_equal(straight[key], other[key], equal_nan=True) for key in straight)
+
+
+def errors(valid: NDArray[np.bool_] | None = None, seed: int = 1, method: Method = "tc") -> Floats:
+    """Of three runs, with masks of one's own or beams 3 and 4 lost."""
+    work = batch_along(6.0) | {"seed": seed}
+    if valid is not None:
+        work["schedule"] = work["schedule"] | {"beam_valid": valid}
+    return np.asarray(kernel.run_batch(**work, methods=[method], runs=3, threads=1)["error"])
+
+
+def test_masks_may_differ_by_run() -> None:
+    """(runs, epochs, beams) masks: run k has its own, and equal masks give the bits of a shared one."""
+    shared = batch_along(6.0)["schedule"]["beam_valid"]
+    assert not shared.all()
+    own = np.tile(shared, (3, 1, 1))
+    plain = errors()
+    np.testing.assert_array_equal(errors(own), plain)
+    own[1] = True
+    mixed = errors(own)
+    np.testing.assert_array_equal(mixed[[0, 2]], plain[[0, 2]])
+    assert not np.array_equal(mixed[1], plain[1])
+    # The reference method ignores the masks.
+    np.testing.assert_array_equal(errors(own, method="lc"), errors(method="lc"))
+
+
+def test_runs_and_seeds_differ() -> None:
+    first = errors()
+    assert not np.array_equal(first[0], first[1])
+    assert not np.array_equal(first, errors(seed=8))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks the kernel of Linux for the largest resident set")

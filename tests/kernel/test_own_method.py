@@ -22,6 +22,8 @@ from bottomlock.own_method import Beams, Fix, Prior, Rows
 from bottomlock.replay.case import Settings
 from bottomlock.simulation.build import build_simulation
 from tests.analytic import batch_along
+from tests.kernel.test_late_data import under_way
+from tests.kernel.test_replay_log import replayed
 
 
 class TightCopy:
@@ -99,43 +101,17 @@ def test_the_fingerprint_follows_the_text(tmp_path: Path) -> None:
 def test_it_navigates_live_and_in_a_log() -> None:
     """`Navigator` and `replay_log` end in the bits of tc."""
     name = own_method.register(TightCopy)
-    scenario, gravity = load_scenario("straight"), bottomlock.normal_gravity_mps2(0.57)
-    imu_ns, ping_ns = np.arange(501) * 10_000_000, np.arange(130, 5_000, 993) * 1_000_000
-    none = np.empty(0, dtype=np.int64)
-    log: Any = {
-        "imu_time_ns": imu_ns, "force_p_mps2": np.tile([0, 0, -gravity], (501, 1)), "omega_p_radps": np.zeros((501, 3)),
-        "dvl_time_ns": ping_ns, "beam_velocity_mps": np.full((len(ping_ns), 4), 0.01),
-        "beam_valid": np.tile([True, True, False, False], (len(ping_ns), 1)),
-        "depth_time_ns": none, "depth_m": [], "heading_time_ns": none, "heading_rad": [],
-        "attitude_time_ns": none, "attitude_t_p": np.empty((0, 4)),
-        "gps_time_ns": none, "gps_position_t_m": np.empty((0, 3)),
-    }  # fmt: skip
-    start = bottomlock.InitialState(
-        time_ns=0, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[0, 0, 0]
-    )
-    janus = bottomlock.BeamGeometry.janus(0.35)
-    model, options = scenario.kernel_model(gravity), scenario.kernel_options()
-    out = bottomlock.replay_log(
-        janus,
-        model,
-        options,
-        ["tc", name],
-        log,
-        start,
-        sample_time_ns=[4_000_000_000],
-        smooth=True,
-        threads=2,
-    )
+    out = replayed(methods=("tc", name), smooth=True, threads=2)
     assert np.array_equal(out["velocity_p_mps"][0], out["velocity_p_mps"][1])
     assert np.array_equal(out["smoothed_sd"][0], out["smoothed_sd"][1])
-    states = []
+    saved = []
     for method in ("tc", name):
-        navigator = bottomlock.Navigator(janus, model, options, start, method=method)
-        for k, time_ns in enumerate(imu_ns[:201]):
-            navigator.push_imu(int(time_ns), omega_p_radps=[0, 0, 0], force_p_mps2=log["force_p_mps2"][k])
-        navigator.push_beams(2_000_000_000, np.full(4, 0.01), log["beam_valid"][0], sd_mps=np.full(4, 0.042))
-        states.append(bottomlock.Navigator.load(navigator.save()).state()["velocity_p_mps"])
-    assert np.array_equal(states[0], states[1])
+        navigator = under_way(method=method)
+        navigator.push_beams(
+            2_000_000_000, np.full(4, 0.01), [True, True, False, False], sd_mps=np.full(4, 0.042)
+        )
+        saved.append(bottomlock.Navigator.load(navigator.save()).state()["velocity_p_mps"])
+    assert np.array_equal(saved[0], saved[1])
 
 
 def test_a_calibration_beside_it_is_refused() -> None:

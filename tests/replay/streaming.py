@@ -6,13 +6,9 @@ import heapq
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from bottomlock.kernel import Navigator
+from bottomlock.kernel.models import DepthModel, MagnetometerModel, Model
 
-from bottomlock.kernel import BeamGeometry, Navigator
-from bottomlock.kernel.models import DepthModel, MagnetometerModel, Model, Options
-
-Times = NDArray[np.int64]
 STREAMS = ("imu", "dvl", "depth", "attitude", "heading", "gps")
 TIMES = ("imu_time_ns", "dvl_time_ns", "depth_time_ns", "attitude_time_ns", "heading_time_ns", "gps_time_ns")
 
@@ -58,51 +54,3 @@ def push(
             yaw_sd_rad=sds.yaw_sd_rad,
         )
     raise AssertionError("positions without velocity are not streamed here")
-
-
-def stream(
-    geometry: BeamGeometry,
-    model: Model,
-    options: Options,
-    method: Any,  # noqa: ANN401 - a name of a case
-    log: dict[str, Any],
-    start: dict[str, Any],
-    sample_time_ns: Times,
-) -> dict[str, Any]:
-    """States and deviations of one method at the sample times, and what became of each ping."""
-    initial: Any = {
-        "time_ns": start["time_ns"],
-        "position_t_m": start["position_t_m"],
-        "attitude_t_p": start["attitude_t_p"],
-        "velocity_p_mps": start["velocity_p_mps"],
-    }
-    navigator = Navigator(geometry, model, options, initial, method=method)
-    states: list[dict[str, Any]] = []
-    sds: list[Any] = []
-    nis = np.full(len(log["dvl_time_ns"]), np.nan)
-    wanted = list(sample_time_ns)
-    reached: int | None = None
-
-    def record(reached_ns: int | None) -> None:
-        while wanted and reached_ns is not None and wanted[0] <= reached_ns:
-            wanted.pop(0)
-            states.append(dict(navigator.state()))
-            sds.append(np.sqrt(np.diagonal(navigator.covariance())))
-
-    for time_ns, kind, row in events(log):
-        if STREAMS[kind] == "imu":
-            record(reached)
-            reached = time_ns
-        reports = push(navigator, model, log, STREAMS[kind], time_ns, row)
-        for report in reports:
-            if report.sensor in {"beams", "velocity"} and report.verdict != "no_information":
-                nis[np.searchsorted(log["dvl_time_ns"], report.time_ns)] = report.nis
-    record(reached)
-    return {
-        **{
-            name: np.array([state[name] for state in states])
-            for name in ("position_t_m", "attitude_t_p", "velocity_p_mps")
-        },
-        "sd": np.array(sds),
-        "nis": nis,
-    }

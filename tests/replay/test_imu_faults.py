@@ -14,19 +14,12 @@ from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
+from tests.kernel.test_late_data import AT_REST, LEVEL, MS, arrivals, push
 from tests.kernel.test_replay_log import LOG, START
 from tests.property import settings
 from tests.replay import synthetic_dive
 
 JANUS = bottomlock.BeamGeometry.janus(np.deg2rad(30.0))
-LEVEL = np.array([0.0, 0.0, -settings.GRAVITY])
-AT_REST: Any = {
-    "time_ns": 0,
-    "position_t_m": np.zeros(3),
-    "attitude_t_p": np.array([1.0, 0, 0, 0]),
-    "velocity_p_mps": np.zeros(3),
-}
-MS = 1_000_000
 
 
 def options(**changed: Any) -> Any:  # noqa: ANN401 - a value of any option
@@ -125,23 +118,10 @@ def test_a_faulty_log_is_the_streaming_navigator(
     log = faulty_log(gap=gap)
     limits = options(gap="inflate", max_gap_s=0.5)
     nav = bottomlock.Navigator(JANUS, settings.table_2(), limits, START, method=method)
-    pings = {int(t): k for k, t in enumerate(log["dvl_time_ns"])}
-    imu = {int(t): k for k, t in enumerate(log["imu_time_ns"])}
-    for t in sorted({*pings, *imu}):
-        if t in imu:
-            nav.push_imu(
-                t, omega_p_radps=log["omega_p_radps"][imu[t]], force_p_mps2=log["force_p_mps2"][imu[t]]
-            )
-        if t in pings:
-            k = pings[t]
-            nav.push_beams(t, log["beam_velocity_mps"][k], log["beam_valid"][k], sd_mps=log["beam_sd_mps"][k])
-    none = np.empty(0, dtype=np.int64)
-    beams_alone = log | {
-        "depth_time_ns": none, "depth_m": [], "heading_time_ns": none, "heading_rad": [],
-        "gps_time_ns": none, "gps_position_t_m": np.empty((0, 3)),
-    }  # fmt: skip
+    for event in arrivals(0.0, 0, log):
+        push(nav, *event, log)
     end_ns = int(nav.state()["time_ns"])
-    arguments: Any = (JANUS, settings.table_2(), limits, [method], beams_alone, START)
+    arguments: Any = (JANUS, settings.table_2(), limits, [method], log, START)
     for threads in (1, 2):
         out = bottomlock.replay_log(*arguments, sample_time_ns=np.array([end_ns]), threads=threads)
         assert int(out["sample_time_ns"][0]) == end_ns

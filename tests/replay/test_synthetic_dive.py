@@ -6,8 +6,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.recordings.axes import quaternions
-from bottomlock.replay import rerun
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
@@ -15,7 +13,6 @@ from bottomlock.statistics.replay import runs_table
 from bottomlock.tables.replay import IMU_FAULTS, SIGMAS, ReplayTables
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
-from tests.replay.streaming import stream
 
 ASKED = """
 [replay]
@@ -85,41 +82,6 @@ def test_positions_on_the_earth(replayed: ReplayTables) -> None:
         assert row["latitude_deg"] == pytest.approx(np.rad2deg(latitude), abs=1e-11)
         assert row["longitude_deg"] == pytest.approx(np.rad2deg(longitude), abs=1e-11)
         assert row["height_m"] == pytest.approx(height, abs=1e-6)
-
-
-def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
-    """Every method as if its log were pushed through `Navigator` reading by reading."""
-    prepared = rerun.prepare(case, read_streams(case))
-    for asked in (None, *case.what_if):
-        rerun_result = rerun.run_methods(case, prepared, asked, threads=2)
-        log = rerun.kernel_log(case, prepared, rerun_result.valid)
-        start = {
-            "time_ns": prepared.alignment.time_ns,
-            "position_t_m": prepared.alignment.position_t_m,
-            "attitude_t_p": quaternions(prepared.alignment.attitude),
-            "velocity_p_mps": prepared.alignment.velocity_p_mps,
-        }
-        for index, method in enumerate(case.replay.methods):
-            pushed = stream(
-                prepared.streams.instrument.geometry,
-                prepared.model,
-                prepared.options,
-                method,
-                log,
-                start,
-                prepared.sample_time_ns,
-            )
-            for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
-                np.testing.assert_array_equal(
-                    rerun_result.result[name][index], pushed[name], err_msg=f"{method} {name}"
-                )
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_repeats_bit_for_bit(case: Case, replayed: ReplayTables, threads: int) -> None:
-    again = replay_case(case, threads=threads)
-    for name in ("runs", "samples", "innovations", "pings"):
-        assert getattr(again, name).equals(getattr(replayed, name)), name
 
 
 def test_coverage_counts_axes_within_sigma(replayed: ReplayTables) -> None:

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import Method, replay_log, simulate_sensors
-from bottomlock.kernel.models import EffortModel, InitialState
+from bottomlock.kernel.models import EffortModel
 from bottomlock.plant import Flight
 from bottomlock.plant.hovering_vehicle import HoveringVehicle
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics.chi_squared import mean_band
 from tests.drawn_log import drawn_log
-from tests.oracle.rotations import exp_rotation, matrix_from_quaternion, quaternion_from_euler
 
 pytestmark = [pytest.mark.statistical, pytest.mark.long]
 Floats = NDArray[np.float64]
@@ -58,20 +57,6 @@ def hull(vehicle: HoveringVehicle, gravity_mps2: float, drag: float) -> EffortMo
     )
 
 
-def start_of(flight: Flight, model: Any, draw: np.random.Generator) -> InitialState:  # noqa: ANN401 - a model
-    """The truth at the start, off by what the model says."""
-    truth, sd = flight.truth, model.initial
-    turn = exp_rotation(draw.normal(size=3) * sd.attitude_sd_rad)
-    R = turn @ matrix_from_quaternion(truth.attitude_t_p[0])
-    roll, pitch, yaw = np.arctan2(R[2, 1], R[2, 2]), np.arcsin(-R[2, 0]), np.arctan2(R[1, 0], R[0, 0])
-    return InitialState(
-        time_ns=int(truth.time_ns[0]),
-        position_t_m=truth.position_t_m[0] + draw.normal(size=3) * sd.position_sd_m,
-        attitude_t_p=quaternion_from_euler(roll, pitch, yaw),
-        velocity_p_mps=truth.velocity_p_mps[0] + draw.normal(size=3) * sd.velocity_sd_mps,
-    )
-
-
 @cache
 def run(drag: float | None) -> dict[str, Floats]:
     """At the end, (runs, methods): horizontal error, m, and normalised squared errors; without forces for None."""
@@ -101,7 +86,6 @@ def run(drag: float | None) -> dict[str, Floats]:
             "heading_time_ns": drawn["heading_time_ns"],
             "heading_rad": drawn["heading_rad"],
         }
-        start = start_of(flight, model, draw)
         if drag is not None:
             log["effort_time_ns"] = times
             log["effort_force_p_n"] = force_p_n[rows] + draw.normal(size=(len(times), 3))
@@ -111,7 +95,7 @@ def run(drag: float | None) -> dict[str, Floats]:
             options,
             METHODS,
             log,
-            start,
+            drawn["initial"],
             sample_time_ns=truth.time_ns[end : end + 1],
         )
         error = out["position_t_m"][:, 0] - truth.position_t_m[end]
