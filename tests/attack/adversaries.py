@@ -50,9 +50,6 @@ ADVERSARIES: dict[str, list[bytes]] = {
     "waterlinked-serial": [b"wrz," * 250_000, b"wrz,1\n" * 150_000, (b"wr" * 2_000 + b"\n") * 200],
     "nortek-ascii": [b"$PNOR," * 160_000, (b"$PNOR," * 600 + b"\n") * 250],
     "cerulean-dvkfc": [b"$DVKFC," * 140_000, (b"$DVKF" * 800 + b"\n") * 250],
-    "linkquest-csv": [
-        seeds.linkquest_log() + b"," * 1_000_000,
-        seeds.linkquest_log() + b"1,\n" * 300_000,
-    ],
+    "linkquest-csv": [seeds.linkquest_log() + b"," * 1_000_000, seeds.linkquest_log() + b"1,\n" * 300_000],
 }
 """By name of format."""

@@ -13,15 +13,7 @@ from bottomlock import kernel
 from tests.attack.flight import closed_loop, navigator
 from tests.attack.trial import Trial
 from tests.attack.values import Arguments, spoilt_arguments
-from tests.attack.worlds import (
-    drawn_geometry,
-    log_and_start,
-    model,
-    motion,
-    options,
-    schedule,
-    some_methods,
-)
+from tests.attack.worlds import drawn_geometry, log_and_start, model, motion, options, schedule, some_methods
 
 SPOILT = 0.85
 """Share of the calls with a spoilt argument; the others show that the valid ones are accepted."""

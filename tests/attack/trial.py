@@ -31,12 +31,7 @@ class Trial:
         self._tell = tell
 
     def call(
-        self,
-        name: str,
-        function: Callable[..., Any],
-        arguments: Arguments,
-        *,
-        valid: bool = False,
+        self, name: str, function: Callable[..., Any], arguments: Arguments, *, valid: bool = False
     ) -> Any:  # noqa: ANN401 - what the function returns
         """The result of a call; None where it is refused.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import pytest
 from bottomlock.audit.page import audit_files, closure_table, plots_of
 from bottomlock.audit.run import audit_log
 from tests.audit.synthetic import make_log
-from tests.browser import CUT_OFF, Browser, chromium
 from tests.pages.test_plots import unpacked
 
 OUTLIER = 600
@@ -54,28 +52,3 @@ def test_times_that_go_back_have_no_curves() -> None:
     text = audit_files(audit)["audit.html"]
     assert isinstance(text, str)
     assert "<script" not in text
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
-@pytest.mark.skipif(chromium() is None, reason="no Chromium")
-def test_page_without_a_map_in_a_browser(tmp_path: Path) -> None:
-    text = audit_files(audit_log(make_log(3)))["audit.html"]
-    assert isinstance(text, str)
-    page = tmp_path / "audit.html"
-    page.write_text(text, encoding="utf-8")
-    with Browser() as browser:
-        browser.size(390)
-        browser.open(page)
-        browser.wait("document.getElementById('plots').dataset.ready === 'yes'")
-        browser.value("document.querySelector('.canvas').focus()")
-        browser.press("ArrowRight")
-        told = str(browser.value("document.querySelector('.at').textContent"))
-        assert told.endswith(" s")
-        # The middle of 1200 pings at 5 Hz, and a two-hundredth of them on.
-        assert float(told.removesuffix(" s")) == pytest.approx(119.9 + 239.8 / 200.0, abs=0.2)
-        assert "beam 4\nvalid" in str(
-            browser.value("[...document.querySelectorAll('.column .panel')].at(-1).innerText")
-        ).replace(" valid", "\nvalid")
-        assert browser.value("document.querySelector('.map')") is None
-        assert browser.value(CUT_OFF) == []

@@ -8,7 +8,7 @@ import pytest
 from bottomlock.audit.run import audit_log
 from bottomlock.io.beams import packaged_geometries, read_geometry
 from bottomlock.recordings.finding import Finding
-from tests.audit.synthetic import channels, janus, make_log
+from tests.audit.synthetic import make_log
 
 FOUR = [name for name in packaged_geometries() if read_geometry(name).geometry.beams == 4]
 SQUARE = ["linkquest_caves", "linkquest_navquest", "nortek_dvl1000", "waterlinked_a50", "x_janus_20"]
@@ -50,22 +50,3 @@ def test_closure_alone_leaves_those_of_one_order() -> None:
     assert findings(34, "x_janus_20", "teledyne_30", instrument=False)[1].text.endswith(
         f"{', '.join(SQUARE[:-1])} or {SQUARE[-1]}."
     )
-
-
-@pytest.mark.long
-def test_no_packaged_geometry_is_named_for_an_instrument_that_has_none() -> None:
-    """Tilts of 22 degrees at 45: no packaged one; nor is one named for a swap of recorded channels."""
-    log = channels(make_log(35), [1, 0, 2, 3])
-    for name in (None, *FOUR):
-        geometry = None if name is None else read_geometry(name).geometry
-        kinds = {one.kind for one in audit_log(log, stated=geometry, geometry_name=name).findings}
-        assert not kinds & {"another_geometry", "packaged_geometries"}, name
-    swapped = make_log(36, physical=janus(20.0), used=janus(20.0))
-    stated = read_geometry("x_janus_20").geometry
-    kinds = {
-        one.kind
-        for one in audit_log(
-            channels(swapped, [1, 0, 2, 3]), stated=stated, geometry_name="x_janus_20"
-        ).findings
-    }
-    assert kinds == {"swapped_beams"}

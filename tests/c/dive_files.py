@@ -12,7 +12,6 @@ from bottomlock.kernel.models import DepthModel, MagnetometerModel, Model
 from bottomlock.replay import rerun
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from tests.replay.streaming import STREAMS, events
 
 KINDS = {"imu": 0, "dvl": 1, "depth": 2, "attitude": 3}
 EVENT = np.dtype([("kind", "<i8"), ("time_ns", "<i8"), ("numbers", "<f8", 12)])
@@ -31,11 +30,12 @@ def write_dive(root: Path, folder: Path, method: Any) -> tuple[Path, Path]:  # n
 
 def write_files(folder: Path, navigator: Navigator, model: Model, log: Any) -> tuple[Path, Path]:  # noqa: ANN401 - a log
     """Writes a navigator and what a log pushes into it."""
-    records = [
-        (KINDS[STREAMS[stream]], time_ns, _numbers(STREAMS[stream], model, log, row))
-        for time_ns, stream, row in events(log)
-        if STREAMS[stream] in KINDS
-    ]
+    events = sorted(
+        (int(time_ns), kind, row, stream)
+        for stream, kind in KINDS.items()
+        for row, time_ns in enumerate(log.get(f"{stream}_time_ns", ()))
+    )
+    records = [(kind, time_ns, _numbers(stream, model, log, row)) for time_ns, kind, row, stream in events]
     files = folder / "dive.navigator", folder / "dive.events"
     files[0].write_bytes(navigator.save())
     files[1].write_bytes(np.array(records, dtype=EVENT).tobytes())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import json
 import threading
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -16,12 +15,8 @@ from bottomlock.config.instrument_grades import grades
 from bottomlock.io.beams import packaged_geometries, read_geometry
 from bottomlock.kernel import BeamGeometry, Navigator, Report, models
 from bottomlock.kernel.models import InitialState, Model, Options
-from bottomlock.replay import rerun
-from bottomlock.replay.case import load_case
-from bottomlock.replay.reading import read_streams
 from tests.c.navigator import CError, CLibrary, CNavigator, floats
 from tests.property import settings
-from tests.replay.streaming import STREAMS, events, push
 
 VERDICTS = ("accepted", "accepted_in_part", "rejected", "no_information", "withheld")
 JANUS_20 = read_geometry("x_janus_20").geometry
@@ -56,32 +51,6 @@ def same(ours: CNavigator, theirs: Navigator) -> None:
         np.testing.assert_array_equal(given, expected[name])  # type: ignore[literal-required]
     assert ours.covariance().tobytes() == np.ascontiguousarray(theirs.covariance()).tobytes()
     assert ours.save() == theirs.save()
-
-
-@pytest.mark.parametrize("method", ["tc", "sway_current", "weak_sway", "elc"])
-@pytest.mark.parametrize("late_s", [0.0, 0.5])
-def test_a_recorded_dive(c: CLibrary, root: Path, method: Any, late_s: float) -> None:  # noqa: ANN401 - a name
-    """The dive that ships, with every key of its model and options; also with its DVL half a second late."""
-    case = load_case(root / "data" / "logs" / "robosub" / "case.toml")
-    prepared = rerun.prepare(case, read_streams(case))
-    log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
-    geometry, start = prepared.streams.instrument.geometry, rerun.kernel_start(prepared.alignment)
-    theirs = Navigator(geometry, prepared.model, prepared.options, start, method=method)
-    ours = CNavigator(c, geometry.directions_p, prepared.model, prepared.options, start, method)
-    arrivals = [
-        (t + (round(late_s * 1e9) if stream == 1 else 0), stream, t, row) for t, stream, row in events(log)
-    ]
-    reports = 0
-    for _, stream, time_ns, row in sorted(arrivals):
-        told = push(theirs, prepared.model, log, STREAMS[stream], time_ns, row)
-        also_told = push(ours, prepared.model, log, STREAMS[stream], time_ns, row)  # type: ignore[arg-type]
-        assert len(also_told) == len(told)
-        for one, other in zip(also_told, told, strict=True):
-            same_report(one, other)
-        reports += len(told)
-    assert reports > 100
-    same(ours, theirs)
-    ours.free()
 
 
 class Both:
@@ -177,28 +146,18 @@ def test_every_sensor(c: CLibrary) -> None:
 def _same_estimates(c: CLibrary, ours: CNavigator, theirs: Navigator) -> None:
     """What is estimated beside the state, and the counts."""
     count = ctypes.c_size_t()
-    water, expected = c.structure("water"), cast(Any, theirs.water())
-    c("navigator_water", ours.pointer, water)
-    for name, *_ in water._fields_:
-        np.testing.assert_array_equal(np.array(getattr(water, name)), expected[name], err_msg=name)
-    thrust, known = c.structure("thrust"), cast(Any, theirs.thrust())
-    c("navigator_thrust", ours.pointer, thrust)
-    for name, *_ in thrust._fields_:
-        np.testing.assert_array_equal(np.array(getattr(thrust, name)), known[name], err_msg=name)
-    effort, found_effort = c.structure("effort"), cast(Any, theirs.effort())
-    c("navigator_effort", ours.pointer, effort)
-    for name, *_ in effort._fields_:
-        np.testing.assert_array_equal(np.array(getattr(effort, name)), found_effort[name], err_msg=name)
+    for kind in ("water", "thrust", "effort", "calibration"):
+        one, expected = c.structure(kind), cast(Any, getattr(theirs, kind)())
+        c(f"navigator_{kind}", ours.pointer, one)
+        for name, *_ in one._fields_:
+            np.testing.assert_array_equal(np.array(getattr(one, name)), expected[name], err_msg=name)
+    expected = cast(Any, theirs.water())
     layers = (c.header.structures["bl_layer"] * 64)()
     c("navigator_layers", ours.pointer, ctypes.addressof(layers), 64, ctypes.addressof(count))
     assert count.value == len(expected["layers"]["depth_m"]) > 0
     for name, *_ in layers[0]._fields_:
         found = [np.array(getattr(layer, name)) for layer in layers[: count.value]]
         np.testing.assert_array_equal(found, expected["layers"][name], err_msg=name)
-    calibration, expected = c.structure("calibration"), cast(Any, theirs.calibration())
-    c("navigator_calibration", ours.pointer, calibration)
-    for name, *_ in calibration._fields_:
-        np.testing.assert_array_equal(np.array(getattr(calibration, name)), expected[name], err_msg=name)
     for name, size in (("attitude_error", 3), ("heading_error", 1)):
         error, sd = np.zeros(size), np.zeros(size)
         c(f"navigator_{name}", ours.pointer, error, sd)
@@ -372,36 +331,19 @@ def test_one_ping(c: CLibrary) -> None:
             )
             prior = (np.array([1.0, 0.0, 0.0]), np.eye(3) * 0.1) if mask % 2 else (None, None)
             found = c.structure("velocity")
-            c(
-                "solve_velocity",
-                geometry,
-                method,
-                4,
-                velocity,
-                valid,
-                floats([0.02] * 4),
-                *prior,
-                None,
-                None,
-                found,
-            )
+            sd_mps = floats([0.02] * 4)
+            c("solve_velocity", geometry, method, 4, velocity, valid, sd_mps, *prior, None, None, found)
+            of_ping: Any = {
+                "prior_velocity_p_mps": None if prior[0] is None else prior[0][None],
+                "prior_cov_m2ps2": None if prior[1] is None else prior[1][None],
+            }
+            flags: Any = valid[None].astype(bool)
             expected = solve_velocity(
-                JANUS_20,
-                velocity[None],
-                valid[None].astype(bool),
-                method=method,  # type: ignore[arg-type]
-                beam_sd_mps=[0.02] * 4,
-                prior_velocity_p_mps=None if prior[0] is None else prior[0][None],
-                prior_cov_m2ps2=None if prior[1] is None else prior[1][None],
-            )
+                JANUS_20, velocity[None], flags, method=method, beam_sd_mps=sd_mps, **of_ping,  # type: ignore[arg-type]
+            )  # fmt: skip
             for name in (
-                "velocity_p_mps",
-                "cov_m2ps2",
-                "observed_velocity_p_mps",
-                "information_s2pm2",
-                "component",
-                "source",
-            ):
+                "velocity_p_mps", "cov_m2ps2", "observed_velocity_p_mps", "information_s2pm2", "component", "source",
+            ):  # fmt: skip
                 np.testing.assert_array_equal(
                     np.array(getattr(found, name)), getattr(expected, name)[0], err_msg=name
                 )

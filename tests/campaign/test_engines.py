@@ -23,8 +23,7 @@ from bottomlock.simulation.build import build_simulation
 from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 needs_dask = pytest.mark.skipif(
-    find_spec("distributed") is None,
-    reason="the package distributed is not installed: pip install '.[dask]'",
+    find_spec("distributed") is None, reason="the package distributed is not installed: pip install '.[dask]'"
 )
 pytestmark = [
     # Sockets of processes that are killed on purpose.

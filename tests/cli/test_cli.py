@@ -115,17 +115,21 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
         (["run", "straight", "--out", "o", "--scheduler", "tcp://a:1"], "only dask has schedulers"),
         ([*DASK, "a"], "such as tcp://host:8786"),
         ([*DASK, "tcp://a:1", "--threads", "2"], "whose workers bring their own"),
-        (
-            ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.parquet"],
-            "no such file",
-        ),
-        (
-            ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.csv"],
-            "ends in .parquet",
-        ),
+        (["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.parquet"], "no such file"),
+        (["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.csv"], "ends in .parquet"),
         (["swim"], "swim"),
+        (["run", "straight", "--out", "o", "--set", "imu.gyro_bias_deg_per_h=1,-2"], "is -2, expected >= 0"),
+        (["run", "straight", "--out", "o", "--set", "dvl.tilt_deg=2", "--set", "dvl.tilt_deg=3"], "is given twice"),
+        (["run", "straight", "--out", "o", "--set", "imu.gyro_bais_deg_per_h=1,2"], "did you mean"),
+        (["study", "straight"], "--out"),
+        (["study", "--out", "o", "--masks", "1235"], "'1235' is no set of the beams 1 to 4"),
+        (["study", "--out", "o", "--world", "surve"], "did you mean 'survey'"),
+        (["simulate-dvl", "straight", "--format", "nucleus"], "holds 3 beams, the geometry has 4"),
+        (["simulate-dvl", "straight", "--faults", "drop=1"], "did you mean 'drops'"),
+        (["simulate-dvl", "straight", "--dvl", "tcp:16171"], "did you mean tcpin:HOST:PORT"),
+        (["simulate-dvl", "straight", "--clock", "noon"], "--clock is 'noon', expected a date"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
     """Exit code 2, the place named on one line, no traceback, nothing written."""
     done = command(*arguments, cwd=tmp_path)

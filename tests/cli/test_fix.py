@@ -93,15 +93,3 @@ def test_log_with_lock_somewhere_or_a_beam_lost_is_solved(log: Path) -> None:
     assert fixes(log)[0].height == PINGS
     table.with_columns(beam4_valid=pl.lit(False), instrument_valid=pl.lit(False)).write_csv(log)
     assert (fixes(log)[0]["status"] == "fix").sum() == PINGS - 1
-
-
-@pytest.mark.parametrize(
-    "words", [("fix", "--method", "lc", "--out", "fixes.parquet"), ("audit", "--out", "audit")]
-)
-def test_a_geometry_of_three_beams_does_not_fit_four(log: Path, words: tuple[str, ...]) -> None:
-    name, *options = words
-    out = log.with_name(options[-1])
-    done = command(name, str(log), "--geometry", "sontek_argonaut", *options[:-1], str(out))
-    assert done.returncode == 2
-    assert "has 4 beams, expected 3" in " ".join(done.stderr.split())
-    assert not out.exists()

@@ -116,23 +116,6 @@ def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
     assert pl.read_parquet(truth).height >= 1
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("straight", "--format", "nucleus"), "holds 3 beams, the geometry has 4"),
-        (("straight", "--faults", "drop=1"), "did you mean 'drops'"),
-        (("straight", "--dvl", "tcp:16171"), "did you mean tcpin:HOST:PORT"),
-        (("straight", "--clock", "noon"), "--clock is 'noon', expected a date"),
-    ],
-)
-def test_mistakes_are_one_line(words: tuple[str, ...], said: str) -> None:
-    done = bottomlock("simulate-dvl", *words)
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("bottomlock: ")
-    assert said in line
-
-
 def test_files_are_not_overwritten(tmp_path: Path) -> None:
     log = tmp_path / "log"
     log.write_text("mine")

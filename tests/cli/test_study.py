@@ -32,21 +32,3 @@ def test_study_prints_writes_and_resumes(tmp_path: Path, monkeypatch: pytest.Mon
     other = command("study", *SHORT, "--out", "o", "--seed", "5", cwd=tmp_path)
     assert other.returncode == 2
     assert "differs in: command" in other.stderr
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["straight"], "--out"),
-        (["--out", "o", "--masks", "1235"], "'1235' is no set of the beams 1 to 4"),
-        (["--out", "o", "--world", "surve"], "did you mean 'survey'"),
-    ],
-)
-def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
-    """The place named on one line, no traceback, nothing written."""
-    done = command("study", *arguments, cwd=tmp_path)
-    assert done.returncode == 2
-    (message,) = [line for line in done.stderr.splitlines() if line.startswith("bottomlock: ")]
-    assert words in message
-    assert "Traceback" not in done.stderr
-    assert not list(tmp_path.iterdir())

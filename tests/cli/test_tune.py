@@ -11,15 +11,7 @@ import numpy as np
 import pytest
 
 from tests.cli.calls import command
-from tests.statistical.tune_logs import (
-    ACCEL_KEY,
-    BEAM_KEY,
-    GYRO_KEY,
-    Dive,
-    case_values,
-    dive,
-    write_case,
-)
+from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, GYRO_KEY, Dive, case_values, dive, write_case
 
 WRONG = {ACCEL_KEY: 10.0, GYRO_KEY: 0.1, BEAM_KEY: 3.0}
 

@@ -51,8 +51,7 @@ def sent(name: str, velocity: NDArray[np.float64], **more: Any) -> Recording:  #
 
 @pytest.mark.parametrize("name", STEPS)
 @given(
-    speeds=st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4),
-    lost=st.sets(st.integers(0, 2), max_size=2),
+    speeds=st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4), lost=st.sets(st.integers(0, 2), max_size=2)
 )
 def test_the_water_is_read_back(name: str, speeds: list[float], lost: set[int]) -> None:
     velocity = np.array(speeds[: 3 if name == "nucleus" else 4])

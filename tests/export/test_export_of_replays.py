@@ -226,14 +226,7 @@ def test_without_a_place_on_the_earth_two_formats_are_refused_and_three_written(
         with pytest.raises(DataError, match=r"origin\.longitude_deg"):
             check_formats([name], has_origin=False)
     files = export_files(utc_dive(origin=None), ["csv", "tum", "mcap"])
-    assert set(files) == {
-        f"export/{name}"
-        for name in (
-            "recorded_tc.csv",
-            "recorded_tc.tum",
-            "tracks.mcap",
-        )
-    }
+    assert set(files) == {f"export/{name}" for name in ("recorded_tc.csv", "recorded_tc.tum", "tracks.mcap")}
     assert b"LocationFix" not in bytes(files["export/tracks.mcap"])  # type: ignore[arg-type]
 
 

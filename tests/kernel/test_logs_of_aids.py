@@ -28,12 +28,7 @@ COLUMNS: dict[str, dict[str, Any]] = {
 LAYERED = test_thrust.ON.replace(current_layers=CurrentLayers())
 SETTINGS: dict[str, tuple[Any, Any, tuple[str, ...], tuple[Method, ...]]] = {
     "thrust": (test_thrust.MODEL, LAYERED, ("thrust",), ("ins", "tc", "sway_current")),
-    "effort": (
-        test_effort.MODEL,
-        test_effort.ON,
-        test_effort.AXES,
-        ("ins", "tc", "sway_current"),
-    ),
+    "effort": (test_effort.MODEL, test_effort.ON, test_effort.AXES, ("ins", "tc", "sway_current")),
     "water_track": (example.model, test_water_track.LAYERED, ("water_track",), ("tc", "sway_current")),
 }
 """Model, options, sensors of the records, methods."""

@@ -100,7 +100,7 @@ def test_the_fingerprint_follows_the_text(tmp_path: Path) -> None:
 
 def test_it_navigates_live_and_in_a_log() -> None:
     """`Navigator` and `replay_log` end in the bits of tc."""
-    name = own_method.register(TightCopy)
+    name: Any = own_method.register(TightCopy)
     out = replayed(methods=("tc", name), smooth=True, threads=2)
     assert np.array_equal(out["velocity_p_mps"][0], out["velocity_p_mps"][1])
     assert np.array_equal(out["smoothed_sd"][0], out["smoothed_sd"][1])

@@ -80,12 +80,7 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
         "attitude_t_p": LEVEL,
         "velocity_p_mps": np.zeros(3),
     }
-    robust = {
-        "closure_gate": 0.999,
-        "beam_gate": 0.999,
-        "tail": "student_t",
-        "student_t_degrees": 4.0,
-    }
+    robust = {"closure_gate": 0.999, "beam_gate": 0.999, "tail": "student_t", "student_t_degrees": 4.0}
     options = settings.options(gate="joint", inflate_after_rejections=3, robust=robust) | {
         "thrust": "velocity"
     }

@@ -23,10 +23,7 @@ INITIAL: Any = {
 
 
 def swim(
-    method: Method,
-    seconds: int = 20,
-    valid: tuple[bool, ...] = (True, True, False, False),
-    **water: float,
+    method: Method, seconds: int = 20, valid: tuple[bool, ...] = (True, True, False, False), **water: float
 ) -> Any:  # noqa: ANN401 - a navigator and the reports of each ping
     """Straight to the north at 2 m/s in a current of 0.3 m/s to the east, on perfect sensors."""
     own = {"water": models.Water().as_dict() | water} if water else {}

@@ -200,8 +200,7 @@ def test_information_grows_along_observable_directions_only(eight: Truth) -> Non
         # Constant errors: the covariance at the end, carried back to the start, is what learning left of the initial.
         initial = np.array([*[2.0] * 3, *errors.initial.attitude_sd_rad, *[0.05] * 3])
         initial = np.append(
-            initial,
-            [*[errors.imu.accel_bias_sd_mps2] * 3, *[errors.imu.gyro_bias_sd_radps] * 3],
+            initial, [*[errors.imu.accel_bias_sd_mps2] * 3, *[errors.imu.gyro_bias_sd_radps] * 3]
         )
         noise_sd = np.full(len(found.rows), errors.of(DvlModel).beam_noise_sd_mps)
         if aiding.depth:

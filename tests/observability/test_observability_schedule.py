@@ -176,9 +176,7 @@ def test_too_many_epochs_are_refused(tmp_path: Path) -> None:
 
 def _fifth(truth: Truth) -> Schedule:
     return Schedule.of(
-        truth.time_ns,
-        dvl_time_ns=np.array([-1, 5]),
-        beam_valid=np.ones((2, 4), dtype=np.bool_),
+        truth.time_ns, dvl_time_ns=np.array([-1, 5]), beam_valid=np.ones((2, 4), dtype=np.bool_)
     )
 
 

@@ -15,11 +15,7 @@ TILT_RAD = np.deg2rad(20.0)
 def direction(tilt_rad: float, azimuth_rad: float) -> Array:
     """Unit vector of a beam, Eq. 13; the first angle is the tilt from the vertical (erratum E9)."""
     return np.array(
-        [
-            np.cos(azimuth_rad) * np.sin(tilt_rad),
-            np.sin(azimuth_rad) * np.sin(tilt_rad),
-            np.cos(tilt_rad),
-        ]
+        [np.cos(azimuth_rad) * np.sin(tilt_rad), np.sin(azimuth_rad) * np.sin(tilt_rad), np.cos(tilt_rad)]
     )
 
 

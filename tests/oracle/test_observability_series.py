@@ -14,11 +14,7 @@ import pytest
 
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
 from bottomlock.observability.analysis import Aiding, observe
-from bottomlock.observability.tables import (
-    PAPER_CASES,
-    QUIET,
-    PaperCase,
-)
+from bottomlock.observability.tables import PAPER_CASES, QUIET, PaperCase
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 from tests.oracle.masks_by_manoeuvres import THREE_AIDINGS, manoeuvre_table
 from tests.oracle.observability_rows import ZERO, Rows, stacked
@@ -229,10 +225,7 @@ def test_heading_and_gps(name: str, lever: bool, turning: bool) -> None:
     )
     arms: dict[str, Any] = {}
     if lever:
-        arms = {
-            "depth_lever_p_m": tuple(map(float, DEPTH_ARM)),
-            "gps_lever_p_m": tuple(map(float, ANTENNA)),
-        }
+        arms = {"depth_lever_p_m": tuple(map(float, DEPTH_ARM)), "gps_lever_p_m": tuple(map(float, ANTENNA))}
     sets = [replace(aiding, **arms) for aiding in OTHER_SETS]
     found = observe(
         truth, geometry(), sets, earth_rate_radps=EARTH_RATE_RADPS if turning else 0.0, period_s=2.0

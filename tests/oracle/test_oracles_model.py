@@ -123,13 +123,7 @@ def test_two_integrated_motions_separate_as_the_transition_says() -> None:
     rho = log_rotation(
         matrix_from_quaternion(high.quaternion[-1]) @ matrix_from_quaternion(low.quaternion[-1]).T
     )
-    actual = np.concatenate(
-        [
-            high.position[-1] - low.position[-1],
-            rho,
-            high.velocity[-1] - low.velocity[-1],
-        ]
-    )
+    actual = np.concatenate([high.position[-1] - low.position[-1], rho, high.velocity[-1] - low.velocity[-1]])
     np.testing.assert_allclose(actual, predicted, atol=1e-8)
 
 
@@ -141,12 +135,7 @@ def test_rest_on_a_turning_earth_is_rest(latitude_deg: float) -> None:
     earth = mechanisation.earth_rate_tangent(np.deg2rad(latitude_deg))
     rate, force = R.T @ earth, R.T @ np.array([0, 0, -GRAVITY])
     end = mechanisation.integrate(
-        (np.zeros(3), q, np.zeros(3)),
-        lambda _: rate,
-        lambda _: force,
-        GRAVITY,
-        earth,
-        np.array([0.0, 100.0]),
+        (np.zeros(3), q, np.zeros(3)), lambda _: rate, lambda _: force, GRAVITY, earth, np.array([0.0, 100.0])
     )
     assert np.abs(end.position[-1]).max() < 1e-8
     assert np.abs(end.quaternion[-1] - q).max() < 1e-10

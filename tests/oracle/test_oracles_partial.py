@@ -68,14 +68,7 @@ def test_printed_nullified_sway_covariance_is_its_limit() -> None:
 
 @pytest.mark.parametrize(
     ("pair", "singular"),
-    [
-        ((1, 2), False),
-        ((1, 3), False),
-        ((1, 4), True),
-        ((2, 3), True),
-        ((2, 4), False),
-        ((3, 4), False),
-    ],
+    [((1, 2), False), ((1, 3), False), ((1, 4), True), ((2, 3), True), ((2, 4), False), ((3, 4), False)],
 )
 def test_a_zero_is_singular_for_lateral_pairs(pair: tuple[int, int], *, singular: bool) -> None:
     """Erratum E2: beams 1,4 and 2,3 share b_x and b_z, so the determinant of Eq. 31 vanishes."""
@@ -84,15 +77,7 @@ def test_a_zero_is_singular_for_lateral_pairs(pair: tuple[int, int], *, singular
 
 
 @pytest.mark.parametrize(
-    ("pair", "axis"),
-    [
-        ((1, 2), 0),
-        ((3, 4), 0),
-        ((1, 4), 1),
-        ((2, 3), 1),
-        ((1, 3), 2),
-        ((2, 4), 2),
-    ],
+    ("pair", "axis"), [((1, 2), 0), ((3, 4), 0), ((1, 4), 1), ((2, 3), 1), ((1, 3), 2), ((2, 4), 2)]
 )
 def test_row_space_of_a_pair_holds_one_axis(pair: tuple[int, int], axis: int) -> None:
     """Erratum E3: the axis that PLCF can give, from the projector on the row space; w for opposite beams."""

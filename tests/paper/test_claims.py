@@ -204,8 +204,7 @@ def test_the_vehicle_keeps_no_timetable(tmp_path: Path) -> None:
     """On the vehicle the turns are where it swims them, so without its path the claim is not testable."""
     folder = write_campaign(tmp_path / "c", trajectories=LAWN_MOWER)
     edit_manifest(
-        folder,
-        lambda m: m["scenarios"]["lawn_mower"]["configuration"]["trajectory"].update(source="vehicle"),
+        folder, lambda m: m["scenarios"]["lawn_mower"]["configuration"]["trajectory"].update(source="vehicle")
     )
     row = one(folder, "t3-velocity-nsv-oscillates")
     assert (row["verdict"], "no truth.parquet" in row["note"]) == (NOT_TESTABLE, True)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.plant import (
     Current,
     Flight,
@@ -19,7 +18,6 @@ from bottomlock.plant import (
     telemetry,
 )
 from bottomlock.plant.maths import FloatArray
-from bottomlock.plant.matrices import rotation_t_p
 from tests.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
 NAMES = ("straight", "figure_eight", "lawn_mower")
@@ -52,39 +50,6 @@ def test_halving_the_step_moves_nothing(tauv: Vehicle, name: str, flights: dict[
     coarse = flights[name].history
     assert np.abs(fine.state[:, :3] - coarse.state[:, :3]).max() < 1e-3
     assert np.abs(fine.state[:, 3:7] - coarse.state[:, 3:7]).max() < 1e-3
-
-
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    w, x, y, z = a
-    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]]) @ b
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", LAWN_MOWER)
-def test_a_perfect_imu_returns_the_truth(flights: dict[str, Flight], name: str) -> None:
-    """A second-order strapdown with coning ends within 1 cm and 1e-6 rad after 250 s."""
-    truth = flights[name].truth
-    step = 1.0 / 150.0
-    earth = EARTH_RATE_RADPS * np.array([np.cos(LATITUDE_RAD), 0.0, -np.sin(LATITUDE_RAD)])
-    earth_turn = np.concatenate([[1.0], -0.5 * step * earth])
-    gravity = np.array([0.0, 0.0, GRAVITY_MPS2])
-    omega, force = truth.omega_p_radps, truth.force_p_mps2
-    turns = 0.5 * step * (omega[1:] + omega[:-1]) + step**2 / 12.0 * np.cross(omega[:-1], omega[1:])
-    attitude, place = truth.attitude_t_p[0].copy(), truth.position_t_m[0].copy()
-    velocity = rotation_t_p(attitude) @ truth.velocity_p_mps[0]
-    push = rotation_t_p(attitude) @ force[0] + gravity - 2.0 * np.cross(earth, velocity)
-    for turn, feel in zip(turns, force[1:], strict=True):
-        angle = float(np.linalg.norm(turn))
-        small = np.concatenate([[np.cos(0.5 * angle)], 0.5 * np.sinc(0.5 * angle / np.pi) * turn])
-        attitude = _product(earth_turn, _product(attitude, small))
-        attitude /= np.linalg.norm(attitude)
-        after = rotation_t_p(attitude) @ feel + gravity - 2.0 * np.cross(earth, velocity + step * push)
-        moved = velocity + 0.5 * step * (push + after)
-        place = place + 0.5 * step * (velocity + moved)
-        velocity, push = moved, after
-    assert np.abs(place - truth.position_t_m[-1]).max() < 0.01
-    conjugate = attitude * np.array([1.0, -1.0, -1.0, -1.0])
-    assert 2.0 * np.abs(_product(conjugate, truth.attitude_t_p[-1])[1:]).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", NAMES)

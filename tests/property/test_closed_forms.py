@@ -156,11 +156,7 @@ def test_selector(
         "NSV": paper.nullified_sway_velocity(b, y1, y2),
         "PLCF": np.array([paper.partial_loose_surge(b, y1, y2), np.nan, np.nan]),
         "VHV": np.array(
-            [
-                paper.partial_loose_surge(b, y1, y2),
-                paper.virtual_heave_sway(b, y1, y2, prior[2]),
-                np.nan,
-            ]
+            [paper.partial_loose_surge(b, y1, y2), paper.virtual_heave_sway(b, y1, y2, prior[2]), np.nan]
         ),
     }
     codes = {2: "VB", 3: "NSV", 4: "PLCF", 5: "VHV"}

@@ -101,18 +101,8 @@ def test_pings_read_back(one: Format, data: st.DataObject) -> None:
     assert table.rows == len(sent)
     assert np.array_equal(table.valid, [ping.valid for ping in sent])
     truth = np.array([ping.beam_velocity_mps for ping in sent])
-    near(
-        np.where(table.valid, table.velocity_mps, np.nan),
-        truth,
-        steps.velocity_step_mps,
-        steps.relative,
-    )
-    near(
-        table.range_m,
-        np.array([ping.range_m for ping in sent]),
-        steps.range_step_m,
-        steps.relative,
-    )
+    near(np.where(table.valid, table.velocity_mps, np.nan), truth, steps.velocity_step_mps, steps.relative)
+    near(table.range_m, np.array([ping.range_m for ping in sent]), steps.range_step_m, steps.relative)
     late = [abs(int(t) - states(ping, one)) for t, ping in zip(table.time_ns, sent, strict=True)]
     assert max(late) <= steps.time_step_ns // 2
     if (table.instrument_valid >= 0).any():
@@ -175,9 +165,4 @@ def test_ranges_do_not_wrap(one: Format, value: float) -> None:
             continue
         found = read(one, data).table.range_m[0]
         assert np.isnan(found[1]) <= (near_limit < 1e-6)
-        near(
-            found[np.isfinite(found)],
-            ranges[np.isfinite(found)],
-            steps.range_step_m,
-            steps.relative,
-        )
+        near(found[np.isfinite(found)], ranges[np.isfinite(found)], steps.range_step_m, steps.relative)

@@ -104,13 +104,7 @@ WHAT_IF = {"lost_34": "beams_lost = [3, 4]"}
 
 
 def akit_case(
-    data: Path,
-    scratch: Path,
-    section: int,
-    *,
-    asks: Sequence[str] = (),
-    depth: bool = True,
-    replay: str = "",
+    data: Path, scratch: Path, section: int, *, asks: Sequence[str] = (), depth: bool = True, replay: str = ""
 ) -> Case:
     """A section as a case.
 

@@ -100,8 +100,7 @@ DEGREES = {f"g{axis}": pl.col(f"g{axis}") * float(np.rad2deg(1.0)) for axis in "
 BEAM = {k: pl.col(f"beam{k}_mps") for k in range(1, 5)}
 EXCHANGED = {f"beam{k}_{q}": pl.col(f"beam{3 - k}_{q}") for k in (1, 2) for q in ("mps", "valid")}
 STARTS_FAST = edited(
-    "case.toml",
-    ('"beams"\nvelocity_mps = [0.0, 0.0, 0.0]', '"given"\nvelocity_mps = [2.0, 0.0, 0.0]'),
+    "case.toml", ('"beams"\nvelocity_mps = [0.0, 0.0, 0.0]', '"given"\nvelocity_mps = [2.0, 0.0, 0.0]')
 )
 MISTAKES: dict[str, tuple[Mistake, str, str]] = {
     "mounting yaw 10 deg": (edited("dvl.toml", ("yaw_deg = 0.0", "yaw_deg = 10.0")), "mounting", "yaw"),

@@ -88,13 +88,7 @@ def test_tight_coupling_is_information_form_is_exact_virtual_beam(
 def test_rounding_does_not_move_a_row(data: Path, scratch: Path) -> None:
     """Readings changed in the twelfth digit move no end by more than 1e-7: other processors give the same page."""
     methods = ("ins", "tc", "vb", "nsv", "elc")
-    case = akit_case(
-        data,
-        scratch,
-        7,
-        asks=("lost_34",),
-        replay=f"smooth = false\nmethods = {list(methods)}",
-    )
+    case = akit_case(data, scratch, 7, asks=("lost_34",), replay=f"smooth = false\nmethods = {list(methods)}")
     streams = read_streams(case)
     change = 1.0 + 1e-12 * np.random.default_rng(1).standard_normal(streams.inertial.force_p_mps2.shape)
     moved = replace(streams.inertial, force_p_mps2=streams.inertial.force_p_mps2 * change)

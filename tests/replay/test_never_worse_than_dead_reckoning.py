@@ -133,11 +133,7 @@ def scores(world: str, runs: int, folder: Path) -> pl.DataFrame:
 
 
 @pytest.mark.parametrize(
-    ("world", "runs"),
-    [
-        ("survey", 6),
-        *(pytest.param(world, 30, marks=pytest.mark.long) for world in WORLDS),
-    ],
+    ("world", "runs"), [("survey", 6), *(pytest.param(world, 30, marks=pytest.mark.long) for world in WORLDS)]
 )
 def test_the_floor(world: str, runs: int, tmp_path: Path) -> None:
     found = scores(world, runs, tmp_path).group_by("method").mean()

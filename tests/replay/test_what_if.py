@@ -48,7 +48,4 @@ def test_no_velocity_closes_wrongly(tilt: float, roll: float, velocity: list[flo
 
 
 def test_three_beams_have_no_closure() -> None:
-    assert closure_rows(BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0]).directions_p).shape == (
-        0,
-        3,
-    )
+    assert closure_rows(BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0]).directions_p).shape == (0, 3)

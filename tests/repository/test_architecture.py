@@ -59,17 +59,7 @@ def test_every_room_is_named(root: Path, page: str) -> None:
     assert [room for room in found if f"    {room} " not in tree] == []
 
 
-LEVELS = {
-    "attack",
-    "benchmarks",
-    "c",
-    "golden",
-    "oracle",
-    "property",
-    "repository",
-    "ros",
-    "statistical",
-}
+LEVELS = {"attack", "benchmarks", "c", "golden", "oracle", "property", "repository", "ros", "statistical"}
 """Folders of tests that are of no one room."""
 
 

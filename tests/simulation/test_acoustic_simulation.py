@@ -5,39 +5,25 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import polars as pl
 import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import simulate_sensors
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.report import scenario_schedule
-from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
-from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.analytic import analytic
 from tests.oracle import acoustic_position as oracle
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.run_events import Readings
-
-LEVER = [0.8, -0.3, 0.6]
+from tests.simulation.worlds import ACOUSTIC, ALWAYS, kernel_inputs
 
 
 def scenario(seconds: float = 20.0, **keys: Any) -> Scenario:  # noqa: ANN401 - any key of the section
     """The straight way with every sensor on."""
     content = load_scenario("straight").with_trajectory(duration_s=seconds).model_dump(exclude_unset=True)
-    on: dict[str, dict[str, Any]] = {
-        "depth": {},
-        "magnetometer": {},
-        "gps": {"antenna_depth_m": 1e3, "acquire_s": 0.0},
-    }
-    if keys.pop("acoustic", True):
-        on["acoustic_position"] = {
-            "rate_hz": 1.0,
-            "transceiver_m": [50.0, 80.0, 0.0],
-            "lever_arm_m": LEVER,
-        } | keys
-    return Scenario.model_validate(content | on)
+    return Scenario.model_validate(content | ALWAYS | {"acoustic_position": ACOUSTIC | keys})
 
 
 def simulation(seconds: float = 20.0, **keys: Any) -> Simulation:  # noqa: ANN401
@@ -49,32 +35,8 @@ def oracle_arm(truth: Any, time_ns: Any) -> Any:  # noqa: ANN401 - arrays
     rows = np.searchsorted(truth.time_ns, time_ns)
     assert (truth.time_ns[rows] == time_ns).all()
     pairs = zip(truth.position_t_m[rows], truth.attitude_t_p[rows], strict=True)
-    arm = np.array(LEVER)
+    arm = np.array(ACOUSTIC["lever_arm_m"])
     return np.array([oracle.expected_fix(place, matrix_from_quaternion(q), arm) for place, q in pairs])
-
-
-def kernel_inputs(simulated: Simulation) -> tuple[int, Any, Any, Any, Any]:
-    """Key, schedule, truth, model and options of a simulation, as the kernel takes them."""
-    truth, scenario = simulated.truth(), simulated.scenario
-    key = trajectory_key(scenario.name)
-    plan = measurement_schedule(simulated, truth, trajectory_key=key)
-    model = scenario.kernel_model(simulated.gravity_mps2)
-    return key, plan, truth.kernel_arrays(), model, scenario.kernel_options()
-
-
-def test_switching_it_on_shifts_no_other_stream() -> None:
-    """Every other table of readings keeps its bits; outliers leave the IMU and the other sensors alone as well."""
-    off, on, wild = simulation(acoustic=False), simulation(), simulation(outlier_fraction=0.5)
-    truth = off.truth()
-    without, clean, dirty = (sensor_streams(one, truth, run=3) for one in (off, on, wild))
-    assert without["acoustic_position"].height == 0
-    assert clean["acoustic_position"].height == 20
-    for name in ("imu", "beams", "depth", "attitude", "gps"):
-        assert without[name].height > 0
-        assert without[name].equals(clean[name]), name
-        assert without[name].equals(dirty[name]), name
-    same = (clean["acoustic_position"] == dirty["acoustic_position"]).select(pl.all_horizontal(pl.all()))
-    assert 0 < same.to_series().sum() < 20
 
 
 def test_readings_are_the_campaigns_and_have_their_deviation() -> None:

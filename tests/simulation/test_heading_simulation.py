@@ -10,7 +10,7 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import simulate_sensors
 from bottomlock.simulation.build import build_simulation
 from tests.oracle.rotations import matrix_from_quaternion
-from tests.simulation.test_acoustic_simulation import kernel_inputs
+from tests.simulation.worlds import kernel_inputs
 
 
 def true_yaw(truth: Any, time_ns: Any) -> Any:  # noqa: ANN401 - arrays

@@ -7,21 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import Method, run_batch
-from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.run_events import Readings
-from tests.simulation.test_acoustic_simulation import kernel_inputs
+from tests.simulation.worlds import ACOUSTIC, ALWAYS, figure_of_eight, kernel_inputs
 
 METHODS: list[Method] = ["lc", "tc", "vb", "elc", "info", "weak_sway", "sway_current"]
-ALWAYS = {"depth": {}, "magnetometer": {}, "gps": {"antenna_depth_m": 1e3, "acquire_s": 0.0}}
-SENSORS: dict[str, dict[str, Any]] = {
-    "acoustic_position": {
-        "rate_hz": 1.0,
-        "transceiver_m": [50.0, 80.0, 0.0],
-        "lever_arm_m": [0.8, -0.3, 0.6],
-    },
+SENSORS: Any = {
+    "acoustic_position": ACOUSTIC,
     "heading": {},
     "thrust": {"corrects": "all"},
     "water_track": {"lost_fraction": 0.3},
@@ -29,33 +22,29 @@ SENSORS: dict[str, dict[str, Any]] = {
 """Sections that switch a sensor on, with keys of theirs."""
 
 
-def simulation(*sensors: str, seconds: float = 12.0, **dvl: float) -> Simulation:
-    """A figure of eight in a current that turns and is sheared, with these sensors beside the common ones."""
-    content = load_scenario("figure_eight").with_trajectory(duration_s=seconds).model_dump(exclude_unset=True)
-    current = {"speed_mps": 0.4, "towards_deg": 60.0, "turn_deg_per_h": 900.0, "shear_north_mps_per_m": 0.01}
-    content["mission"] = {**content.get("mission", {}), "current": current}
-    content["environment"] = {**content.get("environment", {}), "earth": "tangent_plane"}
-    content["dvl"] |= dvl
-    return build_simulation(
-        Scenario.model_validate(content | ALWAYS | {name: SENSORS[name] for name in sensors})
-    )
-
-
-@pytest.mark.parametrize("sensor", ["heading", "thrust"])
+@pytest.mark.parametrize("sensor", SENSORS)
 def test_switching_a_sensor_on_shifts_no_other_stream(sensor: str) -> None:
-    """Every other table of readings keeps its bits; acoustic fixes and water track beside their own outliers."""
-    off, on = simulation(), simulation(sensor)
-    truth = off.truth()
-    without, with_it = (sensor_streams(one, truth, run=3) for one in (off, on))
-    assert (without[sensor].height, with_it[sensor].height) == (0, 12)
-    for name in ("imu", "beams", "depth", "attitude", "gps"):
-        assert without[name].height > 0
-        assert without[name].equals(with_it[name]), name
+    """Every other table of readings keeps its bits, whatever the outliers of the one."""
+    section, name = SENSORS[sensor], "beams_water" if sensor == "water_track" else sensor
+    wild = section | ({"outlier_fraction": 0.5} if name != sensor or section is ACOUSTIC else {})
+    worlds: Any = {}, {sensor: section}, {sensor: wild}
+    off, on, worse = (figure_of_eight(12.0, **one) for one in worlds)
+    without, *others = (sensor_streams(one, off.truth(), run=3) for one in (off, on, worse))
+    assert name not in without or without[name].height == 0
+    for with_it in others:
+        assert with_it[name].height > 0
+        for other in ("imu", "beams", "depth", "attitude", "gps"):
+            assert without[other].height > 0
+            assert without[other].equals(with_it[other]), other
+    if wild != section:
+        rows = [one[name].rows() for one in others]
+        assert sum(one == other for one, other in zip(*rows, strict=False)) > 0
+        assert rows[0] != rows[1]
 
 
 def test_a_campaigns_run_is_the_streaming_navigator() -> None:
     """Count of fixes and mean NIS of the DVL equal the batch's, with every sensor in between; each of these counts."""
-    simulated = simulation(*SENSORS, outlier_fraction=0.1)
+    simulated = figure_of_eight(12.0, dvl={"outlier_fraction": 0.1}, **SENSORS)
     key, plan, arrays, model, options = kernel_inputs(simulated)
     common: Any = {
         "seed": simulated.scenario.campaign.seed, "trajectory_key": key, "first_run": 2, "runs": 1, "threads": 1,

@@ -9,33 +9,16 @@ import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import simulate_sensors
-from bottomlock.simulation.build import Simulation, build_simulation
+from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.oracle.rotations import matrix_from_quaternion
-from tests.simulation.test_acoustic_simulation import kernel_inputs
-
-CURRENT = {
-    "speed_mps": 0.4,
-    "towards_deg": 60.0,
-    "turn_deg_per_h": 900.0,
-    "shear_north_mps_per_m": 0.01,
-    "shear_east_mps_per_m": -0.02,
-}
-
-
-def simulation(seconds: float = 20.0, **keys: Any) -> Simulation:  # noqa: ANN401 - any key
-    """A figure of eight that dives in a current that turns and is sheared, with other sensors on."""
-    content = load_scenario("figure_eight").with_trajectory(duration_s=seconds).model_dump(exclude_unset=True)
-    content["mission"] = {**content.get("mission", {}), "current": CURRENT}
-    content["environment"] = {**content.get("environment", {}), "earth": keys.pop("earth", "tangent_plane")}
-    content |= {"depth": {}, "magnetometer": {}, "gps": {"antenna_depth_m": 1e3}}
-    return build_simulation(Scenario.model_validate(content | {"thrust": keys}))
+from tests.simulation.worlds import current_at, figure_of_eight, kernel_inputs
 
 
 @pytest.mark.parametrize(("earth", "allowed"), [("tangent_plane", 1e-10), ("ellipsoid", 1e-4)])
 def test_they_are_the_literal_equation(earth: str, allowed: float) -> None:
     """Revolutions are e_x'(v - R'c(z, t)) / a, with a fifth more advance than expected, within 40 m of the origin."""
-    simulated = simulation(earth=earth, error_percent=20.0)
+    simulated = figure_of_eight(earth=earth, thrust={"error_percent": 20.0})
     key, plan, arrays, model, options = kernel_inputs(simulated)
     assert model.thrust is not None
     quiet = model.replace(thrust=model.thrust.replace(advance_sd_m=0.0, slip_sd_mps=0.0, noise_sd_mps=0.0))
@@ -49,17 +32,14 @@ def test_they_are_the_literal_equation(earth: str, allowed: float) -> None:
     for time_ns, found in zip(drawn["thrust_time_ns"], drawn["thrust_revolutions_hz"], strict=True):
         row = int(np.searchsorted(truth.time_ns, time_ns))
         rotation, depth_m = matrix_from_quaternion(truth.attitude_t_p[row]), truth.position_t_m[row, 2]
-        towards = np.deg2rad(60.0 + 0.25 * time_ns * 1e-9)
-        current = np.array(
-            [0.4 * np.cos(towards) + 0.01 * depth_m, 0.4 * np.sin(towards) - 0.02 * depth_m, 0.0]
-        )
+        current = np.array(current_at(time_ns * 1e-9, depth_m))
         ahead = truth.velocity_p_mps[row, 0] - (rotation.T @ current)[0]
         assert found == pytest.approx(ahead / 0.12, abs=allowed)
 
 
 def test_advance_slip_and_noise_are_as_stated() -> None:
     """300 runs: the advance of a run, and what slip and noise are about it, within five standard deviations."""
-    simulated = simulation(slip_mps=0.3, slip_time_s=0.01, noise_mps=0.4)
+    simulated = figure_of_eight(thrust={"slip_mps": 0.3, "slip_time_s": 0.01, "noise_mps": 0.4})
     key, plan, arrays, model, options = kernel_inputs(simulated)
     assert model.thrust is not None
 

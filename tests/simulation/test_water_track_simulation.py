@@ -8,33 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import ClosedLoop, KernelError, run_batch, simulate_sensors
 from bottomlock.plant import Current
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.measurement_schedule import MeasurementSchedule
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.oracle.rotations import matrix_from_quaternion
-from tests.simulation.test_acoustic_simulation import kernel_inputs
+from tests.simulation.worlds import current_at, figure_of_eight, kernel_inputs
 
 LEVERS = [[0.8, -0.3, 0.6], [0.9, -0.2, 0.6], [0.7, 0.1, 0.5], [0.8, 0.2, 0.4]]
-CURRENT = {
-    "speed_mps": 0.4,
-    "towards_deg": 60.0,
-    "turn_deg_per_h": 900.0,
-    "shear_north_mps_per_m": 0.01,
-    "shear_east_mps_per_m": -0.02,
-}
 
 
-def simulation(seconds: float = 20.0, *, water: bool = True, **keys: Any) -> Simulation:  # noqa: ANN401 - any key
-    """A figure of eight that dives in a current that turns and is sheared, with other sensors on."""
-    content = load_scenario("figure_eight").with_trajectory(duration_s=seconds).model_dump(exclude_unset=True)
-    content["mission"] = {**content.get("mission", {}), "current": CURRENT}
-    content["environment"] = {**content.get("environment", {}), "earth": "tangent_plane"}
-    content["dvl"] |= {"lever_arms_m": LEVERS, "mounting_yaw_deg": 45.0, "sound_speed_scale": 1.01}
-    content |= {"depth": {}, "magnetometer": {}, "gps": {"antenna_depth_m": 1e3}}
-    return build_simulation(Scenario.model_validate(content | ({"water_track": keys} if water else {})))
+def simulation(**keys: Any) -> Simulation:  # noqa: ANN401 - any key of the section
+    dvl = {"lever_arms_m": LEVERS, "mounting_yaw_deg": 45.0, "sound_speed_scale": 1.01}
+    return figure_of_eight(dvl=dvl, water_track=keys)
 
 
 @pytest.mark.parametrize("wake", [0.0, 0.2])
@@ -60,13 +47,10 @@ def test_its_beams_are_the_literal_equation(wake: float) -> None:
         row = int(np.searchsorted(truth.time_ns, time_ns))
         rotation = matrix_from_quaternion(truth.attitude_t_p[row])
         omega = truth.omega_p_radps[row] - rotation.T @ earth_t
-        towards = np.deg2rad(60.0 + 0.25 * time_ns * 1e-9)
         for beam in range(4):
             direction, lever = geometry.directions_p[beam], np.array(LEVERS[beam])
             depth_m = truth.position_t_m[row, 2] + (rotation @ (lever + 12.0 * direction))[2]
-            current = np.array(
-                [0.4 * np.cos(towards) + 0.01 * depth_m, 0.4 * np.sin(towards) - 0.02 * depth_m, 0.0]
-            )
+            current = np.array(current_at(time_ns * 1e-9, depth_m))
             through = (1.0 - wake) * (truth.velocity_p_mps[row] - rotation.T @ current)
             expected = (1.0 + drawn["dvl_scale_factor"][k]) * direction @ through
             expected += direction @ np.cross(omega, lever) + drawn["dvl_bias_mps"][k, beam]
@@ -85,24 +69,13 @@ def test_the_current_turns_at_its_rate_and_is_its_integral() -> None:
     np.testing.assert_allclose(turning[1:-1, 2:4], turning[2:, :2] - turning[:-2, :2], atol=1e-10)
 
 
-def test_switching_it_on_shifts_no_other_stream() -> None:
-    """Nor do outliers and losses, which leave the water's other readings alone too."""
-    wild_keys: dict[str, Any] = {"outlier_fraction": 0.3, "lost_fraction": 0.2}
-    off, on, wild = simulation(water=False), simulation(), simulation(**wild_keys)
-    truth = off.truth()
-    without, clean, dirty = (sensor_streams(one, truth, run=3) for one in (off, on, wild))
-    assert "beams_water" not in without
-    for name in ("imu", "beams", "depth", "attitude", "gps"):
-        assert without[name].height > 0
-        assert without[name].equals(clean[name]), name
-        assert without[name].equals(dirty[name]), name
-    water, other = clean["beams_water"], dirty["beams_water"]
+def test_losses_and_outliers_leave_the_other_readings_alone() -> None:
+    clean, wild = simulation(), simulation(outlier_fraction=0.3, lost_fraction=0.2)
+    water, other = (sensor_streams(one, clean.truth(), run=3)["beams_water"] for one in (clean, wild))
     assert water.columns[:7] == [
         "time_ns", "cell", "range_m", "beam1_mps", "beam1_valid", "beam1_quality", "beam1_sd_mps",
     ]  # fmt: skip
-    assert (water["cell"] == 1).all()
-    assert (water["range_m"] == 10.0).all()
-    assert (water["beam2_sd_mps"] == 0.05).all()
+    assert water.select("cell", "range_m", "beam2_sd_mps").unique().rows() == [(1, 10.0, 0.05)]
     assert (other["beam1_valid"] == other["beam1_mps"].is_not_null()).all()
     kept = [(water[f"beam{k}_mps"] == other[f"beam{k}_mps"]).drop_nulls() for k in range(1, 5)]
     same, left = sum(int(one.sum()) for one in kept), sum(len(one) for one in kept)

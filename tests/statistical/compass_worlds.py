@@ -136,10 +136,7 @@ def filtered(read: Readings, method: Method, inflate_after_rejections: int) -> T
     """The end of a method's track."""
     drawn = read.drawn
     compass = drawn["magnetometer_attitude_t_p"]
-    log: Any = drawn_log(drawn) | {
-        "attitude_time_ns": drawn["magnetometer_time_ns"],
-        "attitude_t_p": compass,
-    }
+    log: Any = drawn_log(drawn) | {"attitude_time_ns": drawn["magnetometer_time_ns"], "attitude_t_p": compass}
     out = kernel.replay_log(
         read.simulation.geometry, read.model,
         read.options.replace(inflate_after_rejections=inflate_after_rejections), [method], log, read.start,

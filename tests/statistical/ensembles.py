@@ -35,12 +35,7 @@ class Ensemble:
 
 
 @lru_cache(maxsize=8)
-def run_ensemble(
-    name: str,
-    methods: tuple[Method, ...],
-    runs: int = RUNS,
-    every_s: int = 5,
-) -> Ensemble:
+def run_ensemble(name: str, methods: tuple[Method, ...], runs: int = RUNS, every_s: int = 5) -> Ensemble:
     """Flies a packaged scenario on its analytic truth."""
     simulation = analytic_simulation(name)
     scenario, truth = simulation.scenario, simulation.truth()

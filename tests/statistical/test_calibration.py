@@ -149,11 +149,7 @@ def _drawn(
     true_ns = pings_ns + round(true[3] * 1e9)
     scale = drawn["dvl_scale_factor"]
     beams = readings(
-        geometry.directions_p,
-        LEVER_M,
-        *_velocities(motion, true_ns),
-        mounting_rad=true[:3],
-        scale=scale,
+        geometry.directions_p, LEVER_M, *_velocities(motion, true_ns), mounting_rad=true[:3], scale=scale
     )
     noise = model.of(DvlModel).beam_noise_sd_mps * random.normal(size=beams.shape)
     log = {

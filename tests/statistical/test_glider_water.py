@@ -33,9 +33,7 @@ PING_S, FIRST, EVERY = 3.0, 233, 50
 MOUNTING_PITCH = np.radians(-27.1)
 """Of the DVL: with it the velocities change the depth as the depth sensor says; the instrument left it out."""
 JANUS = BeamGeometry.from_angles(
-    [BEAM_ANGLE] * 4,
-    np.radians([45.0, 225.0, 315.0, 135.0]),
-    mounting_rpy_rad=[0.0, MOUNTING_PITCH, 0.0],
+    [BEAM_ANGLE] * 4, np.radians([45.0, 225.0, 315.0, 135.0]), mounting_rpy_rad=[0.0, MOUNTING_PITCH, 0.0]
 )
 TO_VELOCITY = np.linalg.pinv(np.asarray(JANUS.directions_p))
 CELLS = WaterCells(cells=(1, 2), max_closure_mps=0.035)
@@ -123,12 +121,7 @@ def windows(dive: Dive, seconds: float) -> list[tuple[int, int]]:
 
 
 def mission_of_window(
-    dive: Dive,
-    first: int,
-    last: int,
-    *,
-    water: bool,
-    layers: models.CurrentLayers = BY_DEPTH,
+    dive: Dive, first: int, last: int, *, water: bool, layers: models.CurrentLayers = BY_DEPTH
 ) -> Mission:
     """The dive up to the ping before `last`, the bottom hidden from ping `first` on, asked from the ping before it."""
     has_bottom, velocity_p = known(dive.velocity_p_mps), dive.velocity_p_mps

@@ -32,7 +32,7 @@ class World(NamedTuple):
 
     name: str
     lock_s: float
-    depths: list[list[float]]
+    depths: list[list[int]]
     current: dict[str, float]
 
 

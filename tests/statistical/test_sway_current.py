@@ -28,11 +28,7 @@ from tests.statistical import ensembles, worlds
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 METHODS: tuple[Method, ...] = ("tc", "nsv", "elc", "sway_current")
-PATHS = {
-    "straight": worlds.straight,
-    "figure_eight": worlds.figure_eight,
-    "lawn_mower": worlds.lawn_mower,
-}
+PATHS = {"straight": worlds.straight, "figure_eight": worlds.figure_eight, "lawn_mower": worlds.lawn_mower}
 CROSS_MPS = 0.3
 DRAWN, RUNS = 40, 60
 

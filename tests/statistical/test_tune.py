@@ -15,12 +15,7 @@ from scipy.stats import binom
 from bottomlock.kernel.models import Options
 from bottomlock.replay.tune.criterion import Criterion, Found, search, uncertainty
 from bottomlock.replay.tune.passes import Inputs, horizons_of, passes_of
-from tests.statistical.tune_logs import (
-    KINDS,
-    Dive,
-    dive,
-    model,
-)
+from tests.statistical.tune_logs import KINDS, Dive, dive, model
 
 TUNED = ("accel_noise", "gyro_noise", "accel_walk", "gyro_walk", "beam_noise", "tilt", "yaw")
 OPTIONS = Options(gate="off", robust=None, imu_sampling="averaged")

@@ -41,12 +41,7 @@ class Flown:
 
 
 def flown(
-    seed: int,
-    offsets_mps: Floats,
-    *,
-    hz: float = 1.0,
-    sd_mps: float = 0.02,
-    thrown_mps: Floats | None = None,
+    seed: int, offsets_mps: Floats, *, hz: float = 1.0, sd_mps: float = 0.02, thrown_mps: Floats | None = None
 ) -> Flown:
     """A run in which so many readings in a row (n, 3), m/s, are off, and the filter is thrown off at `FROM_S`."""
     rng = np.random.default_rng(seed)

@@ -8,9 +8,8 @@ import numpy as np
 import polars as pl
 import pytest
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario, load_scenario, parse_scenario
+from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import BottomlockError, DataError, ScenarioError
 from bottomlock.io.track import read_track
 from bottomlock.kernel import local_earth
@@ -20,6 +19,7 @@ from bottomlock.simulation.closure import closure
 from bottomlock.simulation.own_path import resolved
 from bottomlock.truth.path import truth_from_path
 from tests.analytic import analytic_simulation
+from tests.truth.test_trajectory import readings_agree
 
 Floats = NDArray[np.float64]
 ROWS = 1001
@@ -91,22 +91,9 @@ def test_a_perfect_imu_returns_the_path(tmp_path: File, way: str) -> None:
 
 
 def test_readings_agree_with_differences_of_the_states(tmp_path: File) -> None:
-    """Rates and forces from differences of attitude and velocity, not from the formulas."""
     truth = simulation_along(written(tmp_path, motion(TIME_S))).truth()
-    earth_t = EARTH_RATE_RADPS * np.array([np.cos(truth.latitude_rad), 0.0, -np.sin(truth.latitude_rad)])
     here = Environment(latitude_rad=truth.latitude_rad, gravity_mps2=truth.gravity_mps2)
-    gravity_t = local_earth(here, truth.position_t_m)["gravity_t_mps2"]
-    turns = Rotation.from_quat(truth.attitude_t_p[:, [1, 2, 3, 0]])
-    velocity_t = turns.apply(truth.velocity_p_mps)
-    for k in range(100, len(truth.time_ns) - 100, 997):
-        dt = (truth.time_ns[k + 1] - truth.time_ns[k - 1]) * 1e-9
-        rate = (turns[k - 1].inv() * turns[k + 1]).as_rotvec() / dt
-        assert truth.omega_p_radps[k] == pytest.approx(rate + turns[k].inv().apply(earth_t), abs=2e-6)
-        accel = (velocity_t[k + 1] - velocity_t[k - 1]) / dt
-        force_t = accel + 2.0 * np.cross(earth_t, velocity_t[k]) - gravity_t[k]
-        assert turns[k].apply(truth.force_p_mps2[k]) == pytest.approx(force_t, abs=2e-5)
-        step = (truth.position_t_m[k + 1] - truth.position_t_m[k - 1]) / dt
-        assert velocity_t[k] == pytest.approx(step, abs=1e-5)
+    readings_agree(truth, local_earth(here, truth.position_t_m)["gravity_t_mps2"])
 
 
 def test_a_flown_truth_comes_back_from_a_few_rows(tmp_path: File) -> None:

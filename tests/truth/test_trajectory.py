@@ -5,16 +5,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock import kernel
-from bottomlock.config.scenario import Scenario
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import DataError
-from bottomlock.kernel.models import Model
-from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.simulation.build import Simulation, build_simulation
+from bottomlock.simulation.closure import closure
 from bottomlock.truth.analytic import analytic_truth
 from bottomlock.truth.truth import Truth
 from tests.analytic import analytic, analytic_simulation
 
 NAMES = ("straight", "figure_eight", "lawn_mower", "constant_turn")
+FLOWN = build_simulation(load_scenario("lawn_mower"))
 
 
 def truth_of(name: str) -> tuple[Scenario, Truth]:
@@ -23,66 +23,36 @@ def truth_of(name: str) -> tuple[Scenario, Truth]:
     return simulation.scenario, simulation.truth()
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_perfect_imu_returns_the_truth(name: str) -> None:
-    """Position within 1 cm and attitude within 1e-6 rad after 250 s of means over the samples' intervals."""
-    simulation = analytic_simulation(name)
-    scenario, truth = simulation.scenario, simulation.truth()
-    model = scenario.kernel_model(truth.gravity_mps2)
-    sections = {name: values for name, values in model.as_dict().items() if values is not None}
-    perfect = {
-        section: {
-            key: np.zeros(3) if np.ndim(value) else value if key.endswith(("time_s", "period_s")) else 0.0
-            for key, value in values.items()
-        }
-        for section, values in sections.items()
-    }
-    perfect["environment"] = sections["environment"]
-    result = kernel.run_batch(
-        simulation.geometry,
-        truth.kernel_arrays(),  # type: ignore[arg-type]
-        Model(**perfect),  # type: ignore[arg-type]
-        model,
-        scenario.kernel_options().replace(imu_sampling="averaged"),
-        measurement_schedule(simulation, truth),  # type: ignore[arg-type]
-        ["ins"],
-        seed=1,
-        trajectory_key=2,
-        first_run=0,
-        runs=1,
-        threads=1,
-    )
-    last = result["error"][0, 0, -1]
-    assert np.linalg.norm(last[:3]) < 0.01
-    assert np.linalg.norm(last[3:6]) < 1e-6
+@pytest.mark.parametrize(
+    "simulation", [*map(analytic_simulation, NAMES), build_simulation(load_scenario("lawn_mower"))]
+)
+def test_perfect_imu_returns_the_truth(simulation: Simulation) -> None:
+    """Position within 1 cm and attitude within 1e-6 rad after 250 s; also of a vehicle that dives and turns."""
+    position_m, attitude_rad = closure(simulation, simulation.truth())
+    assert position_m < 0.01
+    assert attitude_rad < 1e-6
 
 
-def mean_step(truth: Truth, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Central differences of attitude and tangent velocity at sample k: body rate and tangent acceleration."""
-    dt = (truth.time_ns[k + 1] - truth.time_ns[k - 1]) * 1e-9
-    before, here, after = (Rotation.from_quat(truth.attitude_t_p[j][[1, 2, 3, 0]]) for j in (k - 1, k, k + 1))
-    rate = (before.inv() * after).as_rotvec() / dt
-    acceleration = (after.apply(truth.velocity_p_mps[k + 1]) - before.apply(truth.velocity_p_mps[k - 1])) / dt
-    assert here is not None
-    return rate, acceleration
+def readings_agree(truth: Truth, gravity_t: NDArray[np.float64]) -> None:
+    """An independent look: rates and forces from differences of attitude and velocity, not from the formulas."""
+    earth_t = 7.292115e-5 * np.array([np.cos(truth.latitude_rad), 0.0, -np.sin(truth.latitude_rad)])
+    turns = Rotation.from_quat(truth.attitude_t_p[:, [1, 2, 3, 0]])
+    velocity_t = turns.apply(truth.velocity_p_mps)
+    for k in range(100, len(truth.time_ns) - 100, 997):
+        dt = (truth.time_ns[k + 1] - truth.time_ns[k - 1]) * 1e-9
+        rate = (turns[k - 1].inv() * turns[k + 1]).as_rotvec() / dt
+        assert truth.omega_p_radps[k] == pytest.approx(rate + turns[k].inv().apply(earth_t), abs=2e-6)
+        accel = (velocity_t[k + 1] - velocity_t[k - 1]) / dt
+        force_t = accel + 2.0 * np.cross(earth_t, velocity_t[k]) - gravity_t[k]
+        assert turns[k].apply(truth.force_p_mps2[k]) == pytest.approx(force_t, abs=2e-5)
+        step = (truth.position_t_m[k + 1] - truth.position_t_m[k - 1]) / dt
+        assert velocity_t[k] == pytest.approx(step, abs=2e-5)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_readings_agree_with_differences_of_the_states(name: str) -> None:
-    """An independent look: rates and forces from differences of attitude and velocity, not from the formulas."""
-    scenario, truth = truth_of(name)
-    latitude, earth_rate = truth.latitude_rad, 7.292115e-5
-    earth_t = earth_rate * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    for k in range(100, len(truth.time_ns) - 100, 997):
-        rotation = Rotation.from_quat(truth.attitude_t_p[k][[1, 2, 3, 0]])
-        rate, acceleration = mean_step(truth, k)
-        assert truth.omega_p_radps[k] == pytest.approx(rate + rotation.inv().apply(earth_t), abs=2e-6)
-        velocity_t = rotation.apply(truth.velocity_p_mps[k])
-        force_t = (
-            acceleration + 2.0 * np.cross(earth_t, velocity_t) - np.array([0.0, 0.0, truth.gravity_mps2])
-        )
-        assert rotation.apply(truth.force_p_mps2[k]) == pytest.approx(force_t, abs=2e-5)
-    assert scenario.imu.rate_hz == 150.0
+    _, truth = truth_of(name)
+    readings_agree(truth, np.tile([0.0, 0.0, truth.gravity_mps2], (len(truth.time_ns), 1)))
 
 
 def test_figure_eight_closes_and_dives() -> None:
