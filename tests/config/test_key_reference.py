@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args
 import pytest
 from pydantic import BaseModel, TypeAdapter
 
-from bottomlock.cli.keys import MODELS, OPEN_SECTIONS, Kind, keys, matching, reference
+from bottomlock.cli.keys import MODELS, Kind, keys, matching, reference
 from bottomlock.config.key_reference import describe, key_of, section_models
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def models() -> Iterator[type[BaseModel]]:
     """Every model that a key of a file belongs to."""
-    waiting = [*MODELS.values(), *(model for kinds in OPEN_SECTIONS.values() for model in kinds.values())]
+    waiting = [*MODELS.values()]
     seen: set[type[BaseModel]] = set()
     while waiting:
         model = waiting.pop()

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bottomlock.config.mission_sections import CurrentTable
 from bottomlock.config.scenario import load_scenario, packaged_scenarios, parse_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel.models import DepthModel, DvlModel
@@ -124,7 +125,7 @@ def test_another_source_drops_what_only_the_old_one_knew() -> None:
     packaged = load_scenario("lawn_mower")
     assert packaged.mission
     exact = packaged.with_trajectory(source="analytic", leg_s=30.0)
-    assert (exact.trajectory.source, exact.trajectory.leg_s, exact.mission) == ("analytic", 30.0, {})
+    assert (exact.trajectory.source, exact.trajectory.leg_s, exact.mission) == ("analytic", 30.0, None)
     assert exact.with_trajectory(source="vehicle").trajectory.kind == "lawn_mower"
     with pytest.raises(ScenarioError, match="'leg_s' belongs to source"):
         packaged.with_trajectory(leg_s=30.0)
@@ -149,6 +150,7 @@ def test_a_path_through_waypoints_keeps_its_end() -> None:
     own = load_scenario("straight")
     content = own.model_dump(exclude_unset=True)
     content["trajectory"] = {"kind": "waypoints"}
+    content["mission"] = {"waypoints_m": [[0.0, 0.0], [100.0, 0.0]], "depth_profile": [[0.0, 10.0]]}
     scenario = type(own).model_validate(content)
     again = type(own).model_validate(scenario.model_dump())
     assert "duration_s" not in again.trajectory.model_fields_set
@@ -192,7 +194,9 @@ def test_keys_are_replaced_as_one() -> None:
             scenario.replace(both)
     own: dict[str, Any] = {"speed_mps": 0.3, "towards_deg": 90.0}
     moved = scenario.replace({"mission.current": own, "imu.rate_hz": 100.0})
-    assert moved.mission["current"] == own == {"speed_mps": 0.3, "towards_deg": 90.0}
+    assert moved.mission is not None
+    assert moved.mission.current == CurrentTable(**own)
+    assert own == {"speed_mps": 0.3, "towards_deg": 90.0}
     with pytest.raises(ScenarioError) as caught:
         scenario.replace({"imu.rate_hz": -1.0, "dvl.tilt": 30.0})
     assert "'imu.rate_hz' is -1.0" in str(caught.value)

@@ -7,18 +7,34 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.plant import straight
-from bottomlock.plant.seabed import GridSeabed, PlaneSeabed
-from bottomlock.plant.tables import mission_from_table, seabed_from_table
+from bottomlock.plant import Mission, straight
+from bottomlock.plant.seabed import GridSeabed, PlaneSeabed, Seabed
+from bottomlock.plant.tables import seabed_from_table
+from bottomlock.simulation.build import mission_of
+
+SCENARIO = load_scenario("straight")
+
+
+def flown(mission: dict[str, Any]) -> Mission:
+    """The mission of a scenario with this table."""
+    return mission_of(SCENARIO.replace({"trajectory": {"kind": mission["kind"]}, "mission": mission}))
+
+
+def bottom(seabed: dict[str, Any]) -> Seabed:
+    """The seabed of a scenario with this table."""
+    table = SCENARIO.replace({"seabed": seabed}).seabed
+    assert table is not None
+    return seabed_from_table(table)
 
 
 def test_defaults_are_those_of_the_python_functions() -> None:
-    assert mission_from_table({"kind": "straight"}, "x") == straight()
+    assert flown({"kind": "straight"}) == straight()
 
 
 def test_a_full_waypoint_table() -> None:
-    mission = mission_from_table(
+    mission = flown(
         {
             "kind": "waypoints",
             "name": "harbour",
@@ -29,7 +45,6 @@ def test_a_full_waypoint_table() -> None:
             "current": {"speed_mps": 0.3, "towards_deg": 90},
             "stuck_fin": {"fin": 3, "angle_deg": 4},
         },
-        "harbour",
     )
     assert mission.law == "constant_bearing"
     assert mission.current.mean_mps == pytest.approx((0.0, 0.3), abs=1e-15)
@@ -41,9 +56,9 @@ def test_a_full_waypoint_table() -> None:
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ({"kind": "spiral"}, "scenario bad: mission: 'kind' is 'spiral'"),
-        ({"kind": "straight", "sped_mps": 2}, "unknown key 'sped_mps', did you mean 'speed_mps'"),
-        ({"kind": "straight", "speed_mps": -1}, "'speed_mps' is -1, expected > 0.0 m/s"),
+        ({"kind": "spiral"}, "scenario straight: 'trajectory.kind' is 'spiral'"),
+        ({"kind": "straight", "sped_mps": 2}, "unknown key 'mission.sped_mps', did you mean 'speed_mps'"),
+        ({"kind": "straight", "speed_mps": -1}, "'mission.speed_mps' is -1, expected > 0.0 m/s"),
         (
             {"kind": "waypoints", "name": "x", "waypoints_m": [[0, 0]], "depth_profile": [[0, 1]]},
             "waypoints_m",
@@ -54,19 +69,19 @@ def test_a_full_waypoint_table() -> None:
 )
 def test_wrong_keys_are_named(table: dict[str, Any], words: str) -> None:
     with pytest.raises(ScenarioError, match=words):
-        mission_from_table(table, "bad")
+        flown(table)
 
 
 def test_seabeds(tmp_path: Path) -> None:
-    plane = seabed_from_table({"kind": "plane", "depth_m": 60, "slope_north_deg": 5}, "x")
+    plane = bottom({"kind": "plane", "depth_m": 60, "slope_north_deg": 5})
     assert plane == PlaneSeabed(60.0, math.tan(math.radians(5.0)), 0.0)
-    rolling = seabed_from_table({"kind": "rolling", "depth_m": 60, "relief_m": 4, "wavelength_m": 90}, "x")
+    rolling = bottom({"kind": "rolling", "depth_m": 60, "relief_m": 4, "wavelength_m": 90})
     assert isinstance(rolling, GridSeabed)
     np.savez(tmp_path / "own.npz", north_m=rolling.north_m, east_m=rolling.east_m, depth_m=rolling.depth_m)
-    own = seabed_from_table({"kind": "grid", "path": str(tmp_path / "own.npz")}, "x")
+    own = bottom({"kind": "grid", "path": str(tmp_path / "own.npz")})
     assert isinstance(own, GridSeabed)
-    with pytest.raises(ScenarioError, match=r"scenario x: seabed: 'depth_m' is -60, expected > 0\.0 m"):
-        seabed_from_table({"kind": "plane", "depth_m": -60}, "x")
+    with pytest.raises(ScenarioError, match=r"'seabed\.depth_m' is -60, expected > 0\.0 m"):
+        bottom({"kind": "plane", "depth_m": -60})
 
 
 @pytest.mark.parametrize(
@@ -76,4 +91,4 @@ def test_seabeds(tmp_path: Path) -> None:
 def test_a_mission_that_nothing_can_hold(key: str, value: float) -> None:
     """A day, and a path of a countable number of parts: beyond that the key is named."""
     with pytest.raises(ScenarioError, match=key):
-        mission_from_table({"kind": "lawn_mower", key: value}, "lawn_mower")
+        flown({"kind": "lawn_mower", key: value})

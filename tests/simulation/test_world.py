@@ -66,7 +66,6 @@ def test_files_are_looked_for_beside_the_scenario(tmp_path: Path) -> None:
     [
         ({"mission": {"depth_m": 500.0}}, "outside 0 to 200 m"),
         ({"trajectory": {"kind": "straight", "speed_mps": 9.0}}, "outside the vehicle's"),
-        ({"seabed": {"kind": "abyss"}}, "abyss"),
         ({"seabed": {"kind": "grid", "path": "nowhere.toml"}}, "nowhere.toml"),
     ],
 )

@@ -74,9 +74,7 @@ def run_vehicle(name: str, current_mps: float) -> dict[str, Any]:
     """The vehicle in still water, or in a current that sets to the east."""
     packaged = bottomlock.load_scenario(name)
     current = {"speed_mps": current_mps, "towards_deg": 90.0}
-    simulation = bottomlock.build_simulation(
-        packaged.model_copy(update={"mission": packaged.mission | {"current": current}})
-    )
+    simulation = bottomlock.build_simulation(packaged.replace({"mission.current": current}))
     truth = simulation.truth()
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][4::5]

@@ -30,8 +30,9 @@ def test_a_survey_is_the_realistic_default(name: str) -> None:
     assert survey.robust.closure_gate == DEFAULT_OPTIONS["robust"]["closure_gate"]
     assert survey.robust.beam_gate == DEFAULT_OPTIONS["robust"]["beam_gate"]
     assert survey.filter.inflate_after_rejections == 5
-    assert survey.mission["current"]["speed_mps"] == 0.3
-    assert survey.mission["current"]["wander_sd_mps"] > 0.0
+    assert survey.mission is not None
+    assert survey.mission.current.speed_mps == 0.3
+    assert survey.mission.current.wander_sd_mps > 0.0
     assert survey.dvl.outlier_fraction > 0.0
     assert not survey.dvl.beams_lost
     assert not survey.dvl.dropouts
@@ -64,15 +65,17 @@ def test_in_world_takes_all_but_the_motion() -> None:
     moved = in_world(straight, survey)
     for name in WORLD:
         assert getattr(moved, name) == getattr(survey, name), name
-    assert moved.mission["current"] == survey.mission["current"]
-    assert {key: moved.mission[key] for key in straight.mission} == straight.mission
+    assert moved.mission is not None
+    assert straight.mission is not None
+    assert survey.mission is not None
+    assert moved.mission == straight.mission.model_copy(update={"current": survey.mission.current})
     assert (moved.name, moved.trajectory, moved.campaign) == (
         straight.name,
         straight.trajectory,
         straight.campaign,
     )
     case = cases.masked(moved, (1, 3))
-    assert case.seabed == {}
+    assert case.seabed is None
     assert (case.dvl.beams_lost, case.dvl.max_range_m) == ((2, 4), np.inf)
     assert case.dvl.outlier_fraction == survey.dvl.outlier_fraction
     build_simulation(case)
@@ -81,7 +84,7 @@ def test_in_world_takes_all_but_the_motion() -> None:
 def test_in_the_world_of_the_paper_the_water_is_still() -> None:
     """A world without a current takes the trajectory's own away."""
     back = in_world(in_world(short(), load_scenario("survey")), load_scenario("lawn_mower"))
-    assert "current" not in back.mission
+    assert back.mission == short("straight").mission
     assert not back.depth.enabled
 
 

@@ -10,7 +10,6 @@ from pydantic import BaseModel
 
 from bottomlock.cli.console import say
 from bottomlock.config.key_reference import Key, KeySection, sections_of
-from bottomlock.config.mission_sections import MISSIONS, SEABEDS
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Columns, InstrumentFile
@@ -24,8 +23,6 @@ MODELS: dict[Kind, type[BaseModel]] = {
     "scenario": Scenario, "case": Case, "geometry": InstrumentFile, "vehicle": Vehicle,
     "hovering_vehicle": HoveringVehicle, "columns": Columns, "live": LiveConfig,
 }  # fmt: skip
-OPEN_SECTIONS: dict[str, dict[str, type[BaseModel]]] = {"mission": {**MISSIONS}, "seabed": {**SEABEDS}}
-"""Sections of a scenario whose keys depend on their `kind`."""
 
 
 def keys(
@@ -69,38 +66,8 @@ def keys(
 
 
 def reference(kind: Kind) -> list[KeySection]:
-    """The sections of a kind of file, a scenario's `[mission]` and `[seabed]` by their kinds."""
-    found = []
-    for section in sections_of(MODELS[kind]):
-        is_open = kind == "scenario" and not section.path
-        kept = tuple(key for key in section.keys if not (is_open and key.name in OPEN_SECTIONS))
-        found.append(dataclasses.replace(section, keys=kept))
-        if section.path == "trajectory" or (section.path == "environment" and kind == "scenario"):
-            found += _of_kinds("mission" if section.path == "trajectory" else "seabed")
-    return found
-
-
-def _of_kinds(path: str) -> list[KeySection]:
-    """The sections of each kind of a mission or seabed, those inside them once."""
-    found: list[KeySection] = []
-    for kind, model in OPEN_SECTIONS[path].items():
-        for one in sections_of(model, path=path):
-            if one.path == path:
-                found.append(dataclasses.replace(one, left_out=f'for kind = "{kind}"', keys=_inherited(one)))
-            elif not any(one.path == other.path for other in found):
-                found.append(one)
-    return found
-
-
-def _inherited(section: KeySection) -> tuple[Key, ...]:
-    """The keys of a mission with the defaults that a scenario gives them, and of a seabed as they are."""
-    if section.path != "mission":
-        return section.keys
-    defaults = dict.fromkeys(("kind", "speed_mps", "duration_s"), "that of [trajectory]")
-    defaults["name"] = "that of the scenario"
-    return tuple(
-        dataclasses.replace(key, default=defaults.get(key.name, key.default)) for key in section.keys
-    )
+    """The sections of a kind of file."""
+    return sections_of(MODELS[kind])
 
 
 def matching(sections: list[KeySection], word: str) -> list[KeySection]:

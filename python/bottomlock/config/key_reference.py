@@ -52,8 +52,9 @@ class KeySection:
 
 
 def sections_of(model: type[BaseModel], *, path: str = "") -> list[KeySection]:
-    """The sections of a file in the order of the model, each followed by its own sub-sections."""
-    return list(_sections(model, path, repeated=False, left_out=""))
+    """The sections of a file in the order of the model, each followed by its own sub-sections, equal ones once."""
+    found = _sections(model, path, repeated=False, left_out="")
+    return list({(one.path, one.model): one for one in found}.values())
 
 
 def _sections(model: type[BaseModel], path: str, *, repeated: bool, left_out: str) -> Iterator[KeySection]:
@@ -64,7 +65,10 @@ def _sections(model: type[BaseModel], path: str, *, repeated: bool, left_out: st
             keys.append(key_of(model, name, field))
             continue
         inside = f"{path}.{name}" if path else name
-        below += [(one, inside, _is_list(field.annotation), _left_out(field)) for one in inner]
+        for one in inner:
+            key, value = kind_of(one) if len(inner) > 1 else ("", "")
+            words = f"for {key} = {toml_value(value)}" if key else _left_out(field)
+            below.append((one, inside, _is_list(field.annotation), words))
     yield KeySection(path, repeated, model, _first_sentence(model), left_out, tuple(keys))
     for one, inside, many, words in below:
         yield from _sections(one, inside, repeated=many, left_out=words)
@@ -156,18 +160,26 @@ def section_paths(model: type[BaseModel], path: str = "") -> Iterator[tuple[str,
             yield from section_paths(one, f"{path}.{name}" if path else name)
 
 
-def model_at(model: type[BaseModel], path: Sequence[int | str]) -> type[BaseModel]:
-    """The model of the section at a path; numbers of a list's entries are passed over.
-
-    Where a section may be one of several models, the name of its class may follow it; without it the first is meant.
-    """
+def located(model: type[BaseModel], path: Sequence[int | str]) -> tuple[type[BaseModel], str]:
+    """The section that the last part of a pydantic path is in, and the key, without which of several models it is."""
     choice: dict[str, type[BaseModel]] = {}
-    for part in path:
-        field = model.model_fields.get(str(part))
-        inner = [] if field is None else section_models(field.annotation)
-        model = inner[0] if inner else choice.get(str(part), model)
-        choice = {one.__name__: one for one in inner}
-    return model
+    section, keys = model, []
+    for part in map(str, path):
+        if part in choice:
+            model = choice[part]
+            continue
+        keys.append(part)
+        section = model
+        inner = section_models(model.model_fields[part].annotation) if part in model.model_fields else []
+        model = inner[0] if inner else model
+        choice = {tag: one for one in inner for tag in (one.__name__, kind_of(one)[1])}
+    return section, ".".join(keys)
+
+
+def kind_of(model: type[BaseModel]) -> tuple[str, str]:
+    """The key that says which of several sections it is, and its value; "" for none."""
+    key = next((key for key in ("kind", "source") if key in model.model_fields), "")
+    return key, get_args(model.model_fields[key].annotation)[0] if key else ""
 
 
 def _is_list(annotation: Any) -> bool:  # noqa: ANN401 - a type

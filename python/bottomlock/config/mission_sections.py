@@ -1,18 +1,12 @@
 """The sections `[mission]` and `[seabed]` of a scenario, whose keys depend on their `kind`."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from bottomlock.config.section import Section, shown
-from bottomlock.config.validation import checked
-from bottomlock.errors import ScenarioError
 from bottomlock.kernel.models import Finite, NonNegative, Positive
-from bottomlock.support.nearest import guess
-
-Table = TypeVar("Table", bound=BaseModel)
 
 Speed = Annotated[float, Field(gt=0.0, le=50.0)]
 Duration = Annotated[float, Field(gt=0.0, le=86_400.0)]
@@ -53,8 +47,12 @@ class StuckFinTable(Section):
 
 
 class _MissionTable(Section):
-    speed_mps: Speed = 2.0
-    """speed over ground"""
+    kind: str
+    """the path; left out, that of [trajectory]"""
+    speed_mps: Annotated[Speed | None, shown(example=2.0)] = None
+    """speed over ground; none: that of [trajectory]"""
+    duration_s: Annotated[Duration | None, shown(example=300.0)] = None
+    """length of a run; none: that of [trajectory], and through waypoints to the end of the path without that"""
     guidance: Literal["line_of_sight", "constant_bearing"] = "line_of_sight"
     """law of guidance"""
     current: CurrentTable = CurrentTable()
@@ -63,36 +61,31 @@ class _MissionTable(Section):
     """heading that a vehicle with thrusters holds; without it the vehicle points along its path"""
 
 
-class _TimedTable(_MissionTable):
-    duration_s: Duration = 250.0
-    """length of a run"""
+class _DivingTable(_MissionTable):
     depth_m: NonNegative = 20.0
     """depth, of a dive at its start"""
 
 
-class StraightTable(_TimedTable):
+class StraightTable(_DivingTable):
     """Trajectory 1: north at constant depth."""
 
-    kind: Literal["straight"]
-    """the path"""
+    kind: Literal["straight"] = "straight"
 
 
-class FigureEightTable(_TimedTable):
+class FigureEightTable(_DivingTable):
     """Trajectory 2: circles to the right and to the left in turn, with a dive."""
 
-    kind: Literal["figure_eight"]
-    """the path"""
+    kind: Literal["figure_eight"] = "figure_eight"
     radius_m: Length = 40.0
     """radius of each circle"""
     dive_rate_mps: Finite = 0.1
     """sink rate throughout"""
 
 
-class LawnMowerTable(_TimedTable):
+class LawnMowerTable(_DivingTable):
     """Trajectory 3: a dive, then legs at constant depth joined by half turns."""
 
-    kind: Literal["lawn_mower"]
-    """the path"""
+    kind: Literal["lawn_mower"] = "lawn_mower"
     leg_m: Length = 80.0
     """length of a leg"""
     spacing_m: Length = 30.0
@@ -106,10 +99,9 @@ class LawnMowerTable(_TimedTable):
 class WaypointsTable(_MissionTable):
     """A user's trajectory: waypoints (north, east in m), rounded corners, depth at times."""
 
-    kind: Literal["waypoints"]
-    """the path"""
-    name: Annotated[str, Field(min_length=1), shown(example="harbour")]
-    """name of the path"""
+    kind: Literal["waypoints"] = "waypoints"
+    name: Annotated[str | None, Field(min_length=1), shown(example="harbour")] = None
+    """name of the path; results have that of the scenario"""
     waypoints_m: Annotated[
         list[tuple[Finite, Finite]],
         Field(min_length=2),
@@ -124,15 +116,14 @@ class WaypointsTable(_MissionTable):
         shown(unit="s, m", example=[[0.0, 5.0], [60.0, 20.0]]),
     ]
     """time (s) and depth (m) of each knot, joined by constant rates"""
-    duration_s: Annotated[Duration | None, shown(example=300.0)] = None
-    """length of a run; none: to the end of the path"""
 
 
-AnyMission: TypeAlias = StraightTable | FigureEightTable | LawnMowerTable | WaypointsTable
-MISSIONS: dict[str, type[AnyMission]] = {
-    "straight": StraightTable, "figure_eight": FigureEightTable, "lawn_mower": LawnMowerTable,
-    "waypoints": WaypointsTable,
-}  # fmt: skip
+AnyMission: TypeAlias = Annotated[
+    StraightTable | FigureEightTable | LawnMowerTable | WaypointsTable,
+    # Without its kind a table is like several of them.
+    Field(discriminator="kind", json_schema_extra=lambda schema: schema.update(anyOf=schema.pop("oneOf"))),
+]
+MISSION_KINDS = ("straight", "figure_eight", "lawn_mower", "waypoints")
 
 
 class FlatSeabedTable(Section):
@@ -172,48 +163,6 @@ class GridSeabedTable(Section):
     """file of the grid, TOML or npz, from the scenario's folder"""
 
 
-AnySeabed: TypeAlias = FlatSeabedTable | RollingSeabedTable | GridSeabedTable
-SEABEDS: dict[str, type[AnySeabed]] = {
-    "plane": FlatSeabedTable, "rolling": RollingSeabedTable, "grid": GridSeabedTable,
-}  # fmt: skip
-
-
-def checked_table(kinds: dict[str, type[Table]], table: dict[str, Any], place: str) -> Table:
-    """The table as the model of its kind.
-
-    Raises:
-        ScenarioError: a line for each wrong key.
-    """
-    kind = table.get("kind")
-    if kind not in kinds:
-        raise ScenarioError(
-            f"is {kind!r}",
-            place=place,
-            key="'kind'",
-            expected=f"one of {', '.join(kinds)}",
-            hint=guess(kind, kinds),
-        )
-    return checked(kinds[kind], table, place)
-
-
-def faults_of(content: Mapping[str, Any], place: str) -> list[str]:
-    """What is wrong with `[mission]` and `[seabed]` of a scenario's tables, a line each; empty for nothing."""
-    trajectory, mission, seabed = (content.get(key, {}) for key in ("trajectory", "mission", "seabed"))
-    if not all(isinstance(table, dict) for table in (trajectory, mission, seabed)):
-        return []
-    faults: list[str] = []
-    known = trajectory.get("kind") in MISSIONS or "kind" in mission
-    if mission and known and trajectory.get("source", "vehicle") == "vehicle":
-        kind = mission.get("kind", trajectory.get("kind"))
-        # [trajectory] gives kind and name; its speed and duration are checked there.
-        given = {"kind": kind} | ({"name": "name"} if kind == "waypoints" else {})
-        faults += _lines(MISSIONS, given | mission, f"{place}: mission")
-    return faults + (_lines(SEABEDS, seabed, f"{place}: seabed") if seabed else [])
-
-
-def _lines(kinds: dict[str, type[Table]], table: dict[str, Any], place: str) -> list[str]:
-    try:
-        checked_table(kinds, table, place)
-    except ScenarioError as error:
-        return str(error).splitlines()
-    return []
+AnySeabed: TypeAlias = Annotated[
+    FlatSeabedTable | RollingSeabedTable | GridSeabedTable, Field(discriminator="kind")
+]

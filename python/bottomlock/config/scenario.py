@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.imu import Imu
-from bottomlock.config.mission_sections import CurrentTable, faults_of
+from bottomlock.config.mission_sections import MISSION_KINDS, AnyMission, AnySeabed, CurrentTable
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.packaged import packaged_names, text_of
 from bottomlock.config.scenario_sections import (
@@ -26,7 +26,7 @@ from bottomlock.config.sensors import SENSORS, SensorSections, WaterTrack
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.config.toml_value import toml_value
 from bottomlock.config.trajectory import Trajectory
-from bottomlock.config.validation import Model, checked
+from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.own_method import AnyMethod
@@ -55,13 +55,9 @@ class Scenario(SensorSections):
     description: Annotated[str, shown(example="A survey of the harbour with two beams")] = ""
     """one sentence for tables and pages"""
     trajectory: Trajectory
-    mission: Annotated[dict[str, Any], shown(example={"depth_m": 20.0})] = Field(default_factory=dict)
-    """the vehicle's path, with the keys of its kind"""
+    mission: AnyMission | None = None
     environment: Environment = Environment()
-    seabed: Annotated[dict[str, Any], shown(example={"kind": "plane", "depth_m": 60.0})] = Field(
-        default_factory=dict
-    )
-    """the bottom, with the keys of its kind; without it every beam is in range"""
+    seabed: AnySeabed | None = None
     imu: Imu
     dvl: Dvl
     water_track: WaterTrack = WaterTrack(enabled=False)
@@ -70,13 +66,29 @@ class Scenario(SensorSections):
     robust: Robust = Robust(enabled=False)
     campaign: Campaign = Campaign()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _mission_of_its_path(cls, data: Any) -> Any:  # noqa: ANN401 - whatever a file holds
+        """A vehicle has a mission, which is of the trajectory's kind unless it says otherwise; nothing else has one."""
+        path: Any = data.get("trajectory") if isinstance(data, dict) else None
+        mission = data.get("mission") or {} if isinstance(path, dict | Trajectory) else None
+        if not isinstance(mission, dict):
+            return data
+        path = dict(path)
+        source = path.get("source", "vehicle" if path.get("file") is None else "file")
+        if source != "vehicle" and mission:
+            motion = "an analytic truth" if source == "analytic" else "a trajectory from a file"
+            raise ValueError(f'[mission] is given, but {motion} has no mission: set source = "vehicle"')
+        if source == "vehicle" and path.get("kind") in MISSION_KINDS:
+            mission = {"kind": path["kind"]} | mission
+        # What is wrong with the trajectory's kind is said of that.
+        return data | {"mission": mission if "kind" in mission else None}
+
     @model_validator(mode="after")
     def _parts_agree(self) -> Self:
-        if self.mission and self.trajectory.source != "vehicle":
-            motion = (
-                "an analytic truth" if self.trajectory.source == "analytic" else "a trajectory from a file"
-            )
-            raise ValueError(f'[mission] is given, but {motion} has no mission: set source = "vehicle"')
+        if self.mission and self.mission.kind == self.trajectory.kind:
+            # It follows the trajectory's to another one.
+            self.mission.model_fields_set.discard("kind")
         limits = {
             key
             for key in ("min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m")
@@ -184,7 +196,7 @@ class Scenario(SensorSections):
                         f"unknown key '{key}' ('{name}' is no section)", place=f"scenario {self.name}"
                     )
             section[last] = value
-        return _checked(type(self), content, f"scenario {self.name}")
+        return checked(type(self), content, f"scenario {self.name}")
 
     def with_overrides(
         self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[AnyMethod] | None = None
@@ -219,8 +231,8 @@ class Scenario(SensorSections):
         moved = change.get("source", self.trajectory.source) != self.trajectory.source
         if moved:
             kept = {key: kept[key] for key in kept if key in {"kind", "duration_s", "speed_mps"}}
-        trajectory = checked(Trajectory, kept | change, f"scenario {self.name}: trajectory")
-        return self.model_copy(update={"trajectory": trajectory} | ({"mission": {}} if moved else {}))
+        content = self.model_dump(exclude_unset=True, exclude={"mission"} if moved else None)
+        return checked(type(self), content | {"trajectory": kept | change}, f"scenario {self.name}")
 
     def kernel_model(self, gravity_mps2: float) -> models.Model:
         """Environment and sensor errors in SI, as the kernel takes them."""
@@ -303,7 +315,7 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
         raise ScenarioError(
             "there is no [dvl] section", place=place, hint="a scenario needs one to aid the INS with"
         )
-    return _checked(Scenario, _with_files(content, folder), place)
+    return checked(Scenario, _with_files(content, folder), place)
 
 
 def _with_files(content: dict[str, Any], folder: Path | None) -> dict[str, Any]:
@@ -313,16 +325,3 @@ def _with_files(content: dict[str, Any], folder: Path | None) -> dict[str, Any]:
         if folder is not None and isinstance(named, str) and Path(named).suffix:
             content[section][key] = str(folder / named)
     return content
-
-
-def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
-    """The scenario of the tables.
-
-    Raises:
-        ScenarioError: naming everything that is wrong, in `[mission]` and `[seabed]` too.
-    """
-    faults = faults_of(content, place)
-    scenario = checked(model, content, place, *faults)
-    if faults:
-        raise ScenarioError("\n".join(faults))
-    return scenario

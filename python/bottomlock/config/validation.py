@@ -6,10 +6,10 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from bottomlock.config.key_reference import key_of, model_at, section_models, section_paths
+from bottomlock.config.key_reference import key_of, kind_of, located, section_models, section_paths
 from bottomlock.config.section import unit_of
 from bottomlock.errors import ScenarioError
-from bottomlock.support.nearest import nearest
+from bottomlock.support.nearest import guess, nearest
 
 Model = TypeVar("Model", bound=BaseModel)
 _BOUNDS = {
@@ -18,6 +18,8 @@ _BOUNDS = {
     "less_than": ("lt", "<"),
     "less_than_equal": ("le", "<="),
 }
+_OF_TYPES = ("normal", "constrained-float", "literal", "function")
+"""What pydantic puts into the path of a key for one of its types."""
 _UNPARSED = ", unable to parse string as a number"
 """What pydantic adds of a text in place of a number, which says no more."""
 
@@ -39,10 +41,10 @@ class Fault:
     hint: str = ""
 
 
-def _missing(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> str:
+def _missing(key: str, section: type[BaseModel]) -> str:
     """What is expected of a missing key: type, unit, range, meaning; of a section its own required keys."""
-    section = model_at(model, path[:-1])
-    field = section.model_fields.get(str(path[-1]))
+    name = key.rpartition(".")[2]
+    field = section.model_fields.get(name)
     if field is None:
         return ""
     inner = section_models(field.annotation)
@@ -50,7 +52,7 @@ def _missing(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> s
         needed = [name for name, one in inner[0].model_fields.items() if one.is_required()]
         return f"a section [{key}] with {', '.join(needed) or 'any of its keys'}"
     try:
-        found = key_of(section, str(path[-1]), field)
+        found = key_of(section, name, field)
     except LookupError:
         return ""
     unit = f" in {found.unit}" if found.unit not in {"", "1"} else ""
@@ -59,19 +61,19 @@ def _missing(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> s
     return f"{kind}{unit}{span}: {found.meaning}".replace("one of,", "one of")
 
 
-def _unknown(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> Fault:
+def _unknown(key: str, model: type[BaseModel], section: type[BaseModel]) -> Fault:
     """The nearest key of the section, or the section that has the very key."""
-    name, known = str(path[-1]), list(model_at(model, path[:-1]).model_fields)
+    own, _, name = key.rpartition(".")
+    known = list(section.model_fields)
     close = nearest(name, known)
     # Of a section that may be one of several models, another one may have the key: that is not its place.
-    own = ".".join(part for part in map(str, path[:-1]) if not part[:1].isupper())
     elsewhere = [
         place for place, one in section_paths(model) if place not in {"", own} and name in one.model_fields
     ]
     if close and (not elsewhere or nearest(name, [close], alike=0.8)):
         return _unknown_with(key, known, f", did you mean '{close}'?")
     if elsewhere:
-        places = " or ".join(f"[{place}]" for place in elsewhere[:3])
+        places = " or ".join(f"[{place}]" for place in dict.fromkeys(elsewhere[:3]))
         return _unknown_with(key, known, f", '{name}' is a key of {places}")
     return Fault(key, f"unknown key '{key}' (known: {', '.join(known)})", f"one of {', '.join(known)}")
 
@@ -102,25 +104,31 @@ def checked(model: type[Model], content: Mapping[str, Any], place: str, *others:
         raise refusal(error, place, model, *others) from error
 
 
+def _refused(key: str, shown: object, expected: str, hint: str = "") -> Fault:
+    return Fault(key, f"'{key}' is {shown}, expected {expected}{hint and f'; {hint}'}", expected, hint)
+
+
 def faults(error: ValidationError, model: type[BaseModel]) -> Iterator[Fault]:
     """Each fault of the content that pydantic refuses."""
     for fault in error.errors():
-        location = tuple(part for part in fault["loc"] if part not in {"normal", "constrained-float"})
-        # Of a section that may be one of several models, the model is part of the place, but not of the key.
-        shown = [str(part) for part in location if not str(part)[:1].isupper()]
-        key = ".".join(part for part in shown if not part.startswith(("literal", "function")))
+        path = [part for part in fault["loc"] if not str(part).startswith(_OF_TYPES)]
+        section, key = located(model, path)
         value, kind, context = fault.get("input"), fault["type"], fault.get("ctx", {})
         unit = f" {unit_of(key)}" if unit_of(key) else ""
         if kind == "extra_forbidden":
-            yield _unknown(key, model, location)
+            yield _unknown(key, model, section)
         elif kind == "missing":
-            expected = _missing(key, model, location)
+            expected = _missing(key, section)
             yield Fault(key, f"'{key}' is missing" + (f", expected {expected}" if expected else ""), expected)
+        elif kind.startswith("union_tag"):
+            inner = section_models(section.model_fields[key.rpartition(".")[2]].annotation)
+            name, tags = kind_of(inner[0])[0], [kind_of(one)[1] for one in inner]
+            own, expected = value.get(name), f"one of {', '.join(tags)}"
+            yield _refused(f"{key}.{name}", repr(own), expected, guess(own, tags))
         elif kind == "value_error":
             yield Fault(key, f"{key + ': ' if key else ''}{context['error']}")
         else:
             name, sign = _BOUNDS.get(kind, ("", ""))
             said = fault["msg"].removeprefix("Input should be ").removesuffix(_UNPARSED)
             expected = f"{sign} {context[name]}{unit}" if name else f"{said}{unit}"
-            shown_value = value if name else repr(value)
-            yield Fault(key, f"'{key}' is {shown_value}, expected {expected}", expected)
+            yield _refused(key, value if name else repr(value), expected)

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 
 from bottomlock.config.mission_sections import (
-    MISSIONS,
-    SEABEDS,
     AnyMission,
+    AnySeabed,
     CurrentTable,
     FlatSeabedTable,
     RollingSeabedTable,
     WaypointsTable,
-    checked_table,
 )
 from bottomlock.plant.autopilot import StuckFin
 from bottomlock.plant.current import Current
@@ -34,20 +32,17 @@ _PATHS: dict[str, Callable[..., Mission]] = {
 }  # fmt: skip
 
 
-def mission_from_table(table: dict[str, Any], label: str) -> Mission:
-    """Build a mission from its table.
+def mission_from_table(read: AnyMission, name: str, speed_mps: float, duration_s: float | None) -> Mission:
+    """The mission of a section [mission]; only one through waypoints may be without duration.
 
-    Raises:
-        ScenarioError: naming the scenario `label` and every wrong key.
-
-    >>> mission_from_table({"kind": "straight", "duration_s": 10}, "demo").duration_s
+    >>> from bottomlock.config.mission_sections import StraightTable
+    >>> mission_from_table(StraightTable(), "demo", 2.0, 10.0).duration_s
     10.0
     """
-    read = checked_table(MISSIONS, table, f"scenario {label}: mission")
     stuck = read.stuck_fin
-    mission = _path_of(read)
     return replace(
-        mission,
+        _path_of(read, {"speed_mps": speed_mps, "duration_s": duration_s}),
+        name=name,
         law=read.guidance,
         current=current_from_table(read.current),
         stuck=None if stuck is None else StuckFin(stuck.fin, math.radians(stuck.angle_deg)),
@@ -55,40 +50,32 @@ def mission_from_table(table: dict[str, Any], label: str) -> Mission:
     )
 
 
-def seabed_from_table(table: dict[str, Any], label: str) -> Seabed:
-    """Build a seabed from its table.
+def seabed_from_table(read: AnySeabed) -> Seabed:
+    """The seabed of a section [seabed].
 
     Raises:
-        ScenarioError: naming the scenario `label` and every wrong key.
+        ScenarioError: for a grid that cannot be read.
     """
-    read = checked_table(SEABEDS, table, f"scenario {label}: seabed")
     if isinstance(read, FlatSeabedTable):
         north, east = (math.tan(math.radians(slope)) for slope in (read.slope_north_deg, read.slope_east_deg))
         return PlaneSeabed(read.depth_m, north, east)
     if isinstance(read, RollingSeabedTable):
-        return rolling_seabed(
-            depth_m=read.depth_m,
-            relief_m=read.relief_m,
-            wavelength_m=read.wavelength_m,
-            half_width_m=read.half_width_m,
-        )
+        return rolling_seabed(**read.model_dump(exclude={"kind"}))
     return load_grid(read.path)
 
 
-def _path_of(read: AnyMission) -> Mission:
+def _path_of(read: AnyMission, timing: dict[str, Any]) -> Mission:
     """The mission of a table, without current and faults."""
     if isinstance(read, WaypointsTable):
         return waypoint_mission(
-            read.name,
+            read.kind,
             np.array(read.waypoints_m),
             turn_radius_m=read.turn_radius_m,
             depth=DepthProfile(tuple(read.depth_profile)),
-            speed_mps=read.speed_mps,
-            duration_s=read.duration_s,
+            **timing,
         )
-    return _PATHS[read.kind](
-        **read.model_dump(exclude={"kind", "guidance", "current", "stuck_fin", "heading_deg"})
-    )
+    own = read.model_dump(exclude={"kind", "guidance", "current", "stuck_fin", "heading_deg", *timing})
+    return _PATHS[read.kind](**own, **timing)
 
 
 def current_from_table(table: CurrentTable) -> Current:

@@ -183,7 +183,7 @@ def build_simulation(scenario: Scenario | str | Path) -> Simulation:
         geometry=geometry_of(scenario),
         vehicle=vehicle,
         mission=mission,
-        seabed=seabed_from_table(scenario.seabed, scenario.name) if scenario.seabed else None,
+        seabed=seabed_from_table(scenario.seabed) if scenario.seabed else None,
         recorded=_recorded(scenario),
         field=_field(scenario),
         path=path,
@@ -212,19 +212,17 @@ def gravity_of(scenario: Scenario) -> float:
 
 
 def mission_of(scenario: Scenario) -> Mission:
-    """The vehicle's mission: the section `[trajectory]`, with the keys of `[mission]` over it.
-
-    Raises:
-        ScenarioError: for wrong keys of `[mission]`.
-    """
-    settings = scenario.trajectory
-    table: dict[str, Any] = {"kind": settings.kind, "speed_mps": settings.speed_mps}
+    """The vehicle's mission, by default with speed and duration of the section `[trajectory]`."""
+    settings, mission = scenario.trajectory, scenario.mission
+    assert mission is not None  # of every vehicle
     # A mission through waypoints ends at its last waypoint, unless a duration is given.
-    if settings.kind == "waypoints":
-        table["name"] = scenario.name
-    if settings.kind != "waypoints" or "duration_s" in settings.model_fields_set:
-        table["duration_s"] = settings.duration_s
-    return replace(mission_from_table(table | scenario.mission, scenario.name), name=scenario.name)
+    is_timed = settings.kind != "waypoints" or "duration_s" in settings.model_fields_set
+    return mission_from_table(
+        mission,
+        scenario.name,
+        speed_mps=mission.speed_mps or settings.speed_mps,
+        duration_s=mission.duration_s or (settings.duration_s if is_timed else None),
+    )
 
 
 def geometry_of(scenario: Scenario) -> kernel.BeamGeometry:

@@ -8,6 +8,7 @@ from itertools import combinations
 from typing import Any
 
 from bottomlock.config import sensors as config_sensors
+from bottomlock.config.mission_sections import CurrentTable
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.errors import ScenarioError
@@ -71,7 +72,7 @@ def masked(scenario: Scenario, mask: tuple[int, ...]) -> Scenario:
     kept = {name: getattr(scenario.dvl, name) for name in scenario.dvl.model_fields_set.difference(_LOSS)}
     lost = tuple(beam for beam in range(1, beams + 1) if beam not in mask)
     dvl = type(scenario.dvl).model_validate(kept | {"beams_lost": lost})
-    return scenario.model_copy(update={"dvl": dvl, "seabed": {}})
+    return scenario.model_copy(update={"dvl": dvl, "seabed": None})
 
 
 def aided_by(scenario: Scenario, sensors: Sequence[str]) -> Scenario:
@@ -107,7 +108,7 @@ def in_world(scenario: Scenario, world: Scenario) -> Scenario:
     Examples:
         >>> from bottomlock.config.scenario import load_scenario
         >>> moved = in_world(load_scenario("straight"), load_scenario("survey"))
-        >>> moved.name, moved.trajectory.kind, moved.depth.enabled, moved.mission["current"]["speed_mps"]
+        >>> moved.name, moved.trajectory.kind, moved.depth.enabled, moved.mission.current.speed_mps
         ('straight', 'straight', True, 0.3)
     """
     if scenario.trajectory.source != "vehicle":
@@ -116,6 +117,6 @@ def in_world(scenario: Scenario, world: Scenario) -> Scenario:
             place=f"scenario {scenario.name}",
             expected=f'trajectory.source "vehicle" to fly it in the world of {world.name}',
         )
-    mission = {key: value for key, value in scenario.mission.items() if key != "current"}
-    mission |= {key: value for key, value in world.mission.items() if key == "current"}
+    current = world.mission.current if world.mission else CurrentTable()
+    mission = scenario.mission.model_copy(update={"current": current}) if scenario.mission else None
     return scenario.model_copy(update={name: getattr(world, name) for name in WORLD} | {"mission": mission})

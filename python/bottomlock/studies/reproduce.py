@@ -47,7 +47,7 @@ def _initial_attitude(scenario: Scenario, factor: float) -> Scenario:
 
 def _cross_current(scenario: Scenario, speed_mps: float) -> Scenario:
     current = {"speed_mps": speed_mps, "towards_deg": 90.0}
-    return scenario.model_copy(update={"mission": scenario.mission | {"current": current}})
+    return scenario.replace({"mission.current": current})
 
 
 SETTINGS = (
@@ -131,7 +131,7 @@ def variants(scenarios: Sequence[Scenario]) -> dict[str, list[Scenario]]:
 
     >>> from bottomlock.config.scenario import load_scenario
     >>> (one,) = variants([load_scenario("straight"), load_scenario("lawn_mower")])["dive"]
-    >>> one.name, one.trajectory.duration_s, one.mission["dive_rate_mps"], one.campaign.methods
+    >>> one.name, one.trajectory.duration_s, one.mission.dive_rate_mps, one.campaign.methods
     ('lawn_mower', 30.0, 0.0, ('vb', 'plcf'))
     """
     claims = [claim for claim in load_paper().claim if isinstance(claim, CauseClaim)]
@@ -148,7 +148,7 @@ def variants(scenarios: Sequence[Scenario]) -> dict[str, list[Scenario]]:
                 end_s = max(claim.window_s[1] for claim in here)
                 short = scenario.with_trajectory(duration_s=end_s)
                 short = short.with_overrides(methods=[claim.method for claim in here])
-                level = short.model_copy(update={"mission": short.mission | change})
+                level = short.replace({f"mission.{key}": value for key, value in change.items()})
                 found.setdefault(cause, []).append(level)
     return found
 
